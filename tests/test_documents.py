@@ -76,7 +76,7 @@ NESTED = {
 @pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
 def test_what_is_nested_too_deeply_is_refused_at_once(text):
     begun = time.process_time()
-    with pytest.raises(InputError, match=f"x.toml: rig is nested too deeply: it must have at most {DEEPEST} tables"):
+    with pytest.raises(InputError, match=f"x.toml: rig must have at most {DEEPEST} tables"):
         parse_toml(text, where="x.toml", field="rig")
     # measured: 3 ms at most; a second, for other work may run beside it. Python's own parser takes 0.7 s for the fourth
     assert time.process_time() - begun < 1.0
@@ -124,7 +124,7 @@ def test_a_file_that_is_too_long_is_refused_before_it_is_read(tmp_path, monkeypa
             continue
         with pytest.raises(InputError, match="must be at most 1 MiB long"):
             read_toml(place)
-    with pytest.raises(InputError, match="too long"):
+    with pytest.raises(InputError, match="must be at most 1 MiB long"):
         parse_toml("#" * ((1 << 20) + 1), where="x.toml")
 
 

@@ -87,7 +87,10 @@ def test_numbers_in_si_have_no_units():
         ({"first": {}}, "thing.first.length is missing: it is the from end to end"),
         ({"legs": {"left": 3}}, "thing.legs.left must be a table, got 3"),
         ({"legs": {"3": {}}}, "thing.legs.3 must be a name of letters"),
-        ({"others": [{"length": "1 m", "joints": 4}]}, "thing.others.1.joints must be a whole number, 0 to 3, got 4"),
+        (
+            {"others": [{"length": "1 m", "joints": 4}]},
+            "thing.others.1.joints must be a whole number between 0 and 3, got 4",
+        ),
         ({"name": "nothing"}, "thing.name must be something, got 'nothing'"),
     ],
 )

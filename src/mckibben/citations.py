@@ -53,7 +53,7 @@ def doi(key: str) -> str | None:
 
 def _entry(key: str) -> str:
     if key not in _entries():
-        raise InputError("citation", key, f"known are {', '.join(_entries())}")
+        raise InputError("citation", key, known=_entries())
     return _entries()[key]
 
 

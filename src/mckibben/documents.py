@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError
+from .errors import InputError, not_found
 
 LONGEST = 8 << 20  # of a text of TOML [B]; long tables of numbers stand in files of their own
 DEEPEST = 64  # tables and lists inside of one another
@@ -46,16 +46,16 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         with open(path, "rb") as stream:
             data = stream.read(LONGEST + 1)
         if len(data) > LONGEST:
-            raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long: it is longer")
+            raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long; it is longer")
         return data.decode("utf-8")
     except IsADirectoryError:
-        raise InputError(field, where, "must be a TOML file: it is a folder") from None
+        raise InputError(field, where, "must be a TOML file; it is a folder") from None
     except FileNotFoundError:
-        raise InputError(field, where, "no such file") from None
+        raise not_found(where, "file" if field == "file" or not field.isalpha() else f"{field} file") from None
     except OSError as error:
         raise InputError(field, where, f"it cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
-        raise InputError(field, "not TOML", f"must be TOML in UTF-8: {error}", where=where) from None
+        raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
@@ -65,16 +65,19 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
         InputError: says where it is no TOML, or that it is too long or nested too deeply.
     """
     if len(text) > LONGEST:
-        raise InputError(field, "too long", f"must be at most {LONGEST >> 20} MiB", where=where)
+        raise InputError(field, None, f"must be at most {LONGEST >> 20} MiB long", where=where)
     try:
         if not _is_deep(text, _TOML):
             document = tomllib.loads(text)
             if not _holds_deep(document):
                 return document
     except (ValueError, RecursionError) as error:  # a number of 5,000 digits is a plain ValueError
-        raise InputError(field, "not TOML", str(error), where=where) from None
+        raise InputError(field, None, f"is not TOML: {error}", where=where) from None
     raise InputError(
-        field, "nested too deeply", f"must have at most {DEEPEST} tables and lists inside one another", where=where
+        field,
+        None,
+        f"must have at most {DEEPEST} tables and lists inside one another",
+        where=where,
     )
 
 
@@ -193,7 +196,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *
         raise InputError(field, str(path), f"it cannot be written ({why})") from None
     except InputError as error:
         if error.value == str(part):  # nobody knows that name
-            raise InputError(field, str(path), error.allowed) from None
+            raise error.changed(field=field, value=str(path)) from None
         raise
     finally:
         with contextlib.suppress(OSError):

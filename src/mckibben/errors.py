@@ -11,98 +11,51 @@ from collections.abc import Iterable
 from typing import Any
 
 LONGEST = 300  # characters of a text that is shown
-
-# Values that describe the state of an input and that nobody typed, which a sentence shows without quotation marks.
-STATES = frozenset(
-    "missing; not given; none; empty; alone; constant; damaged; nobody; unused; unreadable; not finite; not TOML; "
-    "not known; not recorded; not installed; not relaxing; too long; too much; nested too deeply; no column; no unit; "
-    "no samples; no channel; no numbers; no messages; no header; no variable; no pressure; no tension; no length; no width; "
-    "no element; no turning point; no common time; no moving volume; another tree; another shape; asked for; by direction; "
-    "beside cycles; commanded; does not rise; none at the machine; none at the device; none that can be read; shut off; "
-    "not finite or no row; set and varied; varied twice; too few samples; without a head; without a step; dates; idle; "
-    "without a protocol; without stiffness; without enough variety; without a step that lasts".split("; ")
-)
 _NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( [^\s\d]\S*)?")  # a number, with its unit
-_RANGE = re.compile(r"(?:from )?([-+]?[\d.].*?) to ([-+]?[\d.].*)")
-_WORDS = re.compile(r"[\w-]+(?:, [\w-]+)+")
-_HINT = re.compile(r"did you mean (\S+)\? ?", re.IGNORECASE)
-_CONDITION = re.compile(r"(after|with|without|while|beside|for|on|in|here) ")
 
 
-def compose_sentence(field: str, value: object, allowed: str) -> str:
+def compose_sentence(field: str, value: object, problem: str = "", known: Iterable[object] | None = None) -> str:
     """Compose the sentence that refuses a value.
 
     Args:
         field: dotted path or option that the value was given for.
-        value: the value, or one of `STATES`.
-        allowed: what the field must be, beginning with "must be" or "allowed is"; the known names, beginning with
-            "known are"; or a clause that says what is wrong. It may begin with what `suggest` returns.
+        value: the value; None where `problem` says all of it.
+        problem: what the field must be, beginning with "must"; the value follows it, before a semicolon. Any other
+            clause follows the value, or the field where the value is None. With `known`, the words that begin their list.
+        known: names that the field may have; the one that is closest to the value is suggested.
 
     Returns:
-        Such as ``pressure must be between 0 bar and 6.9 bar, got 9 bar`` or ``Unknown kind 'volum'. Did you mean 'volume'?``
+        Such as ``pressure must be between 0 bar and 6.9 bar, got 9 bar``, ``muscle.law is missing`` or
+        ``Unknown kind 'volum'. Did you mean 'volume'? Known are junction, volume``.
     """
-    hint = ""
-    match = _HINT.match(allowed)
-    if match:
-        hint, allowed = f"Did you mean {match[1]!r}? ", allowed[match.end() :]
-    value = value if isinstance(value, str | int | float) else str(value)
-    shown, name = _short(_shown(value)), _short(field)
-    if allowed in ("no such file", "no such folder"):
-        kind = allowed.removeprefix("no such ")
-        owner = "" if name in ("file", "folder") or not name.isalpha() else f"{name} "
-        path = str(value)
-        return _capital(f"{owner}{kind} not found: {_short(path if path == path.strip() else repr(path))}")
-    if value == "unknown":
-        return f"Unknown field {name!r}. {hint}{_capital(allowed)}".rstrip()
-    if value in STATES and allowed.startswith("known are "):
-        return f"{name} is {value}. {_capital(allowed)}"
-    if hint or allowed.startswith("known are "):
-        return f"Unknown {name} {_short(repr(value))}. {hint}{_capital(allowed)}".rstrip()
-    required = re.match(r"(?:allowed (?:is|are)|must be) ", allowed)
-    if allowed.startswith("must ") and not required:
-        demand, tail = _parted(allowed)
-        return f"{name} is {value}: it {allowed}" if value in STATES else f"{name} {demand}, got {shown}{tail}"
-    if allowed == "it is required":
-        return f"{name} is {value}" if value in STATES else f"{name} is missing"
-    if not required:
-        condition = allowed.removeprefix("allowed ")
-        if condition != allowed:
-            return f"{name} is allowed only {condition.removesuffix(' only')}"
-        clause = re.sub(r"\ballowed (is|are) ", "it must be ", re.sub(r"^needed (is|are) ", "it needs ", allowed))
-        return f"{name} is {shown}: {clause}"
-    demand, tail = _parted(allowed[required.end() :])
-    if _CONDITION.match(demand):
-        return f"{name} is allowed only {demand}{tail}"
-    between = _RANGE.fullmatch(demand)
-    if between:
-        demand = f"between {between[1]} and {between[2]}"
-    elif _WORDS.fullmatch(demand):
-        demand = f"{', '.join(demand.split(', ')[:-1])} or {demand.split(', ')[-1]}"
-    if value in STATES:
-        return f"{name} is {value}: it must be {demand}{tail}"
-    return f"{name} must be {demand}, got {shown}{tail}"
+    name = _short(field)
+    if known is not None:
+        names = [str(one) for one in known]
+        intro = _capital(problem or "known are")
+        word = field.rpartition(".")[2] if value is None else str(value)
+        unknown = f"field {name!r}" if value is None else f"{name} {_short(repr(str(value)))}"
+        return f"Unknown {unknown}. {suggestion(word, names)}{intro} {', '.join(names) or 'none'}"
+    if value is None:
+        return f"{name} {problem}"
+    shown = _short(_shown(value))
+    if problem.startswith("must "):
+        demand, semicolon, rest = problem.partition("; ")
+        return f"{name} {demand}, got {shown}{semicolon}{rest}"
+    return f"{name} is {shown}: {problem}"
 
 
-def suggest(word: object, known: Iterable[object]) -> str:
-    """The beginning of a clause that suggests the known word next to an unknown one, for `compose_sentence`.
+def choice(words: Iterable[object]) -> str:
+    """Write words as a choice in a sentence: ``rk4, ros2 or auto``."""
+    *most, last = [str(word) for word in words]
+    return f"{', '.join(most)} or {last}" if most else last
 
-    Args:
-        word: the unknown word.
-        known: the known words.
 
-    Returns:
-        ``did you mean volume? ``, or nothing if no known word is close.
-    """
+def suggestion(word: str, known: list[str]) -> str:
+    """The question after the known word that is closest to an unknown one, or nothing where none is close."""
     import difflib
 
-    close = difflib.get_close_matches(str(word), [str(one) for one in known], n=1)
-    return f"did you mean {close[0]}? " if close else ""
-
-
-def _parted(text: str) -> tuple[str, str]:
-    """A demand, and the explanation that follows it after a semicolon or a colon outside of parentheses."""
-    match = re.match(r"(?:[^;:(]|[;:](?! )|\([^)]*\)?)*(?=[;:] )", text)
-    return (text[: match.end()], text[match.end() :]) if match else (text, "")
+    close = difflib.get_close_matches(word, known, n=1)
+    return f"Did you mean {close[0]!r}? " if close else ""
 
 
 def _capital(text: str) -> str:
@@ -117,7 +70,7 @@ def _short(text: str) -> str:
 
 def _shown(value: object) -> str:
     if isinstance(value, str):
-        return value if value in STATES or _NUMERIC.fullmatch(value) else repr(value)
+        return value if _NUMERIC.fullmatch(value) else repr(value)
     if isinstance(value, float):
         return f"{value:.6g}"
     return str(value)
@@ -138,35 +91,58 @@ class InputError(MckibbenError, ValueError):
     """A value given by the user is not allowed.
 
     The message names where the value comes from, the field, the value and what is allowed: `compose_sentence` makes it of
-    these, unless a `sentence` that says the same is given. `remedy` is what the caller could state to put it right, such as
+    these, unless a whole `sentence` is given. `remedy` is what the caller could state to put it right, such as
     ``column pressure``, for an edge that has words of its own for it.
     """
 
     def __init__(
         self,
         field: str,
-        value: object,
-        allowed: str,
+        value: object = None,
+        problem: str = "",
         *,
+        known: Iterable[object] | None = None,
         where: str | None = None,
         sentence: str | None = None,
         remedy: str = "",
     ) -> None:
-        self.field, self.value, self.allowed, self.where = field, value, allowed, where
+        self.field, self.value, self.problem, self.where = field, value, problem, where
+        self.known = None if known is None else tuple(known)
         self.sentence, self.remedy = sentence, remedy
         place = f"{where}: " if where else ""
-        super().__init__(place + (sentence or compose_sentence(field, value, allowed)))
+        super().__init__(place + (sentence or compose_sentence(field, value, problem, self.known)))
 
     def at(self, where: str) -> InputError:
         """Return the error with its source, such as a file, the outermost first."""
-        place = f"{where}: {self.where}" if self.where else where
-        return self.changed(where=place)
+        return self.changed(where=f"{where}: {self.where}" if self.where else where)
 
-    def changed(self, **parts: Any) -> InputError:
-        """Return the error with some of its parts replaced."""
-        names = ("field", "value", "allowed", "where", "sentence", "remedy")
-        kept = {name: getattr(self, name) for name in names} | parts
-        return InputError(kept.pop("field"), kept.pop("value"), kept.pop("allowed"), **kept)
+    def changed(
+        self,
+        *,
+        field: str | None = None,
+        value: object = None,
+        problem: str | None = None,
+        where: str | None = None,
+        sentence: str | None = None,
+        remedy: str | None = None,
+    ) -> InputError:
+        """Return the error with some of its parts replaced; an empty `where` leaves the source out."""
+        return InputError(
+            self.field if field is None else field,
+            self.value if value is None else value,
+            self.problem if problem is None else problem,
+            known=self.known,
+            where=self.where if where is None else where,
+            sentence=self.sentence if sentence is None else sentence,
+            remedy=self.remedy if remedy is None else remedy,
+        )
+
+
+def not_found(path: object, kind: str = "file", *, where: str | None = None) -> InputError:
+    """Return the error about a file or folder that does not exist, such as ``File not found: x.csv``."""
+    text = str(path)
+    shown = _short(text if text == text.strip() else repr(text))
+    return InputError(kind.removesuffix(" file"), text, sentence=f"{_capital(kind)} not found: {shown}", where=where)
 
 
 class MissingLibraryError(InputError):
@@ -174,9 +150,9 @@ class MissingLibraryError(InputError):
 
     def __init__(self, purpose: str, library: str, extra: str, *, instead: str = "", where: str | None = None) -> None:
         self.purpose, self.library, self.extra, self.instead = purpose, library, extra, instead
-        super().__init__(library, "not installed", f"pip install 'mckibben[{extra}]'", where=where)
-        sentence = f"{purpose} {library}, which is not installed: {self.allowed}"
-        self.args = (f"{where}: " * bool(where) + sentence + (f"; {instead}" if instead else ""),)
+        problem = f"pip install 'mckibben[{extra}]'"
+        sentence = f"{purpose} {library}, which is not installed: {problem}" + (f"; {instead}" if instead else "")
+        super().__init__(library, None, problem, where=where, sentence=sentence)
 
     def at(self, where: str) -> MissingLibraryError:
         """Return the error with its source, the outermost first."""
@@ -187,8 +163,8 @@ class MissingLibraryError(InputError):
 class MissingParametersError(InputError):
     """A law lacks parameters that it cannot do without; `missing` has their names and declarations."""
 
-    def __init__(self, law: str, missing: list[tuple[str, Any]], allowed: str, **more: Any) -> None:
-        super().__init__(f"{law}.{missing[0][0]}", "missing", allowed, **more)
+    def __init__(self, law: str, missing: list[tuple[str, Any]], problem: str, *, where: str | None = None) -> None:
+        super().__init__(f"{law}.{missing[0][0]}", None, f"is missing: {problem}", where=where)
         self.law, self.missing = law, missing
 
 

@@ -77,7 +77,7 @@ class Quantity(NamedTuple):
         low, high = (with_unit(b, self.unit) for b in self.bounds)
         if math.isinf(self.bounds[1]):
             return f"{low} or more"
-        return f"{low} to {high}"
+        return f"between {low} and {high}"
 
 
 def quantity(
@@ -194,14 +194,14 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         known = (si_unit, *_USUAL.get(si_unit, {}), "psi" if si_unit == "Pa" else "")
         near = next((k for k in known if k.lower() == unit.strip().lower()), "")
         hint = f". Did you mean {near!r}?" if near else ""
-        demand = f"must be {_kind(si_unit)}: the unit is unknown{hint}"
-        raise InputError(field, f"{value:g} {unit}", demand, where=where) from None
+        demand = f"must be {_kind(si_unit)}, got {value:g} {unit}; the unit is unknown{hint}"
+        raise InputError(field, None, demand, where=where) from None
     except pint.DimensionalityError:
-        raise InputError(field, f"{value:g} {unit}", f"must be {_kind(si_unit)}", where=where) from None
+        raise InputError(field, None, f"must be {_kind(si_unit)}, got {value:g} {unit}", where=where) from None
     except (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError, pint.PintError):
         # pint's parser meets nonsense such as "12 **" with an assertion
         raise InputError(
-            field, f"{value:g} {unit}", f"must be {_kind(si_unit)}: this is no unit", where=where
+            field, None, f"must be {_kind(si_unit)}, got {value:g} {unit}; this is no unit", where=where
         ) from None
 
 
@@ -243,7 +243,7 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     if len(words) == 1:
         if si_unit == "1" or bare:
             return number
-        raise InputError(field, text, f"must be {_kind(si_unit)}: the unit is missing", where=where)
+        raise InputError(field, text, f"must be {_kind(si_unit)}; the unit is missing", where=where)
     value = to_si(number, words[1], si_unit, field=field, where=where)
     if not math.isfinite(value):  # as of 1e308 km
         raise InputError(field, text, f"must be a finite number, {_kind(si_unit)}", where=where)

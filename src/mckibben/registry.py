@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from .errors import InputError, suggest
+from .errors import InputError, suggestion
 
 T = TypeVar("T")
 
@@ -126,7 +126,7 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
     module = _module_of(path, field, reference, where)
     if not hasattr(module, name):
         own = [n for n, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
-        said = f"{path} has no {name!r}; {suggest(name, own)}it has {', '.join(own) or 'nothing of its own'}"
+        said = f"{path} has no {name!r}. {suggestion(name, own)}It has {', '.join(own) or 'nothing of its own'}"
         raise InputError(field, reference, "must be a name in the file", where=where, sentence=_said(where, said))
     return _named(reference, getattr(module, name))
 
@@ -293,5 +293,5 @@ class Registry(Mapping[str, T], Generic[T]):
         if self._is_file(name):
             return self._of_file(name, field, where)
         if name not in self:
-            raise InputError(field or self.noun, name, f"{suggest(name, self)}known are {', '.join(self)}", where=where)
+            raise InputError(field or self.noun, name, known=self, where=where)
         return self[name]

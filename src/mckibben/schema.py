@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from .errors import InputError, suggest
+from .errors import InputError, choice
 from .quantities import Quantity, parse
 
 T = TypeVar("T")
@@ -53,9 +53,9 @@ class FileTable:
         """The dotted path of a key."""
         return f"{self.path}.{key}" if self.path else key
 
-    def fail(self, key: str, value: object, allowed: str) -> InputError:
-        """Make the error message about the value of a key, to be raised."""
-        return InputError(self.field(key), shown(value), allowed, where=self.where or None)
+    def fail(self, key: str, value: object, problem: str = "", *, known: Iterable[object] | None = None) -> InputError:
+        """Return an error about the value of a key; arguments as for `InputError`."""
+        return InputError(self.field(key), shown(value), problem, known=known, where=self.where or None)
 
     def located(self, error: InputError) -> InputError:
         """Make the error message of a part that does not know its path one about this table."""
@@ -64,27 +64,29 @@ class FileTable:
 
     def schema(self, version: int) -> None:
         """Refuse a file whose ``schema`` is not the one version that is read."""
-        stated = self.values.get("schema", "missing")
+        stated = self.values.get("schema")
+        if stated is None:
+            raise self.fail("schema", None, f"is missing: this version of mckibben reads schema {version}")
         if stated != version or isinstance(stated, bool):
-            raise self.fail("schema", stated, f"this version reads schema {version}")
+            raise self.fail("schema", stated, f"must be {version}, the schema that this version of mckibben reads")
 
     def only(self, known: Iterable[str], owner: str = "") -> None:
         """Refuse keys that are not known; `owner` begins the list of those that are, such as ``a step has``."""
         names = list(known)
         for key in self.values:
             if key not in names:
-                raise self.fail(key, "unknown", f"{suggest(key, names)}{owner or 'known are'} {', '.join(names)}")
+                raise self.fail(key, None, owner, known=names)
 
     def word(self, key: str, default: str | None = None, *, among: Iterable[str] | None = None) -> str:
         """Read a text that is not blank, one of some where they are given."""
         value = self.values.get(key, default)
         names = None if among is None else list(among)
         if value is None:
-            raise self.fail(key, "missing", "it is required" if names is None else f"known are {', '.join(names)}")
+            raise self.fail(key, None, "is missing" if names is None else f"is missing: it must be {choice(names)}")
         if not isinstance(value, str) or not value.strip():
             raise self.fail(key, value, "must be a word")
         if names is not None and value not in names:
-            raise self.fail(key, value, f"{suggest(value, names)}known are {', '.join(names)}")
+            raise self.fail(key, value, known=names)
         return value
 
     def text(self, key: str) -> str:
@@ -103,7 +105,7 @@ class FileTable:
         if key not in self.values and default is not None:
             return default
         if key not in self.values:
-            raise self.fail(key, "missing", "it is required")
+            raise self.fail(key, None, "is missing")
         bounds = (-math.inf, math.inf) if declared is None else declared.bounds
         return read_number(self.values[key], unit, bounds, self.field(key), self.where or None)
 
@@ -111,7 +113,7 @@ class FileTable:
         """Read a whole number between bounds, inclusive; it may be written as a word."""
         raw = self.values.get(key, default)
         if raw is None:
-            raise self.fail(key, "missing", "it is required")
+            raise self.fail(key, None, "is missing")
         return read_whole(raw, low, high, self.field(key), self.where or None)
 
     def flag(self, key: str, default: bool) -> bool:
@@ -222,9 +224,9 @@ class Place:
         """The place of a part."""
         return dataclasses.replace(self, field=f"{self.field}.{key}" if self.field else str(key), own_unit="")
 
-    def fail(self, value: object, allowed: str) -> InputError:
-        """Return an error about the value at this place."""
-        return InputError(self.field, shown(value), allowed, where=self.where)
+    def fail(self, value: object, problem: str = "", *, known: Iterable[object] | None = None) -> InputError:
+        """Return an error about the value at this place; arguments as for `InputError`."""
+        return InputError(self.field, shown(value), problem, known=known, where=self.where)
 
 
 @dataclass(frozen=True)
@@ -296,7 +298,7 @@ def word(
         if not isinstance(raw, str):
             raise place.fail(raw, "must be a word")
         if among and raw not in among:
-            raise place.fail(raw, f"{suggest(raw, among)}known are {', '.join(among)}")
+            raise place.fail(raw, known=among)
         if pattern and not re.fullmatch(pattern, raw):
             raise place.fail(raw, f"must be {demand}")
         return raw
@@ -322,7 +324,7 @@ def words(doc: str = "", *, among: tuple[str, ...] = (), key: str = "", **option
             raise place.fail(raw, "must be a list of words")
         for one in raw:
             if among and one not in among:
-                raise place.fail(one, f"{suggest(one, among)}known are {', '.join(among)}")
+                raise place.fail(one, known=among)
         return tuple(raw)
 
     return entry(read, doc, write=lambda value, place: list(value), key=key, **options)
@@ -408,7 +410,7 @@ def read_table(
         if key in table.values and key not in skipped:
             given[name] = read.read(table.values[key], _place(table, key, units, bare, files))
         elif required:
-            raise table.fail(key, "missing", f"it is the {read.doc}" if read.doc else "it is required")
+            raise table.fail(key, None, f"is missing: it is the {read.doc}" if read.doc else "is missing")
     try:
         return kind(**given)
     except InputError as error:
@@ -483,13 +485,15 @@ def read_whole(raw: Any, low: int, high: int, field: str, where: str | None) -> 
     except ValueError:
         value = None
     if value is None or not low <= value <= high:
-        span = f", {low} to {high}" if high < 2**63 - 1 else f", {low} or more" if low else ""
+        span = f" between {low} and {high}" if high < 2**63 - 1 else f", {low} or more" if low else ""
         raise InputError(field, shown(raw), f"must be a whole number{span}", where=where)
     return value
 
 
-def shown(value: object) -> Any:
-    """A value as an error message shows it: numbers and texts as they are, all else with its type."""
+def shown(value: object) -> str | int | float | None:
+    """A value as an error message shows it: numbers, texts and None as they are, all else with its type."""
+    if value is None:
+        return None
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         return f"{type(value).__name__} {value}"
     return value

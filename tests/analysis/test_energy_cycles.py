@@ -238,8 +238,8 @@ def test_below_its_friction_a_curve_has_no_number():
         ({"friction": -1.0}, "friction"),
         ({"friction": math.inf}, "friction"),
         ({"reading": "third"}, "Known are printed, throughout"),
-        ({"stretched_length": 0.10}, "a longer stretch"),
-        ({"stretched_length": 0.17}, "a shorter stretch"),
+        ({"stretched_length": 0.10}, "must be longer"),
+        ({"stretched_length": 0.17}, "must be shorter"),
         ({"friction": 500.0}, "against its friction"),
     ],
 )

@@ -106,7 +106,7 @@ def test_a_resonance_is_found():
         ({"resolution": 0.01}, "two segments"),
         ({"resolution": 900.0}, "two segments"),
         ({"resolution": -1.0}, "above 0"),
-        ({"band": (700.0, 800.0)}, "no frequency lies there"),
+        ({"band": (700.0, 800.0)}, "holds no frequency"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(options, says):

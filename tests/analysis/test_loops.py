@@ -212,7 +212,7 @@ def test_what_has_no_loop_is_refused_in_one_line(run: Recording, says):
 
 def test_more_cycles_skipped_than_there_are_and_wrong_lags_are_refused():
     run = coulomb(clock(3.0))
-    with pytest.raises(InputError, match="4 or more"):
+    with pytest.raises(InputError, match="4 full cycles or more"):
         loop(run, skip=3)
     for lag in (np.nan, 4.0, -3.0):
         with pytest.raises(InputError, match="lag"):

@@ -158,7 +158,7 @@ def test_a_point_is_read_where_a_release_passes_its_length():
     tension = 50.0 - 30.0 * (time > 0.5)
     found = force_velocity_point(record(time, length=length, tension=tension), at_length=0.10)
     assert (found.velocity, found.tension, found.time) == pytest.approx((0.2, 20.0, 0.7), rel=1e-6)
-    with pytest.raises(InputError, match="not passed"):
+    with pytest.raises(InputError, match="must be passed"):
         force_velocity_point(record(time, length=length, tension=tension), at_length=0.2)
 
 
@@ -166,7 +166,7 @@ def test_a_point_is_read_where_a_release_passes_its_length():
     ("v", "f", "says"),
     [
         ([0.0, 0.1, 0.2], [3.0, 2.0, 1.0], "4 or more"),
-        ([0.1, 0.1, 0.1, 0.1], [3.0, 2.0, 1.0, 2.0], "3 or more"),
+        ([0.1, 0.1, 0.1, 0.1], [3.0, 2.0, 1.0, 2.0], "3 velocities or more"),
         ([-0.1, 0.1, 0.2, 0.3], [3.0, 2.0, 1.0, 0.5], "shortening"),
         ([0.0, 0.1, 0.2, 0.3], [-1.0, -1.0, 0.0, 0.0], "pulling"),
         ([0.0, 0.1, 0.2, 0.3], [1.0, 1.0, np.nan, 0.0], "finite"),

@@ -71,9 +71,9 @@ def test_cases_are_those_that_were_recorded_in_their_order():
 @pytest.mark.parametrize(
     ("label", "case", "says"),
     [
-        ("lops", {}, "label is 'lops': the recording has approach, settle, preconditioning, loops, vent"),
-        (None, {"presure": "5 bar"}, "case is 'presure': the recording has range, pressure"),
-        (None, {"pressure": "2 bar"}, "pressure is 2 bar: the recording has 1 bar, 3 bar, 5 bar"),
+        ("lops", {}, "Did you mean 'loops'. The recording has approach, settle, preconditioning, loops, vent"),
+        (None, {"presure": "5 bar"}, "Did you mean 'pressure'. The recording has range, pressure"),
+        (None, {"pressure": "2 bar"}, "pressure must be 1 bar, 3 bar or 5 bar as in the recording, got 2 bar"),
         ("vent", {"pressure": "5 bar"}, "not together; the recording has vent"),
         ("settle", {}, "not recorded are settle"),
     ],
@@ -92,8 +92,8 @@ def test_a_selection_leaves_the_steps_that_it_holds():
 @pytest.mark.parametrize(
     ("steps", "says"),
     [
-        (None, "lists none"),
-        ([], "lists none"),
+        (None, "are not in the recording"),
+        ([], "are not in the recording"),
         ("all", "must be a list"),
         ([3], "must be a table with start, end, label and case"),
         ([{"start": 0.0}], "steps.1.end"),

@@ -114,7 +114,7 @@ def test_a_machine_says_which_signal_or_pressure_is_missing():
     full = dict.fromkeys(machine.circuit.chambers, 2e5)
     with pytest.raises(InputError, match="signal push"):
         machine.initial(full, {n: v for n, v in shut.items() if n != "push"})
-    with pytest.raises(InputError, match="pressure of m is not given"):
+    with pytest.raises(InputError, match="pressure of m is missing"):
         machine.initial({"m.port": 2e5}, shut)
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="above 0 Pa"):

@@ -97,7 +97,7 @@ def test_a_fits_intervals_become_draws_about_its_values(tmp_path):
     assert abs(np.mean(np.abs(found - 392.0) < 19.6) - 0.95) < 0.014
     parameters["passive_stiffness"]["high"] = None
     path.write_text(json.dumps({"fits": [{"law": "linear_threshold", "n": 200, "parameters": parameters}]}))
-    with pytest.raises(InputError, match="not fixed by the data"):
+    with pytest.raises(InputError, match="the data do not fix it"):
         of_json(path, "", 10, made().setting)
     path.write_text("{}")
     with pytest.raises(InputError, match="mckibben fit --json"):

@@ -402,7 +402,7 @@ def test_an_emergency_stop_fails_the_plan_that_waits_for_the_protocol(engine, ma
 @pytest.mark.slow
 def test_what_has_to_wait_for_a_protocol_is_refused_and_not_kept_waiting(machine):
     flyer = machine.flyer(LONG)
-    with pytest.raises(InputError, match="after kickoff"):
+    with pytest.raises(InputError, match="call kickoff first"):
         begun(flyer.complete)
     with pytest.raises(InputError, match="stage it"):
         begun(flyer.kickoff)

@@ -55,7 +55,7 @@ def test_an_expired_calibration_is_said_and_another_rigs_is_refused():
     with pytest.raises(InputError, match="has to be of the rig paper"):
         on.calibrated(calibration("modern"))
     odd = dataclasses.replace(calibration(), corrections={"colour": calibration().correction("tension")})
-    with pytest.raises(InputError, match="channel is 'colour': the rig measures"):
+    with pytest.raises(InputError, match="Unknown channel 'colour'. The rig measures"):
         on.calibrated(odd)
 
 

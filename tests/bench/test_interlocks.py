@@ -194,12 +194,12 @@ def test_a_reason_names_the_value_what_is_allowed_and_what_was_done() -> None:
     lock = locks()
     assert lock.reason(0, HEALTHY, 1.0) == ""
     assert lock.reason(1, {"pressure": 6.5e5}, 1.234) == (
-        "over pressure at 1.234 s: the pressure is 6.5 bar, allowed is 6 bar or less; stopped and vented"
+        "over pressure at 1.234 s: the pressure is 6.5 bar; it must be 6 bar or less; stopped and vented"
     )
-    assert "the tension is 105 N, allowed is 100 N or less" in lock.reason(2, {"tension": 105.0}, 0.1)
-    assert "the span is 8 cm, allowed is 9 cm or more" in lock.reason(3, {"span": 0.08}, 0.1)
-    assert "the span is 20 cm, allowed is 16 cm or less" in lock.reason(4, {"span": 0.2}, 0.1)
-    assert "the speed is 5 m/s, allowed is 4 m/s or less" in lock.reason(5, {"velocity": -5.0}, 0.1)
+    assert "the tension is 105 N; it must be 100 N or less" in lock.reason(2, {"tension": 105.0}, 0.1)
+    assert "the span is 8 cm; it must be 9 cm or more" in lock.reason(3, {"span": 0.08}, 0.1)
+    assert "the span is 20 cm; it must be 16 cm or less" in lock.reason(4, {"span": 0.2}, 0.1)
+    assert "the speed is 5 m/s; it must be 4 m/s or less" in lock.reason(5, {"velocity": -5.0}, 0.1)
     assert "the pressure sensor is at the end of its range of 6.8 bar for 0.01 s" in lock.reason(
         6, {"pressure": 6.8e5}, 0.1
     )

@@ -265,7 +265,7 @@ def test_bad_set_points_are_refused(change, said):
         ({"pressures": (3e5, 2e5)}, "highest"),
         ({"pressures": (1e5, 20e5)}, "pressures"),
         ({"angles": (0.5, -0.5)}, "angles"),
-        ({"angles": (-2.0, 2.0)}, "angle must be angles"),
+        ({"angles": (-2.0, 2.0)}, "angle must be one at which"),
         ({"gains": {"kp": -1.0}}, "kp"),
     ],
 )

@@ -61,7 +61,7 @@ def test_limits_follow_from_the_parts():
 
 WRONG = {
     "unknown table": (("enginge",), {}, "Unknown"),
-    "schema": (("schema",), 2, "this version reads schema 1"),
+    "schema": (("schema",), 2, "schema must be 1"),
     "unit": (("motor", "inertia"), "3 kg", "kg"),
     "bounds": (("motor", "pulley_radius"), "20 m", "must be"),
     "bits": (("sensors", "pressure", "converter", "bits"), "eight", "whole number"),

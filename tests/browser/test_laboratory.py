@@ -497,7 +497,7 @@ def test_an_address_where_nobody_can_listen_is_refused_before_anything_is_made_r
         with pytest.raises(SystemExit) as stop:
             main(["serve", "--no-open", *given])
     err = capsys.readouterr().err
-    assert stop.value.code == 2 and err.count("\n") == 1 and "nobody can listen there" in err
+    assert stop.value.code == 2 and err.count("\n") == 1 and "nobody can listen on" in err
 
 
 def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further():

@@ -95,15 +95,15 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
     page.evaluate(DROPPED, [path.name, path.read_text()])
     wrong = page.locator(".fit .stack .err")
     wrong.wait_for()
-    assert "pressure is no column: the file has way, air [kPa], load" in wrong.inner_text()
+    assert "pressure is missing: the file has way, air [kPa], load" in wrong.inner_text()
     assert "unnamed.csv" in wrong.inner_text() and "/" not in wrong.inner_text()  # nothing of the machine's folders
     for i, what in enumerate(("length", "pressure", "tension")):
         page.locator(".map select[aria-label^='What']").nth(i).select_option(what)
         page.wait_for_url(f"**{what}**")
-    page.wait_for_selector("text=way is no unit")
+    page.wait_for_selector("text=way has no unit")
     assert page.locator(".map .field.bad select[aria-invalid=true]").count() == 1  # the column that is to blame
     page.locator("select[aria-label='Unit of Length']").select_option("m")
-    page.wait_for_selector("text=load is no unit")
+    page.wait_for_selector("text=load has no unit")
     page.locator("select[aria-label='Unit of Tension']").select_option("N")
     # 65000 kPa is no muscle: the header is wrong, and the sentence says so
     page.wait_for_selector("text=wrong unit, or columns swapped?")

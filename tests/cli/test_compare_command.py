@@ -71,13 +71,13 @@ def test_protocols_of_biological_muscles_and_their_figure(run, tmp_path):
 
 
 REFUSED = {
-    "nobody": ([], "must be a specimen"),
+    "nobody": ([], "muscles are missing"),
     "an unknown muscle": (["nylon", "wool"], "Unknown specimen 'wool'"),
-    "a valve": (["MPP-3-1-8"], "it is a valve"),
+    "a valve": (["MPP-3-1-8"], "must be a muscle"),
     "a pressure without a unit": (["nylon", "--pressure", "5"], "the unit is missing"),
     "a pressure that moves nothing": (["nylon", "--pressure", "0.2 bar"], "pulls nothing at its rest length"),
-    "a target of the wrong kind": (["nylon", "--match", "bridgestone"], "must be a biological one"),
-    "a match without a McKibben muscle": (["fast-fibre", "--match", "slow-fibre"], "it needs a McKibben muscle"),
+    "a target of the wrong kind": (["nylon", "--match", "bridgestone"], "must be a biological muscle"),
+    "a match without a McKibben muscle": (["fast-fibre", "--match", "slow-fibre"], "must be a McKibben muscle"),
     "a figure of another kind": (["nylon", "--figure", "x.pdf"], "--figure must be a name that ends in .svg or .png"),
     "a recording that is not there": (["nylon", "--recording", "none.nc"], "none.nc"),
     "a rig that is not there": (["nylon", "--protocols", "--rig", "wooden"], "wooden"),
@@ -95,4 +95,4 @@ def test_bad_input_is_one_clear_line(run, case):
 
 def test_a_recording_alone_has_no_law_to_draw(run, recording, tmp_path):
     code, _, err = run("--recording", str(recording), "--figure", str(tmp_path / "x.svg"))
-    assert code == 2 and "it needs a specimen" in err
+    assert code == 2 and "needs a specimen" in err

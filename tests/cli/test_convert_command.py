@@ -68,7 +68,7 @@ def test_a_table_of_others_needs_its_units(run, tmp_path):
     words = ["convert", table, out_file, "--column", "time=Zeit", "--column", "tank.pressure=2"]
     code, out, err = run(*words)
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert f"{table}: unit of tank.pressure is no unit" in err
+    assert f"{table}: unit of tank.pressure has no unit" in err
     assert "--unit tank.pressure=UNIT" in err
     assert not out_file.exists()
     code, _, _ = run(*words, "--unit", "tank.pressure=bar", "--unit", "time=ms")
@@ -135,7 +135,7 @@ def test_repair_opens_what_kill_9_left(run, tmp_path):
         (("convert", "a.nc", "b.csv", "--unit", "valve"), "NAME=VALUE"),
         (("convert", "a.nc", "b.csv", "--period", "1 bar"), "--period"),
         (("convert", "text.mcap", "b.csv"), "text.mcap"),
-        (("convert", "text.tdms", "b.csv"), "must be a TDMS file"),
+        (("convert", "text.tdms", "b.csv"), "cannot be read as a TDMS file"),
         (("repair", "b.mcap"), "ile not found"),
         (("repair", "text.mcap"), "no log of mckibben"),
         (("repair", "empty.mcap"), "empty"),

@@ -103,7 +103,7 @@ def test_any_law_with_a_volume_works(run):
         (("--pressure", "0.8 bar"), "above the threshold of 0.903 bar"),
         (("--pressure", "5"), "unit is missing"),
         (("--stretched", "17 cm"), "below 16.42 cm, the length of its threads"),
-        (("--stretched", "10 cm"), "longer stretch"),
+        (("--stretched", "10 cm"), "must be longer"),
         (("--cycle", "otto"), "Known are maximal, isotonic, valve"),
         (("--reading", "third"), "Known are printed, throughout"),
         (("--volume", "mine"), "Known are paper, potential"),

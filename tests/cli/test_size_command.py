@@ -103,7 +103,7 @@ def test_valves_and_a_figure(run, tmp_path):
         ({"--speed": "10 cm/s"}, "without --no-lines"),
         ({"--top": "0"}, "--top"),
         ({"--law": "linear"}, "Known are linear_threshold"),
-        ({"--muscle": "nylonn"}, "the candidates are"),
+        ({"--muscle": "nylonn"}, "The candidates are"),
         ({"--figure": "size.pdf"}, "--figure"),
     ],
 )

@@ -66,9 +66,9 @@ def test_elements_slower_than_the_record_are_named_as_not_told_apart() -> None:
     ("time", "values", "options", "told"),
     [
         (TIME[:5], TIME[:5], {}, "samples must be 8 or more, got 5"),
-        (TIME[::-1], TIME, {}, "does not rise"),
-        (TIME, TIME[:-1], {}, "samples is '400, 399, 400'"),
-        (TIME, np.where(TIME > 1.0, np.nan, TIME), {}, "stroke is not finite"),
+        (TIME[::-1], TIME, {}, "time must rise"),
+        (TIME, TIME[:-1], {}, "got 400, 399 and 400"),
+        (TIME, np.where(TIME > 1.0, np.nan, TIME), {}, "stroke must be one finite number"),
         (TIME, TIME, {"law": "power"}, "law must be free or logarithmic, got 'power'"),
         (TIME, TIME, {"shortest": 5.0}, "longest must be above the shortest, 5 s, up to 1e6 s"),
         (TIME, TIME, {"shortest": -1.0}, "shortest must be 1e-4 s or more, got -1"),

@@ -42,7 +42,7 @@ def refusal(path: Path, **options) -> str:
     assert "\n" not in said
     assert path.name in said  # the file
     assert str(refused.value.field) in said  # the field
-    assert refused.value.allowed  # what is allowed
+    assert refused.value.problem or refused.value.known or refused.value.sentence  # what is allowed
     return said
 
 
@@ -156,7 +156,7 @@ def test_a_file_without_header_needs_columns_and_units(tmp_path: Path) -> None:
     found = read_record(path, **good)
     assert_good(found)
     assert found.names() == ["tank.pressure"]  # only what was asked for
-    assert "columns is not given" in refusal(path)
+    assert "columns must be given" in refusal(path)
     assert "no unit" in refusal(path, columns=good["columns"])
     assert "must be between 1 and 3" in refusal(path, **{**good, "columns": {"time": 1, "tank.pressure": 4}})
     assert "must be between 1 and 3" in refusal(path, **{**good, "columns": {"time": 0, "tank.pressure": 2}})
@@ -168,7 +168,7 @@ def test_columns_are_named_by_header_by_stem_or_by_number(tmp_path: Path) -> Non
     path = write(tmp_path / "names.csv", "clock,P1_bar,label")
     for column in ("P1_bar", "p1", 2):
         assert_good(read_record(path, columns={"time": "clock", "tank.pressure": column}))
-    assert "the file has clock, P1_bar, label" in refusal(path, columns={"time": "clock", "tank.pressure": "P2"})
+    assert "The file has clock, P1_bar, label" in refusal(path, columns={"time": "clock", "tank.pressure": "P2"})
     twice = write(tmp_path / "twice.csv", "t,p_bar,p_kPa")
     assert "two columns" in refusal(twice)
     assert_good(read_record(twice, columns={"tank.pressure": "p_bar"}))
@@ -179,7 +179,7 @@ def test_a_period_stands_for_a_missing_time(tmp_path: Path) -> None:
     path = write(tmp_path / "clockless.csv", "n,tank.pressure [bar],u [V]")
     chosen = {"columns": {"tank.pressure": "tank.pressure"}}
     assert_good(read_record(path, period=0.002, **chosen))
-    assert "time is no column" in refusal(path, **chosen)
+    assert "time is in no column" in refusal(path, **chosen)
     for period in (0.0, -1.0, float("nan"), float("inf")):
         assert "above 0 s" in refusal(path, period=period, **chosen)
     assert "one of the two" in refusal(write(tmp_path / "both.csv"), period=0.002)
@@ -219,7 +219,7 @@ def test_lost_samples_are_a_gap(tmp_path: Path) -> None:
         return change
 
     said = refusal(write(tmp_path / "gap.csv", change=lose(3)))  # 8 ms instead of 2 ms
-    assert "time [s], row 6 is '0.008 s after the row before, at 0.014 s'" in said
+    assert "got 0.008 s at 0.014 s" in said
     assert "0.006 s" in said  # what is allowed
 
 
@@ -307,7 +307,7 @@ def test_points_and_commas_in_one_column_are_refused(tmp_path: Path) -> None:
         table[4][1] = table[4][1].replace(".", ",")
 
     said = refusal(write(tmp_path / "both.csv", GOOD.replace(",", ";"), one, mark=";"))
-    assert "row 6" in said and "decimal points and decimal commas" in said
+    assert "row 6" in said and "decimal points or decimal commas" in said
 
 
 @pytest.mark.parametrize(("holes", "says"), [((4,), "row 6 is left out"), ((4, 9), "2 rows are left out, 6, 11")])
@@ -327,7 +327,7 @@ def test_a_column_that_is_mostly_blank_is_refused(tmp_path: Path) -> None:
         for row in table[1:]:
             row[1] = ""
 
-    assert "tank.pressure [bar] is 'blank in" in refusal(write(tmp_path / "empty.csv", change=blank))
+    assert "tank.pressure [bar] is blank in" in refusal(write(tmp_path / "empty.csv", change=blank))
 
 
 @pytest.mark.parametrize(("cells", "found"), [(2, "2 cells"), (4, "4 cells")])
@@ -351,7 +351,7 @@ def test_an_unknown_unit_is_refused(tmp_path: Path, unit: str) -> None:
 @pytest.mark.parametrize("header", ["t,tank.pressure,u [V]", "t,tank.pressure [],u [V]", "t,velocity_m_s,u [V]"])
 def test_a_column_without_a_unit_is_refused(tmp_path: Path, header: str) -> None:
     said = refusal(write(tmp_path / "bare.csv", header))
-    assert "is no unit" in said
+    assert "has no unit" in said
     assert "or say it" in said  # the way out
 
 
@@ -362,7 +362,7 @@ def test_a_time_in_bar_is_refused(tmp_path: Path) -> None:
 
 def test_a_missing_required_channel_is_named(tmp_path: Path) -> None:
     said = refusal(write(tmp_path / "few.csv"), required=["tank.pressure", "supply.pressure"])
-    assert "supply.pressure is no column" in said
+    assert "supply.pressure is missing" in said
     assert "tank.pressure, valve.command" in said  # what the file has
     assert "supply is" in refusal(write(tmp_path / "few.csv"), required="supply")
 
@@ -397,8 +397,8 @@ def first(count: int):
     [
         ("", "empty"),
         ("\n\n# nothing\n", "empty"),
-        (GOOD + "\n", "0 samples"),
-        (text(rows(first(2)), GOOD), "must be 3 or more, got 2 samples"),
+        (GOOD + "\n", "3 samples or more, got 0"),
+        (text(rows(first(2)), GOOD), "must have 3 samples or more, got 2"),
         (text([[row[0], "4.0", "5.0"] for row in rows()], GOOD), "no channel changes"),
         ("time [s]\n" + "\n".join(row[0] for row in rows()), "must be at least one column beside the time"),
         ("time,2,3\n" + text(rows(), None), "a row of names"),
@@ -419,16 +419,16 @@ def test_a_dead_sensor_beside_a_live_command_is_refused(tmp_path: Path) -> None:
         for i, row in enumerate(table):
             row[1:] = ["4.0", f"{i}"]
 
-    assert "tank.pressure is '4 bar throughout'" in refusal(write(tmp_path / "dead.csv", change=dead))
+    assert "tank.pressure is 4 bar throughout" in refusal(write(tmp_path / "dead.csv", change=dead))
 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "picture.csv"
     path.write_bytes(bytes(range(256)) * 4)
-    assert "unreadable" in refusal(path)
+    assert "cannot be read" in refusal(path)
     half = tmp_path / "half.csv.gz"
     half.write_bytes(gzip.compress(text(rows(), GOOD).encode())[:60])
-    assert "unreadable" in refusal(half)
+    assert "cannot be read" in refusal(half)
     assert "not found" in refusal(tmp_path / "nowhere.csv")
     assert "not found" in refusal(tmp_path)  # a folder
 

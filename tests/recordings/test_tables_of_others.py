@@ -60,7 +60,7 @@ def test_a_dash_leaves_a_column_out_and_a_unit_may_say_what_a_pressure_refers_to
     absolute = read_force_map(path, units={"pressure": "kPa abs"})
     assert np.allclose(absolute.pressure, PRESSURE * 1e3 - 101325.0, rtol=0.0, atol=1e-9)  # rounding of one difference
     assert np.array_equal(read_force_map(path, units={"pressure": "kPa gauge"}).pressure, PRESSURE * 1e3)
-    with pytest.raises(InputError, match="pressure is no column"):
+    with pytest.raises(InputError, match="pressure is missing"):
         read_force_map(path, columns={"pressure": "-"})
 
 

@@ -179,7 +179,7 @@ unit = "bar"
         (
             '[properties.flow]\nvalue = 600.0\nunit = "l/min"\n',
             "",
-            "the file states no size; allowed in [valve] is one of",
+            "the file must state a size, in [valve]",
         ),
         ('kind = "valve"', 'kind = "mckibben"', "allowed only"),
     ],

@@ -98,7 +98,7 @@ def test_every_published_range_has_a_property_a_unit_and_a_source_that_is_known(
 ENTRY = 'schema = 1\n[[range]]\nproperty = "work_density"\nlow = 1\nhigh = 2\nunit = "J/cm^3"\nsource = ["hill1938"]\n'
 BAD_RANGES = {
     "no TOML": ("x = = 1", "not TOML"),
-    "another schema": (ENTRY.replace("schema = 1", "schema = 7"), "schema 1"),
+    "another schema": (ENTRY.replace("schema = 1", "schema = 7"), "schema must be 1"),
     "ends that are swapped": (ENTRY.replace("low = 1", "low = 3"), "at most high"),
     "no source": (ENTRY.replace('source = ["hill1938"]\n', ""), "range.1.source is missing"),
     "an unknown key": (ENTRY + "colour = 1\n", "range.1.colour"),
@@ -122,7 +122,7 @@ def test_what_cannot_be_compared_is_named(nylon: ComparedMuscle, fast: ComparedM
         subject("nylon", pressure=3e4)
     with pytest.raises(InputError, match="must be above 0"):
         subject("nylon", pressure=-1e5)
-    with pytest.raises(InputError, match="muscles is none"):
+    with pytest.raises(InputError, match="muscles are missing"):
         compare([])
     with pytest.raises(InputError, match="must be a McKibben and a biological muscle"):
         match(fast, nylon)
@@ -292,7 +292,7 @@ def test_a_recording_stands_beside_laws() -> None:
 
 
 BAD_RECORDS = {
-    "no rest length": (loop_record(), "rest_length is missing"),
+    "no rest length": (loop_record(), "rest_length must be a length"),
     "a rest length that is none": (loop_record(rest_length=-1.0), "rest_length must be"),
     "no tension": (loop_record(rest_length=0.13).pick(["span", "pressure"]), "channel of tension is missing"),
     "no length": (loop_record(rest_length=0.13).pick(["tension"]), "channel of length is missing"),

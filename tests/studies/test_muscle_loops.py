@@ -242,14 +242,14 @@ def test_a_folder_without_the_files_gives_one_line(tmp_path: Path, capsys) -> No
 def test_an_unknown_friction_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match="must be maxwell_slip, dahl or bouc_wen"):
         loop_study(folder, frictions=("coulomb",))
-    with pytest.raises(InputError, match="friction is none"):
+    with pytest.raises(InputError, match="friction must be"):
         loop_study(folder, frictions=())
 
 
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [
-        (LOOP, "p_sensor_V", "volts", "p_sensor_V is no column"),
+        (LOOP, "p_sensor_V", "volts", "p_sensor_V is missing"),
         (LOOP, "down,", "back,", "branch must be up and down, each of them, got 'back, up"),
         (
             LOOP,

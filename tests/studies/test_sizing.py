@@ -416,7 +416,7 @@ def test_parts_name_their_sources(kind):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("schema = 2", "schema is 2"),
+        ("schema = 2", "schema must be 1"),
         ('schema = 1\nkind = "pump"', "Unknown kind 'pump'"),
         ('schema = 1\nkind = "tube"\n[a]\nsources = []', "a.title"),
         ('schema = 1\nkind = "tube"\n[a]\ntitle = "a"\nsources = []\ncolour = 1', "a.colour"),

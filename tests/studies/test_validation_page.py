@@ -210,7 +210,7 @@ def test_the_figure_names_every_law_and_data_set() -> None:
 
 
 def test_a_figure_of_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="data sets is none"):
+    with pytest.raises(InputError, match="data sets must be at least one"):
         errors_figure(Validation(()))
 
 
@@ -238,7 +238,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, capsys: pytest.Captu
 
 def test_a_variable_that_names_no_folder_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "gone"))
-    with pytest.raises(InputError, match=f"{VARIABLE} is .*gone': the folder does not exist"):
+    with pytest.raises(InputError, match=f"{VARIABLE}: Folder not found: .*gone"):
         measured_data()
 
 

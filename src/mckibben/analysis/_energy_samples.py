@@ -94,7 +94,9 @@ class Flows:
         both = [self.machine.find(f"circuit.nodes.{node}.{quantity}") for quantity in ("pressure_abs", "temperature")]
         if self.nodes[node] == "chamber" or None in both:
             raise InputError(
-                f"channel {node}.pressure_abs", "missing", "the account needs pressure and temperature of every volume"
+                f"channel {node}.pressure_abs",
+                None,
+                "is missing: the account needs pressure and temperature of every volume",
             )
         return self.dead.see(np.full(self.time.shape, both[0]), np.full(self.time.shape, both[1]))
 

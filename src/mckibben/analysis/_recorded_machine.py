@@ -29,7 +29,7 @@ class RecordedMachine:
     def __init__(self, record: Recording) -> None:
         stated = record.meta.get("parameters")
         if not isinstance(stated, Mapping) or not stated:
-            raise InputError("parameters", "none", "the recording must carry the machine's resolved parameters")
+            raise InputError("parameters", None, "must be in the recording: the resolved parameters of its machine")
         self._values = {k: v.get("value") if isinstance(v, Mapping) else v for k, v in stated.items()}
         room = record.meta.get("environment") or {}
         self.room = Environment(**{k: float(room[k]) for k in ("pressure_abs", "temperature") if k in room})
@@ -72,8 +72,8 @@ class RecordedMachine:
         if len(names) != 1 or not parameters:
             raise InputError(
                 f"law of {muscle}",
-                ", ".join(parameters) or "not given",
-                f"allowed are the parameters of {', '.join(LAWS)}",
+                ", ".join(parameters) or None,
+                f"must be the parameters of {', '.join(LAWS)}",
                 where="parameters",
             )
         known = {k: v for k, v in parameters.items() if v == v}  # an unknown volume is no number

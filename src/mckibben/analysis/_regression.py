@@ -43,7 +43,7 @@ def t_quantile(degrees: int, confidence: float) -> float:
     from scipy.special import stdtrit
 
     if not 0.0 < confidence < 1.0:
-        raise InputError("confidence", confidence, "allowed is above 0 and below 1")
+        raise InputError("confidence", confidence, "must be above 0 and below 1")
     return float(stdtrit(degrees, 0.5 + 0.5 * confidence))
 
 
@@ -61,13 +61,13 @@ def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence:
     """
     n, p = matrix.shape
     if n <= p:
-        raise InputError(what, f"{n}", f"needed are {p + 1} or more")
+        raise InputError(what, None, f"must be {p + 1} or more, got {n}")
     if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
-        raise InputError(what, "not finite", "allowed are finite numbers")
+        raise InputError(what, None, "must be finite numbers")
     size = np.linalg.norm(matrix, axis=0)
     u, strength, directions = np.linalg.svd(matrix / np.where(size > 0.0, size, 1.0), full_matrices=False)
     if strength[-1] < 1e-9 * strength[0]:
-        raise InputError(what, "without enough variety", f"{p} numbers cannot be told apart from them")
+        raise InputError(what, None, f"do not vary enough to tell {p} numbers apart")
     half = directions.T / strength
     values = half @ (u.T @ target) / size
     residual = target - matrix @ values

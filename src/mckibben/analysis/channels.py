@@ -29,13 +29,11 @@ def finite(values: Any, what: str) -> np.ndarray:
     """An array (n,) of finite numbers, or `InputError` with the first sample that is none."""
     array = np.asarray(values, float)
     if array.ndim != 1 or not array.size:
-        raise InputError(what, f"of shape {array.shape}", "allowed is one dimension with at least one value")
+        raise InputError(what, None, f"must have one dimension and at least one value, got shape {array.shape}")
     sound = np.abs(array) <= _LARGEST
     if not sound.all():
         i = int(np.argmin(sound))
-        raise InputError(
-            f"{what}, sample {i}", float(array[i]), "allowed are finite values; select a part without gaps"
-        )
+        raise InputError(f"{what}, sample {i}", float(array[i]), "must be finite values; select a part without gaps")
     return array
 
 
@@ -50,7 +48,7 @@ def uniform_period(record: Recording) -> float:
     worst = int(np.argmax(np.abs(steps - period)))
     if abs(steps[worst] - period) > _JITTER * period:
         raise InputError(
-            f"interval after sample {worst}", float(steps[worst]), f"allowed is {period:.6g} s; use Recording.uniform()"
+            f"interval after sample {worst}", float(steps[worst]), f"must be {period:.6g} s; use Recording.uniform()"
         )
     return period
 
@@ -59,7 +57,7 @@ def positive(name: str, value: Any, unit: str, *, zero: bool = False) -> float:
     """A finite number above zero, or at least zero."""
     number = float(value)
     if not np.isfinite(number) or number < 0.0 or (number == 0.0 and not zero):
-        raise InputError(name, number, f"allowed is a number [{unit}] {'of 0 or more' if zero else 'above 0'}")
+        raise InputError(name, number, f"must be a number [{unit}] {'of 0 or more' if zero else 'above 0'}")
     return number
 
 
@@ -69,7 +67,7 @@ def held_against_spikes(values: np.ndarray, samples: int) -> np.ndarray:
     The ends are filled with the first and the last value.
     """
     if samples < 1 or samples % 2 == 0:
-        raise InputError("samples of the median", samples, "allowed is an odd number, 1 for none")
+        raise InputError("samples of the median", samples, "must be an odd number, 1 for none")
     if samples == 1:
         return values
     padded = np.pad(values, samples // 2, mode="edge")
@@ -88,7 +86,7 @@ def window_samples(window: float, period: float, count: int, order: int = 2) -> 
     wide = 2 * round(0.5 * positive("window", window, "s") / period) + 1
     wide = max(wide, order + 1 + order % 2)
     if wide > count:
-        raise InputError("window", window, f"allowed is at most the record, {count * period:.6g} s")
+        raise InputError("window", window, f"must be at most the record, {count * period:.6g} s")
     return wide
 
 
@@ -154,7 +152,7 @@ def saturation(
     if ends is not None:
         low, high = (-np.inf if ends[0] is None else ends[0]), (np.inf if ends[1] is None else ends[1])
         if not low < high:
-            raise InputError("ends", f"{low} to {high}", "allowed is a lower end below the upper one")
+            raise InputError("ends", None, f"must be a lower end below the upper one, got {low} to {high}")
         # Half a count: what a converter gives is on its counts to rounding. Without counts rounding alone decides.
         room = 0.5 * resolution if steps.size and resolution > 1e-6 * np.ptp(y) else 1e-9 * max(np.abs(y).max(), 1e-300)
         below, above = y <= low + room, y >= high - room

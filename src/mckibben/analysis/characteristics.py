@@ -141,9 +141,7 @@ def dynamic_range(curve: Callable[[Any], Any], *, search: tuple[float, float] = 
     lengths = np.linspace(*search, steps)
     tension = np.asarray(curve(lengths))
     if not tension.max() > 0.0:
-        raise InputError(
-            "curve", "no tension", f"allowed is a tension above 0 between {search[0]:g} and {search[1]:g} L0"
-        )
+        raise InputError("curve", None, f"must have a tension above 0 N between {search[0]:g} and {search[1]:g} L0")
     flat = 1e-9 * float(np.abs(np.asarray(derivative(curve, lengths))).max())
 
     def carries(x: np.ndarray) -> np.ndarray:

@@ -41,7 +41,7 @@ def turns(values: np.ndarray, *, what: str = "drive") -> tuple[np.ndarray, np.nd
     low, high = np.quantile(values, [0.005, 0.995])
     span = high - low
     if not span > 0.0:
-        raise InputError(what, "constant", "no full cycle is in it")
+        raise InputError(what, None, "is constant, so it has no full cycle")
     side = np.where(values > high - 0.25 * span, 1, np.where(values < low + 0.25 * span, -1, 0))
     beyond = np.flatnonzero(side)
     excursions = np.split(beyond, np.flatnonzero(np.diff(side[beyond])) + 1)
@@ -76,7 +76,7 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tu
         InputError: there is no full cycle left, or a cycle has fewer than 8 samples.
     """
     if skip < 0:
-        raise InputError("skip", skip, "allowed is 0 or more")
+        raise InputError("skip", skip, "must be 0 or more")
     low, high = turns(values, what=what)
     ends, others, begins_high = (high, low, True) if len(high) > len(low) else (low, high, False)
     cycles = tuple(
@@ -86,15 +86,15 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tu
     if len(cycles) <= skip:
         raise InputError(
             what,
-            f"{len(cycles)} full cycles",
-            f"needed are {skip + 1} or more, each between two equal ends of its range",
+            None,
+            f"must have {skip + 1} full cycles or more, got {len(cycles)}; a cycle lies between two equal ends of its range",
         )
     for cycle in cycles:
         if cycle.end - cycle.start < LEAST_SAMPLES:
             raise InputError(
                 what,
-                f"{cycle.end - cycle.start} samples in a cycle",
-                f"needed are {LEAST_SAMPLES} or more; is it noise?",
+                None,
+                f"must have {LEAST_SAMPLES} samples or more in a cycle, got {cycle.end - cycle.start}; is it noise?",
             )
     return cycles[skip:]
 

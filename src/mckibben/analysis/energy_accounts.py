@@ -63,10 +63,10 @@ def energy_account(
     if measured or not about:
         return estimate(part, cycle=cycle, **options)
     if options:
-        raise InputError(next(iter(options)), "given", "allowed with measured channels only")
+        raise InputError(next(iter(options)), None, "is allowed only with measured channels")
     pieces = [Flows(part.select(part.time[p.start], part.time[p.stop - 1])) for p in whole_pieces(part)]
     if not pieces:
-        raise InputError("samples", len(part), "needed are two or more without a gap between them")
+        raise InputError("samples", len(part), "must be two or more without a gap between them")
     notes: list[str] = []
     tried = [c for piece in pieces for c in _cycles(piece, cycle, notes)]
     summed = _summed(pieces)
@@ -228,16 +228,14 @@ def estimate(
     """
     for name, unit, quantity in ((pressure, "Pa", "pressure"), (tension, "N", "tension"), (span, "m", "span")):
         if name not in record:
-            raise InputError(
-                f"channel {name}",
-                "missing",
-                f"the account needs the {quantity} [{unit}]; the recording has {', '.join(record.channels) or 'none'}",
-            )
+            has = ", ".join(record.channels) or "none"
+            problem = f"is missing: the account needs the {quantity} [{unit}]; the recording has {has}"
+            raise InputError(f"channel {name}", None, problem)
     basis = _known(record, muscle, supply, dead_volume)
     pieces = [_piece(record, p, basis, (pressure, tension, span), cycle) for p in whole_pieces(record)]
     pairs = [(p, c) for p in pieces for c in p.cycles]
     if not pairs:
-        raise InputError("cycles", "none", "needed is one in which the muscle is filled and emptied")
+        raise InputError("cycles", None, "must have one in which the muscle is filled and emptied")
     cycles = tuple(_one(p, c, basis) for p, c in pairs)
     parts = tuple(a._replace(value=sum(c.parts[i].value for c in cycles)) for i, a in enumerate(cycles[0].parts))
     air = sum(c.air for c in cycles)
@@ -278,9 +276,9 @@ def _known(record: Recording, muscle: Any, supply: float | None, dead_volume: fl
     elif machine is not None and machine.muscles():
         law = machine.law(machine.muscles()[0])
     else:
-        raise InputError("muscle", "not known", "allowed is a specimen, its id, or a recording that carries its law")
+        raise InputError("muscle", None, "must be a specimen, its id, or a recording that carries its law")
     if not law.has_volume():
-        raise InputError("muscle", "of unknown volume", "the account needs a law that knows the volume of the gas")
+        raise InputError("muscle", None, "must have a law that knows the volume of the gas")
     source = None if supply is None else supply + float(room.pressure_abs)
     if source is None and machine is not None:
         source = machine.find("circuit.nodes.supply.pressure_abs")

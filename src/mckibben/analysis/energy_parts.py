@@ -162,9 +162,7 @@ class EnergyAccount:
         values = [p.value for p in self.parts if p.name == name and side in (None, p.side)]
         if not values:
             why = "cannot be known from this recording; " if name in self.unknown else ""
-            raise InputError(
-                "part", name, f"{why}the account has {', '.join(dict.fromkeys(p.name for p in self.parts))}"
-            )
+            raise InputError("part", name, f"{why}the account has", known=dict.fromkeys(p.name for p in self.parts))
         return values[0]
 
     @property
@@ -222,7 +220,7 @@ class EnergyAccount:
             InputError: if the pressure is not above the room's.
         """
         if not (np.isfinite(pressure) and pressure > 0.0):
-            raise InputError("pressure", pressure, "allowed is a gauge pressure above 0 Pa")
+            raise InputError("pressure", pressure, "must be a gauge pressure above 0 Pa")
         air, exergy, supply, work = self.caught(pressure + self.room_pressure)
         nothing = float("nan")
         rest = supply - exergy

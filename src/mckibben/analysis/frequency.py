@@ -94,7 +94,7 @@ def frequency_response(
     period = uniform_period(record)
     for name, values in ((source, x), (response, y)):
         if np.ptp(values) == 0.0:
-            raise InputError(f"channel {name}", "constant", "it has no frequency response")
+            raise InputError(f"channel {name}", None, "is constant, so it has no frequency response")
     total = len(x) * period
     wish = 8.0 / total if resolution is None else positive("resolution", resolution, "Hz")
     samples = round(1.0 / (wish * period))
@@ -102,7 +102,7 @@ def frequency_response(
         raise InputError(
             "resolution",
             wish,
-            f"allowed is {1.5 / total:.4g} to {1.0 / (8.0 * period):.4g} Hz: two segments of 8 samples",
+            f"must be between {1.5 / total:.4g} and {1.0 / (8.0 * period):.4g} Hz; two segments of 8 samples",
         )
     # At three quarters the squared windows add to a constant: when a chirp passes a frequency then does not matter.
     step = max(samples // 4, 1)
@@ -120,7 +120,7 @@ def frequency_response(
         (f > 0.0) & (f >= low) & (f <= high) & (inputs > _EXCITED * inputs[1:].max() if band is None else inputs > 0.0)
     )
     if not keep.any():
-        raise InputError("band", f"{low:g} to {high:g} Hz", f"no frequency lies there; the distance is {f[1]:.4g} Hz")
+        raise InputError("band", None, f"from {low:g} to {high:g} Hz holds no frequency; they are {f[1]:.4g} Hz apart")
     gain = cross[keep] / inputs[keep]
     scale = inputs[keep] * outputs[keep]
     coherence = np.where(scale > 0.0, np.abs(cross[keep]) ** 2 / np.where(scale > 0.0, scale, 1.0), 0.0)
@@ -148,20 +148,20 @@ def sine_response(
     f = finite(frequencies, "frequencies")
     x, y, time = known(record, source), known(record, response), record.time
     if np.ptp(y) == 0.0:
-        raise InputError(f"channel {response}", "constant", "it has no frequency response")
+        raise InputError(f"channel {response}", None, "is constant, so it has no frequency response")
     nyquist = 0.5 / record.period
     if f.min() <= 0.0 or f.max() >= nyquist:
         raise InputError(
-            "frequencies", f"{f.min():g} to {f.max():g} Hz", f"allowed is above 0 and below {nyquist:g} Hz"
+            "frequencies", None, f"must be above 0 and below {nyquist:g} Hz, got {f.min():g} to {f.max():g} Hz"
         )
     if 2 * f.size + 2 > len(x):
-        raise InputError("frequencies", f.size, f"{len(x)} samples are too few for them")
+        raise InputError("frequencies", f.size, f"must be fewer for {len(x)} samples")
     angle = 2.0 * np.pi * np.outer(time - time[0], f)
     base = np.stack([np.ones_like(time), np.linspace(-1.0, 1.0, len(time))], axis=1)
     matrix = np.concatenate([np.cos(angle), np.sin(angle), base], axis=1)
     coefficients, _, rank, strength = np.linalg.lstsq(matrix, np.stack([x, y], axis=1), rcond=None)
     if rank < matrix.shape[1] or strength[-1] < 1e-6 * strength[0]:
-        raise InputError("frequencies", f"{f.size} in {record.duration:g} s", "they cannot be told apart in this time")
+        raise InputError("frequencies", None, f"cannot be told apart: there are {f.size} in {record.duration:g} s")
     inputs, outputs = (coefficients[: f.size, i] - 1j * coefficients[f.size : 2 * f.size, i] for i in (0, 1))
     if np.abs(inputs).min() <= 1e-9 * np.abs(inputs).max():
         worst = float(f[np.abs(inputs).argmin()])

@@ -40,16 +40,18 @@ def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: 
     a, b = np.asarray(first, float), np.asarray(second, float)
     for name, value, sound in (("period", period, period > 0.0), ("longest", longest, longest >= 0.0)):
         if not (sound and np.isfinite(value)):
-            raise InputError(name, value, "allowed is a time [s] above 0")
+            raise InputError(name, value, "must be a time [s] above 0")
     reach = round(longest / period)
     if a.shape != b.shape or a.ndim != 1:
-        raise InputError("records", f"{a.shape} and {b.shape}", "allowed are two of one length")
+        raise InputError("records", None, f"must be two of one length, got {a.shape} and {b.shape}")
     if len(a) < 4 * max(reach, 1):
-        raise InputError("records", f"{len(a)} samples", f"needed are {4 * max(reach, 1)} to look {longest:g} s far")
+        raise InputError(
+            "records", None, f"must have {4 * max(reach, 1)} samples to look {longest:g} s far, got {len(a)}"
+        )
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
-        raise InputError("records", "not finite", "allowed are finite values")
+        raise InputError("records", None, "must be finite")
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
-        raise InputError("records", "constant", "a record that never changes has no time lead")
+        raise InputError("records", None, "must change: a constant record has no time lead")
     shifts = np.arange(-reach, reach + 1)
     match = np.array([_correlation(a, b, int(s)) for s in shifts])
     best = int(match.argmax())
@@ -102,7 +104,7 @@ def advanced(record: Recording, lag: float, *, channels: str | list[str]) -> Rec
     names = [channels] if isinstance(channels, str) else list(channels)
     time = record.time
     if not (np.isfinite(lag) and len(record) > 3 and abs(lag) < record.duration):
-        raise InputError("lag", lag, "allowed is a time [s] shorter than the recording, of 4 samples or more")
+        raise InputError("lag", lag, "must be a time [s] shorter than the recording, of 4 samples or more")
     room = 1e-6 * record.period
     inside = (time + lag >= time[0] - room) & (time + lag <= time[-1] + room)
     at = np.clip(time[inside] + lag, time[0], time[-1])

@@ -142,16 +142,12 @@ def path_distance(first: TensionPath, second: TensionPath, *, trim: float = 0.05
         InputError: no length is on both paths.
     """
     if not 0.0 <= trim < 0.5 or points < 2:
-        raise InputError("trim, points", f"{trim}, {points}", "allowed are 0 to below 0.5, and 2 or more")
+        raise InputError("trim, points", None, f"must be from 0 to below 0.5 and 2 or more, got {trim}, {points}")
     low = max(first.length[0], second.length[0])
     high = min(first.length[-1], second.length[-1])
     if not high > low:
-        raise InputError(
-            "paths",
-            f"{first.length[0]:.6g} to {first.length[-1]:.6g} m and {second.length[0]:.6g} to "
-            f"{second.length[-1]:.6g} m",
-            "allowed are two with lengths in common",
-        )
+        ranges = " and ".join(f"{path.length[0]:.6g} to {path.length[-1]:.6g} m" for path in (first, second))
+        raise InputError("paths", None, f"must be two with lengths in common, got {ranges}")
     grid = np.linspace(low + trim * (high - low), high - trim * (high - low), points)
     # One window for both, so that the same is averaged.
     half = min(first.half_window, second.half_window)
@@ -227,7 +223,7 @@ def loop(
 def mean_loop(each: Sequence[TensionLoop]) -> TensionLoop:
     """Mean of every number over loops."""
     if not each:
-        raise InputError("loops", "none", "needed is one or more")
+        raise InputError("loops", None, "must be one or more")
     return TensionLoop(*(float(v) for v in np.mean(np.array(each), axis=0)))
 
 
@@ -264,7 +260,7 @@ def closed_area(length: np.ndarray, tension: np.ndarray) -> float:
     """
     x, y = finite(length, "length"), finite(tension, "tension")
     if x.shape != y.shape:
-        raise InputError("length and tension", f"{x.shape} and {y.shape}", "allowed are two of one length")
+        raise InputError("length and tension", None, f"must be two of one length, got {x.shape} and {y.shape}")
     # From their means, so that a small loop far from zero keeps its digits.
     x, y = x - x.mean(), y - y.mean()
     return float(0.5 * np.sum((np.roll(x, -1) - x) * (np.roll(y, -1) + y)))
@@ -273,7 +269,7 @@ def closed_area(length: np.ndarray, tension: np.ndarray) -> float:
 def loop_ratio(part: TensionLoop, whole: TensionLoop) -> LoopRatio:
     """A loop over another: of a smaller range, a lower frequency, or a lubricated muscle."""
     if 0.0 in (whole.width, whole.height, whole.area):
-        raise InputError("loop", "without width, height or area", "a ratio needs one that encloses something")
+        raise InputError("loop", None, "must enclose an area; a ratio needs its width, height or area")
     return LoopRatio(
         part.width / whole.width,
         part.height / whole.height,
@@ -353,7 +349,7 @@ def static_points(
     low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
     for x in at:
         if not low <= x <= high:
-            raise InputError("lengths", float(x), f"allowed is {low:.6g} to {high:.6g} m, which both paths reach")
+            raise InputError("lengths", float(x), f"must be between {low:.6g} and {high:.6g} m, which both paths reach")
     mean = {name: 0.5 * (p.rising.at(at) + p.falling.at(at)) for name, p in points_by_place.items()}
     return tuple(
         StaticPoint(float(x), float(p), float(f)) for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True)
@@ -402,9 +398,7 @@ def fit_linear_tension(points: Sequence[StaticPoint], *, confidence: float = 0.9
     fit = linear_fit(matrix, table[:, 2], what="points of eq. 13", confidence=confidence)
     kg, c_p, c_x, c_1 = fit.values
     if kg == 0.0:
-        raise InputError(
-            "points of eq. 13", "without stiffness", "needed is a tension that grows with pressure and length"
-        )
+        raise InputError("points of eq. 13", None, "must have a tension that grows with pressure and length")
     lever, rise = c_p / kg, c_x / kg  # length above Lmin, pressure above Pa at the middle
     return LinearTensionFit(
         fit.coefficient(0),

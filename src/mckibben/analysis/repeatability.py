@@ -31,10 +31,10 @@ def spread(numbers: Sequence[float] | np.ndarray) -> Spread:
     """
     x = finite(numbers, "numbers")
     if x.size < 2:
-        raise InputError("numbers", x.size, "needed are 2 or more")
+        raise InputError("numbers", x.size, "must be 2 or more")
     mean, span = float(x.mean()), float(np.ptp(x))
     if mean == 0.0:
-        raise InputError("mean of the numbers", mean, "a relative spread needs another")
+        raise InputError("mean of the numbers", mean, "must not be zero for a relative spread")
     return Spread(mean, float(x.std(ddof=1)), span, span / abs(mean))
 
 
@@ -96,10 +96,10 @@ def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension
         points: points of the common time.
     """
     if not records:
-        raise InputError("recordings", 0, "needed are 2 or more")
+        raise InputError("recordings", 0, "must be 2 or more")
     first, last = max(r.time[0] for r in records), min(r.time[-1] for r in records)
     if not last > first:
-        raise InputError("recordings", "no common time", "allowed are recordings that overlap")
+        raise InputError("recordings", None, "must overlap in time")
     at = np.linspace(first, last, points)
     return _compared(at, np.array([np.interp(at, r.time, known(r, channel)) for r in records]), "recordings")
 
@@ -107,7 +107,7 @@ def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension
 def _compared(at: np.ndarray, courses: np.ndarray, what: str) -> Repeatability:
     count = len(courses)
     if count < 2:
-        raise InputError(what, count, "needed are 2 or more")
+        raise InputError(what, count, "must be 2 or more")
     mean = courses.mean(axis=0)
     off = courses - mean
     rms = float(np.sqrt(np.mean(np.sum(off**2, axis=0) / (count - 1))))
@@ -138,6 +138,6 @@ def trend(over: Sequence[float], numbers: Sequence[float], *, confidence: float 
     """
     x, y = finite(over, "over"), finite(numbers, "numbers")
     if x.shape != y.shape:
-        raise InputError("over and numbers", f"{x.size} and {y.size}", "allowed are two of one length")
+        raise InputError("over and numbers", None, f"must be two of one length, got {x.size} and {y.size}")
     fit = linear_fit(np.stack([x, np.ones_like(x)], axis=1), y, what="points of the trend", confidence=confidence)
     return Trend(fit.coefficient(0), fit.coefficient(1))

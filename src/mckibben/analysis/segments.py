@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, choice
 from ..quantities import to_si
 from ..recordings import Recording
 from ..recordings.units import si_of
@@ -42,7 +42,7 @@ def segments(record: Recording, /, label: str | None = None, **case: Any) -> lis
     if not parts:
         skipped = ", ".join(dict.fromkeys(_place(s) for s in matching if not s["recorded"]))
         why = f"not recorded are {skipped}" if skipped else f"the recording has {_clock(record)}"
-        raise InputError("steps", f"{len(matching)} without a sample", why)
+        raise InputError("steps", None, f"have no sample in the recording ({len(matching)} match): {why}")
     return parts
 
 
@@ -51,13 +51,13 @@ def chosen_steps(record: Recording, label: str | None, case: Mapping[str, Any]) 
     steps = steps_of(record)
     labels = dict.fromkeys(str(s["label"]) for s in steps)
     if label is not None and label not in labels:
-        raise InputError("label", label, f"the recording has {', '.join(labels)}")
+        raise InputError("label", label, "the recording has", known=labels)
     values = case_values(record)
     for name, wanted in case.items():
         if name not in values:
-            raise InputError("case", name, f"the recording has {', '.join(values) or 'none'}")
+            raise InputError("case", name, "the recording has", known=values)
         if not any(same_amount(wanted, words) for words in values[name]):
-            raise InputError(name, wanted, f"the recording has {', '.join(values[name])}")
+            raise InputError(name, wanted, f"must be {choice(values[name])} as in the recording")
     chosen = [s for s in steps if (label is None or s["label"] == label) and _fits(s["case"], case)]
     if not chosen:
         wanted_words = ", ".join([*([str(label)] if label else []), *(f"{k} {v}" for k, v in case.items())])
@@ -108,9 +108,9 @@ def steps_of(record: Recording) -> list[dict[str, Any]]:
     """
     listed = record.meta.get("steps")
     if listed is None or listed == []:
-        raise InputError("steps", "none", "the recording lists none; allowed is one of the test machine")
+        raise InputError("steps", None, "are not in the recording: it must be one of the test machine")
     if not isinstance(listed, list):
-        raise InputError("steps", type(listed).__name__, "allowed is a list")
+        raise InputError("steps", type(listed).__name__, "must be a list")
     return [_checked(step, f"steps.{i}") for i, step in enumerate(listed, 1)]
 
 
@@ -161,15 +161,15 @@ def _amount(value: Any) -> tuple[float, str | None] | None:
 
 def _checked(step: Any, field: str) -> dict[str, Any]:
     if not isinstance(step, Mapping):
-        raise InputError(field, type(step).__name__, "allowed is a table with start, end, label and case")
+        raise InputError(field, type(step).__name__, "must be a table with start, end, label and case")
     checked = {"index": 0, "path": "", "label": "", "ended_by": "time", "recorded": True, "sentence": "", **step}
     for key in ("start", "end"):
         time = step.get(key)
         if isinstance(time, bool) or not isinstance(time, int | float) or not math.isfinite(time):
-            raise InputError(f"{field}.{key}", str(time), "allowed is a time [s]")
+            raise InputError(f"{field}.{key}", str(time), "must be a time [s]")
     case = step.get("case") or {}
     if not isinstance(case, Mapping):
-        raise InputError(f"{field}.case", type(case).__name__, "allowed is a table of words")
+        raise InputError(f"{field}.case", type(case).__name__, "must be a table of words")
     return checked | {"case": {str(name): str(words) for name, words in case.items()}}
 
 

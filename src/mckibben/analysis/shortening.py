@@ -135,7 +135,7 @@ def tension_error(
 def power_density(power: float, *, section_area: float, rest_length: float) -> float:
     """Power over section area times rest length [W/m^3]; power [W], area at maximal shortening [m^2], length [m]."""
     if not np.isfinite(power):
-        raise InputError("power", power, "allowed is a finite number [W]")
+        raise InputError("power", power, "must be a finite number [W]")
     return power / (positive("section_area", section_area, "m^2") * positive("rest_length", rest_length, "m"))
 
 
@@ -173,7 +173,9 @@ def force_velocity_point(
     passing = np.flatnonzero((smooth[:-1] > at_length) & (smooth[1:] <= at_length))
     if not passing.size:
         raise InputError(
-            "at_length", float(at_length), f"not passed shortening; {length} has {x.min():.6g} to {x.max():.6g} m"
+            "at_length",
+            float(at_length),
+            f"must be passed in shortening; {length} has {x.min():.6g} to {x.max():.6g} m",
         )
     i = int(passing[0])
     part = float((smooth[i] - at_length) / (smooth[i] - smooth[i + 1]))
@@ -223,13 +225,15 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
 
     v, f = finite(velocity, "velocity"), finite(tension, "tension")
     if v.shape != f.shape:
-        raise InputError("velocity and tension", f"{v.size} and {f.size}", "allowed are two of one length")
+        raise InputError("velocity and tension", None, f"must be two of one length, got {v.size} and {f.size}")
     if v.size < 4 or np.unique(v).size < 3:
-        raise InputError("points", f"{v.size} of {np.unique(v).size} velocities", "needed are 4 or more of 3 or more")
+        raise InputError(
+            "points", None, f"must be 4 or more at 3 velocities or more, got {v.size} at {np.unique(v).size}"
+        )
     if v.min() < 0.0:
-        raise InputError("velocity", float(v.min()), "allowed is shortening, 0 m/s or more")
+        raise InputError("velocity", float(v.min()), "must be shortening, 0 m/s or more")
     if not f.max() > 0.0:
-        raise InputError("tension", float(f.max()), "needed is a pulling muscle, above 0 N")
+        raise InputError("tension", float(f.max()), "must be above 0 N, of a pulling muscle")
     # Scaled: every number sought is then near one.
     vs, fs = float(v.max()), float(f.max())
     solution = least_squares(

@@ -89,9 +89,7 @@ def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[
     span = float(np.ptp(u))
     jumps = np.flatnonzero(np.abs(np.diff(u)) > share * span) if span > 0.0 else np.array([], int)
     if not jumps.size:
-        raise InputError(
-            f"channel {command}", "without a step", f"needed is a change of {100 * share:g} % of its range"
-        )
+        raise InputError(f"channel {command}", None, f"has no step: it must change by {100 * share:g} % of its range")
     groups = np.split(jumps, np.flatnonzero(np.diff(jumps) > 1) + 1)
     starts = [g[0] for g in groups] + [len(u) - 1]
     steps = []
@@ -103,7 +101,7 @@ def find_steps(record: Recording, command: str, *, share: float = 0.1) -> tuple[
             CommandStep(_moment(time, u, group, 0.5 * (before + after)), before, after, float(time[following]))
         )
     if not steps:
-        raise InputError(f"channel {command}", "without a step that lasts", "needed is a level held after it")
+        raise InputError(f"channel {command}", None, "has no step after which a level is held")
     return tuple(steps)
 
 
@@ -138,7 +136,7 @@ def step_responses(
         InputError: a channel is missing, there is no step, or the channel does not follow one.
     """
     if not 0.0 < onset < 0.5 < reached < 1.0:
-        raise InputError("onset and reached", f"{onset} and {reached}", "allowed are 0 to 0.5 and 0.5 to 1")
+        raise InputError("onset and reached", None, f"must be 0 to 0.5 and 0.5 to 1, got {onset} and {reached}")
     y = known(record, channel)
     clean = held_against_spikes(y, median)
     steps = find_steps(record, command)
@@ -161,14 +159,12 @@ def _response(
     quiet = (time >= step.time - LAST * (step.time - begin)) & (time < step.time)
     final = (time > step.until - LAST * (step.until - step.time)) & (time <= step.until)
     if np.count_nonzero(quiet) < 3 or np.count_nonzero(final) < 3:
-        raise InputError(what, "too few samples", f"needed are 15 before and after the step at {step.time:.6g} s")
+        raise InputError(what, None, f"must have 15 samples before and after the step at {step.time:.6g} s")
     before, after = float(np.median(raw[quiet])), float(np.median(raw[final]))
     noise = float(np.std(clean[quiet]))
     size = after - before
     if not abs(size) > 3.0 * _NOISE * noise:
-        raise InputError(
-            what, f"{size:.3g} after the step at {step.time:.6g} s", "it must step by 12 times its noise or more"
-        )
+        raise InputError(what, None, f"must step by 12 times its noise or more at {step.time:.6g} s, got {size:.3g}")
     threshold = max(shares[0], _NOISE * noise / abs(size))
     # From the last sample before the command: a channel that follows at once passes its threshold just after it.
     first = max(int(np.searchsorted(time, step.time, side="left")) - 1, 0)
@@ -178,9 +174,7 @@ def _response(
     below = np.flatnonzero(share[: half + 1] < threshold)
     done = int(np.argmax(share >= shares[1]))
     if not below.size or not share[done] >= shares[1] or not share[half] >= 0.5:
-        raise InputError(
-            what, f"not following the step at {step.time:.6g} s", "needed is a change that begins after it"
-        )
+        raise InputError(what, None, f"does not follow the step at {step.time:.6g} s: its change must begin after it")
     start = _between(t, share, int(below[-1]) + 1, threshold)
     end = _between(t, share, done, shares[1])
     drift, settled = settling(time[final], raw[final], size)
@@ -331,14 +325,14 @@ def twitch(record: Recording, *, stimulus: float, tension: str = "muscle.tension
     time, y = record.time, known(record, tension)
     before = time < stimulus
     if np.count_nonzero(before) < 3 or before.all():
-        raise InputError("stimulus", float(stimulus), "needed are 3 samples or more before it, and some after it")
+        raise InputError("stimulus", float(stimulus), "must have 3 samples or more before it, and some after it")
     rest, noise = float(np.median(y[before])), float(np.std(y[before]))
     clean = held_against_spikes(y, median)[~before] - rest
     t, raw = time[~before], y[~before] - rest
     top = int(clean.argmax())
     if not clean[top] > 3.0 * _NOISE * noise:
         raise InputError(
-            f"channel {tension}", f"{clean[top]:.3g} N at most", "needed is a twitch of 12 times its noise"
+            f"channel {tension}", None, f"must have a twitch of 12 times its noise, got {clean[top]:.3g} N at most"
         )
     peak_time, peak = _peak(t, raw, clean, top)
     threshold = max(_ONSET, _NOISE * noise / peak)
@@ -347,7 +341,7 @@ def twitch(record: Recording, *, stimulus: float, tension: str = "muscle.tension
     below = np.flatnonzero(share[: half_up + 1] < threshold)
     lost = np.flatnonzero(share[top:] <= 0.5)
     if not lost.size:
-        raise InputError(f"channel {tension}", "not relaxing", "the record must go on until half the peak is lost")
+        raise InputError(f"channel {tension}", None, "must be recorded until half the peak is lost")
     # A record that begins with the stimulus may already rise in its first sample.
     onset = _passing(t, share, int(below[-1]) + 1, threshold) if below.size else float(t[0])
     relaxed = _passing(t, share, top + int(lost[0]), 0.5)

@@ -95,7 +95,7 @@ def unit_from_specimen(
     """
     stated = specimen(spec) if isinstance(spec, str) else spec
     if stated.kind != "mckibben":
-        raise InputError("specimen", stated.id, f"must be a McKibben muscle: it is {stated.kind}", where=stated.where)
+        raise InputError("specimen", stated.id, f"must be a McKibben muscle; it is {stated.kind}", where=stated.where)
     chosen = build_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))
     where = stated.where or stated.id
     return unit_from_muscle(chosen, rubs=rubs, tendon=tendon, wrap=wrap, where=where, **mechanics)
@@ -124,11 +124,11 @@ def unit_from_muscle(
         InputError: if the muscle is biological, or states something else than what was asked for.
     """
     if muscle.is_biological:
-        raise InputError("muscle", muscle.title, "must be a McKibben muscle: it is biological", where=where)
+        raise InputError("muscle", muscle.title, "must be a McKibben muscle; it is biological", where=where)
     known = ("end_mass", "viscosity", "stop_damping")
     for name in mechanics:
         if name not in known:
-            raise InputError(name, "unknown", f"known are {', '.join(known)}", where=where)
+            raise InputError(name, None, known=known, where=where)
     cord = tendon or Tendon(
         stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss")
     )
@@ -191,7 +191,7 @@ def circuit_for(
         source = Reservoir(pressure_abs=supply + room.pressure_abs, temperature=room.temperature)
     if (tank is None) != (feed is None):
         missing, other = ("feed", "tank") if feed is None else ("tank", "feed")
-        raise InputError(missing, "not given", f"it goes together with {other}", where="circuit")
+        raise InputError(missing, None, f"is missing: it goes together with {other}", where="circuit")
     nodes: dict[str, Reservoir | Chamber] = {
         "supply": source,
         "room": Reservoir(pressure_abs=room.pressure_abs, temperature=room.temperature),
@@ -203,7 +203,7 @@ def circuit_for(
     for name, unit in units.items():
         parts = line if isinstance(line, AirLine) else line.get(name)
         if parts is None:
-            raise InputError(f"line of {name}", "not given", "every muscle needs one", where="circuit")
+            raise InputError(f"line of {name}", None, "is missing: every muscle needs one", where="circuit")
         _add(nodes, branches, name, unit, parts, room, "supply" if tank is None else "tank")
     return Circuit.of(nodes, branches)
 
@@ -254,7 +254,7 @@ def single_muscle(
     """Build a machine of one muscle, under the name that the load gives it; for other arguments see `AirLine`."""
     names = load.muscles()
     if len(names) != 1:
-        raise InputError("load", ", ".join(names), "it must hold one muscle", where="single muscle")
+        raise InputError("load", ", ".join(names), "must hold one muscle", where="single muscle")
     return several({names[0]: unit}, load, supply=supply, line=_line(line), environment=environment)
 
 
@@ -317,5 +317,5 @@ def several(
 def _line(given: Mapping[str, Any]) -> AirLine:
     for name in given:
         if name not in AirLine._fields:
-            raise InputError(name, "unknown", f"a line has {', '.join(AirLine._fields)}", where="line")
+            raise InputError(name, None, "a line has", known=AirLine._fields, where="line")
     return AirLine(**given)

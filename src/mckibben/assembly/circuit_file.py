@@ -41,7 +41,7 @@ from ..components import Environment, paths
 from ..documents import parse_toml, read_text, with_own_paths
 from ..engine import STEP, Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.sizes import put_value
@@ -251,7 +251,7 @@ def _put_value(document: Any, path: str, value: Any, known: list[str], where: st
     parts = path.split(".")
     inside = parts[0] in ("environment", "run") or (len(parts) > 2 and has(document, ".".join(parts[:2])))
     if not (inside or has(document, path)):
-        raise InputError("parameter", path, f"{suggest(path, known)}no such key or parameter", where=where)
+        raise InputError("parameter", path, "no key or parameter has that path", known=known, where=where)
     if parts[0] == "elements" and len(parts) == 3:
         element = put_value(document["elements"][parts[1]], parts[2], _toml(value))
         return {**document, "elements": {**document["elements"], parts[1]: element}}
@@ -301,10 +301,7 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
 def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> CircuitPlan:
     """The plan of a document that was read; raises as `read_circuit` does."""
     top = FileTable(document, "", where)
-    if document.get("schema") != SCHEMA:
-        raise InputError(
-            "schema", document.get("schema", "missing"), f"this version reads schema {SCHEMA}", where=where
-        )
+    top.schema(SCHEMA)
     top.only(SECTIONS, "a circuit has")
     top.word("note", "-")
     room = _environment(top.table("environment"))
@@ -312,7 +309,7 @@ def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> Circu
     elements = dict(_named(top, "elements"))
     for name in elements:
         if name in nodes:
-            raise top.fail(f"elements.{name}", name, "a node has that name; choose another one")
+            raise top.fail(f"elements.{name}", name, "must be a name of its own; a node has this one")
     branches = {name: read_branch(entry, list(nodes)) for name, entry in elements.items()}
     circuit = _circuit(nodes, {n: b.branch for n, b in branches.items()}, where)
     _has_volume(circuit, nodes, where)
@@ -352,7 +349,7 @@ def _environment(entry: FileTable) -> Environment:
 def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
     entry = top.table(section)
     if not entry.values:
-        raise top.fail(section, "missing", f"must be one [{section}.NAME] or more")
+        raise top.fail(section, None, f"is missing: a circuit needs one [{section}.NAME] or more")
     _check_names(entry)
     return [(name, entry.table(name)) for name in entry.values]
 
@@ -369,7 +366,7 @@ def _circuit(nodes: Mapping[str, PlannedNode], branches: Mapping[str, Branch], w
     except InputError as error:
         head = error.field.split(".")[0]
         section = "elements." if head in branches else "nodes." if head in nodes else ""
-        raise InputError(section + error.field, error.value, error.allowed, where=where) from None
+        raise error.changed(field=section + error.field, where=where) from None
 
 
 def _has_volume(circuit: Circuit, nodes: Mapping[str, PlannedNode], where: str) -> None:
@@ -385,8 +382,8 @@ def _has_volume(circuit: Circuit, nodes: Mapping[str, PlannedNode], where: str) 
         if not stated > 0.0:
             raise InputError(
                 f"nodes.{name}.volume",
-                "missing",
-                "nothing that joins here gives the junction volume; state one, or join a tube that has a bore",
+                None,
+                "is missing: nothing that joins here gives the junction volume; state one, or join a tube that has a bore",
                 where=where,
             )
 
@@ -409,14 +406,13 @@ def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: s
     _check_names(top.table("signals"))
     for signal, drives in uses.items():
         if signal not in stated:
-            hint = f"known are {', '.join(stated)}" if stated else f"state it as [signals.{signal}]"
-            raise InputError(drives[0][0], signal, f"{suggest(signal, stated)}{hint}", where=where)
+            if stated:
+                raise InputError(drives[0][0], signal, known=stated, where=where)
+            raise InputError(drives[0][0], signal, f"state it as [signals.{signal}]", where=where)
     signals = {}
     for name, entry in stated.items():
         if name not in uses:
-            raise InputError(
-                f"signals.{name}", "unused", "must be a signal that a node or an element names", where=where
-            )
+            raise InputError(f"signals.{name}", None, "is unused: no node or element names it", where=where)
         units = {unit for _, unit in uses[name]}
         places = tuple(place for place, _ in uses[name])
         if len(units) > 1:
@@ -465,7 +461,10 @@ def _check_run(plan: CircuitPlan) -> None:
                 and not float(values.min()) > -float(plan.environment.pressure_abs)
             ):
                 raise InputError(
-                    f"signals.{name}", f"{float(values.min()):.6g} Pa", f"it drives {muscle} below vacuum", where=where
+                    f"signals.{name}",
+                    None,
+                    f"drives {muscle} below vacuum, to {float(values.min()):.6g} Pa",
+                    where=where,
                 )
 
 
@@ -475,6 +474,6 @@ def _resolved(name: str, wave: Waveform, plan: CircuitPlan) -> None:
         raise InputError(
             "run.period",
             time_words(plan.period),
-            f"signals.{name} ({wave.kind}) needs {need} or less",
+            f"must be {need} or less for signals.{name} ({wave.kind})",
             where=plan.where,
         )

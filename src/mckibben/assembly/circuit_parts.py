@@ -17,12 +17,12 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from ..components import Environment
-from ..errors import InputError, MissingParametersError, suggest
+from ..errors import InputError, MissingParametersError
 from ..muscles import law_from_specimen
 from ..muscles.build import build_law, needed_words
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
-from ..pneumatics.build import ELEMENTS, build_element, known_keys
+from ..pneumatics.build import ELEMENTS, build_element
 from ..pneumatics.circuit import Branch
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
@@ -130,7 +130,7 @@ def _compliant(name: str, entry: FileTable, room: Environment) -> PlannedNode:
     heat, words = _heat(entry, room)
     signal = entry.word("signal") if "signal" in entry.values else None
     if ("swept" in entry.values) != (signal is not None):
-        raise entry.fail("swept", "alone", "a volume that moves needs both: swept, and the signal of its stroke")
+        raise entry.fail("swept", None, "goes together with the signal of the stroke: a volume that moves needs both")
     node = CompliantVolume(
         size=size,
         compliance=entry.number("compliance", "m^3/Pa", 0.0, declared=known["compliance"]),
@@ -149,7 +149,9 @@ def _muscle(name: str, entry: FileTable, room: Environment) -> PlannedNode:
     entry.only(("kind", "specimen", "law", "parameters", "length", "signal", "dead_volume", *STARTS), "a muscle has")
     law, title = _law(entry)
     if ("length" in entry.values) == ("signal" in entry.values):
-        raise entry.fail("length", "missing", "a muscle needs a length, or the signal that gives it, and not both")
+        raise entry.fail(
+            "length", None, "is missing: a muscle needs a length, or the signal that gives it, and not both"
+        )
     length, signal = None, None
     if "length" in entry.values:
         length = entry.number("length", "m")
@@ -172,10 +174,10 @@ def _law(entry: FileTable) -> tuple[TensionLaw, str]:
     try:
         spec = specimen(wanted)
     except InputError as error:
-        raise entry.fail("specimen", wanted, error.allowed) from None
+        raise error.changed(field=entry.field("specimen"), where=entry.where) from None
     name = entry.word("law", spec.law or None, among=None)
     if name not in LAWS:
-        raise entry.fail("law", name, f"{suggest(name, LAWS)}{spec.id} states {', '.join(spec.laws) or 'none'}")
+        raise entry.fail("law", name, f"{spec.id} states", known=spec.laws)
     changes, known = entry.table("parameters"), declared(law_type(name))
     changes.only(known, f"{name} has")
     values = {k: changes.number(k, known[k].unit, declared=known[k]) for k in changes.values}
@@ -184,7 +186,8 @@ def _law(entry: FileTable) -> tuple[TensionLaw, str]:
     except MissingParametersError as error:
         raise _missing(entry, changes, spec, error) from None
     except InputError as error:
-        raise entry.fail("specimen" if spec.kind != "mckibben" else "law", error.value, error.allowed) from None
+        key = "specimen" if spec.kind != "mckibben" else "law"
+        raise error.changed(field=entry.field(key), where=entry.where) from None
     if not law.has_volume():
         raise entry.fail("law", name, "must be a law that knows its volume, such as linear_threshold")
     return law, f"{spec.id} by {name}"
@@ -208,7 +211,10 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
     low, high = (float(end) for end in law.length_range())
     if not low <= length <= high:
         raise InputError(
-            field, with_unit(length, "m"), f"must be {with_unit(low, 'm')} to {with_unit(high, 'm')}", where=where
+            field,
+            with_unit(length, "m"),
+            f"must be between {with_unit(low, 'm')} and {with_unit(high, 'm')}",
+            where=where,
         )
 
 
@@ -219,7 +225,7 @@ def _heat(entry: FileTable, room: Environment) -> tuple[HeatModel, str]:
         table = entry.table("heat")
     else:
         if raw not in HEATS:
-            raise entry.fail("heat", raw, f"{suggest(raw, HEATS)}known are {', '.join(HEATS)}")
+            raise entry.fail("heat", raw, known=HEATS)
         table = FileTable({"kind": raw}, entry.field("heat"), entry.where)
     kind = table.word("kind", among=HEATS)
     if kind == "polytropic":
@@ -269,18 +275,17 @@ def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
         key = error.field.removeprefix(f"{kind}.")
         if spec is not None and error.where == (spec.where or spec.id):
             key = "specimen"
-        hint = suggest(key, known_keys(kind)) if error.value == "unknown" else ""
-        raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
+        raise error.changed(field=entry.field(key), where=entry.where) from None
     command = entry.word("command") if "command" in entry.values else None
     return PlannedBranch(Branch(element, ends, command), element.command_unit)
 
 
 def _end(entry: FileTable, key: str, keys: Sequence[str], nodes: Sequence[str]) -> str:
     if key not in entry.values:
-        raise entry.fail(key, "missing", f"its ports are {', '.join(keys)}, and each leads to a node")
+        raise entry.fail(key, None, f"is missing: its ports are {', '.join(keys)}, and each leads to a node")
     end = entry.values[key]
     if end not in nodes:
-        raise entry.fail(key, end, f"{suggest(end, nodes)}known are {', '.join(nodes)}")
+        raise entry.fail(key, end, known=nodes)
     return str(end)
 
 
@@ -289,7 +294,7 @@ def _specimen(entry: FileTable) -> Specimen:
     try:
         return specimen(wanted)
     except InputError as error:
-        raise entry.fail("specimen", wanted, error.allowed) from None
+        raise error.changed(field=entry.field("specimen"), where=entry.where) from None
 
 
 FIT_KEYS = ("free", "start", "columns", "units", "pressure_zero")

@@ -289,5 +289,5 @@ def _rate_and_slope(machine: Machine | Circuit, state: Any, memory: Any, inputs:
 
 def _find(name: str, known: Sequence[str], what: str) -> int:
     if name not in known:
-        raise InputError(what, name, f"known are {', '.join(known)}", where="linear model")
+        raise InputError(what, name, known=known, where="linear model")
     return list(known).index(name)

@@ -51,8 +51,8 @@ class Machine(System):
             if not isinstance(node, MovingVolume) or node.signal != f"{name}.length":
                 raise InputError(
                     name,
-                    "no moving volume",
-                    f"the circuit needs a MovingVolume {name} with the signal {name}.length",
+                    None,
+                    f"must be a MovingVolume of the circuit with the signal {name}.length",
                     where="machine",
                 )
             if not unit.law.has_volume():
@@ -66,7 +66,7 @@ class Machine(System):
                     "State its rest_volume if it has one, or take another law",
                 )
         if sorted(load.muscles()) != sorted(units):
-            raise InputError("load", ", ".join(load.muscles()), f"it must hold {', '.join(units)}", where="machine")
+            raise InputError("load", ", ".join(load.muscles()), f"must hold {', '.join(units)}", where="machine")
         return cls(circuit, dict(units), load, environment or Environment())
 
     @property
@@ -104,11 +104,14 @@ class Machine(System):
         for name in self.signals():
             if name not in inputs:
                 raise InputError(
-                    f"signal {name}", "not given", f"needed are {', '.join(self.signals())}", where="machine"
+                    f"signal {name}",
+                    None,
+                    f"is missing: the machine needs {', '.join(self.signals())}",
+                    where="machine",
                 )
         for name in self.circuit.chambers:
             if name not in pressures:
-                raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="machine")
+                raise InputError(f"pressure of {name}", None, "is missing: every volume needs one", where="machine")
             p = float(pressures[name])
             if not (p > 0.0 and np.isfinite(p)):
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="machine")

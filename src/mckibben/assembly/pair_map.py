@@ -118,15 +118,15 @@ def pair_map(
         good = solved.sound[i] & (commons + apart <= highest) & (commons - apart >= lowest)
         if np.sum(good) < 2:
             between = f"between {with_unit(lowest, 'Pa')} and {with_unit(highest, 'Pa')}"
-            words = f"must be angles at which pressures {between} balance the pair with both muscles taut"
-            raise InputError("angle", f"{angle:.4g} rad", words, where="pair map")
+            problem = f"must be one at which pressures {between} balance the pair with both muscles taut"
+            raise InputError("angle", f"{angle:.4g} rad", problem, where="pair map")
         kept = np.linspace(commons[good].min(), commons[good].max(), levels)
         for table, values in zip(tables, solved.point, strict=True):
             table[i] = np.interp(kept, commons[good], values[i][good])
     common, difference, per_difference, stiffness = tables
     if not (np.diff(stiffness, axis=1) > 0.0).all():
         worst = float(places[np.argmin(np.diff(stiffness, axis=1).min(axis=1))])
-        raise InputError("stiffness", f"falls with co-contraction at {worst:.4g} rad", "must be one that rises")
+        raise InputError("stiffness", None, f"must rise, but falls with co-contraction at {worst:.4g} rad")
     return PairMap(
         angles=places, stiffness=stiffness, common=common, difference=difference, moment_per_difference=per_difference
     )

@@ -28,11 +28,13 @@ def read_points(
     """
     columns = None if column is None else {"value": column} | ({"time": time} if time else {})
     if column is None and time is not None:
-        raise InputError(f"{field}.column", "missing", "must be a header, where time names one too", where=where)
+        raise InputError(f"{field}.column", None, "must name a column of the header, as time does", where=where)
     record = read_record(path, columns=columns)
     names = record.names()
     if len(names) != 1:
-        raise InputError(f"{field}.column", "missing", f"the table has {', '.join(names)}; name one", where=where)
+        raise InputError(
+            f"{field}.column", None, f"is missing: the table has {', '.join(names)}; name one", where=where
+        )
     (name,) = names
     if record.unit(name) != unit or name.endswith("_abs"):
         column_name = f"{name} in {record.unit(name)}"

@@ -76,7 +76,7 @@ def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, nam
         InputError: if there is no such muscle.
     """
     if name not in machine.units:
-        raise InputError("muscle", name, f"known are {', '.join(machine.units)}", where="stiffness")
+        raise InputError("muscle", name, known=machine.units, where="stiffness")
     unit = machine.units[name]
     spans = machine.load.spans(state["load"], inputs)
     cord = derivative(unit.tendon.force, spans[name].span - state["muscles"][name].length)

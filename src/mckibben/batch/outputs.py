@@ -34,7 +34,7 @@ import numpy as np
 from .._jax import jax, jnp
 from ..analysis.steps import LAST, settling
 from ..engine.integration import Result
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..schema import FileTable
 
 RUNNING = ("first", "final", "min", "max", "mean", "rms", "integral", "area")  # made while it goes
@@ -90,7 +90,7 @@ def read_outputs(top: FileTable) -> tuple[Output, ...]:
 
 def _one(name: str, entry: FileTable) -> Output:
     if name == TIME or not name.strip() or "/" in name:
-        raise InputError(entry.path, name, "must be another name: time and names with / are taken", where=entry.where)
+        raise InputError(entry.path, name, "must be another name; time and names with / are taken", where=entry.where)
     entry.only(("channel", "reduce", "over", "share", "step", "account", "balance"))
     for key in ("account", "balance"):
         if key in entry.values:
@@ -102,7 +102,8 @@ def _one(name: str, entry: FileTable) -> Output:
     if not 0.0 < share < 1.0:
         raise entry.fail("share", entry.values["share"], "must be more than 0 and less than 1")
     if (reduce == "area") != ("over" in entry.values):
-        raise entry.fail("over", entry.values.get("over", "missing"), "an area needs it, and nothing else has it")
+        problem = "is missing: an area needs it" if reduce == "area" else "is allowed only with an area"
+        raise entry.fail("over", None, problem)
     return Output(name, reduce, entry.word("channel"), entry.text("over"), share, entry.text("step"))
 
 
@@ -113,9 +114,8 @@ def check_channels(outputs: Iterable[Output], known: Iterable[str], accounts: It
         allowed = channels if one.sampled else integrals if one.reduce == "account" else list(BALANCES)
         for name in filter(None, (one.channel, one.over)):
             if name not in allowed:
-                said = f"{suggest(name, allowed)}known are {', '.join(allowed)}"
                 key = one.reduce if not one.sampled else "over" if name == one.over else "channel"
-                raise InputError(f"outputs.{one.name}.{key}", name, said, where=where)
+                raise InputError(f"outputs.{one.name}.{key}", name, known=allowed, where=where)
 
 
 def wanted(outputs: Iterable[Output]) -> tuple[str, ...]:

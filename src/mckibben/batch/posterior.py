@@ -49,7 +49,7 @@ def draws(
         samples = np.concatenate([samples, tried[inside]])
         if len(samples) >= count:
             return samples[:count]
-    raise InputError("posterior", f"{len(samples)} of {count} draws", "nearly none lies within the declared bounds")
+    raise InputError("posterior", None, f"has too few draws within the declared bounds, {len(samples)} of {count}")
 
 
 def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") -> Variants:
@@ -92,7 +92,7 @@ def of_json(
         points = int(one["n"])
     except (ValueError, KeyError, TypeError, IndexError):
         said = f"a fit of {law}" if law else "a fit"
-        raise InputError("posterior.fit", where, f"allowed is what mckibben fit --json prints, with {said}") from None
+        raise InputError("posterior.fit", where, f"must be what mckibben fit --json prints, with {said}") from None
     settings = {name: known(f"muscle.law.{name}") for name in parameters}
     deviation = np.array([_deviation(n, e, points, len(parameters)) for n, e in parameters.items()])
     bounds = [s.quantity.bounds if s.quantity else (-np.inf, np.inf) for s in settings.values()]
@@ -119,12 +119,12 @@ def of_samples(
     where = os.fspath(path)
     rows = [row for row in csv.reader(io.StringIO(read_text(path, field="posterior.samples"))) if row]
     if len(rows) < 2:
-        raise InputError("posterior.samples", where, "allowed is a table with a header and a row for each sample")
+        raise InputError("posterior.samples", where, "must be a table with a header and a row for each sample")
     columns = {}
     for i, header in enumerate(rows[0]):
         match = _HEADER.fullmatch(header)
         if match is None:
-            raise InputError("header", header, "allowed is a path and its unit, such as end_mass [g]", where=where)
+            raise InputError("header", header, "must be a path and its unit, such as end_mass [g]", where=where)
         one, unit = known(match[1]), match[2] or ""
         try:
             columns[one.path] = np.array([_number(one, row[i], unit, where) for row in rows[1:]])
@@ -134,7 +134,9 @@ def of_samples(
     if count is None:
         return table
     if not 1 <= count <= len(table):
-        raise InputError("posterior.count", count, f"the table has {len(table)} samples", where=where)
+        raise InputError(
+            "posterior.count", count, f"must be at most {len(table)}, the samples of the table", where=where
+        )
     chosen = np.sort(np.random.default_rng(seed).permutation(len(table))[:count])
     return Variants({name: values[chosen] for name, values in columns.items()})
 
@@ -142,7 +144,7 @@ def of_samples(
 def _number(one: Setting, text: str, unit: str, where: str) -> float:
     value = one.read(f"{text.strip()} {unit}".strip(), where=where)
     if isinstance(value, str):
-        raise InputError(one.path, text, "allowed is a number", where=where)
+        raise InputError(one.path, text, "must be a number", where=where)
     return value
 
 
@@ -155,5 +157,5 @@ def _deviation(name: str, estimate: Mapping[str, Any], points: int, free: int) -
     except TypeError:  # null where it is not finite
         half = np.inf
     if not np.isfinite(half):
-        raise InputError(f"posterior.{name}", "not fixed by the data", "allowed is a fit with finite intervals")
+        raise InputError(f"posterior.{name}", None, "must have a finite interval in the fit; the data do not fix it")
     return half / float(stats.t.ppf(0.975, max(points - free, 1)))

@@ -60,7 +60,7 @@ class Runner:
         threads: int = 0,
     ) -> None:
         if engine not in ENGINES:
-            raise InputError("engine", engine, f"known are {', '.join(ENGINES)}")
+            raise InputError("engine", engine, known=ENGINES)
         self.template, self.engine, self.threads = template, engine, threads
         self.planner = LanePlanner(template, ranges)
         self._kernels: list[LaneKernels] = []

@@ -181,7 +181,7 @@ def _whole(field_: str, value: Any) -> int:
     except ValueError:
         number = -1
     if number < 0:
-        raise InputError(field_, str(value), "allowed is a whole number, 0 or more")
+        raise InputError(field_, str(value), "must be a whole number, 0 or more")
     return number
 
 

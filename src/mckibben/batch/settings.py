@@ -18,7 +18,7 @@ from ..bench.rig import Rig
 from ..bench.rig_file import LENGTH
 from ..bench.sensors import SENSORS
 from ..components import Environment, paths
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..experiments.amounts import read_amount
 from ..experiments.protocol import Protocol
 from ..experiments.read import SETTINGS
@@ -104,17 +104,19 @@ def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | 
         try:
             quantity = paths.declaration(unit, path_in_muscle)
         except InputError as error:
-            raise InputError(path, "unknown", error.allowed, where=where) from None
+            raise error.changed(value=path, where=where) from None
         return Setting(path, quantity.unit, quantity)
     if path.startswith("rig."):
         setting_of_rig = _of_rig(rig, path.removeprefix("rig."))
         if setting_of_rig is None and not _stated(rig.document, path.removeprefix("rig.")):
-            raise InputError(path, "unknown", _rig_hint(rig, path.removeprefix("rig.")), where=where)
+            raise InputError(
+                path, None, f"is not a path of the rig: {_rig_hint(rig, path.removeprefix('rig.'))}", where=where
+            )
         return Setting(path) if setting_of_rig is None else Setting(path, setting_of_rig.unit, setting_of_rig)
     known = protocol.variables()
     if path not in (*known, *SETTINGS):
-        some = f"{suggest(path, known)}{protocol.name} has {', '.join([*known, *SETTINGS])}"
-        raise InputError(path, "unknown", f"{some}; others begin with rig. or muscle.", where=where)
+        problem = f"other paths begin with rig. or muscle.; {protocol.name} has"
+        raise InputError("parameter", path, problem, known=[*known, *SETTINGS], where=where)
     units = {p.name: p.unit for p in protocol.parameters if p.unit != "word"}
     return Setting(path, units.get(path, "1/s" if path == "sample_rate" else ""))
 

@@ -212,7 +212,7 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
         message = [str(m) for m in group["message"][:]]
         codes, duration = np.asarray(group["code"][:]), np.asarray(group["duration"][:])
     except (KeyError, ValueError, TypeError, OSError):
-        raise InputError("store", str(place), "allowed is the folder of a sweep's results") from None
+        raise InputError("store", str(place), "must be the folder of a sweep's results") from None
     return Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()}), Results(
         codes, message, duration, arrays
     )

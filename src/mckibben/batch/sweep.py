@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..bench.segment import CHUNK
-from ..errors import InputError, suggest
+from ..errors import InputError
 from .lanes import BuiltVariant, build
 from .outputs import LATER, VariantOutcome, check_channels, document, wanted
 from .run import LANES, Results, Runner, known_names
@@ -122,7 +122,10 @@ class Sweep:
         fits = int(self.memory / each)
         if fits < 1:
             raise InputError(
-                "run.memory", f"{self.memory:.3g} bytes", f"one variant takes {each:.3g} bytes", where=self.where
+                "run.memory",
+                None,
+                f"must be at least {each:.3g} bytes for one variant, got {self.memory:.3g} bytes",
+                where=self.where,
             )
         wished = self.block or max(LEAST_BLOCK, min(LANES, power(-(-len(self.variants) // (2 * workers)))))
         return max(1, min(wished, 1 << (fits.bit_length() - 1), power(len(self.variants))))
@@ -131,7 +134,7 @@ class Sweep:
         try:
             return build(factory, values)
         except InputError as error:
-            raise InputError(error.field, error.value, error.allowed, where=error.where or self.where) from None
+            raise error.changed(where=error.where or self.where) from None
 
     def _trials(self) -> Iterator[dict[str, Any]]:
         """Variants at the ends of every range, with every text, and at the corners if they are few."""
@@ -151,8 +154,8 @@ class Sweep:
         labels = list(dict.fromkeys(s.step.label for part in first.parts for s in part.steps if s.step.label))
         for one in self.template.outputs:
             if one.step and one.step not in labels:
-                said = f"{suggest(one.step, labels)}the protocol's steps are called {', '.join(labels) or 'nothing'}"
-                raise InputError(f"outputs.{one.name}.step", one.step, said, where=self.where)
+                field = f"outputs.{one.name}.step"
+                raise InputError(field, one.step, "the protocol's steps are called", known=labels, where=self.where)
 
 
 def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: None) -> Results:

@@ -76,8 +76,7 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     where = os.fspath(path)
     top = FileTable(read_toml(path, field="sweep"), "", where)
     top.only(SECTIONS, "a sweep has")
-    if top.values.get("schema") != SCHEMA or isinstance(top.values.get("schema"), bool):
-        raise top.fail("schema", top.values.get("schema", "missing"), f"this version reads schema {SCHEMA}")
+    top.schema(SCHEMA)
     folder = Path(where).parent
     template = _template(top, folder)
     settings: dict[str, Setting] = {}
@@ -89,11 +88,11 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
 
     parts = [_grid(top, known), _latin(top, known), _list(top, known), _posterior(top, known, folder)]
     if all(p is None for p in parts):
-        raise top.fail("variants", "none", "needed is one of [grid], [latin], [[list]] and [posterior]")
+        raise top.fail("variants", None, "are missing: a sweep needs one of [grid], [latin], [[list]] and [posterior]")
     variants = crossed(*[p for p in parts if p is not None])
     for name in variants.columns:
         if name in template.given:
-            raise InputError(name, "set and varied", "state it once", where=where)
+            raise InputError(name, None, "must be either set or varied", where=where)
     template = _with_files(dataclasses.replace(template, settings=settings), variants, folder, where)
     run = top.table("run")
     run.only(("block", "memory", "engine"))
@@ -116,7 +115,7 @@ def _template(top: FileTable, folder: Path) -> RunTemplate:
         raise top.fail("accept_saturation", accept, "must be true or false")
     step = top.number("step", "s", STEP)
     if not STEPS[0] <= step <= STEPS[1]:
-        raise top.fail("step", top.values["step"], "must be 0.1 us to 1 ms")
+        raise top.fail("step", top.values["step"], "must be between 0.1 us and 1 ms")
     template = RunTemplate(
         protocol=protocol,
         muscle=muscle,
@@ -172,7 +171,7 @@ def _range(entry: FileTable, one: Setting) -> tuple[float, float, str]:
     ends = []
     for key in ("from", "to"):
         if key not in entry.values:
-            raise entry.fail(key, "missing", "a range has both ends")
+            raise entry.fail(key, None, "is missing: a range has both ends")
         value = one.read(entry.values[key], where=entry.where)
         if isinstance(value, str):
             raise entry.fail(key, value, "it is a word, and words stand in a list")
@@ -191,7 +190,7 @@ def _latin(top: FileTable, known: Any) -> Variants | None:
         entry.only(("from", "to", "spacing"))
         ranges[path] = _range(entry, known(path))
     if not ranges:
-        raise table.fail("ranges", "missing", "must be a table of ranges { from, to } by path")
+        raise table.fail("ranges", None, "is missing: a table of ranges { from, to } by path")
     count = table.whole("count", 1, MOST)
     return latin(ranges, count, seed=table.whole("seed", 0, 2**32 - 1, 0))
 
@@ -212,13 +211,13 @@ def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
         return None
     table.only(("fit", "law", "samples", "count", "seed"))
     if ("fit" in table.values) == ("samples" in table.values):
-        raise table.fail("fit", table.values.get("fit", "missing"), "must be either fit or samples")
+        raise table.fail("fit", None, "must be stated, or samples, but not both")
     seed = table.whole("seed", 0, 2**32 - 1, 0)
     count = table.whole("count", 1, MOST) if "count" in table.values else None
     if "samples" in table.values:
         return posterior.of_samples(folder / table.word("samples"), count, known, seed=seed)
     if count is None:
-        raise table.fail("count", "missing", "a fit needs the number of draws")
+        raise table.fail("count", None, "is missing: a fit needs the number of draws")
     return posterior.of_json(folder / table.word("fit"), table.text("law"), count, known, seed=seed)
 
 

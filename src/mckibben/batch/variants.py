@@ -82,10 +82,12 @@ def between(path: str, low: float, high: float, spacing: str, share: np.ndarray)
         InputError: as `latin`.
     """
     if not low <= high:
-        raise InputError(path, f"{low:g} to {high:g}", "allowed is a range that rises")
+        raise InputError(path, None, f"must be a range that rises, got {low:g} to {high:g}")
     if spacing == "log":
         if not low > 0.0:
-            raise InputError(path, f"{low:g} to {high:g}", "a logarithmic range has to begin above zero")
+            raise InputError(
+                path, None, f"must begin above zero, for the range is logarithmic, got {low:g} to {high:g}"
+            )
         return np.asarray(np.clip(low * (high / low) ** share, low, high))
     return np.asarray(np.clip(low + (high - low) * share, low, high))
 
@@ -100,7 +102,7 @@ def listed(rows: Sequence[Mapping[str, Any]]) -> Variants:
     for i, row in enumerate(rows, 1):
         for path in names:
             if path not in row:
-                raise InputError(f"list.{i}.{path}", "missing", "every variant of a list states the same paths")
+                raise InputError(f"list.{i}.{path}", None, "is missing: every variant of a list states the same paths")
     _few(len(rows))
     return Variants({path: column([row[path] for row in rows]) for path in names})
 
@@ -114,7 +116,7 @@ def crossed(*parts: Variants) -> Variants:
     names = [path for part in parts for path in part.columns]
     for path in names:
         if names.count(path) > 1:
-            raise InputError(path, "varied twice", "allowed is one place that varies a path")
+            raise InputError(path, None, "is varied twice: only one place may vary a path")
     counts = [len(part) for part in parts]
     _few(int(np.prod(counts, dtype=object)))
     places = np.indices(counts).reshape(len(counts), -1)
@@ -126,7 +128,7 @@ def crossed(*parts: Variants) -> Variants:
 
 def _few(count: int) -> None:
     if not 1 <= count <= MOST:
-        raise InputError("variants", count, f"allowed are 1 to {MOST:,}")
+        raise InputError("variants", count, f"must be between 1 and {MOST:,}")
 
 
 def power(count: int) -> int:

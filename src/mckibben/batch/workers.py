@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, choice
 from ..extras import library
 from .run import Results, Runner, Tell
 from .sweep import Sweep
@@ -100,11 +100,9 @@ class Workers:
 
     def __post_init__(self) -> None:
         if self.way not in WAYS and "://" not in self.way:
-            raise InputError(
-                "--scheduler", self.way, f"allowed are {', '.join(WAYS)}, or an address such as tcp://host:8786"
-            )
+            raise InputError("--scheduler", self.way, f"must be {choice(WAYS)}, or an address such as tcp://host:8786")
         if self.count < 0:
-            raise InputError("--workers", self.count, "allowed is a whole number above 0")
+            raise InputError("--workers", self.count, "must be a whole number above 0")
         self.count = 1 if self.way == "serial" else self.count or cores()
 
     def check_libraries(self) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from typing import Protocol as Interface
 
 from ..assembly.signal_table import read_points
-from ..errors import InputError, suggest
+from ..errors import InputError, not_found
 from ..experiments.amounts import CHANNELS
 from ..experiments.dry_run import check
 from ..experiments.protocol import Protocol
@@ -102,7 +102,7 @@ def words_of(line: str) -> list[str]:
 
 def usage(name: str, words: list[str]) -> InputError:
     """Return the error for wrong arguments of a command."""
-    return InputError(name, " ".join(words) or "alone", f"allowed is {COMMANDS[name].usage}")
+    return InputError(name, " ".join(words) or "alone", f"must be {COMMANDS[name].usage}")
 
 
 PROTOCOL = ".toml"
@@ -119,14 +119,14 @@ def loaded(name: str, channel: str | None = None) -> Protocol:
         InputError: names what is unknown or cannot be read.
     """
     if channel is not None and channel not in CHANNELS:
-        raise InputError("as", channel, f"{suggest(channel, CHANNELS)}known are {', '.join(CHANNELS)}")
+        raise InputError("as", channel, known=CHANNELS)
     path = Path(name)
     if path.suffix.lower() == PROTOCOL:
         return read_protocol(name)
     if not path.suffix and os.sep not in name:
         return shipped(name)
     if not path.is_file():
-        raise InputError("load", name, "no such file")
+        raise not_found(name)
     return _following(path, *((channel,) if channel else CHANNELS))
 
 
@@ -235,8 +235,7 @@ class CommandInterpreter(abc.ABC):
         if name in self.elsewhere:
             raise InputError("command", name, self.elsewhere[name])
         if name not in self.commands:
-            hint = suggest(name, self.commands)
-            raise InputError("command", words[0], f"{hint}known are {', '.join(self.commands)}")
+            raise InputError("command", words[0], known=self.commands)
         answer: str | None = getattr(self, f"_{name}")(rest)
         return answer or ""
 
@@ -336,8 +335,7 @@ class CommandInterpreter(abc.ABC):
         if not words:
             return _columns([(c.usage, c.about) for c in self.commands.values()])
         if len(words) != 1 or words[0] not in self.commands:
-            hint = suggest(words[0], self.commands)
-            raise InputError("help", " ".join(words), f"{hint}known are {', '.join(self.commands)}")
+            raise InputError("help", " ".join(words), known=self.commands)
         command = self.commands[words[0]]
         return f"{command.usage}\n{command.about}"
 
@@ -348,7 +346,7 @@ class CommandInterpreter(abc.ABC):
             InputError: if there is none.
         """
         if self.protocol is None:
-            raise InputError("protocol", "none", f"load one first; known are {', '.join(protocol_names())}")
+            raise InputError("protocol", None, f"must be loaded first: {', '.join(protocol_names())}")
         return self.protocol
 
 
@@ -452,18 +450,18 @@ class Console(CommandInterpreter):
     def _save(self, words: list[str]) -> str:
         path = Path(" ".join(_some("save", words).split()))
         if path.suffix.lower() not in FORMATS:
-            raise InputError("save", str(path), f"allowed is a name that ends in {', '.join(FORMATS)}")
+            raise InputError("save", str(path), f"must be a name that ends in {', '.join(FORMATS)}")
         if not path.absolute().parent.is_dir():
-            raise InputError("save", str(path), "no such folder")
+            raise not_found(path.absolute().parent, "folder")
         if self.recording is None:
-            raise InputError("save", str(path), "there is no recording yet; allowed is after a run or record off")
+            raise InputError("save", str(path), "there is no recording yet; use it after a run or record off")
         return "\n".join([f"Written: {path}", *write(self.recording, path)])
 
     def _wait(self, words: list[str]) -> str:
         text = _some("wait", words)
         seconds = parse(text, "s", field="wait")
         if not 0.0 <= seconds <= LONGEST:
-            raise InputError("wait", text, f"allowed is 0 s to {LONGEST:g} s")
+            raise InputError("wait", text, f"must be between 0 s and {LONGEST:g} s")
         self.session.wait(seconds)
         return self.status().line()
 

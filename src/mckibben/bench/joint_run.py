@@ -102,9 +102,9 @@ def joint_stand(
     """
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     if "pressure" not in on.sensors:
-        raise InputError("rig", on.name, "allowed is one with a sensor of the pressure")
+        raise InputError("rig", on.name, "must be one with a sensor of the pressure")
     if layout not in on.plumbing:
-        raise InputError("plumbing", layout, f"known are {', '.join(on.plumbing)}", where=on.where)
+        raise InputError("plumbing", layout, known=on.plumbing, where=on.where)
     parts = on.plumbing[layout]
     bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
     stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
@@ -125,7 +125,7 @@ def joint_stand(
     lowest, highest = pressures
     top = min(float(on.valve_out.top), float(parts.supply_pressure))
     if not highest <= top:
-        raise InputError("pressures", highest, f"allowed is at most {top:.6g} Pa, what the valves give", where=on.name)
+        raise InputError("pressures", highest, f"must be at most {top:.6g} Pa, what the valves give", where=on.name)
     control = JointControl(
         pair=pair_map(machine, lowest=lowest, highest=highest, angles=angles),
         motion=on.motion,
@@ -137,7 +137,7 @@ def joint_stand(
 
 def _counting(rig: Rig) -> Encoder:
     if rig.encoder is None:
-        raise InputError("rig", rig.name, "allowed is one with an encoder")
+        raise InputError("rig", rig.name, "must be one with an encoder")
     return rig.encoder
 
 
@@ -209,15 +209,15 @@ def run_joint(
 def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Sample times, and every course at them."""
     if not (math.isfinite(duration) and duration >= period):
-        raise InputError("duration", duration, f"allowed is a time of at least one sample, {period:g} s")
+        raise InputError("duration", duration, f"must be a time of at least one sample, {period:g} s")
     time = period * np.arange(round(duration / period) + 1)
     sampled = {}
     for name, course in courses.items():
         values = np.asarray(course(time) if callable(course) else course, float)
         if values.shape not in ((), time.shape):
-            raise InputError(name, f"of shape {values.shape}", f"allowed is a number or {len(time)} values")
+            raise InputError(name, None, f"must be a number or {len(time)} values, got shape {values.shape}")
         if not np.isfinite(values).all():
-            raise InputError(name, "not finite", "allowed is a finite number for every sample")
+            raise InputError(name, None, "must be a finite number for every sample")
         sampled[name] = np.broadcast_to(values, time.shape)
     return time, sampled
 

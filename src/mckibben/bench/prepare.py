@@ -237,8 +237,8 @@ def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float,
     motor_held, own = prepared.rig.motor is not None, prepared.protocol.sample_rate
     every = round(rate / own)
     if every < 1 or abs(rate / own - every) > 1e-6:
-        allowed = f"the session samples at {rate:g} Hz; allowed is that or a whole part of it"
-        raise InputError("sample_rate", f"{own:g} Hz", allowed)
+        allowed = f"must be {rate:g} Hz, at which the session samples, or a whole part of it, got {own:g} Hz"
+        raise InputError("sample_rate", None, allowed)
     if prepared.findings or abs(prepared.plan.sample_rate - rate) < 1e-6 * rate:
         return dataclasses.replace(prepared, motor_held=motor_held)
     faster = prepare(dataclasses.replace(prepared.protocol, sample_rate=rate), **options)
@@ -253,7 +253,7 @@ def _not_built(rig: Rig, unit: MuscleUnit, plan: ProtocolPlan, layout: str) -> l
             rig.computer.period(plan.sample_rate)  # that of a loop with a motor is faster than the protocol's
             rig.machine(part.layout, with_friction_scale(unit, part.friction), start=part.start_span, moves=part.moves)
         except InputError as error:
-            reason = Finding(0, "", "", error.field, str(error.value), error.allowed, str(error))
+            reason = Finding(0, "", "", error.field, str(error.value), error.problem, str(error))
             findings.setdefault(reason.sentence, reason)
     return list(findings.values())
 

@@ -268,7 +268,7 @@ class ProtocolRun:
 
     def _ask(self, text: str) -> None:
         if self.stage.hardware is not None and self.ask is None:
-            raise InputError("ask", "nobody", f"the protocol wants a person to {text}")
+            raise InputError("ask", None, f"needs a person: the protocol asks somebody to {text}")
         if self.ask is not None:
             self.ask(text)
         self._event(f"asked to {text}")

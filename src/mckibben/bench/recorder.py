@@ -33,7 +33,7 @@ class Chunks:
 
     def __init__(self, period: float, kinds: Mapping[str, tuple[str, str, str]]) -> None:
         if not (math.isfinite(period) and period > 0.0):
-            raise InputError("period", float(period), "allowed is a time [s] above zero")
+            raise InputError("period", float(period), "must be a time [s] above zero")
         self.period, self.kinds = float(period), dict(kinds)
         self._times: list[np.ndarray] = []
         self._arrays: list[dict[str, np.ndarray]] = []
@@ -55,18 +55,20 @@ class Chunks:
         """
         t = np.asarray(times, np.float64)
         if t.ndim != 1:
-            raise InputError("times", f"of shape {t.shape}", "allowed is one dimension")
+            raise InputError("times", None, f"must have one dimension, got shape {t.shape}")
         kept = np.asarray(keep, bool)
         if kept.shape not in ((), t.shape):
-            raise InputError("keep", f"of shape {kept.shape}", f"allowed is {t.shape}")
+            raise InputError("keep", None, f"must have the shape {t.shape}, got {kept.shape}")
         kept = np.broadcast_to(kept, t.shape)
         chosen: dict[str, np.ndarray] = {}
         for name, values in arrays.items():
             column = np.asarray(values)
             if name not in self.kinds:
-                raise InputError("channel", name, f"its unit is not known; known are {', '.join(self.kinds) or 'none'}")
+                raise InputError("channel", name, "units are known of", known=self.kinds)
             if column.shape != t.shape:
-                raise InputError(f"channel {name}", f"of shape {column.shape}", f"the times have {t.shape}")
+                raise InputError(
+                    f"channel {name}", None, f"must have the shape of the times, {t.shape}, got {column.shape}"
+                )
             chosen[name] = np.array(column[kept], np.float64)
         if kept.any():
             self._append(t[kept], chosen)
@@ -75,9 +77,7 @@ class Chunks:
         before = self._times[-1][-1:] if self._times else times[:0]
         steps = np.diff(np.concatenate([before, times]))
         if not (np.isfinite(times).all() and np.all(steps > 0.0)):
-            raise InputError(
-                "times", f"from {times[0]:.6g} s", "allowed are finite times that rise from chunk to chunk"
-            )
+            raise InputError("times", None, f"must be finite and rise from chunk to chunk, got {times[0]:.6g} s")
         self._times.append(times)
         self._arrays.append(chosen)
 
@@ -90,7 +90,7 @@ class Chunks:
             InputError: if nothing was kept.
         """
         if not self._times:
-            raise InputError("recording", "empty", "no sample was kept; allowed is a run that records at least one")
+            raise InputError("recording", None, "is empty: the run recorded no sample")
         time = np.concatenate(self._times)
         present = {name for chunk in self._arrays for name in chunk}
         channels = {

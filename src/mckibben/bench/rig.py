@@ -17,7 +17,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import GasState
 from ..engine.native import call_compiled
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..experiments.dry_run import Limits
 from ..experiments.protocol import Protocol
 from ..pneumatics.gas import AIR
@@ -104,9 +104,7 @@ class Rig:
         if name is not None:
             if name not in self.plumbing:
                 known = list(self.plumbing)
-                raise InputError(
-                    "plumbing", name, f"{suggest(name, known)}known are {', '.join(known)}", where=self.where
-                )
+                raise InputError("plumbing", name, known=known, where=self.where)
             return name
         needed = set(protocol.required())
         sorts = [(n, p.parts()) for n, p in self.plumbing.items() if p.has_muscle]
@@ -186,7 +184,7 @@ class Rig:
         known = list(self.resolution())
         for name in calibration.corrections:
             if name not in known:
-                raise InputError("channel", name, f"the rig measures {', '.join(known)}", where="calibration")
+                raise InputError("channel", name, "the rig measures", known=known, where="calibration")
         return dataclasses.replace(self, calibration=calibration)
 
     def true(self, channel: str, indicated: Any) -> Any:

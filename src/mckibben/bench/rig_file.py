@@ -30,8 +30,8 @@ from typing import Any, TypeVar, cast
 
 from ..components import Environment, Module
 from ..documents import parse_toml, read_toml, with_own_paths
-from ..errors import InputError, suggest
-from ..pneumatics.build import build_element, known_keys
+from ..errors import InputError
+from ..pneumatics.build import build_element
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, declared, parse
@@ -84,9 +84,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
     else:
         if text not in rig_names():
             known = rig_names()
-            raise InputError(
-                "rig", text, f"{suggest(text, known)}known are {', '.join(known)}, or the path of a .toml file"
-            )
+            raise InputError("rig", text, "give the path of a .toml file or one of", known=known)
         where = f"{text}.toml"
         document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
     for path_, value in (changes or {}).items():
@@ -114,11 +112,11 @@ def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
     room = read_table(Environment, top.table("environment"))
     layouts = top.table("plumbing")
     if not layouts.values:
-        raise top.fail("plumbing", "missing", "must be one table for each way to join the pneumatic parts")
+        raise top.fail("plumbing", None, "is missing: one table for each way to join the pneumatic parts")
     if not bounds[0] < bounds[1]:
         raise frame.fail("longest", frame.values["longest"], f"must be more than {frame.values['shortest']}")
     if motor is not None and "motor" not in outputs.values:
-        raise outputs.fail("motor", "missing", "a motor needs the converter that drives it")
+        raise outputs.fail("motor", None, "is missing: a motor needs the converter that drives it")
     return Rig(
         name=top.word("name"),
         title=top.word("title"),
@@ -218,7 +216,7 @@ def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     plain = entry.derived({k: v for k, v in entry.values.items() if k in _PLUMBING})
     made: Plumbing = read_table(Plumbing, plain, heat=_heat(entry, room), has_muscle=muscle, **parts)
     if not muscle and not float(made.muscle_accumulator) > 0.0:
-        raise entry.fail("muscle_accumulator", "missing", "without a muscle it takes its place")
+        raise entry.fail("muscle_accumulator", None, "is missing: without a muscle it takes its place")
     return made
 
 
@@ -228,14 +226,13 @@ def _element(entry: FileTable, kind: str) -> Any:
         try:
             spec = specimen(entry.word("specimen"))
         except InputError as error:
-            raise entry.fail("specimen", entry.values["specimen"], error.allowed) from None
+            raise error.changed(field=entry.field("specimen"), where=entry.where) from None
     values = {k: v for k, v in entry.values.items() if k != "specimen"}
     try:
         return build_element(kind, values, where=entry.where, specimen=spec)
     except InputError as error:
         key = error.field.removeprefix(f"{kind}.")
-        hint = suggest(key, known_keys(kind)) if error.value == "unknown" else ""
-        raise InputError(entry.field(key), error.value, hint + error.allowed, where=entry.where) from None
+        raise error.changed(field=entry.field(key), where=entry.where) from None
 
 
 def _heat(entry: FileTable, room: Environment) -> HeatModel:

@@ -67,7 +67,7 @@ def run(
     if isinstance(protocol, PreparedRun):
         prepared = protocol
     elif muscle is None:
-        raise InputError("muscle", "not given", "allowed is a specimen, its id or file, or a muscle")
+        raise InputError("muscle", None, "is missing: a specimen, its id or file, or a muscle")
     else:
         prepared = prepare(protocol, muscle=muscle, rig=rig, **options)
     session = Session(prepared.rig, prepared.specimen or prepared.unit, hardware, unit=prepared.unit, by_hand=False)

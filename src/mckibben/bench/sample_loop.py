@@ -441,8 +441,8 @@ def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -
             "analogue channels of the machine", sorted(has), f"the rig has {sorted(needs)}; not both: {odd}"
         )
     if converters.encoder is not None and not hardware.has_encoder:
-        raise InputError("encoder", "none at the machine", "the rig has one")
+        raise InputError("encoder", None, "is missing on the machine: the rig has one")
     if software.has_motor and not hardware.has_motor:
-        raise InputError("motor", "none at the machine", "the protocol moves the end of the muscle")
+        raise InputError("motor", None, "is missing on the machine: the protocol moves the end of the muscle")
     if software.has_motor and converters.motor is None:
-        raise InputError("outputs.motor", "none", "a machine takes counts, so the rig needs this converter")
+        raise InputError("outputs.motor", None, "is missing: a machine takes counts, so the rig needs this converter")

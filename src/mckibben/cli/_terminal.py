@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import InputError
+from ..errors import InputError, not_found
 
 if TYPE_CHECKING:
     from ..specimens import Specimen
@@ -56,7 +56,7 @@ def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, s
     for word in words or []:
         name, equals, value = word.partition("=")
         if not equals or not name.strip() or not value.strip():
-            raise InputError(option, word, f"allowed is NAME=VALUE, such as {example}")
+            raise InputError(option, word, f"must be NAME=VALUE, such as {example}")
         table[name.strip()] = value.strip()
     return table
 
@@ -66,15 +66,15 @@ def writable(option: str, path: Path | None, *endings: str) -> None:
     if path is None:
         return
     if path.suffix not in endings:
-        raise InputError(option, str(path), f"allowed is a name that ends in {' or '.join(endings)}")
+        raise InputError(option, str(path), f"must be a name that ends in {' or '.join(endings)}")
     if not path.absolute().parent.is_dir():
-        raise InputError("folder", str(path.absolute().parent), "no such folder")
+        raise not_found(path.absolute().parent, "folder")
 
 
 def chosen_law(law: str | None, spec: Specimen) -> str:
     """Name of the requested law, or of the specimen's own."""
     if law is not None and not law.strip():
-        raise InputError("--law", law, f"{spec.id} states {', '.join(spec.laws) or 'none'}")
+        raise InputError("--law", law, f"{spec.id} states", known=spec.laws)
     return spec.law if law is None else law
 
 
@@ -96,7 +96,7 @@ def options_named(**more: str) -> Iterator[None]:
         if not option:
             raise error from None
         sentence = f"{error.sentence}, with {option}" if error.sentence else None
-        raise error.changed(allowed=f"{error.allowed}, with {option}", sentence=sentence, remedy="") from None
+        raise error.changed(problem=f"{error.problem}, with {option}", sentence=sentence, remedy="") from None
 
 
 def caution(*sentences: str | None) -> list[str]:

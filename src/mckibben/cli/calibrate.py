@@ -78,7 +78,7 @@ def zero(
     names = _names(channel)
     units = {"tension": "N"}
     if uncertainty is not None and len({units.get(n, "Pa") for n in names}) > 1:
-        raise InputError("--uncertainty", uncertainty, "allowed for channels of one unit at a time: say --channel")
+        raise InputError("--uncertainty", None, "is allowed only for channels of one unit at a time: say --channel")
     standard_uncertainty = _value("--uncertainty", uncertainty, units.get(names[0], "Pa"))
     with _session(wanted, None) as session:
         _done(wanted, session, session.zero(names, uncertainty=standard_uncertainty))
@@ -111,7 +111,7 @@ def weights(
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     standard_uncertainty = _value("--uncertainty", uncertainty, "kg")
     if gravity is None and gravity_uncertainty is not None:
-        raise InputError("--gravity-uncertainty", gravity_uncertainty, "allowed beside --gravity")
+        raise InputError("--gravity-uncertainty", None, "is allowed only beside --gravity")
     g = calibrating.estimate.GRAVITY if gravity is None else _value("--gravity", gravity, "m/s^2", 9.7, 9.9)
     of_g = (
         calibrating.estimate.GRAVITY_UNCERTAINTY
@@ -238,7 +238,7 @@ def _session(
     changes = pairs(wanted.change, "--set", _FAULT)
     for path, value in changes.items():
         if not path.startswith("rig."):
-            raise InputError(f"--set {path}", value, f"allowed is a value of the rig, such as {_FAULT}")
+            raise InputError(f"--set {path}", value, f"must be a value of the rig, such as {_FAULT}")
     valid = (
         math.inf if wanted.valid_for is None else _value("--valid-for", wanted.valid_for, "s", 1.0, calibration.LONGEST)
     )
@@ -265,14 +265,16 @@ def _source(
     """Open the source of readings, the operator who sets the points, and a function that reports refused points."""
     if wanted.simulate:
         if wanted.machine is not None:
-            raise InputError("--on", wanted.machine, "allowed without --simulate")
+            raise InputError("--on", None, "is allowed only without --simulate")
         sensors = calibrating.sources.SimulatedSensors(rig, wanted.seed)
         yield sensors, calibrating.sources.SimulatedPerson(sensors, reference, wanted.seed), None
         return
     if wanted.machine is None:
-        raise InputError("--on", "missing", "no machine is connected; allowed is --on MACHINE, or --simulate")
+        raise InputError("--on", None, "is missing: give --on MACHINE or --simulate")
     if not sys.stdin.isatty():
-        raise InputError("terminal", "none", "nobody can be asked for the points; allowed is a terminal, or --simulate")
+        raise InputError(
+            "terminal", None, "is missing: nobody can be asked for the points; run it in a terminal, or with --simulate"
+        )
 
     hardware_package.connect.check_connection(wanted.machine)
     with hardware_package.connect.connected(wanted.machine, rig, calibrating.sources.PERIOD) as hardware:
@@ -327,7 +329,7 @@ def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, foun
 def _names(words: str) -> Sequence[str]:
     names = [n.strip() for n in words.split(",") if n.strip()]
     if not names or len(set(names)) < len(names):
-        raise InputError("--channel", words, "allowed are names of channels, parted by commas, each once")
+        raise InputError("--channel", words, "must be names of channels, parted by commas, each once")
     return names
 
 
@@ -337,8 +339,9 @@ def _value(option: str, words: str | None, unit: str, low: float = 0.0, high: fl
         return 0.0
     value = parse(words, unit, field=option)
     if not low <= value <= high:
-        top = "or more" if high == 1e9 else f"to {with_unit(high, unit)}"
-        raise InputError(option, words, f"allowed is {with_unit(low, unit)} {top}")
+        ends = with_unit(low, unit), with_unit(high, unit)
+        span = f"{ends[0]} or more" if high == 1e9 else f"between {ends[0]} and {ends[1]}"
+        raise InputError(option, words, f"must be {span}")
     return value
 
 
@@ -346,5 +349,5 @@ def _values(option: str, words: str, unit: str) -> Sequence[float]:
     """Parse several values to SI."""
     values = [parse(word, unit, field=option) for word in split_values(words, field=option)]
     if not values:
-        raise InputError(option, words, "allowed are two different ones or more, parted by commas")
+        raise InputError(option, words, "must be two different ones or more, parted by commas")
     return values

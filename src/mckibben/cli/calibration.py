@@ -81,9 +81,16 @@ def apply(
     """
     writable("--out", out, ".nc", ".csv")
     if off == (calibration is not None):
-        raise InputError("--calibration", str(calibration or "missing"), "allowed is a file, or --off")
+        raise InputError(
+            "--calibration",
+            *(
+                (None, "is missing: give a file, or --off")
+                if calibration is None
+                else (str(calibration), "must be a file, or --off")
+            ),
+        )
     if off and skew:
-        raise InputError("--skew", "beside --off", "allowed beside --calibration")
+        raise InputError("--skew", None, "is allowed only beside --calibration")
     new = None if calibration is None else calibrate.file.read_calibration(calibration)
     known = recordings.read_recording(recording)
     try:
@@ -168,7 +175,7 @@ def _known(file: Path) -> Calibration:
     except InputError as error:
         raise error if error.where == str(file) else error.at(str(file)) from None
     if calibration is None:
-        raise InputError("calibration", "none", "the recording carries none", where=str(file))
+        raise InputError("calibration", None, "is not in the recording", where=str(file))
     return calibration
 
 

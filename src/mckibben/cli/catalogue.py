@@ -60,7 +60,7 @@ def protocols(
     if name is None:
         for option, value in (("--set", change), ("--toml", toml)):
             if value:
-                raise InputError(option, "without a protocol", "allowed after the name of one")
+                raise InputError(option, None, "is allowed only after the name of one")
         _list(as_json)
         return
     chosen = chosen_protocol(name, change)
@@ -90,7 +90,7 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     except InputError as error:
         # a parameter is called as it was typed; the path of a step that it spoils is not
         field = f"--set {error.field}" if error.field in values else error.field
-        raise InputError(field, error.value, error.allowed, where=error.where) from None
+        raise error.changed(field=field) from None
 
 
 def _list(as_json: bool) -> None:

@@ -255,7 +255,7 @@ def fit(
     wanted = list(free or plan.fit.free)
     if not wanted:
         raise InputError(
-            "--free", "nothing", "allowed is a dotted path, here or as free = [..] in [fit]", where=str(file)
+            "--free", None, "is missing: give a dotted path, here or as free = [..] in [fit]", where=str(file)
         )
     reading = _reading(plan, column, unit)
     for option, words in (("--column", column), ("--unit", unit)):

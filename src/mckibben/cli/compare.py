@@ -66,7 +66,7 @@ def compare_muscles(
     if report is not None:
         document.checked_place(report, field="--report")
     if rig is not None and not protocols and match is None:
-        raise InputError("--rig", rig, "allowed with --protocols or --match, which run on it")
+        raise InputError("--rig", None, "is allowed only with --protocols or --match, which run on it")
     full = parse(pressure, "Pa", field="--pressure")
     specs = [specimen(name) for name in muscles or []]
     if law is not None and not any(law in spec.laws for spec in specs):
@@ -79,7 +79,7 @@ def compare_muscles(
     )
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
-        raise InputError("--match", match, "needed is a McKibben muscle among those compared")
+        raise InputError("--match", match, "must be a McKibben muscle among those compared")
     compared = comparison.compare(chosen, recordings=recording or [])
     done: list[Trials] = []
     matches: list[Match] = []
@@ -109,7 +109,7 @@ def _target(name: str) -> ComparedMuscle:
 
     target = comparison.subject(name)
     if target.fibre is None:
-        raise InputError("--match", name, "it is a McKibben muscle; allowed is a biological one")
+        raise InputError("--match", name, "must be a biological muscle; it is a McKibben muscle")
     return target
 
 
@@ -131,7 +131,7 @@ def _matches(
 def _drawn(chosen: list[ComparedMuscle], done: list[Trials], matches: list[Match]) -> Any:
 
     if not chosen:
-        raise InputError("--figure", "asked for", "needed is a specimen: a recording alone has no law to draw")
+        raise InputError("--figure", None, "needs a specimen: a recording alone has no law to draw")
     return comparison_figures.comparison_figure(
         done or [comparison.protocols.trials(s, names=()) for s in chosen], matches
     )

@@ -60,7 +60,7 @@ def console(
     hardware_package.connect.check_connection(machine)
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
-        raise InputError("--as-fast-as-it-goes", f"with --on {machine}", "a real machine has its own time")
+        raise InputError("--as-fast-as-it-goes", None, "is allowed only without --on: a real machine has its own time")
     on, wanted = chosen_rig(rig, {}, calibration), None if rate is None else parse(rate, "1/s", field="--rate")
     by_hand = lines is None and sys.stdin.isatty()
     if by_hand:

@@ -40,9 +40,9 @@ def device(
     The machine is the one on which the protocol begins. Ctrl-C ends it.
     """
     if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
-        raise InputError("--for", seconds, "allowed are 0 seconds or more")
+        raise InputError("--for", seconds, "must be 0 seconds or more")
     if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):
-        raise InputError("--port", str(port), "allowed is a file in a folder that is there")
+        raise InputError("--port", str(port), "must be a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.segments())
     machine = segment.SegmentMachine(bench, 0, part, segment.timing_of(bench)).at_interface()

@@ -121,7 +121,7 @@ def _names(cycle: list[str] | None) -> list[str]:
 
     for name in cycle or []:
         if name not in cycle_energy.CYCLES:
-            raise InputError("--cycle", name, f"known are {', '.join(cycle_energy.CYCLES)}")
+            raise InputError("--cycle", name, known=cycle_energy.CYCLES)
     return list(dict.fromkeys(cycle or cycle_energy.CYCLES))
 
 
@@ -132,7 +132,7 @@ def _muscles(
     spec = specimen(name)
     chosen = chosen_law(law, spec)
     if volume == "":
-        raise InputError("--volume", volume, "allowed is the name of a volume")
+        raise InputError("--volume", volume, "must be the name of a volume")
     chosen, muscles = cycle_energy.cycles.cycle_muscles(
         spec, chosen, volume or "", parameters(change, chosen) if change else None
     )
@@ -170,7 +170,9 @@ def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
 def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> float:
 
     if text is not None and wanted:
-        raise InputError("--accumulator-pressure", text, "allowed without --accumulator, which is at the threshold")
+        raise InputError(
+            "--accumulator-pressure", None, "is allowed only without --accumulator, which is at the threshold"
+        )
     if text is not None:
         return parse(text, "Pa", field="--accumulator-pressure")
     cure = "--accumulator-pressure with one, such as '0.9 bar'"
@@ -180,7 +182,7 @@ def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> 
 def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
 
     if none and text is not None:
-        raise InputError("--friction", text, "allowed without --no-friction")
+        raise InputError("--friction", None, "is allowed only without --no-friction")
     if none:
         return 0.0
     if text is not None:

@@ -79,7 +79,7 @@ def fit(
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
     below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
     if save is not None and len(files) > 1:
-        raise InputError("--save", str(save), "allowed with one table")
+        raise InputError("--save", None, "is allowed only with one table")
     reading = {
         "columns": column_places(column) or {},
         "units": pairs(unit, "--unit", "pressure=kPa"),
@@ -117,7 +117,7 @@ def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
 def _constraints(files: list[str], as_json: bool) -> None:
 
     if len(files) > 1:
-        raise InputError("file", ", ".join(files), "allowed is one file of constraints, alone")
+        raise InputError("file", ", ".join(files), "must be one file of constraints, alone")
     fit_constraints_file(Path(files[0]), as_json=as_json)
 
 
@@ -154,7 +154,7 @@ def _known(change: list[str] | None, laws: list[str] | None) -> dict[str, float]
     fields = {k: q for name in (laws or muscles.laws.LAWS) for k, q in declared(muscles.laws.law_type(name)).items()}
     for name, text in assignments(change).items():
         if name not in fields:
-            raise InputError(f"--set {name}", text, f"known are {', '.join(sorted(fields))}")
+            raise InputError(f"--set {name}", text, known=sorted(fields))
         dimensions[name] = parse(text, fields[name].unit, field=f"--set {name}", bare=True)
         fields[name].check(f"--set {name}", dimensions[name])
     return dimensions
@@ -261,9 +261,7 @@ def fit_constraints_file(path: Path, *, as_json: bool) -> None:
         _only(entry, {"what", "value", "pressure", "length"}, place, where)
         quantity = _word(entry, "what", where, place)
         if quantity not in identification.constraints.KINDS:
-            raise InputError(
-                f"{place}.what", quantity, f"known are {', '.join(identification.constraints.KINDS)}", where=where
-            )
+            raise InputError(f"{place}.what", quantity, known=identification.constraints.KINDS, where=where)
         length = entry.get("length")
         constraints.append(
             identification.constraints.Constraint(
@@ -299,19 +297,19 @@ def _read(path: Path, where: str) -> dict[str, Any]:
     data = read_toml(path)
     _only(data, {"law", "known", "constraint"}, "file", where)
     if not data.get("constraint"):
-        raise InputError("constraint", "none", "allowed is one or more [[constraint]]", where=where)
+        raise InputError("constraint", None, "is missing: the file needs one [[constraint]] or more", where=where)
     return data
 
 
 def _only(entry: dict[str, Any], allowed: set[str], place: str, where: str) -> None:
     for key in entry:
         if key not in allowed:
-            raise InputError(f"{place}.{key}", "unknown", f"known are {', '.join(sorted(allowed))}", where=where)
+            raise InputError(f"{place}.{key}", None, known=sorted(allowed), where=where)
 
 
 def _word(entry: dict[str, Any], key: str, where: str, place: str = "") -> str:
     if not isinstance(entry.get(key), str):
-        raise InputError(f"{place}.{key}".lstrip("."), entry.get(key, "missing"), "allowed is a name", where=where)
+        raise InputError(f"{place}.{key}".lstrip("."), entry.get(key), "must be a name", where=where)
     return str(entry[key])
 
 
@@ -322,5 +320,5 @@ def _value(text: Any, field: str, unit: str, where: str) -> float:
 
 def _unit(fields: dict[str, Any], name: str, where: str) -> str:
     if name not in fields:
-        raise InputError(f"known.{name}", "unknown", f"known are {', '.join(fields)}", where=where)
+        raise InputError(f"known.{name}", None, known=fields, where=where)
     return str(fields[name].unit)

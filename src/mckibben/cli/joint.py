@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..quantities import parse, with_unit
 from ._terminal import Json, caution, pairs, print_json, table, writable
 
@@ -118,7 +118,7 @@ def _played(
     for name, values in pairs(command, "--command", "flexor='0, 0.3 @ 0.2 s'").items():
         if name not in simulation.commands:
             known = simulation.commands
-            raise InputError("--command", name, f"{suggest(name, known)}known are {', '.join(known)}")
+            raise InputError("--command", name, known=known)
         unit = next(d.unit for d in simulation.drives if d.command == name)
         courses[name] = _course(values, unit, f"--command {name}")
     if duration is not None:

@@ -88,16 +88,16 @@ def tension(
         raise InputError("--activation", activation, f"{name} is no biological muscle; give --pressure or --for")
     elif wanted is not None:
         if pressure is not None:
-            raise InputError("--for", wanted, "allowed without --pressure, which it finds")
+            raise InputError("--for", None, "is allowed only without --pressure, which it finds")
         drive = built.pressure_for(parse(wanted, "N", field="--for"), at)
     else:
         if pressure is None:
             raise InputError(
-                "--pressure", "not given", "give a gauge pressure such as '5 bar', or a tension with --for"
+                "--pressure", None, "is missing: give a gauge pressure such as '5 bar', or a tension with --for"
             )
         drive = parse(pressure, "Pa", field="--pressure")
         if drive < -1.1e5 or drive > 1e8:
-            raise InputError("--pressure", pressure, "allowed is -1.1 bar (vacuum) to 1000 bar gauge")
+            raise InputError("--pressure", pressure, "must be between -1.1 bar (vacuum) and 1000 bar gauge")
         cautions.append(muscles.plausible.pressure_caution(drive, spec, text=pressure))
     state, free = built.state(at, drive), built.free_length(drive)
     warnings = caution(*cautions)
@@ -142,11 +142,11 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
     """The specimen, None if a law is named; the name of the law, and the muscle."""
     if name in muscles.laws.LAWS:
         if law is not None:
-            raise InputError("--law", law, f"allowed with a specimen; {name} is a law itself")
+            raise InputError("--law", None, f"is allowed only with a specimen; {name} is a law itself")
         return None, name, _named_law(name, parameters(change, name))
     spec = specimen(name)
     if spec.kind == "valve":
-        raise InputError("specimen", spec.id, "it is a valve and pulls nothing; allowed is a muscle")
+        raise InputError("specimen", spec.id, "must be a muscle; it is a valve")
     chosen = chosen_law(law, spec)
     if spec.kind == "biological":
         return spec, chosen, _law(spec, chosen, {})
@@ -172,7 +172,7 @@ def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
     values = {}
     for name, text in assignments(words).items():
         if name not in known:
-            raise InputError(f"--set {name}", text, f"{law} has {', '.join(known)}")
+            raise InputError(f"--set {name}", text, f"{law} has", known=known)
         values[name] = parse(text, known[name].unit, field=f"--set {name}", bare=True)
     return values
 
@@ -199,16 +199,18 @@ def _activation(activation: str | None, pressure: str | None, spec: Specimen) ->
     if pressure is not None:
         raise InputError("--pressure", pressure, f"{spec.id} is a biological muscle; give --activation from 0 to 1")
     if activation is None:
-        raise InputError("--activation", "not given", f"{spec.id} is a biological muscle; allowed is 0 to 1")
+        raise InputError(
+            "--activation", None, f"is missing: {spec.id} is a biological muscle, which needs one from 0 to 1"
+        )
     value = parse(activation, "1", field="--activation")
     if not 0.0 <= value <= 1.0:
-        raise InputError("--activation", activation, "allowed is 0 to 1")
+        raise InputError("--activation", activation, "must be between 0 and 1")
     return value
 
 
 def _positive(value: float, field: str, text: str) -> None:
     if value <= 0.0 or value > 100.0:
-        raise InputError(field, text, "allowed is a length above 0 and up to 100 m")
+        raise InputError(field, text, "must be a length above 0 and up to 100 m")
 
 
 def _value(p: SpecimenNumber) -> str:

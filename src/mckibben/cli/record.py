@@ -83,7 +83,7 @@ def plot(
     parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
     names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
     if names == []:
-        raise InputError("--channels", channels, "allowed are names of channels, parted by commas")
+        raise InputError("--channels", channels, "must be names of channels, parted by commas")
 
     if against is None:
         drawn = recording_figures.time_figure(parts, channels=names, title=title)
@@ -113,7 +113,7 @@ def between(known: Recording, start: str | None, end: str | None) -> Recording:
     try:
         return known.select(first, last)
     except InputError as error:
-        raise InputError("--from, --to", error.value, error.allowed) from None
+        raise error.changed(field="--from, --to") from None
 
 
 def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: bool) -> list[Recording]:
@@ -123,7 +123,7 @@ def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: 
             return cuts.segments(known, label, **case)
         except InputError as error:
             options = {"label": "--label", "case": "--case"} | {name: f"--case {name}" for name in case}
-            raise InputError(options.get(error.field, error.field), error.value, error.allowed) from None
+            raise error.changed(field=options.get(error.field, error.field)) from None
     return [known]
 
 
@@ -340,7 +340,7 @@ def repair(
     """
     target = log.with_suffix(".nc") if out is None else out
     if target.suffix.lower() not in (".nc", ".csv"):
-        raise InputError("--out", str(target), "allowed is a name that ends in .nc or .csv")
+        raise InputError("--out", str(target), "must be a name that ends in .nc or .csv")
     if out is None and target.exists():
         raise InputError("file", str(target), "it is there already; say another name, or this one, with --out")
     recording = mcap.read_log(log)

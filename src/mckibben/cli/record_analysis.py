@@ -55,7 +55,7 @@ def energy(
     record = recordings.read_recording(file)
     options: dict[str, Any] = {} if muscle is None else {"muscle": muscle}
     if muscle is not None and not measured and record.meta.get("energy"):
-        raise InputError("--muscle", muscle, "allowed with --measured, for the recording carries its own law")
+        raise InputError("--muscle", None, "is allowed only with --measured, for the recording carries its own law")
     account = energy_accounts.energy_account(record, start=first, end=last, measured=measured, **options)
     saving = None if at is None else account.saved_by_accumulator(at)
     if figure is not None:
@@ -165,7 +165,7 @@ def frequency(
     """
     writable("--figure", figure, ".svg", ".png", ".pdf")
     if sines is not None and resolution is not None:
-        raise InputError("--resolution", resolution, "allowed without --sines, which states the frequencies")
+        raise InputError("--resolution", None, "is allowed only without --sines, which states the frequencies")
     recording = between(recordings.read_recording(file), start, end)
     if sines is None:
         distance = None if resolution is None else parse(resolution, "1/s", field="--resolution")

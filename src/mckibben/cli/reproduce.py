@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import reproduction
-from ..errors import InputError
+from ..errors import InputError, not_found
 from ..report import document as document_module
 from ..report import document_pdf
 from ..report import reproduction_report as papers
@@ -90,9 +90,9 @@ def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_o
         document_pdf.compiler("--no-pdf writes the HTML report alone")
     if out is not None:
         if out.exists() and not out.is_dir():
-            raise InputError("--out", str(out), "it is a file; allowed is a folder")
+            raise InputError("--out", str(out), "must be a folder; it is a file")
         if not out.absolute().parent.is_dir():
-            raise InputError("folder", str(out.absolute().parent), "no such folder")
+            raise not_found(out.absolute().parent, "folder")
         out.mkdir(exist_ok=True)
     return named + [document_module.checked_place(out / name, field="--out") for name in names if out is not None]
 

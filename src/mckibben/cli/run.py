@@ -103,7 +103,7 @@ def run_protocol(
     if log is not None and log.exists():
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
-        raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
+        raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
     hardware_package.connect.check_connection(machine)
     bench = prepared(
         protocol,
@@ -192,13 +192,13 @@ def _unused(path: Path) -> Path:
 def ask_person(what: str) -> None:
     """Wait until the operator has done something."""
     if not sys.stdin.isatty():
-        raise InputError("person", "nobody at the keyboard", f"the protocol wants somebody to {what}")
+        raise InputError("person", None, f"is needed at the keyboard: the protocol asks somebody to {what}")
     typer.prompt(f"Please {what}, then press Enter", default="", show_default=False, err=True)
 
 
 def _step(value: float) -> float:
     if not 1e-7 <= value <= 1e-3:
-        raise InputError("--step", f"{value:g} s", "allowed is 0.1 us to 1 ms")
+        raise InputError("--step", None, f"must be between 0.1 us and 1 ms, got {value:g} s")
     return value
 
 

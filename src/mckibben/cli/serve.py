@@ -62,7 +62,7 @@ def serve_screen(
             ):
                 pass  # so is a machine that is not there, or not the rig's
         elif lock_step:
-            raise InputError("--lock-step", "given", "allowed is with --on, for a simulated device")
+            raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
         typer.echo("Preparing the web interface ..", err=True)
         # Texts of a browser may name files: code comes from the folders that the owner has chosen only.
         limit_folders([".", *filter(None, os.environ.get(FOLDER_VARIABLE, "").split(os.pathsep))])

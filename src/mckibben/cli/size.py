@@ -55,10 +55,10 @@ def size_muscle(
     """
     writable("--figure", figure, ".svg", ".png")
     if top < 1:
-        raise InputError("--top", top, "allowed is 1 or more")
+        raise InputError("--top", top, "must be 1 or more")
     wish = _wish(force, stroke, pressure, space, speed, cycles, tube)
     if speed is not None and no_lines:
-        raise InputError("--speed", speed, "allowed without --no-lines: a speed takes a valve and a tube")
+        raise InputError("--speed", None, "is allowed only without --no-lines: a speed takes a valve and a tube")
     warnings = caution(muscles.plausible.pressure_caution(wish.pressure, text=pressure))
     with told("sizing") as tell:
         sizing = sizing_package.size(wish, law=law, muscle=muscle, lines=not no_lines, progress=tell)
@@ -98,7 +98,7 @@ def _wish(
     except InputError as error:
         option = _OPTIONS.get(error.field)
         slip = muscles.plausible.likely_pressure(pressure) if option == "--pressure" else ""
-        raise (InputError(option, error.value, error.allowed + slip) if option else error) from None
+        raise (error.changed(field=option, problem=error.problem + slip) if option else error) from None
 
 
 _OPTIONS = {
@@ -119,7 +119,7 @@ def _space(text: str | None) -> tuple[float | None, float | None]:
         return None, None
     parts = [part.strip() for part in text.replace("\N{MULTIPLICATION SIGN}", "x").split("x")]
     if len(parts) > 2 or not all(parts):
-        raise InputError("--space", text, "allowed is a length and a diameter, such as '20 cm x 3 cm', or a length")
+        raise InputError("--space", text, "must be a length and a diameter, such as '20 cm x 3 cm', or a length")
     sizes = [parse(part, "m", field="--space") for part in parts]
     return sizes[0], sizes[1] if len(sizes) > 1 else None
 

@@ -40,7 +40,7 @@ def declaration(owner: Any, path: str) -> Quantity:
         import difflib
 
         near = difflib.get_close_matches(path, known, n=3) or sorted(known)
-        raise InputError("parameter", path, f"known are {', '.join(near)}")
+        raise InputError("parameter", path, known=near)
     return known[path]
 
 

@@ -264,7 +264,7 @@ def _outputs(
         return dict(kept[2])
     for name in outputs:
         if name not in kept[2]:
-            raise InputError("outputs", name, f"known are {', '.join(kept[2])}")
+            raise InputError("outputs", name, known=kept[2])
     return {name: kept[2][name] for name in outputs}
 
 
@@ -278,16 +278,16 @@ def _within(signals: Any, index: Any, begin: Any, end: Any, share: Any, period: 
 
 def _samples(signals: Mapping[str, Signal], period: float, step_size: float, method: str) -> int:
     if not (period > 0.0 and np.isfinite(period)):
-        raise InputError("period", period, "allowed is a time above 0 s")
+        raise InputError("period", period, "must be a time above 0 s")
     if not (step_size > 0.0 and np.isfinite(step_size)):
-        raise InputError("step_size", step_size, "allowed is a time above 0 s")
+        raise InputError("step_size", step_size, "must be a time above 0 s")
     if method not in ("auto", "rk4", "ros2"):
-        raise InputError("method", method, "known are auto, rk4, ros2")
+        raise InputError("method", method, known=("auto", "rk4", "ros2"))
     lengths = {name: len(s.values) for name, s in signals.items()}
     if not lengths:
-        raise InputError("signals", "none", "allowed is at least one, which says how long to run")
+        raise InputError("signals", None, "must be at least one, which says how long to run")
     if len(set(lengths.values())) > 1 or min(lengths.values()) < 2:
-        raise InputError("signals", str(lengths), "allowed are equal lengths of two samples or more")
+        raise InputError("signals", str(lengths), "must be equal lengths of two samples or more")
     return min(lengths.values()) - 1
 
 

@@ -161,9 +161,9 @@ class Follow(Command):
                 wave_unit,
             )
         except InputError as error:
-            if wave_unit != unit and "pure number" in error.allowed:
+            if wave_unit != unit and "pure number" in error.problem:
                 demand = f"must be a value in {wave_unit} or {unit}, or another unit of that dimension"
-                raise InputError(error.field, error.value, demand, where=where) from None
+                raise error.changed(problem=demand, where=where) from None
             raise
 
     def at(self, times: np.ndarray, rest_length: float) -> np.ndarray:
@@ -212,8 +212,8 @@ class RampTo(Command):
         unit, table = CHANNELS[channel], FileTable(raw, place.field, place.where or "")
         table.only(("to", "in", "at"), "a line has")
         if ("in" in table) == ("at" in table):
-            stated = "missing" if "in" not in table else "beside at"
-            raise table.fail("in", stated, "a line has either a time, in, or a speed, at")
+            problem = "is missing" if "in" not in table else "cannot be stated beside at"
+            raise table.fail("in", None, f"{problem}: a line has either a time, in, or a speed, at")
         to = read_amount(raw["to"], unit, field=table.field("to"), where=place.where)
         if "in" in table:
             return cls(to, read_amount(raw["in"], "s", field=table.field("in"), where=place.where, bounds=OPEN).value)
@@ -289,8 +289,8 @@ class DirectionDependent(Command):
     def check(self, step: ProtocolStep) -> None:
         """Refuse a step whose span follows no sine or triangle, or whose strokes are too short."""
         if not isinstance(step.motor, Follow) or step.mode != "span":
-            demand = "it needs a span that follows a sine or triangle in this step"
-            raise InputError("pressure", "by direction", demand)
+            demand = "by direction needs a span that follows a sine or triangle in this step"
+            raise InputError("pressure", None, demand)
         try:
             self.table(step.motor.waveform, step.stated_duration() or 0.0)
         except InputError as error:
@@ -314,8 +314,8 @@ class DirectionDependent(Command):
             stroke = time_words(period * min(share, 1.0 - share))
             raise InputError("ramp", time_words(self.ramp), f"must be less than the shorter stroke, {stroke}")
         if duration > MOST_CYCLES * period:
-            demand = f"must be at most {MOST_CYCLES} with pressure by direction"
-            raise InputError("cycles", f"{duration / period:.6g}", demand)
+            demand = f"must be at most {MOST_CYCLES} with pressure by direction, got {duration / period:.6g}"
+            raise InputError("cycles", None, demand)
         changes = []
         for k in range(-1, math.ceil(duration / period) + 2):
             rise, fall = start + k * period, start + (k + share) * period
@@ -324,7 +324,7 @@ class DirectionDependent(Command):
         times, values = [0.0], [self.lengthening]
         for begin, to in changes:
             if begin < times[-1]:
-                raise InputError("lead", time_words(self.lead), "must be less: one change would overtake another")
+                raise InputError("lead", time_words(self.lead), "must be less; one change would overtake another")
             if begin > times[-1]:
                 times, values = [*times, begin], [*values, values[-1]]
             times, values = [*times, begin + self.ramp], [*values, to]

@@ -65,9 +65,9 @@ class TensionTable:
         shape = (len(self.spans), len(self.pressures))
         for name, values in (("spans", self.spans), ("pressures", self.pressures)):
             if len(values) < 2 or not np.all(np.diff(values) > 0.0):
-                raise InputError(name, f"{len(values)} values", "must be two or more that rise")
+                raise InputError(name, None, f"must be two or more that rise, got {len(values)} values")
         if len(self.tensions) != shape[0] or any(len(row) != shape[1] for row in self.tensions):
-            raise InputError("tensions", "another shape", f"must be {shape[0]} rows of {shape[1]}")
+            raise InputError("tensions", None, f"must be {shape[0]} rows of {shape[1]}")
 
     def __call__(self, span: Any, pressure: Any) -> np.ndarray:
         """Tension [N], shape of the arguments."""
@@ -136,7 +136,7 @@ def dry_run(
     try:
         plan = protocol.expand(rest_length=rest_length, start_span=start_span)
     except InputError as error:
-        return [Finding(0, "", "", error.field, str(error.value), error.allowed, str(error))]
+        return [Finding(0, "", "", error.field, str(error.value), error.problem, str(error))]
     return check_plan(plan, limits, muscle_estimate)
 
 
@@ -227,8 +227,8 @@ def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> Non
         for value in p.values if p.unit == "m" else ():
             length = read_amount(value, "m", field=p.name).si(rest_length)
             if abs(length) > longest:
-                allowed = f"a length is at most {words(longest, 'm')}, the longest span of the rig"
-                raise InputError(p.name, f"{value}", allowed)
+                allowed = f"is {value}: a length is at most {words(longest, 'm')}, the longest span of the rig"
+                raise InputError(p.name, None, allowed)
 
 
 def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Violation]:
@@ -362,7 +362,7 @@ def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate
     if reach.high > limits.motor_force:
         yield Violation("tension", words(reach.high, "N"), f"the motor pulls {words(limits.motor_force, 'N')} at most")
     if reach.low < 0.0:
-        yield Violation("tension", words(reach.low, "N"), "must be 0 N or more: a muscle cannot push")
+        yield Violation("tension", words(reach.low, "N"), "must be 0 N or more; a muscle cannot push")
     if estimate is not None and np.isfinite(step.pressure_reach.high):
         longest, highest = limits.span[1], step.pressure_reach.high
         largest = float(np.max(np.asarray(estimate(np.asarray([longest]), np.asarray([highest])))))

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from ..documents import parse_toml, read_text
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..quantities import split_values
 from ..schema import FileTable, FrozenTable, shown
 from .amounts import read_amount
@@ -141,19 +141,21 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
     set_by = {k for c in protocol.choices for _, sets in c.options for k, _ in sets}
     for p in protocol.parameters:
         if p.name not in used:
-            raise InputError(f"parameters.{p.name}", "unused", f"no step refers to ${p.name}", where=where)
+            raise InputError(f"parameters.{p.name}", None, f"is unused: no step refers to ${p.name}", where=where)
         if not p.values and p.name not in set_by:
-            raise InputError(f"parameters.{p.name}.value", "missing", "it is required", where=where)
+            raise InputError(f"parameters.{p.name}.value", None, "is missing", where=where)
     try:
         done = [s for _, steps in protocol.blocks() for s in steps]
     except InputError as error:
-        raise InputError(error.field, error.value, error.allowed, where=where) from None
+        raise error.changed(where=where) from None
     if not done:
-        raise InputError("steps", "none", "all of them are repeated 0 times", where=where)
+        raise InputError("steps", None, "are all repeated 0 times", where=where)
     cases = protocol.cases()
     for part, key in ((protocol.first, "first"), (protocol.last, "last")):
         for name in sorted(n for n in names_in(part) if len({case[n] for case in cases}) > 1):
-            raise InputError(key, f"${name}", "must be a parameter with one value: it is done once", where=where)
+            raise InputError(
+                key, None, f"must be a parameter with one value, got ${name}: it is done once", where=where
+            )
     return protocol
 
 
@@ -165,8 +167,7 @@ def _check_choices(protocol: Protocol, where: str | None) -> None:
             for key, value in sets:
                 field = f"choices.{c.name}.options.{option}.{key}"
                 if key not in parameters:
-                    known = f"{suggest(key, parameters)}parameters are {', '.join(parameters)}"
-                    raise InputError(field, "unknown", known, where=where)
+                    raise InputError(field, None, "parameters are", known=parameters, where=where)
                 _values(parameters[key], value, field, where)
 
 
@@ -190,7 +191,7 @@ def _set(protocol: Protocol, given: Mapping[str, Any], top: FileTable) -> Protoc
 def _parts(top: FileTable, key: str, *, needed: bool = False) -> tuple[FrozenTable, ...]:
     raw = top.values.get(key, [])
     if not isinstance(raw, list | tuple) or (needed and not raw):
-        raise top.fail(key, shown(raw) if raw else "missing", f"must be a list of steps, [[{key}]]")
+        raise top.fail(key, raw or None, f"must be a list of steps, [[{key}]]")
     return tuple(FrozenTable(FileTable.of(one, f"{key}.{i}", top.where).values) for i, one in enumerate(raw, 1))
 
 
@@ -210,7 +211,7 @@ def _parameter(name: str, entry: FileTable) -> ProtocolParameter:
     entry.only(("unit", "value", "about", "low", "high", "inferred", "note"), "a parameter has")
     bounds = tuple(str(entry.values[k]) for k in ("low", "high")) if {"low", "high"} <= set(entry.values) else ()
     if not bounds and {"low", "high"} & set(entry.values):
-        raise entry.fail("low", "beside nothing", "bounds are low and high, both")
+        raise entry.fail("low", None, "and high must both be stated")
     unit = entry.word("unit")
     bare = ProtocolParameter(name, unit, (), entry.text("about"), bounds, (), entry.text("note"))
     if unit != "word":
@@ -232,7 +233,7 @@ def _parameter(name: str, entry: FileTable) -> ProtocolParameter:
 def _values(p: ProtocolParameter, raw: Any, field: str, where: str | None) -> tuple[Any, ...]:
     values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
     if not values:
-        raise InputError(field, "none", "must be a value or a list of one or more", where=where)
+        raise InputError(field, None, "must be a value or a list of one or more", where=where)
     for value in values:
         if p.unit == "word":
             if not isinstance(value, str) or not value.strip() or "$" in value:
@@ -243,7 +244,7 @@ def _values(p: ProtocolParameter, raw: Any, field: str, where: str | None) -> tu
         if low is None or high is None or low.unit != amount.unit:
             continue
         if not low.value <= amount.value <= high.value:
-            raise InputError(field, value, f"must be {p.bounds[0]} to {p.bounds[1]}", where=where)
+            raise InputError(field, value, f"must be between {p.bounds[0]} and {p.bounds[1]}", where=where)
     return values
 
 
@@ -258,7 +259,7 @@ def _choice(name: str, entry: FileTable) -> ProtocolChoice:
                 raise table.fail(f"{option}.{key}", value, "must be a word or a number")
         options.append((option, tuple(sets.items())))
     if not options:
-        raise entry.fail("options", "none", "must be a table of one or more")
+        raise entry.fail("options", None, "must be a table of one or more")
     inferred = _options(entry, "inferred", dict(options)) if "inferred" in entry.values else ()
     values = _options(entry, "value", dict(options))
     return ProtocolChoice(name, values, tuple(options), entry.text("about"), inferred, entry.text("note"))
@@ -296,7 +297,7 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
     """
     if name not in protocol_names():
         known = protocol_names()
-        raise InputError("protocol", name, f"{suggest(name, known)}known are {', '.join(known)}", where=where)
+        raise InputError("protocol", name, known=known, where=where)
     return _shipped(name)
 
 

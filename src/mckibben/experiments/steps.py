@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from .. import schema
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..schema import FileTable, FrozenTable, Place, read_table, thawed
 from .commands import MODES, OPEN, Command, Follow, RampTo, read_command
 from .until import Until, read_until
@@ -141,8 +141,7 @@ def substituted(value: Any, case: Mapping[str, Any], path: str, where: str | Non
         return value
     for name in _NAME.findall(value):
         if name not in case:
-            known = ", ".join(f"${n}" for n in case) or "none"
-            raise InputError(path, f"${name}", f"{suggest(name, case)}known are {known}", where=where)
+            raise InputError(path, f"${name}", known=[f"${n}" for n in case], where=where)
     match = _NAME.fullmatch(value)
     return case[match[1]] if match else _NAME.sub(lambda m: str(case[m[1]]), value)
 
@@ -166,7 +165,7 @@ def read_step(entry: FileTable) -> ProtocolStep:
     entry.only(keys, "a step has")
     modes = [m for m in MODES if m in entry]
     if len(modes) > 1:
-        raise entry.fail(modes[1], f"beside {modes[0]}", "the motor controls one of span, velocity, tension")
+        raise entry.fail(modes[1], None, f"cannot be stated beside {modes[0]}: the motor controls one of them")
     commands: dict[str, Any] = {"mode": modes[0] if modes else None, "pressure": None, "motor": None}
     for channel in [c for c in ("pressure", *modes) if c in entry]:
         place = Place(entry.field(channel), entry.where or None)
@@ -180,12 +179,14 @@ def _check(entry: FileTable, step: ProtocolStep) -> None:
     if step.cycles is not None and step.frequency() is None:
         raise entry.fail("cycles", step.cycles, "a step with cycles follows a waveform with a frequency")
     if step.cycles is not None and step.duration is not None:
-        raise entry.fail("for", "beside cycles", "a step states one of the two")
+        raise entry.fail("for", None, "cannot be stated beside cycles: a step states one of the two")
     if step.stated_duration() is None:
         if step.until is not None:
-            raise entry.fail("for", "missing", "a step with until says how long it may take at most")
+            raise entry.fail("for", None, "is missing: a step with until says how long it may take at most")
         if not any(isinstance(c, RampTo) for _, c in step.commands()) and not step.ask:
-            raise entry.fail("for", "missing", "a step says how long it takes: for, cycles, or a line to somewhere")
+            raise entry.fail(
+                "for", None, "is missing: a step says how long it takes: for, cycles, or a line to somewhere"
+            )
     for _, command in step.commands():
         try:
             command.check(step)

@@ -17,7 +17,7 @@ from typing import Any
 
 from .._jax import jnp
 from ..components.sensors import SENSORS
-from ..errors import InputError, suggest
+from ..errors import InputError
 from .amounts import CHANNELS, Amount, read_amount
 from .waveforms import time_words
 
@@ -122,10 +122,10 @@ def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:
         raise InputError(field, raw if isinstance(raw, str) else f"{type(raw).__name__} {raw}", _ALLOWED, where=where)
     if channel not in CHANNELS and channel not in SENSORS:
         names = [*CHANNELS, *(name for name in SENSORS if name not in CHANNELS)]
-        raise InputError(field, channel, f"{suggest(channel, names)}measured are {', '.join(names)}", where=where)
+        raise InputError(field, channel, "measured are", known=names, where=where)
     if kind == "close" and channel not in CHANNELS:
-        allowed = f"must be a test without a set-point, for {channel} has none: one of {', '.join(CHANNELS)} has"
-        raise InputError(field, text, allowed, where=where)
+        problem = f"must be a test without a set-point; only {', '.join(CHANNELS)} have one"
+        raise InputError(field, text, problem, where=where)
     band = None if kind in (">=", "<=") else (0.0, float("inf"))
     unit = CHANNELS[channel] if channel in CHANNELS else SENSORS[channel].unit
     value = read_amount(amount, unit, field=field, where=where, bounds=band)

@@ -243,11 +243,11 @@ def fit_circuit(
         ConvergenceError: if the circuit cannot be run with the first guesses, or the fit ended where it began.
     """
     if not trials:
-        raise InputError("trials", "none", "allowed is at least one record")
+        raise InputError("trials", None, "must be at least one record")
     if not free:
-        raise InputError("free", "nothing", "allowed is at least one parameter")
+        raise InputError("free", None, "must be at least one parameter")
     if evaluations < 1:
-        raise InputError("evaluations", evaluations, "allowed is at least one")
+        raise InputError("evaluations", evaluations, "must be at least one")
     _check_together([*trials, *predict], free)
     problem = CircuitProblem.of(trials, free, start or {}, step)
     solution = problem.solve(evaluations, progress)
@@ -306,7 +306,7 @@ def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
     names: set[str] = set()
     for trial in trials:
         if trial.name in names:
-            raise InputError("records", trial.name, "it is there twice; allowed is each record once")
+            raise InputError("records", trial.name, "must be each record once; it is there twice")
         names.add(trial.name)
         trial.check()
         paths = expand(free, trial)

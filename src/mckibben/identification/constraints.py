@@ -125,14 +125,14 @@ def fit_constraints(
 def _check(law: str, constraints: Sequence[Constraint], free: tuple[str, ...], known: Mapping[str, float]) -> None:
     for c in constraints:
         if c.what not in KINDS:
-            raise InputError("constraint", c.what, f"known are {', '.join(KINDS)}")
+            raise InputError("constraint", c.what, known=KINDS)
         if c.what != "free_length" and c.length is None:
-            raise InputError(f"constraint {c.what}", "no length", "it needs the length it holds at")
+            raise InputError(f"constraint {c.what}", None, "needs the length at which it holds")
     if not constraints:
-        raise InputError("constraints", "none", "allowed is one or more")
+        raise InputError("constraints", None, "must be one or more")
     for name in required_fields(law_type(law)):
         if name not in free and name not in known:
-            raise InputError(name, "not known", f"the law {law} needs it")
+            raise InputError(name, None, f"is missing: the law {law} needs it")
 
 
 def _middle(q: Quantity, rest_length: float | None) -> float:

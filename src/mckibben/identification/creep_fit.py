@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, choice
 from ..muscles.creep import KelvinVoigtChain
 from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
@@ -65,11 +65,11 @@ class CreepFit(PartialFit):
         A muscle that creeps shorter follows a force that pulls it shorter: its sign goes with the step's.
         """
         if not (np.isfinite(force) and force > 0.0):
-            raise InputError("force", force, "allowed is a force above 0 N")
+            raise InputError("force", force, "must be a force above 0 N")
         steps = np.abs([a.value for a in self.amplitudes])
         used = steps / force >= 1e-12  # the smallest compliance that a chain takes
         if not used.any():
-            raise InputError("creep", "none", "allowed is a record that creeps")
+            raise InputError("creep", None, "must be in a record that creeps")
         return KelvinVoigtChain(compliance=steps[used] / force, time_constant=self.time_constants[used])
 
 
@@ -111,9 +111,9 @@ def fit_creep(
 
     t, s, p, training = _checked(time, stroke, pressure, train, name)
     if law not in LAWS:
-        raise InputError("law", law, f"allowed is {', '.join(LAWS)}", where=name)
+        raise InputError("law", law, f"must be {choice(LAWS)}", where=name)
     if not np.isfinite(pressure_slope):
-        raise InputError("pressure_slope", pressure_slope, "allowed is a finite slope [m/Pa]", where=name)
+        raise InputError("pressure_slope", pressure_slope, "must be a finite slope [m/Pa]", where=name)
     tau = _spread(t, training, shortest, longest, per_decade, name)
     drift = pressure_slope * (p - p[0])
     columns = _growth(t, tau)
@@ -125,8 +125,8 @@ def fit_creep(
     sign = 1.0 if some[-tail:].mean() >= some[:tail].mean() else -1.0
     matrix = np.column_stack([np.ones(len(t)), sign * columns])
     if training.sum() < matrix.shape[1] + 2:
-        allowed = f"{matrix.shape[1]} parameters need {matrix.shape[1] + 2} or more"
-        raise InputError("train", f"{int(training.sum())} samples", allowed, where=name)
+        allowed = f"is {int(training.sum())} samples: {matrix.shape[1]} parameters need {matrix.shape[1] + 2} or more"
+        raise InputError("train", None, allowed, where=name)
     low = np.array([-np.inf] + [0.0] * columns.shape[1])
     solution = optimize.lsq_linear(matrix[training], some, bounds=(low, np.inf), method="bvls", tol=1e-12)
     residual = (matrix @ solution.x - wanted)[training]
@@ -171,11 +171,11 @@ def _spread(
     low = 3.0 * float(np.median(np.diff(t))) if shortest is None else float(shortest)
     high = float(np.ptp(t[seen])) if longest is None else float(longest)
     if not (np.isfinite(low) and low >= 1e-4):
-        raise InputError("shortest", low, "allowed is 1e-4 s or more", where=name)
+        raise InputError("shortest", low, "must be 1e-4 s or more", where=name)
     if not (np.isfinite(high) and low < high <= 1e6):
-        raise InputError("longest", high, f"allowed is above the shortest, {low:g} s, up to 1e6 s", where=name)
+        raise InputError("longest", high, f"must be above the shortest, {low:g} s, up to 1e6 s", where=name)
     if per_decade < 1:
-        raise InputError("per_decade", per_decade, "allowed is 1 or more", where=name)
+        raise InputError("per_decade", per_decade, "must be 1 or more", where=name)
     elements = 1 + max(1, round(per_decade * float(np.log10(high / low))))
     return np.asarray(
         KelvinVoigtChain.geometric(compliance=1.0, shortest=low, longest=high, elements=elements).time_constant
@@ -192,20 +192,23 @@ def _checked(
         try:
             row = np.asarray(value, float)
         except (TypeError, ValueError):
-            raise InputError(field, "no numbers", "allowed is one number per sample", where=name) from None
+            raise InputError(field, None, "must be one number per sample", where=name) from None
         if row.ndim != 1 or not np.isfinite(row).all():
-            raise InputError(field, "not finite or no row", "allowed is one finite number per sample", where=name)
+            raise InputError(field, None, "must be one finite number per sample", where=name)
         arrays[field] = row
     t, s, p = arrays["time"], arrays["stroke"], arrays["pressure"]
     if not len(t) == len(s) == len(p):
         raise InputError(
-            "samples", f"{len(t)}, {len(s)}, {len(p)}", "time, stroke and pressure have as many", where=name
+            "samples",
+            None,
+            f"must be as many of time, stroke and pressure, got {len(t)}, {len(s)} and {len(p)}",
+            where=name,
         )
     if len(t) < FEWEST:
-        raise InputError("samples", len(t), f"allowed is {FEWEST} or more", where=name)
+        raise InputError("samples", len(t), f"must be {FEWEST} or more", where=name)
     if not (np.diff(t) > 0.0).all():
-        raise InputError("time", "does not rise", "allowed is a time that rises from sample to sample", where=name)
+        raise InputError("time", None, "must rise from sample to sample", where=name)
     training = np.ones(len(t), bool) if train is None else np.asarray(train)
     if training.shape != t.shape or training.dtype != bool:
-        raise InputError("train", f"{training.dtype} {training.shape}", f"allowed is bool ({len(t)},)", where=name)
+        raise InputError("train", None, f"must be bool ({len(t)},), got {training.dtype} {training.shape}", where=name)
     return t - t[0], s, p, training

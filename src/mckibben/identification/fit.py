@@ -262,8 +262,8 @@ def fit_all(
     if not fits:
         raise InputError(
             "points",
-            f"{int(points.taut.sum())} with tension",
-            "no law can be fitted to so few points",
+            None,
+            f"are too few: {int(points.taut.sum())} of them have tension, and no law can be fitted to so few",
             where=points.name,
         )
     return rank(fits)
@@ -339,8 +339,8 @@ def _hold_out(
     train = points.pressure <= train_below
     asked = points.select(~train & points.taut)
     if not len(asked) or not (points.taut & train).any():
-        allowed = "allowed is a pressure with points on both sides"
-        raise InputError("train_below", f"{train_below:.6g} Pa", allowed, where=points.name)
+        allowed = f"must be a pressure with points on both sides, got {train_below:.6g} Pa"
+        raise InputError("train_below", None, allowed, where=points.name)
     error = np.full(len(asked), np.inf)
     trained = int((points.taut & train).sum())
     if trained >= len(law_type(law).fitted) + 2:

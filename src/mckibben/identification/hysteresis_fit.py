@@ -23,7 +23,7 @@ import numpy as np
 
 from .._jax import jax, jnp
 from ..components import Hysteresis
-from ..errors import InputError
+from ..errors import InputError, choice
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
 from ._checks import require_influence, require_progress
@@ -148,12 +148,14 @@ def fit_loop(
     from scipy import optimize
 
     if model not in MODELS:
-        raise InputError("model", model, f"allowed is {', '.join(MODELS)}")
+        raise InputError("model", model, f"must be {choice(MODELS)}")
     training = record.chosen(train)
     free, fixed = _parameters(record, model, law, dict(known or {}), knots)
     if training.sum() < len(free) + 3:
         raise InputError(
-            "train", f"{int(training.sum())} samples", f"{len(free)} parameters need {len(free) + 3} or more"
+            "train",
+            None,
+            f"must have {len(free) + 3} samples or more for {len(free)} parameters, got {int(training.sum())}",
         )
     names, predict, slopes = tuple(free), *_predictor(record, model, law, fixed, tuple(free.items()), knots)
     low = np.array([_scaled(f, f.low) for f in free.values()])
@@ -237,14 +239,14 @@ def _parameters(
         every["spring"] = Free(0.0, -1e5, 1e5, "N/m")
         every["pressure_zero"] = Free(0.0, -1e5, 1e5, "Pa")
     elif knots < 3:
-        raise InputError("knots", knots, "allowed is 3 or more")
+        raise InputError("knots", knots, "must be 3 or more")
     else:
         step = float(np.ptp(record.pressure)) / (knots - 1)
         every["rise_0"] = Free(float(record.pressure.min()), -1e6, 1e6, "Pa")
         every |= {f"rise_{i}": Free(step, 1e-3 * step, 100.0 * step, "Pa", log=True) for i in range(1, knots)}
     for name in known:
         if name not in every:
-            raise InputError(f"known.{name}", "unknown", f"{model} has {', '.join(every)}")
+            raise InputError(f"known.{name}", None, f"{model} has", known=every)
     fixed = settled | known
     fixed = {n: v for n, v in fixed.items() if np.isfinite(v)}
     return {n: f for n, f in every.items() if n not in fixed}, fixed

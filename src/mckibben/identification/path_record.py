@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, choice
 
 # A reversal smaller than this share of the range is noise and no turning point.
 NOISE = 0.05
@@ -29,21 +29,19 @@ class PathRecord:
             try:
                 value = np.asarray(getattr(self, field), float)
             except (TypeError, ValueError):
-                raise InputError(field, "no numbers", "allowed is one number per sample", where=self.name) from None
+                raise InputError(field, None, "must be one number per sample", where=self.name) from None
             if value.ndim != 1 or not np.isfinite(value).all():
-                raise InputError(
-                    field, "not finite or no row", "allowed is one finite number per sample", where=self.name
-                )
+                raise InputError(field, None, "must be one finite number per sample", where=self.name)
             object.__setattr__(self, field, value)
         if len(self.pressure) != len(self.stroke):
             sizes = f"{len(self.pressure)} and {len(self.stroke)}"
-            raise InputError("pressure, stroke", sizes, "allowed are as many of one as of the other", where=self.name)
+            raise InputError("pressure, stroke", sizes, "must be as many of one as of the other", where=self.name)
         if len(self.pressure) < FEWEST:
-            raise InputError("samples", len(self.pressure), f"allowed is {FEWEST} or more", where=self.name)
+            raise InputError("samples", len(self.pressure), f"must be {FEWEST} or more", where=self.name)
         if not np.ptp(self.stroke) > 0.0:
-            raise InputError("stroke", "constant", "allowed is a stroke that follows the pressure", where=self.name)
+            raise InputError("stroke", None, "must follow the pressure; it is constant", where=self.name)
         if not len(self.turning_points):
-            raise InputError("pressure", "no turning point", "a loop rises and falls", where=self.name)
+            raise InputError("pressure", None, "has no turning point: a loop rises and falls", where=self.name)
 
     def with_stroke(self, stroke: np.ndarray) -> PathRecord:
         """Return the path of pressure with another stroke [m]."""
@@ -98,8 +96,8 @@ class PathRecord:
         """A selection of samples as bool (n,); all by default."""
         selection = np.ones(len(self.pressure), bool) if train is None else np.asarray(train)
         if selection.shape != self.pressure.shape or selection.dtype != bool:
-            allowed = f"allowed is bool ({len(self.pressure)},)"
-            raise InputError("train", f"{selection.dtype} {selection.shape}", allowed, where=self.name)
+            allowed = f"must be bool ({len(self.pressure)},), got {selection.dtype} {selection.shape}"
+            raise InputError("train", None, allowed, where=self.name)
         return selection
 
     def split(self, how: str, *, block: int = 10) -> np.ndarray:
@@ -112,7 +110,7 @@ class PathRecord:
         """
         number, middle = np.arange(len(self.pressure)), 0.5 * (self.pressure.min() + self.pressure.max())
         if block < 1:
-            raise InputError("block", block, "allowed is 1 or more", where=self.name)
+            raise InputError("block", block, "must be 1 or more", where=self.name)
         kinds = {
             "all": number >= 0,
             "odd": number % 2 == 1,
@@ -123,5 +121,5 @@ class PathRecord:
             "high": self.pressure > middle,
         }
         if how not in kinds:
-            raise InputError("train", how, f"allowed is {', '.join(SPLITS)}", where=self.name)
+            raise InputError("train", how, f"must be {choice(SPLITS)}", where=self.name)
         return kinds[how]

@@ -61,8 +61,8 @@ class Problem:
         free = free or _freed(kind, parameters, points)
         if "rest_length" in fields and "rest_length" not in parameters and "rest_length" not in free:
             if points.rest_length is None:
-                allowed = f"the law {law} needs the rest length, or a column rest_length"
-                raise InputError("rest_length", "not given", allowed, where=points.name, remedy="rest_length")
+                allowed = f"is missing: the law {law} needs the rest length, or a column rest_length"
+                raise InputError("rest_length", None, allowed, where=points.name, remedy="rest_length")
             parameters["rest_length"] = points.rest_length
         if "upper_length" in fields:
             # Every measured point has to lie in the working range, each muscle in its own.
@@ -72,19 +72,15 @@ class Problem:
             if name not in parameters and name not in free:
                 raise InputError(
                     name,
-                    "not known",
-                    f"the law {law} needs it ({fields[name].doc})",
+                    None,
+                    f"is missing: the law {law} needs it ({fields[name].doc})",
                     where=points.name,
                     remedy=f"parameter {name}",
                 )
         taut = int(points.taut.sum())
         if taut < len(free) + 2:
-            raise InputError(
-                "points",
-                f"{taut} with tension",
-                f"the law {law} has {len(free)} free parameters and needs at least {len(free) + 2}",
-                where=points.name,
-            )
+            need = f"{len(free) + 2} or more with tension for the {len(free)} free parameters of the law {law}"
+            raise InputError("points", None, f"must be {need}, got {taut}", where=points.name)
         keep = points.taut | (points.informative_slack & slack)
         fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in parameters.items() if k not in free}
         counted = replace(points.select(keep), tension=np.maximum(points.tension[keep], 0.0))

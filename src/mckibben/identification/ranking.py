@@ -72,7 +72,9 @@ class Ranking:
         for fitted in self.fits:
             if fitted.law == law:
                 return fitted
-        raise InputError("law", law, self.skipped.get(law, f"known are {', '.join(f.law for f in self.fits)}"))
+        if law in self.skipped:
+            raise InputError("law", law, self.skipped[law])
+        raise InputError("law", law, known=[fitted.law for fitted in self.fits])
 
     def __repr__(self) -> str:
         return f"Ranking({self.title!r}, {len(self)} laws, best {self.best.law}: rmse {self.best.rmse:.3g} N)"
@@ -222,7 +224,7 @@ def known_in_si(
         if name in fields:
             values[name] = in_si(value, fields[name].unit, field=f"known.{name}")
         elif isinstance(value, str):
-            raise InputError(f"known.{name}", value, f"the parameters are {', '.join(sorted(fields))}")
+            raise InputError(f"known.{name}", value, "the parameters are", known=sorted(fields))
         else:
             values[name] = value
     return values

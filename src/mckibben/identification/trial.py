@@ -49,7 +49,7 @@ class Trial:
     def __post_init__(self) -> None:
         """Refuse what could not be compared."""
         if not self.measured:
-            raise InputError("measured", "nothing", "allowed is at least one recorded channel", where=self.name)
+            raise InputError("measured", None, "must be at least one recorded channel", where=self.name)
         lengths = {len(v) for v in self.measured.values()} | {len(s.values) for s in self.signals.values()}
         if len(lengths) != 1:
             raise InputError(
@@ -57,26 +57,24 @@ class Trial:
             )
         for name, values in self.measured.items():
             if not np.isfinite(values).all():
-                raise InputError(name, "not finite", "allowed are finite values", where=self.name)
+                raise InputError(name, None, "must be finite", where=self.name)
             if name.endswith(".pressure_abs") and (np.asarray(values) < 0.0).any():
-                allowed = "below vacuum; allowed are absolute pressures of 0 Pa or more"
+                allowed = "must be absolute pressures of 0 Pa or more; below vacuum"
                 raise InputError(name, float(np.min(values)), allowed, where=self.name)
         for name, signal in self.signals.items():
             if not np.isfinite(np.asarray(signal.values)).all():
-                raise InputError(name, "not finite", "allowed are finite values", where=self.name)
+                raise InputError(name, None, "must be finite", where=self.name)
         self._check_start()
 
     def _check_start(self) -> None:
         for name, value, unit in (("period", self.period, "s"), ("temperature", self.temperature, "K")):
             if not (np.isfinite(value) and value > 0.0):
-                raise InputError(name, float(value), f"allowed is above 0 {unit}", where=self.name)
+                raise InputError(name, float(value), f"must be above 0 {unit}", where=self.name)
         for name in self.circuit.chambers:
             value = self.initial.get(name, float("nan"))
             if not (np.isfinite(value) and value > 0.0):
-                stated = float(value) if name in self.initial else "missing"
-                raise InputError(
-                    f"initial.{name}", stated, "allowed is an absolute pressure above 0 Pa", where=self.name
-                )
+                stated = float(value) if name in self.initial else None
+                raise InputError(f"initial.{name}", stated, "must be an absolute pressure above 0 Pa", where=self.name)
         driven = [getattr(node, "signal", None) for node in self.circuit.nodes.values()]
         for needed in (*driven, *(command for _, command in self.circuit.ends.values())):
             if needed is not None and needed not in self.signals:
@@ -110,7 +108,7 @@ class Trial:
         known = circuit.outputs(state, memory, inputs)
         for name in self.channels:
             if name not in known:
-                raise InputError("measured", name, f"no such output; known are {', '.join(known)}", where=self.name)
+                raise InputError("measured", name, "outputs are", known=known, where=self.name)
 
     def with_parameters(self, changes: Mapping[str, Any]) -> tuple[Circuit, dict[str, Signal]]:
         """Circuit and signals with values at dotted paths replaced; ``signals.<name>.delay`` delays an input."""
@@ -185,7 +183,7 @@ def matching(pattern: str, circuit: Circuit, signals: Iterable[str]) -> tuple[st
     matches = tuple(path for path in units if fnmatch.fnmatchcase(path, pattern))
     if not matches:
         near = difflib.get_close_matches(pattern, units, n=3) or sorted(units)
-        raise InputError("free", pattern, f"known are {', '.join(near)}")
+        raise InputError("free", pattern, known=near)
     different = [path for path in matches if units[path] != units[matches[0]]]
     if different:
         reason = f"one value cannot be {matches[0]} [{units[matches[0]]}] and {different[0]} [{units[different[0]]}]"
@@ -250,17 +248,17 @@ def trial_from_record(
         known = ", ".join(f"{node}.pressure" for node in plan.circuit.chambers)
         names = ", ".join(record.names())
         sentence = f"No channel of the record can be compared with {known}; it has {names}"
-        raise InputError("channels", names, f"known are {known}", where=name, sentence=sentence)
+        raise InputError("channels", names, where=name, sentence=sentence)
     if measured:
         for node in measured:
             if node not in plan.circuit.chambers:
                 known = ", ".join(plan.circuit.chambers)
-                raise InputError("measured", node, f"no such volume; allowed are {known}", where=name)
+                raise InputError("measured", node, f"must be {known}; there is no such volume", where=name)
         compared = {channel: values for channel, values in compared.items() if channel.rpartition(".")[0] in measured}
     given = _given(plan, record, pressures, ambient, name)
     for signal, channel in (inputs or {}).items():
         if signal not in plan.signals:
-            raise InputError("inputs", signal, f"no such signal; known are {', '.join(plan.signals)}", where=name)
+            raise InputError("inputs", signal, "signals are", known=plan.signals, where=name)
         given[signal] = _raw(record, channel, plan.signals[signal].unit, name)
     times = record.time - record.time[0]
     # A sensor saw what happened between its samples on either side; what a simulation held, it held.
@@ -327,7 +325,7 @@ def _channel(record: Recording, channel: str, ambient: float, name: str) -> np.n
 
 def _raw(record: Recording, channel: str, unit: str, name: str) -> np.ndarray:
     if channel not in record:
-        raise InputError("channel", channel, f"the record has {', '.join(record.names())}", where=name)
+        raise InputError("channel", channel, "the record has", known=record.names(), where=name)
     if record.unit(channel) != unit:
-        raise InputError(channel, f"in {record.unit(channel)}", f"allowed are values in {unit}", where=name)
+        raise InputError(channel, None, f"must be values in {unit}, got {record.unit(channel)}", where=name)
     return record[channel]

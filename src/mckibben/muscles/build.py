@@ -33,7 +33,7 @@ def law_from_specimen(
         InputError: names the file, the parameter, its value and what is allowed.
     """
     if spec.kind == "valve":
-        raise InputError("specimen", spec.id, "must be a muscle: it is a valve", where=spec.where)
+        raise InputError("specimen", spec.id, "must be a muscle; it is a valve", where=spec.where)
     name = law or spec.law
     if name not in spec.laws:
         known = law_type(name)  # an unknown name is a better complaint than a missing one
@@ -54,12 +54,11 @@ def build_law(name: str, parameters: Mapping[str, Any], *, where: str | None = N
     known = declared(kind)
     for key in parameters:
         if key not in known:
-            raise InputError(f"{name}.{key}", "unknown", f"{name} has {', '.join(known)}", where=where)
+            raise InputError(f"{name}.{key}", None, f"{name} has", known=known, where=where)
     missing = missing_parameters(name, parameters)
     if missing:
         needs = f"the law {name} needs {needed_words(missing)}"
-        said = f"{name}.{missing[0][0]} is missing; {needs}"
-        raise MissingParametersError(name, missing, needs, where=where, sentence=said)
+        raise MissingParametersError(name, missing, needs, where=where)
     for key, value in parameters.items():
         known[key].check(f"{name}.{key}", value, where=where)
     return construct(kind, parameters)
@@ -102,7 +101,7 @@ def law_names() -> list[str]:
 def _unit_of(law: str, key: str, where: str) -> str:
     known = declared(law_type(law))
     if key not in known:
-        raise InputError(f"laws.{law}.{key}", "unknown", f"{law} has {', '.join(known)}", where=where)
+        raise InputError(f"laws.{law}.{key}", None, f"{law} has", known=known, where=where)
     return known[key].unit
 
 
@@ -153,7 +152,7 @@ class MuscleFactory:
         """
         if isinstance(name, str) and name in LAWS:
             if law is not None:
-                raise InputError("law", law, f"allowed with a specimen; {name} is a law itself")
+                raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
             return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
         spec = name if isinstance(name, Specimen) else specimen(name)
         chosen = law or spec.law
@@ -184,7 +183,7 @@ class MuscleFactory:
         try:
             inspect.signature(from_braid).bind(**dimensions)
         except TypeError as error:
-            raise InputError("dimensions", ", ".join(dimensions) or "none", str(error)) from None
+            raise InputError("dimensions", ", ".join(dimensions) or None, str(error)) from None
         return self(from_braid(**dimensions))
 
 
@@ -204,7 +203,7 @@ def _in_si(law: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
 def _own(friction: str | Hysteresis | None) -> Hysteresis | None:
     if isinstance(friction, str):
         raise InputError(
-            "friction", friction, "must be a friction such as MaxwellSlip: only specimens state one by name"
+            "friction", friction, "must be a friction such as MaxwellSlip; only specimens state one by name"
         )
     return friction
 
@@ -268,7 +267,7 @@ def upper_length_of(spec: Specimen | None, law: Any = None) -> float:
 
 def _own_law(spec: Specimen | None) -> Any:
     if spec is None:
-        raise InputError("muscle", "nothing", "must be a specimen or a law")
+        raise InputError("muscle", None, "must be a specimen or a law")
     muscle = from_specimen(spec)
     return getattr(muscle, "law", muscle)
 
@@ -282,15 +281,13 @@ _FRICTION_UNITS = {
 
 def _stated_friction(spec: Specimen, name: str) -> Hysteresis:
     if name not in spec.friction:
-        raise InputError("friction", name, f"{spec.id} states {', '.join(spec.friction) or 'none'}", where=spec.where)
+        raise InputError("friction", name, f"{spec.id} states", known=spec.friction, where=spec.where)
     if name not in HYSTERESES:
-        raise InputError(f"friction.{name}", "unknown", f"known are {', '.join(HYSTERESES)}", where=spec.where)
+        raise InputError(f"friction.{name}", None, known=HYSTERESES, where=spec.where)
     parameters: dict[str, Any] = {}
     for key, p in spec.friction[name].items():
         if key not in _FRICTION_UNITS:
-            raise InputError(
-                f"friction.{name}.{key}", "unknown", f"known are {', '.join(_FRICTION_UNITS)}", where=spec.where
-            )
+            raise InputError(f"friction.{name}.{key}", None, known=_FRICTION_UNITS, where=spec.where)
         parameters[key] = p.si(_FRICTION_UNITS[key], field=f"friction.{name}.{key}", where=spec.where)
     limit = FrictionLimit(constant=parameters.pop("constant", 0.0), per_pressure=parameters.pop("per_pressure", 0.0))
     for key in ("elements", "exponent"):
@@ -310,12 +307,12 @@ def _stated_friction(spec: Specimen, name: str) -> Hysteresis:
 
 def _biological(spec: Specimen, name: str, changes: dict[str, Any]) -> BiologicalMuscle:
     if name not in spec.laws:
-        raise InputError("law", name, f"{spec.id} states {', '.join(spec.laws)}", where=spec.where)
+        raise InputError("law", name, f"{spec.id} states", known=spec.laws, where=spec.where)
     known = declared(BiologicalMuscle)
     parameters: dict[str, Any] = {}
     for key, p in spec.laws[name].items():
         if key not in known:
-            raise InputError(f"laws.{name}.{key}", "unknown", f"known are {', '.join(known)}", where=spec.where)
+            raise InputError(f"laws.{name}.{key}", None, known=known, where=spec.where)
         parameters[key] = p.si(known[key].unit, field=f"laws.{name}.{key}", where=spec.where)
         known[key].check(f"{name}.{key}", parameters[key], where=spec.where)
     return BiologicalMuscle(**(parameters | changes))

@@ -387,7 +387,7 @@ def sample(kind: type[Any], given: Mapping[str, float] | None = None) -> Any:
     values: dict[str, Any] = dict(given or {})
     for name in values:
         if name not in known:
-            raise InputError(name, "unknown", f"{law_name(kind)} has {', '.join(known)}")
+            raise InputError(name, None, f"{law_name(kind)} has", known=known)
     for f in dataclasses.fields(kind):
         if f.name in values or f.default is not dataclasses.MISSING or f.default_factory is not dataclasses.MISSING:
             continue

@@ -194,7 +194,7 @@ class TensionLaw(Module):
         from scipy.optimize import brentq
 
         if not (np.isfinite(tension) and tension >= 0.0):
-            raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
+            raise InputError("tension", None, f"must be 0 N or more, got {tension:.6g} N")
         grid = np.linspace(0.0, highest, 1001)
         excess_at = np.asarray(self.tension(float(span), grid)) - tension
         met = np.flatnonzero(np.abs(excess_at) <= 1e-9 * max(tension, 1.0))

@@ -187,7 +187,7 @@ class Muscle(Module):
             InputError: the muscle was made without a specimen.
         """
         if self.specimen is None:
-            raise InputError("specimen", "none", "only a muscle of a specimen, a braid or a fit can be saved")
+            raise InputError("specimen", None, "is missing: only a muscle of a specimen, a braid or a fit can be saved")
         save_specimen(self.specimen, path)
         return Path(path)
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..components.flow import FlowElement
-from ..errors import InputError
+from ..errors import InputError, choice
 from ..quantities import Quantity, declared, parse
 from ..registry import Registry
 from ..specimens import Specimen
@@ -159,8 +159,10 @@ def valve_from_specimen(
     """
     place = spec.where or spec.id
     if spec.kind != "valve":
-        raise InputError("specimen", spec.id, "must be a valve: it is a muscle", where=place)
-    own_kind = spec.element or kind or "missing"  # a file may leave the element open
+        raise InputError("specimen", spec.id, "must be a valve; it is a muscle", where=place)
+    own_kind = spec.element or kind  # a file may leave the element open
+    if not own_kind:
+        raise InputError("element", None, f"is missing: it must be {choice(ELEMENTS)}", where=place)
     ELEMENTS.find(own_kind, field="element", where=place)
     chosen = kind or own_kind
     ELEMENTS.find(chosen, where=where or place)
@@ -170,7 +172,7 @@ def valve_from_specimen(
     passages = passages_of(own_kind)
     for key, p in spec.valve.items():
         if key not in known:
-            raise InputError(f"valve.{key}", "unknown", f"{own_kind} has {', '.join(known)}", where=place)
+            raise InputError(f"valve.{key}", None, f"{own_kind} has", known=known, where=place)
         value = p.si(known[key].unit, field=f"valve.{key}", where=place)
         if isinstance(value, list):
             raise InputError(f"valve.{key}", str(p.value), "must be one number", where=place)
@@ -183,7 +185,9 @@ def valve_from_specimen(
         ):
             given.setdefault(target, value)
     if effective and (has_size(stated) or not passages_of(chosen)):
-        raise InputError("effective", "asked for", f"the values state the size, or {chosen} has no flow", where=place)
+        raise InputError(
+            "effective", None, f"cannot be used: the values state the size, or {chosen} has no flow", where=place
+        )
     if "flow_into_the_room" in wanted and (effective or not has_size(given)):
         _state_flow(spec, given, effective, passages_of(chosen))
     if "flow_into_the_room" in given and "flow_pressure" in spec.properties:
@@ -200,8 +204,8 @@ def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passag
             return
         raise InputError(
             f"properties.{names[0]}",
-            "missing",
-            f"the file states no size; allowed in [valve] is one of {', '.join(SIZES)}",
+            None,
+            f"is missing: the file must state a size, in [valve] {choice(SIZES)}",
             where=spec.where or spec.id,
         )
     given["flow_into_the_room"] = spec.property_si(name, "m^3/s")
@@ -237,7 +241,7 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
     numbers: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
-            raise InputError(f"{kind}.{key}", "unknown", _unknown(kind, key, known), where=where)
+            raise InputError(f"{kind}.{key}", None, _unknown(kind, key), known=known, where=where)
         q, field, target = known[key], f"{kind}.{key}", canonical(key, passages)
         if target in numbers:
             raise InputError(
@@ -251,12 +255,14 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
     return numbers
 
 
-def _unknown(kind: str, key: str, known: Mapping[str, Quantity]) -> str:
-    """Describe the keys that are allowed instead of an unknown one."""
-    keys = f"{kind} has {', '.join(known)}"
+def _unknown(kind: str, key: str) -> str:
+    """The words that begin the list of the keys of a kind."""
     if kind.endswith("_tube") and canonical(key) in SIZES:
-        return f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; {keys}"
-    return keys
+        return (
+            f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; "
+            f"{kind} has"
+        )
+    return f"{kind} has"
 
 
 def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) -> str:
@@ -313,10 +319,12 @@ def _one(
     if missing:
         others = "".join(f"; or give {' and '.join(way.needs)}" for way in ways if way.make is not make)
         doc = {**fields, **may}[missing[0]].doc
-        raise InputError(prefix + missing[0], "missing", f"it is the {doc}{others}", where=where)
+        raise InputError(prefix + missing[0], None, f"is missing: it is the {doc}{others}", where=where)
     for key in given:
         if key not in may:
-            raise InputError(prefix + key, "too much", f"with it goes only {', '.join(may)}", where=where)
+            raise InputError(
+                prefix + key, None, f"cannot be stated too: with it goes only {', '.join(may)}", where=where
+            )
     try:
         return make(**given, **(parts or {}))
     except InputError as error:

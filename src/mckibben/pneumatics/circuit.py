@@ -66,7 +66,7 @@ class Circuit(System):
         """The state with given absolute pressures [Pa] and one temperature [K]; lengths of moving volumes from `inputs`."""
         for name in self.chambers:
             if name not in pressures:
-                raise InputError(f"pressure of {name}", "not given", "every volume needs one", where="circuit")
+                raise InputError(f"pressure of {name}", None, "is missing: every volume needs one", where="circuit")
             p = float(pressures[name])
             if not p > 0.0:
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="circuit")

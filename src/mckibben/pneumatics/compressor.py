@@ -75,7 +75,9 @@ class Compressor(FlowElement):
     def running(self, memory: Any, command: Any) -> Scalar:
         """State of the switch: 1 while it runs, else 0."""
         if isinstance(memory, tuple):
-            raise InputError("memory", "not given", "pass the circuit's initial_memory(state): a compressor has some")
+            raise InputError(
+                "memory", None, "is missing: pass the circuit's initial_memory(state): a compressor has some"
+            )
         return memory * jnp.where(jnp.asarray(command) > 0.5, 1.0, 0.0)
 
     def initial_memory(self, gas: Gases) -> Any:

@@ -47,7 +47,7 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
     calibration, first, rows = parts["calibration"], parts["first"], parts["rows"]
     header, cells = rows[0], rows[1:]
     if not cells:
-        raise InputError("Test Data", "empty", "must have at least one sample", where=where)
+        raise InputError("Test Data", None, "is empty: it must have at least one sample", where=where)
     for number, row in enumerate(cells, first + 1):
         if len(row) != len(header):
             told = f"row {number} has {len(row)} cells, and the header has {len(header)} columns"
@@ -95,7 +95,7 @@ def _parts(lines: list[str], where: str) -> dict[str, Any]:
     }
     for name in ("Channel", "Units", "Scale", "Offset"):
         if name not in table:
-            raise InputError(f"{name} of Calibration Data", "missing", "each channel needs it", where=where)
+            raise InputError(f"{name} of Calibration Data", None, "is missing: each channel needs it", where=where)
     calibration = {
         channel: (
             unit.strip(),
@@ -110,7 +110,10 @@ def _parts(lines: list[str], where: str) -> dict[str, Any]:
     begin = next((i for i in range(at["Test Data"] + 1, len(lines)) if lines[i].startswith("Sample")), None)
     if begin is None:
         raise InputError(
-            "Test Data", "no header", "its first line must name the channels, beginning with Sample", where=where
+            "Test Data",
+            None,
+            "has no header: its first line must name the channels, beginning with Sample",
+            where=where,
         )
     rows = [line.rstrip("\r").split("\t") for line in lines[begin:] if line.strip()]
     return {

@@ -55,7 +55,7 @@ def read_hdf5(path: Path) -> ForeignTable:
     try:
         sets, attributes = read_in_process(content, path)
     except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", "unreadable", f"must be an HDF5 file ({one_line(error)})", where=where) from None
+        raise InputError("file", None, f"cannot be read as an HDF5 file ({one_line(error)})", where=where) from None
     columns: list[ForeignColumn] = []
     remarks: list[str] = []
     for one in sets:

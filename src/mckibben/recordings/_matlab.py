@@ -82,7 +82,7 @@ def read_matlab(path: Path) -> ImportResult | ForeignTable:
             # scipy's reader brings down its process where a variable without checksum is damaged, and HDF5 may hang
             variables, warned = read_in_process(content, path)
     except Exception as error:  # whatever zlib, scipy and h5py meet in a broken file
-        raise InputError("file", "unreadable", f"allowed is a MATLAB file ({one_line(error)})", where=where) from None
+        raise InputError("file", None, f"cannot be read as a MATLAB file ({one_line(error)})", where=where) from None
     remarks = list(dict.fromkeys(warned))
     line = variables.get(KEY)
     if isinstance(line, str) and line.startswith("{"):

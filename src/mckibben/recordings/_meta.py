@@ -34,7 +34,7 @@ def freeze(meta: Mapping[str, Any]) -> Frozen:
         InputError: names the dotted path of what JSON cannot hold.
     """
     if not isinstance(meta, Mapping):
-        raise InputError("meta", type(meta).__name__, "allowed is a mapping of names to values")
+        raise InputError("meta", type(meta).__name__, "must be a mapping of names to values")
     return _plain(meta, "meta")
 
 
@@ -50,20 +50,20 @@ def _plain(value: Any, path: str) -> Any:
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str) or key.startswith("$"):
-                raise InputError(f"key of {path}", repr(key), "allowed is a text that does not begin with $")
+                raise InputError(f"key of {path}", repr(key), "must be a text that does not begin with $")
         return Frozen({_text(key, path): _plain(item, f"{path}.{key}") for key, item in value.items()})
     if isinstance(value, list | tuple):
         return [_plain(item, f"{path}.{i}") for i, item in enumerate(value)]
     if hasattr(value, "tolist") and hasattr(value, "dtype"):
         return _plain(value.tolist(), path)
-    raise InputError(path, type(value).__name__, "allowed are numbers, texts, true, false, none, lists and mappings")
+    raise InputError(path, type(value).__name__, "must be numbers, texts, true, false, none, lists and mappings")
 
 
 def _text(value: str, path: str) -> str:
     try:
         value.encode("utf-8")
     except UnicodeEncodeError:
-        raise InputError(path, ascii(value), "allowed is text that UTF-8 can hold") from None
+        raise InputError(path, ascii(value), "must be text that UTF-8 can hold") from None
     return str.__str__(value)
 
 

@@ -66,7 +66,7 @@ def read_parquet(path: Path) -> ImportResult | ForeignTable:
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # of a broken file; a panic of polars is no Exception
-        raise InputError("file", "unreadable", f"allowed is a Parquet file ({one_line(error)})", where=where) from None
+        raise InputError("file", None, f"cannot be read as a Parquet file ({one_line(error)})", where=where) from None
     if line is None:
         return ForeignTable([ForeignColumn(n, values, None, f"{len(values)} samples") for n, values in columns.items()])
     sidecar = loads(line, where)

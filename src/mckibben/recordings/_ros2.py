@@ -33,7 +33,7 @@ def read_bag(path: Path, topic: str | None = None) -> ForeignTable:
         with _open(highlevel, path) as reader:
             topics = sorted(reader.topics)
             if topic is not None and topic not in topics:
-                raise InputError("topic", topic, f"known are {', '.join(topics)}", where=where)
+                raise InputError("topic", topic, known=topics, where=where)
             wanted = [c for c in reader.connections if topic in (None, c.topic)]
             for connection, stamp, data in reader.messages(connections=wanted) if wanted else ():
                 if connection.topic in broken:
@@ -48,10 +48,10 @@ def read_bag(path: Path, topic: str | None = None) -> ForeignTable:
     except InputError:
         raise
     except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", "unreadable", f"must be a bag of ROS ({one_line(error)})", where=where) from None
+        raise InputError("file", None, f"cannot be read as a bag of ROS ({one_line(error)})", where=where) from None
     remarks = [f"{name} is left out: {reason}" for name, reason in broken.items()]
     if not messages:
-        raise InputError("file", "no messages", "must be a bag with at least one message that can be read", where=where)
+        raise InputError("file", None, "has no message that can be read", where=where)
     first = min(stamp for pairs in messages.values() for stamp, _ in pairs)
     columns: list[ForeignColumn] = []
     for name, pairs in messages.items():

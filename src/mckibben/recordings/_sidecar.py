@@ -39,7 +39,9 @@ class Sidecar(NamedTuple):
         """The recording of a file's columns, by the name of the time and those of the channels in their order."""
         for name in (time, *names):
             if name not in columns:
-                raise InputError(f"column {name}", "missing", f"the line {KEY!r} of the file names it", where=where)
+                raise InputError(
+                    f"column {name}", None, f"is missing: the line {KEY!r} of the file names it", where=where
+                )
         try:
             return self.recording(columns[time], [columns[name] for name in names])
         except InputError as error:
@@ -61,13 +63,13 @@ def loads(text: object, where: str | None = None) -> Sidecar:
     """
     table = parse(text, KEY, where)
     if not isinstance(table, Mapping):
-        raise InputError(KEY, str(text)[:60], "allowed is an object of JSON", where=where)
+        raise InputError(KEY, str(text)[:60], "must be an object of JSON", where=where)
     check_schema(table.get("schema"), where)
     listed, meta = table.get("channels"), table.get("meta")
     if not isinstance(listed, list) or not all(isinstance(item, Mapping) for item in listed):
-        raise InputError(f"channels of {KEY}", str(listed)[:60], "allowed is a list of objects", where=where)
+        raise InputError(f"channels of {KEY}", str(listed)[:60], "must be a list of objects", where=where)
     if not isinstance(meta, Mapping):
-        raise InputError(f"meta of {KEY}", str(meta)[:60], "allowed is an object", where=where)
+        raise InputError(f"meta of {KEY}", str(meta)[:60], "must be an object", where=where)
     try:
         channels = {
             str(item.get("name")): Channel(
@@ -78,7 +80,7 @@ def loads(text: object, where: str | None = None) -> Sidecar:
     except InputError as error:
         raise error.at(where) if where else error from None
     if len(channels) != len(listed):
-        raise InputError(f"channels of {KEY}", "one name twice", "allowed is each name once", where=where)
+        raise InputError(f"channels of {KEY}", None, "must be each name once; one is there twice", where=where)
     samples = table.get("samples")
     return Sidecar(channels, dict(meta), samples if isinstance(samples, int) else None)
 
@@ -86,13 +88,13 @@ def loads(text: object, where: str | None = None) -> Sidecar:
 def check_schema(schema: object, where: str | None = None) -> None:
     """Refuse what no version of mckibben wrote, and what a newer one wrote."""
     if schema is None:
-        allowed = "this is no recording of mckibben; a table of others is converted into one first"
-        raise InputError("schema", "not given", allowed, where=where)
+        problem = "is missing: this is no recording of mckibben; a table of others is converted into one first"
+        raise InputError("schema", None, problem, where=where)
     if not isinstance(schema, int | np.integer) or isinstance(schema, bool) or schema < 1:
-        raise InputError("schema", str(schema), f"allowed is a whole number from 1 to {SCHEMA}", where=where)
+        raise InputError("schema", str(schema), f"must be a whole number from 1 to {SCHEMA}", where=where)
     if schema > SCHEMA:
-        allowed = f"this version of mckibben reads up to {SCHEMA}; a newer one wrote it"
-        raise InputError("schema", int(schema), allowed, where=where)
+        problem = f"must be at most {SCHEMA} for this version of mckibben; a newer one wrote it"
+        raise InputError("schema", int(schema), problem, where=where)
 
 
 def parse(text: object, what: str, where: str | None = None) -> Any:
@@ -102,7 +104,7 @@ def parse(text: object, what: str, where: str | None = None) -> Any:
     try:
         return from_json(str(text))
     except (json.JSONDecodeError, ValueError, TypeError, RecursionError) as error:
-        raise InputError(what, str(text)[:60], f"allowed is JSON ({one_line(error)})", where=where) from None
+        raise InputError(what, str(text)[:60], f"must be JSON ({one_line(error)})", where=where) from None
 
 
 def one_line(error: BaseException) -> str:

@@ -33,7 +33,7 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
     except InputError:
         raise
     except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", "unreadable", f"must be a spreadsheet ({one_line(error)})", where=where) from None
+        raise InputError("file", None, f"cannot be read as a spreadsheet ({one_line(error)})", where=where) from None
     tables = {
         name: [(i, [_text(cell) for cell in row]) for i, row in enumerate(rows, 1)] for name, rows in filled.items()
     }
@@ -53,7 +53,7 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
         told = f"the sheets {', '.join(tables)} have tables; say which one is meant"
         raise InputError("sheet", ", ".join(tables), told, sentence=told, where=where, remedy="sheet")
     if not tables:
-        raise InputError("file", "empty", "must be a spreadsheet with a table", where=where)
+        raise InputError("file", None, "is empty", where=where)
     ((name, rows),) = tables.items()
     table = table_of_rows(_trimmed(rows), where)
     return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
@@ -65,9 +65,9 @@ def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
     if isinstance(sheet, int) or (sheet.isdecimal() and sheet not in names):
         if 1 <= int(sheet) <= len(names):
             return [names[int(sheet) - 1]]
-        raise InputError("sheet", int(sheet), f"must be 1 to {len(names)}", where=where)
+        raise InputError("sheet", int(sheet), f"must be between 1 and {len(names)}", where=where)
     if sheet not in names:
-        raise InputError("sheet", sheet, f"known are {', '.join(names)}", where=where)
+        raise InputError("sheet", sheet, known=names, where=where)
     return [sheet]
 
 

@@ -79,7 +79,7 @@ def read_netcdf(path: Path) -> ImportResult | ForeignTable:
     try:
         file = loaded(path) if whole else read_in_process(loaded, path)
     except _BROKEN as error:
-        raise InputError("file", "unreadable", f"allowed is a netCDF file ({one_line(error)})") from None
+        raise InputError("file", None, f"cannot be read as a netCDF file ({one_line(error)})") from None
     if file.attrs.get("schema") is None and file.variables:
         return _foreign_netcdf(file)
     check_schema(file.attrs.get("schema"))
@@ -87,13 +87,13 @@ def read_netcdf(path: Path) -> ImportResult | ForeignTable:
     channels: dict[str, Channel] = {}
     for name, variable in file.variables.items():
         if variable.dims != ("time",):
-            raise InputError(f"variable {name}", f"over {variable.dims}", "allowed is the dimension time")
+            raise InputError(f"variable {name}", None, f"must have the dimension time, got {variable.dims}")
         if name != "time":
             of = {key: str(variable.attrs.get(key, "")) for key in ("units", "kind", "long_name")}
             meaning = "" if of["long_name"] == name else of["long_name"]
             channels[str(name)] = Channel(variable.values, of["units"], of["kind"], meaning)
     if "time" not in file.variables:
-        raise InputError("time", "no variable", "a recording has the coordinate time")
+        raise InputError("time", None, "is missing: a recording has the coordinate time")
     if whole is False:
         meta = {**meta, "warnings": [*meta.get("warnings", ()), BROKEN_SEAL]}
     return ImportResult(Recording(file.variables["time"].values, channels, meta), [])
@@ -148,16 +148,16 @@ def read_csv(path: Path) -> ImportResult | ForeignTable:
             check_schema(parse(head.get("schema"), "schema"))
             table = _csv_numbers(stream, len(head) + 2, header)
     except UnicodeDecodeError as error:
-        raise InputError("file", "unreadable", f"allowed is a CSV text file ({error})") from None
+        raise InputError("file", None, f"cannot be read as a CSV text file ({error})") from None
     if header[0] != "time [s]":
-        raise InputError("header", header[0], "allowed is 'time [s]' first")
+        raise InputError("header", header[0], "must be 'time [s]' first")
     about = parse(head.get("channels"), "channels")
     channels: dict[str, Channel] = {}
     for i, cell in enumerate(header[1:], 1):
         name, _, unit = cell.rpartition(" [")
         of = about.get(name) if isinstance(about, Mapping) else None
         if not isinstance(of, Mapping) or not unit.endswith("]"):
-            raise InputError("header", cell, "allowed is 'name [unit]' with a name that the line '# channels' knows")
+            raise InputError("header", cell, "must be 'name [unit]' with a name that the line '# channels' knows")
         channels[name] = Channel(table[:, i], unit[:-1], of.get("kind", ""), of.get("meaning", ""))
     return ImportResult(Recording(table[:, 0], channels, parse(head.get("meta"), "meta")), [])
 
@@ -174,20 +174,22 @@ def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
             return head, next(csv.reader([line]), [""])
         key, _, text = line[2:].partition(": ")
         head[key] = text
-    raise InputError("file", "no header", "it ends before its numbers")
+    raise InputError("file", None, "has no numbers: it ends before them")
 
 
 def _csv_numbers(stream: io.TextIOBase, before: int, header: list[str]) -> np.ndarray:
     first = stream.readline()
     if not first.strip():
-        raise InputError("file", "no samples", "allowed is at least one")
+        raise InputError("file", None, "must have at least one sample")
     try:
         rest = (line for lines in ((first,), stream) for line in lines)
         table = np.loadtxt(rest, delimiter=",", comments=None, ndmin=2)
     except ValueError as error:
-        raise InputError("numbers", "unreadable", f"{one_line(error)} after the {before} lines of the head") from None
+        raise InputError(
+            "numbers", None, f"cannot be read: {one_line(error)} after the {before} lines of the head"
+        ) from None
     if table.shape[1] != len(header):
-        raise InputError("numbers", f"{table.shape[1]} columns", f"the header has {len(header)}")
+        raise InputError("numbers", None, f"must have {len(header)} columns, as the header has, got {table.shape[1]}")
     return table
 
 

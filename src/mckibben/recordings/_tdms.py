@@ -64,10 +64,10 @@ def read_tdms(path: Path) -> ImportResult | ForeignTable:
             foreign = [column for group in file.groups() for column in _group(group, bool(logged))]
             properties = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
     except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", "unreadable", f"allowed is a TDMS file ({one_line(error)})", where=where) from None
+        raise InputError("file", None, f"cannot be read as a TDMS file ({one_line(error)})", where=where) from None
     if isinstance(line, str):
         if logged:
-            raise InputError("file", "damaged or cut off", f"allowed is a whole TDMS file ({logged[0]})", where=where)
+            raise InputError("file", None, f"is damaged or cut off ({logged[0]})", where=where)
         sidecar = loads(line, where)
         return ImportResult(sidecar.from_columns(columns, "time", list(sidecar.channels), where), [])
     return ForeignTable(foreign, {"properties": properties}, list(dict.fromkeys(logged)))

@@ -54,7 +54,7 @@ def _read_date(raw: Any, place: Place) -> str:
     try:
         moment(line)
     except InputError as error:
-        raise place.fail(line, error.allowed) from None
+        raise error.changed(field=place.field, where=place.where) from None
     return line
 
 
@@ -281,9 +281,9 @@ def read_plain(table: object, *, where: str = "calibration", bare: bool = True) 
         InputError: names the dotted path, the value and what it must be; a newer schema is refused.
     """
     top = FileTable.of(table, "calibration" if not isinstance(table, Mapping) else "", where)
-    schema = top.values.get("schema", "missing")
+    schema = top.values.get("schema")
     if isinstance(schema, int) and not isinstance(schema, bool) and schema > SCHEMA:
-        raise top.fail("schema", schema, f"a newer version of mckibben wrote it; this one reads schema {SCHEMA}")
+        raise top.fail("schema", schema, f"must be {SCHEMA} for this version of mckibben; a newer one wrote it")
     top.schema(SCHEMA)
     top.only(("schema", "rig", "created", "channels"))
     channels = top.table("channels")

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, choice
 from ..quantities import with_unit
 from .formats import ForeignColumn, ForeignTable, ImportResult
 from .recording import Channel, Recording, check_name
@@ -196,8 +196,8 @@ def without_blank_rows(table: ForeignTable, used: Mapping[int, np.ndarray], wher
             continue
         label, numbers = table.columns[at].label, np.flatnonzero(blank).tolist()
         if 2 * len(numbers) > len(blank):
-            told = "too many; it must have a value in most rows"
-            raise InputError(label, f"blank in {len(numbers)} of {len(blank)} rows", told, where=where)
+            told = f"is blank in {len(numbers)} of {len(blank)} rows: it must have a value in most of them"
+            raise InputError(label, None, told, where=where)
         rows = [i + 1 if table.rows is None else table.rows[i] for i in numbers]
         remarks[label] = rows
         keep &= ~blank
@@ -220,7 +220,7 @@ def choose_columns(
     """
     if header is None and not columns:
         allowed = "a file without a header needs the number of each column, such as time 1 and tank.pressure 2"
-        raise InputError("columns", "not given", allowed, where=where, remedy="column time")
+        raise InputError("columns", None, f"are missing: {allowed}", where=where, remedy="column time")
     known = [parse_header(i, cell) for i, cell in enumerate(header or [""] * width)]
     if timed and not any(stem in TIMES for stem, _ in known):  # in other languages
         known = [("time" if quantity_of(stem) == "time" else stem, column) for stem, column in known]
@@ -245,7 +245,7 @@ def choose_columns(
     for name, column in chosen.items():
         if column.reference is not None and (column.reference == "absolute") != name.endswith("_abs"):
             allowed = f"the header says {column.reference}; names of absolute pressures, and only these, end in _abs"
-            raise InputError(f"columns, {name}", column.label, allowed, where=where)
+            raise InputError(f"column for {name}", column.label, allowed, where=where)
     return chosen
 
 
@@ -254,15 +254,21 @@ def _index(
 ) -> int:
     if isinstance(wanted, int) and not isinstance(wanted, bool):
         if not 1 <= wanted <= width:
-            raise InputError(f"columns, {name}", wanted, f"allowed is 1 to {width}", where=where)
+            raise InputError(f"column for {name}", wanted, f"must be between 1 and {width}", where=where)
         return wanted - 1
     if header is None:
-        raise InputError(f"columns, {name}", str(wanted), f"no header; allowed is a number, 1 to {width}", where=where)
+        raise InputError(
+            f"column for {name}",
+            str(wanted),
+            f"must be a number between 1 and {width}; the file has no header",
+            where=where,
+        )
     match = [i for i, cell in enumerate(header) if cell == wanted]
     match = match or [i for i, (stem, _) in enumerate(known) if stem == wanted]
     if len(match) != 1:
-        reason = f"the file has {', '.join(header)}" if not match else "two columns have it; give a number from 1"
-        raise InputError(f"columns, {name}", str(wanted), reason, where=where)
+        if not match:
+            raise InputError(f"column for {name}", str(wanted), "the file has", known=header, where=where)
+        raise InputError(f"column for {name}", str(wanted), "two columns have it; give a number from 1", where=where)
     return match[0]
 
 
@@ -276,7 +282,7 @@ def check_vacuum(
     if below.any():
         i = int(np.argmax(below))
         kind = "absolute" if absolute else "gauge"
-        allowed = f"below vacuum; allowed is {with_unit(lowest, 'Pa')} {kind} or more; wrong unit, or zero?"
+        allowed = f"must be {with_unit(lowest, 'Pa')} {kind} or more; below vacuum: wrong unit, or zero?"
         raise InputError(f"{name} ({label}){place(i)}", with_unit(float(values[i]), "Pa"), allowed, where=where)
 
 
@@ -339,7 +345,7 @@ def assemble(
         zero = _zero(name, pressure_zero, where)
         channels[name] = _channel(name, column, numbers[name], table, words.get(name), zero, ambient, where)
     if not channels:
-        raise InputError("channels", "none", "must be at least one column beside the time", where=where)
+        raise InputError("channels", None, "must be at least one column beside the time", where=where)
     if strict:
         _check_alive(channels, where)
     about = {n: {"column": foreign[c.at].label, "unit": words.get(n)} for n, c in sources.items()}
@@ -358,15 +364,15 @@ def _usable(table: ForeignTable, columns: Mapping[str, str | int], where: str) -
     """The table without columns that can be no channel, and a line for each of these."""
     if table.rows is not None:  # its numbers stay those of the file
         if not table.columns:
-            raise InputError("file", "empty", f"must have {FEWEST} samples or more", where=where)
+            raise InputError("file", None, f"is empty: it must have {FEWEST} samples or more", where=where)
         if len(table.rows) < FEWEST:
-            raise InputError("file", f"{len(table.rows)} samples", f"must be {FEWEST} or more", where=where)
+            raise InputError("file", None, f"must have {FEWEST} samples or more, got {len(table.rows)}", where=where)
         return table, []
     usable = channel_columns(table)
     kept = {id(column.values) for column in usable}
     remarks = [f"{g.label} is left out: {_why(g.values)}" for g in table.columns if id(g.values) not in kept]
     if not usable:
-        raise InputError("columns", "none", "must be at least one column of numbers", where=where)
+        raise InputError("columns", None, "must be at least one column of numbers", where=where)
     return table._replace(columns=usable), remarks
 
 
@@ -424,11 +430,11 @@ def _check_known(
 ) -> None:
     for name in zeros if isinstance(zeros, Mapping) else ():
         if name not in sources:
-            raise InputError("pressure_zero", name, f"the channels are {', '.join(sources)}", where=where)
+            raise InputError("pressure_zero", name, "the channels are", known=sources, where=where)
     for name in (required,) if isinstance(required, str) else required:
         if name not in sources:
             has = ", ".join(n for n in sources if n != "time") or "none"
-            raise InputError(name, "no column", f"it is required, and the file has {has}", where=where)
+            raise InputError(name, None, f"is missing: the file has {has}", where=where)
 
 
 def _units(
@@ -440,7 +446,7 @@ def _units(
     for key, unit in units.items():
         name = key if key in sources else labels.get(key)
         if name is None:
-            raise InputError("unit", key, f"the columns are {', '.join(sources)}", where=where)
+            raise InputError("unit", key, "the columns are", known=sources, where=where)
         words[name] = unit
     return words
 
@@ -510,10 +516,8 @@ def _time(
     if column is None or values is None:
         if implied is not None:
             return implied, None
-        allowed = (
-            f"known are columns named {', '.join(TIMES[:3])}; say which one it is, or state the period of the samples"
-        )
-        raise InputError("time", "no column", allowed, where=where, remedy="column time")
+        allowed = f"none is named {choice(TIMES[:3])}; say which one it is, or state the period of the samples"
+        raise InputError("time", None, f"is in no column: {allowed}", where=where, remedy="column time")
     label = table.columns[column.at].label
     if values.dtype.kind == "O":
         values = _dates([str(cell).strip() for cell in values])
@@ -600,8 +604,8 @@ def _channel(
 ) -> Channel:  # fmt: skip
     foreign = table.columns[column.at]
     if values.dtype.kind != "f":
-        allowed = "only the time is a date; read the column as the time"
-        raise InputError(f"{name} ({foreign.label})", "dates", allowed, where=where, remedy="column time")
+        allowed = "is a column of dates, which only the time can be: read the column as the time"
+        raise InputError(f"{name} ({foreign.label})", None, allowed, where=where, remedy="column time")
     if unit is None and foreign.values.dtype.kind == "b":
         unit = "1"
     if unit is None:
@@ -609,7 +613,7 @@ def _channel(
             field, told = f"unit of {name} ({foreign.label})", "say it: bar, kPa, N, mm, V, 1, .."
         else:
             field, told = f"unit of {name}", f"write it into the header, such as '{name} [kPa]', or say it"
-        raise InputError(field, "no unit", told, where=where, remedy=f"unit {name}")
+        raise InputError(field, None, f"has no unit: {told}", where=where, remedy=f"unit {name}")
     si, scale, offset = si_of(unit, field=f"unit of {name} ({foreign.label})", where=where)
     if scale != 1.0 or offset:
         values = values * scale + offset

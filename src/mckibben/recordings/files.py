@@ -238,8 +238,7 @@ def read_recording(path: str | Path) -> Recording:
     """
     path = Path(path)
     if path.suffix.lower() not in RECORDINGS:
-        known = f"known are {', '.join(RECORDINGS)}"
-        raise InputError("suffix", path.suffix or str(path), known, where=str(path))
+        raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
     # A log that is damaged where it says that it is one still has its samples.
     content = read_log(path) if path.suffix.lower() == ".mcap" else load(path)
     if isinstance(content, ForeignTable):

@@ -89,8 +89,8 @@ class ForceMap:
     def contraction(self) -> np.ndarray:
         """(L0 - L)/L0; raises `InputError` where the rest length is not known."""
         if self.rest_length is None:
-            allowed = "give the rest length, or a column rest_length"
-            raise InputError("rest_length", "not given", allowed, where=self.name, remedy="rest_length")
+            allowed = "is missing: give the rest length, or a column rest_length"
+            raise InputError("rest_length", None, allowed, where=self.name, remedy="rest_length")
         return 1.0 - self.length / self.rest_length
 
 
@@ -170,7 +170,7 @@ def map_of_table(
     given = {ALIASES.get(name, name): unit for name, unit in (units or {}).items()}
     for quantity in given:
         if quantity not in COLUMNS:
-            raise InputError("unit of", quantity, f"known are {', '.join(COLUMNS)}", where=where)
+            raise InputError("unit of", quantity, known=COLUMNS, where=where)
     chosen = choose_map_columns(header, columns or {}, where)
     data = {}
     for quantity, label in chosen.items():
@@ -195,8 +195,8 @@ def map_of_table(
         data["rest_length"] = np.full(int(keep.sum()), float(rest_length))
     if "length" not in data:
         if "rest_length" not in data:
-            allowed = "a contraction needs the rest length, or a column rest_length"
-            raise InputError("rest_length", "not given", allowed, where=where, remedy="rest_length")
+            allowed = "is missing: a contraction needs the rest length, or a column rest_length"
+            raise InputError("rest_length", None, allowed, where=where, remedy="rest_length")
         _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
@@ -229,7 +229,7 @@ def even_table(table: ForeignTable, where: str) -> ForeignTable:
     """The columns of most samples of a table, without the word that all labels begin with."""
     usable = [c for c in table.columns if c.values.ndim == 1 and c.values.dtype.kind in "fiubUO"]
     if not usable:
-        raise InputError("columns", "none", "must be at least one column of numbers", where=where)
+        raise InputError("columns", None, "must be at least one column of numbers", where=where)
     counts = [len(c.values) for c in usable]
     most = max(sorted(set(counts)), key=counts.count)
     remarks = [
@@ -244,7 +244,7 @@ def _checked_header(table: ForeignTable, where: str) -> list[str]:
     """The labels of a table that has names and rows."""
     count = len(table.columns[0].values) if table.columns else 0
     if not count:
-        raise InputError("file", f"{count} rows", "must be a header and at least one row", where=where)
+        raise InputError("file", None, f"must have a header and at least one row, got {count} rows", where=where)
     if not table.named:
         first = ",".join(str(column.values[0]) for column in table.columns)
         raise InputError("header", first, "the first row must name the columns, such as length_mm", where=where)
@@ -277,7 +277,7 @@ def choose_map_columns(header: list[str], columns: Mapping[str, str | int], wher
     for name, column in columns.items():
         quantity = ALIASES.get(name, name)
         if quantity not in COLUMNS:
-            raise InputError("column", quantity, f"known are {', '.join(COLUMNS)}", where=where)
+            raise InputError("column", quantity, known=COLUMNS, where=where)
         asked[quantity] = _asked_column(header, column, quantity, where)
     for quantity, match in recognise_columns(header).items():
         if len(match) > 1 and quantity not in asked:
@@ -299,7 +299,7 @@ def choose_map_columns(header: list[str], columns: Mapping[str, str | int], wher
 def _asked_column(header: list[str], column: str | int, quantity: str, where: str) -> str:
     if isinstance(column, int):
         if not 1 <= column <= len(header):
-            raise InputError(f"column {quantity}", column, f"must be 1 to {len(header)}", where=where)
+            raise InputError(f"column {quantity}", column, f"must be between 1 and {len(header)}", where=where)
         return header[column - 1]
     label = plain_text(column)
     if label in (*header, LEFT_OUT):
@@ -307,12 +307,12 @@ def _asked_column(header: list[str], column: str | int, quantity: str, where: st
     alike = [cell for cell in header if cell.partition(" [")[0] == label]
     if len(alike) == 1:
         return alike[0]
-    raise InputError("column", column, f"the file has {', '.join(header)}", where=where)
+    raise InputError("column", column, "the file has", known=header, where=where)
 
 
 def _no_column(quantity: str, header: list[str], where: str) -> InputError:
-    told = f"the file has {', '.join(header)}; say which one it is"
-    return InputError(quantity, "no column", told, where=where, remedy=f"column {quantity}")
+    told = f"is missing: the file has {', '.join(header)}; say which one it is"
+    return InputError(quantity, None, told, where=where, remedy=f"column {quantity}")
 
 
 def unit_of(column: str, quantity: str) -> tuple[str | None, bool]:
@@ -331,8 +331,8 @@ def _unit(column: str, given: str | None, quantity: str, where: str) -> tuple[st
             absolute = reference.lower() in ABSOLUTE
     if unit is None:
         example = f"{quantity}_{'bar' if quantity == 'pressure' else UNITS[quantity]}"
-        told = f"write it into the header, such as {example}, or say it"
-        raise InputError(column, "no unit", told, where=where, remedy=f"unit {quantity}")
+        told = f"has no unit: write it into the header, such as {example}, or say it"
+        raise InputError(column, None, told, where=where, remedy=f"unit {quantity}")
     return unit, absolute
 
 
@@ -350,16 +350,12 @@ def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> 
         raise InputError(
             column,
             with_unit(worst, unit),
-            f"allowed is {with_unit(low, unit)} to {with_unit(high, unit)}; {hint}",
+            f"must be between {with_unit(low, unit)} and {with_unit(high, unit)}; {hint}",
             where=where,
         )
     if what in LEAST_LARGEST and values.max() < LEAST_LARGEST[what]:
-        raise InputError(
-            column,
-            f"at most {with_unit(float(values.max()), unit)}",
-            f"allowed is a largest value of {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?",
-            where=where,
-        )
+        problem = f"must reach {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?"
+        raise InputError(column, with_unit(float(values.max()), unit), problem, where=where)
 
 
 def _keep_branch(points: ForceMap, branch: str | None, where: str) -> ForceMap:
@@ -391,13 +387,12 @@ def _check_direction(points: ForceMap, where: str) -> None:
             fall = np.maximum.accumulate(tension) - tension
             if len(tension) > 1 and fall.max() > room:
                 i, key = int(fall.argmax()), groups[member[0]]
-                raise InputError(
-                    "tension",
-                    f"{tension[i]:.4g} N at {with_unit(float(at[i]), over)}",
-                    f"it falls by {fall[i]:.4g} N while the {moving} rises at "
-                    f"{with_unit(float(key[0]), 'm' if fixed == 'length' else 'Pa')}; columns swapped, or a sign wrong?",
-                    where=where,
+                place = with_unit(float(key[0]), "m" if fixed == "length" else "Pa")
+                problem = (
+                    f"falls by {fall[i]:.4g} N to {tension[i]:.4g} N at {with_unit(float(at[i]), over)} while the "
+                    f"{moving} rises at {place}; columns swapped, or a sign wrong?"
                 )
+                raise InputError("tension", None, problem, where=where)
 
 
 class TablePreview(NamedTuple):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, not_found
 from ..extras import library
 from ..registry import Registry
 
@@ -143,7 +143,7 @@ def writer_of(path: Path) -> FileFormat:
     """
     found = format_of(path)
     if found is None or found.write is None:
-        raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(writable())}", where=str(path))
+        raise InputError("suffix", path.suffix or str(path), known=writable(), where=str(path))
     return found
 
 
@@ -165,11 +165,11 @@ def load(path: Path, **options: Any) -> ImportResult | ForeignTable:
         path = inside[0]
     file_format = format_of(path)
     if not path.suffix and not path.is_file():
-        raise InputError("file", where, "no such file")
+        raise not_found(where)
     if file_format is None:
-        raise InputError("suffix", path.suffix or where, f"known are {', '.join(readable())}", where=where)
+        raise InputError("suffix", path.suffix or where, known=readable(), where=where)
     if not path.is_file():
-        raise InputError("file", where, "no such file")
+        raise not_found(where)
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in file_format.options:

@@ -149,7 +149,7 @@ class LiveLog:
         with self._lock:
             self._usable()
             if not isinstance(text, str) or not np.isfinite(time):
-                raise InputError("remark", repr((text, time)), "allowed are a text and a finite time [s]")
+                raise InputError("remark", repr((text, time)), "must be a text and a finite time [s]")
             letters = text.encode("utf-8", "replace") + b"\0"
             data = CDR + struct.pack("<dI", time, len(letters)) + letters
             stamp = self._stamp(float(time))
@@ -209,26 +209,24 @@ class LiveLog:
         """Time and values as (m, 1 + k)."""
         at = np.atleast_1d(np.asarray(times, float))
         if at.ndim != 1:
-            raise InputError("times", f"of shape {at.shape}", "allowed is one time, or a list of them")
+            raise InputError("times", None, f"must be one time, or a list of them, got shape {at.shape}")
         out = np.empty((len(at), 1 + len(self._names)))
         out[:, 0] = at
         try:
             if isinstance(values, Mapping):
                 if values.keys() != set(self._names):
                     odd = ", ".join(map(str, set(self._names).symmetric_difference(values)))
-                    raise InputError("channels of a sample", odd, f"allowed are all of {', '.join(self._names)}")
+                    raise InputError("channels of a sample", odd, f"must be all of {', '.join(self._names)}")
                 for i, name in enumerate(self._names, 1):
                     out[:, i] = values[name]
             else:
                 array = np.asarray(values, float)
                 out[:, 1:] = array[None] if array.ndim == 1 and len(at) == 1 else array.reshape(len(at), -1)
         except (TypeError, ValueError) as error:
-            raise InputError(
-                "values", " ".join(str(error).split()), "allowed is a number per channel and time"
-            ) from None
+            raise InputError("values", " ".join(str(error).split()), "must be a number per channel and time") from None
         # NaN compares false
         if not (np.diff(at, prepend=self._last) > 0.0).all() or not np.isfinite(at).all():
-            raise InputError("time", str(times)[:60], f"allowed is a finite time after {self._last!s} s, increasing")
+            raise InputError("time", str(times)[:60], f"must be a finite time after {self._last!s} s, increasing")
         return out
 
     def _stamp(self, at: float) -> int:

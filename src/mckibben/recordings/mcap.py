@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..documents import parse_json
-from ..errors import InputError, MissingLibraryError
+from ..errors import InputError, MissingLibraryError, not_found
 from ._mcap_records import (
     ATTACHMENT,
     CHANNEL,
@@ -78,13 +78,13 @@ def read_log(path: str | Path) -> LogContent:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError("file", str(path), "no such file")
+        raise not_found(path)
     if not path.stat().st_size:
-        raise InputError("file", "empty", "allowed is an MCAP file", where=str(path))
+        raise InputError("file", None, "is empty", where=str(path))
     try:
         return _log(_gather(memoryview(path.read_bytes()), str(path)), str(path))
     except RecursionError:
-        raise InputError("meta", "nested too deeply", "allowed is what JSON of a run holds", where=str(path)) from None
+        raise InputError("meta", None, "is nested too deeply for the JSON of a run", where=str(path)) from None
 
 
 def is_log(path: Path) -> bool:
@@ -188,11 +188,11 @@ def _read_event(data: bytes) -> list[dict[str, Any]]:
 def _log(log: _LogParts, where: str) -> LogContent:
     known = log.head or log.names
     if known is None:
-        allowed = "this is no log of mckibben, or both places that name its channels are damaged"
-        raise InputError("file", "without a head", allowed, where=where)
+        allowed = "has no head: this is no log of mckibben, or both places that name its channels are damaged"
+        raise InputError("file", None, allowed, where=where)
     rows, dropped = _in_order(log.samples, 2 + len(known.channels))
     if not len(rows):
-        raise InputError("file", "no samples", "allowed is a log that has at least one whole chunk", where=where)
+        raise InputError("file", None, "has no samples: a log needs at least one whole chunk", where=where)
     remarks = _remarks(log, rows, dropped)
     meta = {**known.meta, **(log.end.meta if log.end else {})}
     for key, more in (("events", log.events), ("warnings", remarks)):
@@ -282,7 +282,7 @@ def read_foreign(path: Path, topic: str | None = None) -> ForeignTable:
         raise InputError("file", "no messages", told, sentence=told, where=where)
     names = sorted({one.name for one in topics.values()})
     if topic is not None and topic not in names:
-        raise InputError("topic", topic, f"known are {', '.join(names)}", where=where)
+        raise InputError("topic", topic, known=names, where=where)
     first = min(stamp for pairs in messages.values() for stamp, _ in pairs)
     columns: list[ForeignColumn] = []
     for number, pairs in messages.items():
@@ -307,7 +307,7 @@ def read_foreign(path: Path, topic: str | None = None) -> ForeignTable:
         if schemas.get(channel.schema) and schemas[channel.schema].name.endswith("/JointState"):
             lines.append(f"{channel.name}: {JOINT_REMARK}")
     if not columns:
-        raise InputError("topics", "none that can be read", "; ".join(lines)[:300], where=where)
+        raise InputError("topics", None, f"cannot be read: {'; '.join(lines)[:300]}", where=where)
     return ForeignTable(columns, {}, lines)
 
 

@@ -164,7 +164,7 @@ def _meta(
 def _check(recording: Recording, calibration: Calibration | None, old: Calibration | None) -> None:
     if calibration is None:
         if old is None:
-            raise InputError("calibration", "none", "the recording carries none that could be taken off")
+            raise InputError("calibration", None, "is not in the recording, so none can be taken off")
         return
     rig = recording.meta.get("rig")
     if isinstance(rig, str) and rig != calibration.rig:
@@ -191,7 +191,7 @@ def _grid(recording: Recording, channel: str) -> tuple[Any, float, float | None,
         last = 2.0**bits - 1.0
         if not (1.0 <= bits <= 64.0 and low < high):
             raise InputError(
-                f"converters.{channel}", f"{bits:g} bits, {low:g} to {high:g}", "allowed is a rising range"
+                f"converters.{channel}", None, f"must be a rising range, got {bits:g} bits, {low:g} to {high:g}"
             )
         return 0.0, low, (high - low) / last, low < 0.0, last
     if recording.unit(channel) == "m" and isinstance(encoder, Mapping):
@@ -210,7 +210,7 @@ def _mounted(recording: Recording, said: Any) -> Any:
     try:
         times, spans = np.array(said, float).reshape(-1, 2).T
     except (TypeError, ValueError):
-        allowed = "allowed is a span [m], or a list of [from time, span]"
+        allowed = "must be a span [m], or a list of [from time, span]"
         raise InputError("encoder.mounted", str(said), allowed, where="meta of the recording") from None
     return spans[np.clip(np.searchsorted(times, recording.time + 1e-9, side="right") - 1, 0, len(spans) - 1)]
 
@@ -218,7 +218,7 @@ def _mounted(recording: Recording, said: Any) -> Any:
 def _number(table: Any, key: str, path: str) -> float:
     value = table.get(key) if isinstance(table, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{path}.{key}", str(value), "allowed is a number", where="meta of the recording")
+        raise InputError(f"{path}.{key}", str(value), "must be a number", where="meta of the recording")
     return float(value)
 
 

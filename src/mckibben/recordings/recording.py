@@ -85,11 +85,11 @@ class Channel:
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", _column(self.values, "values of a channel"))
         if not isinstance(self.unit, str) or not is_si(self.unit):
-            raise InputError("unit of a channel", self.unit, "allowed is an SI unit such as 'Pa', 'kg/s' or '1'")
+            raise InputError("unit of a channel", self.unit, "must be an SI unit such as 'Pa', 'kg/s' or '1'")
         if self.kind not in KINDS:
-            raise InputError("kind of a channel", self.kind, f"known are {', '.join(KINDS)}")
+            raise InputError("kind of a channel", self.kind, known=KINDS)
         if not isinstance(self.meaning, str) or not self.meaning.isprintable():
-            raise InputError("meaning of a channel", repr(self.meaning), "allowed is one line of text")
+            raise InputError("meaning of a channel", repr(self.meaning), "must be one line of text")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -142,14 +142,16 @@ class Recording:
         time = _column(self.time, "time")
         _check_clock(time)
         if not isinstance(self.channels, Mapping):
-            raise InputError("channels", type(self.channels).__name__, "allowed is a mapping of names to channels")
+            raise InputError("channels", type(self.channels).__name__, "must be a mapping of names to channels")
         kept: dict[str, Channel] = {}
         for name, channel in self.channels.items():
             check_name(name)
             if not isinstance(channel, Channel):
-                raise InputError(f"channel {name}", type(channel).__name__, "allowed is a Channel")
+                raise InputError(f"channel {name}", type(channel).__name__, "must be a Channel")
             if len(channel) != len(time):
-                raise InputError(f"channel {name}", f"{len(channel)} values", f"the time has {len(time)}")
+                raise InputError(
+                    f"channel {name}", None, f"must have {len(time)} values, as the time has, got {len(channel)}"
+                )
             # A meaning that only repeats the name says nothing.
             said = channel.meaning != name
             kept[name] = channel if said else Channel(channel.values, channel.unit, channel.kind)
@@ -188,12 +190,12 @@ class Recording:
         try:
             return self.channels[name]
         except (KeyError, TypeError):
-            raise InputError("channel", name, f"the recording has {', '.join(self.channels) or 'none'}") from None
+            raise InputError("channel", name, "the recording has", known=self.channels) from None
 
     def names(self, kind: str | None = None) -> list[str]:
         """Names of the channels, of one kind if given, in their order."""
         if kind is not None and kind not in KINDS:
-            raise InputError("kind", kind, f"known are {', '.join(KINDS)}")
+            raise InputError("kind", kind, known=KINDS)
         return [name for name, channel in self.channels.items() if kind in (None, channel.kind)]
 
     def unit(self, name: str) -> str:
@@ -204,7 +206,7 @@ class Recording:
     def period(self) -> float:
         """Median interval between samples [s]."""
         if len(self) < 2:
-            raise InputError("period", f"{len(self)} sample", "allowed are 2 samples or more")
+            raise InputError("period", None, f"needs 2 samples or more, got {len(self)}")
         return float(np.median(np.diff(self.time)))
 
     @property
@@ -220,14 +222,14 @@ class Recording:
         keep = (self.time >= low - room) & (self.time <= high + room)
         if not keep.any():
             known = f"the recording has {self.time[0]:.6g} s to {self.time[-1]:.6g} s"
-            raise InputError("select", f"{low:.6g} s to {high:.6g} s", f"no sample lies there; {known}")
+            raise InputError("select", None, f"from {low:.6g} s to {high:.6g} s holds no sample; {known}")
         some = {name: channel.with_values(channel.values[keep]) for name, channel in self.channels.items()}
         return Recording(self.time[keep], some, self.meta)
 
     def pick(self, names: Iterable[str]) -> Recording:
         """Some channels, in the order given."""
         if isinstance(names, str):
-            raise InputError("names", names, "allowed is a list of names")
+            raise InputError("names", names, "must be a list of names")
         return Recording(self.time, {name: self._channel(name) for name in names}, self.meta)
 
     def with_channels(self, channels: Mapping[str, Channel]) -> Recording:
@@ -248,7 +250,7 @@ class Recording:
         """
         step = self.period if period is None else float(period)
         if not (math.isfinite(step) and 0.0 < step and self.duration <= step * _MOST_SAMPLES):
-            raise InputError("period", step, f"allowed is a time [s] above {self.duration / _MOST_SAMPLES:.3g}")
+            raise InputError("period", step, f"must be a time [s] above {self.duration / _MOST_SAMPLES:.3g}")
         count = math.floor(self.duration / step * (1.0 + 1e-12) + 1e-9) + 1
         time = self.time[0] + step * np.arange(count)
         moved = {n: c.with_values(np.interp(time, self.time, c.values)) for n, c in self.channels.items()}
@@ -282,10 +284,12 @@ class Recording:
         words = text.strip()
         if not words or len(words) > LONGEST_NOTE or not words.isprintable():
             shown = words[:40] + (".." if len(words) > 40 else "")
-            raise InputError("note", shown, f"allowed is one line of 1 to {LONGEST_NOTE} characters")
+            raise InputError("note", shown, f"must be one line of 1 to {LONGEST_NOTE} characters")
         first, last = float(self.time[0]), float(self.time[-1])
         if not first <= time <= last:
-            raise InputError("time of a note", f"{time:.6g} s", f"allowed are {first:.6g} s to {last:.6g} s")
+            raise InputError(
+                "time of a note", None, f"must be between {first:.6g} s and {last:.6g} s, got {time:.6g} s"
+            )
         return self._with_notes(sorted([*self.notes, Note(float(time), words)]))
 
     def without_note(self, note: Note) -> Recording:
@@ -346,7 +350,7 @@ class Recording:
         """
         path = Path(path)
         if path.suffix.lower() not in SAVED:
-            raise InputError("suffix", path.suffix or str(path), f"known are {', '.join(SAVED)}", where=str(path))
+            raise InputError("suffix", path.suffix or str(path), known=SAVED, where=str(path))
         write = writer_of(path).write
         assert write is not None
         return write_whole(path, lambda part: write(self, part))
@@ -356,7 +360,7 @@ def check_name(name: object, where: str | None = None) -> None:
     """Refuse a channel name that a file could not hold."""
     plain = isinstance(name, str) and name.isprintable() and name.strip() == name and _NAME.fullmatch(name)
     if not plain or name == "time":
-        allowed = "allowed is a name such as 'tank.pressure', without / \\ [ ] , ; \" # and not 'time'"
+        allowed = "must be a name such as 'tank.pressure', without / \\ [ ] , ; \" # and not 'time'"
         raise InputError("name of a channel", name if isinstance(name, str) else repr(name), allowed, where=where)
 
 
@@ -364,11 +368,11 @@ def _column(values: Any, what: str) -> np.ndarray:
     try:
         array = np.asarray(values)
     except (TypeError, ValueError) as error:
-        raise InputError(what, f"no array ({error})", "allowed are real numbers") from None
+        raise InputError(what, None, f"must be real numbers, got none ({error})") from None
     if array.dtype.kind not in "fiub":
-        raise InputError(what, f"of type {array.dtype}", "allowed are real numbers")
+        raise InputError(what, None, f"must be real numbers, got type {array.dtype}")
     if array.ndim != 1:
-        raise InputError(what, f"of shape {array.shape}", "allowed is one dimension")
+        raise InputError(what, None, f"must have one dimension, got shape {array.shape}")
     column = np.array(array, dtype=np.float64)
     column.flags.writeable = False
     return column
@@ -376,15 +380,17 @@ def _column(values: Any, what: str) -> np.ndarray:
 
 def _check_clock(time: np.ndarray) -> None:
     if not len(time):
-        raise InputError("time", "empty", "allowed is at least one sample")
+        raise InputError("time", None, "must have at least one sample")
     if not np.isfinite(time).all():
         i = int(np.argmin(np.isfinite(time)))
-        raise InputError(f"time of sample {i}", float(time[i]), "allowed is a finite time")
+        raise InputError(f"time of sample {i}", float(time[i]), "must be a finite time")
     late = np.diff(time) > 0.0
     if not late.all():
         i = int(np.argmin(late))
         raise InputError(
-            f"time of sample {i + 1}", f"{time[i + 1]!s} s after {time[i]!s} s", "allowed are increasing times"
+            f"time of sample {i + 1}",
+            None,
+            f"must be later than the one before, got {time[i + 1]!s} s after {time[i]!s} s",
         )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, not_found
 from .formats import ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
@@ -63,7 +63,7 @@ def read_rows(path: Path, where: str) -> Rows:
 def _read_cells(path: Path, where: str) -> tuple[Rows, list[str]]:
     """The rows, and the cells of the last comment before them: some programs write the names of the columns there."""
     if not path.is_file():
-        raise InputError("file", where, "no such file")
+        raise not_found(where)
     try:
         return _cells(path)
     except (UnicodeDecodeError, EOFError, OSError, zlib.error, csv.Error) as error:

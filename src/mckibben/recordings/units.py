@@ -51,9 +51,7 @@ def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, floa
         # Only temperatures have an offset; a thousand degrees apart leave no rounding in the scale.
         scale = to_si(1.0, word, target, field=field) if offset == 0.0 else _slope(word, target, offset, field)
         return target, scale, offset
-    raise InputError(
-        field, unit, "no known unit; allowed is one such as kPa, bar, psi, ms, mm, V, degC or 1", where=where
-    )
+    raise InputError(field, unit, "must be a unit such as kPa, bar, psi, ms, mm, V, degC or 1", where=where)
 
 
 def _slope(unit: str, target: str, offset: float, field: str) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..documents import write_whole
-from ..errors import InputError
+from ..errors import InputError, not_found
 from . import document_html, document_pdf
 from .blocks import Cite, Figure, Fold, Link, References, Section, Text, pieces, texts_of, walk
 
@@ -84,11 +84,11 @@ def checked_place(path: str | Path, *, field: str = "report") -> Path:
     """
     place = Path(path)
     if place.suffix not in ENDINGS:
-        raise InputError(field, str(place), f"allowed is a name that ends in {' or '.join(ENDINGS)}")
+        raise InputError(field, str(place), f"must be a name that ends in {' or '.join(ENDINGS)}")
     if not place.absolute().parent.is_dir():
-        raise InputError("folder", str(place.absolute().parent), "no such folder")
+        raise not_found(place.absolute().parent, "folder")
     if place.is_dir():
-        raise InputError(field, str(place), "it is a folder; allowed is the name of a file")
+        raise InputError(field, str(place), "must be the name of a file; it is a folder")
     if place.suffix == ".pdf":
         document_pdf.compiler()
     return place

@@ -193,7 +193,7 @@ def figure(identifier: str) -> PaperFigure:
         InputError: there is none; names those that there are.
     """
     if identifier not in FIGURES:
-        raise InputError("figure", identifier, f"known are {', '.join(FIGURES)}")
+        raise InputError("figure", identifier, known=FIGURES)
     return FIGURES[identifier]
 
 

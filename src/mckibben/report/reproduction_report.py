@@ -97,7 +97,7 @@ def chosen_figures(
         for word in ids:
             panels = {k: f for k, f in known.items() if k == word or re.fullmatch(re.escape(word) + "[a-z]", k)}
             if not panels:
-                raise InputError("--figure", word, f"known are {', '.join(known)}")
+                raise InputError("--figure", word, known=known)
             named |= panels
         figures = [*named.values()]
         elsewhere = [f.id for f in figures if part not in (None, f.part)]

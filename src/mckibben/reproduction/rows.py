@@ -121,7 +121,7 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
     parts = list(dict.fromkeys(r.part for r in rows))
     if part is not None:
         if part not in parts:
-            raise InputError("part", part, f"known are {', '.join(parts)}")
+            raise InputError("part", part, known=parts)
         rows = [r for r in rows if r.part == part]
     for word in identifiers or []:
         if not word or not any(r.id.startswith(word) for r in rows):

@@ -13,7 +13,7 @@ from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import FlowElement
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..pneumatics.build import build_element, valve_from_specimen
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
@@ -160,9 +160,7 @@ def published_valve(name: str) -> str:
     choices = [wanted, f"{wanted}-lf"]
     found = next((known[one] for one in choices if one in known), None)
     if found is None:
-        raise InputError(
-            "valve", name, f"{suggest(wanted, known)}known are {', '.join(known.values())}, and {REGULATOR}"
-        )
+        raise InputError("valve", name, known=[*known.values(), REGULATOR])
     return found
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..components import paths
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..recordings.recording import Recording
 from .kernel import SampleKernel
 from .simulation import SimulationState
@@ -88,7 +88,7 @@ class SimulationBatch:
         stated = paths.declaration(self.simulation.machine, path)
         array = np.asarray(values, float)
         if array.shape[-1:] != (self.lanes,):
-            raise InputError(path, f"of shape {array.shape}", f"must have a value for each of {self.lanes} lanes")
+            raise InputError(path, None, f"must have a value for each of {self.lanes} lanes, got shape {array.shape}")
         stated.check(path, array)
         return array
 
@@ -133,10 +133,10 @@ class SimulationBatch:
             self.reset()
         for name, value in commands.items():
             if name not in self._places:
-                raise InputError("command", name, f"{suggest(name, self.commands)}known are {', '.join(self.commands)}")
+                raise InputError("command", name, known=self.commands)
             array = np.asarray(value, float)
             if array.shape not in ((), (self.lanes,)):
-                raise InputError(name, f"of shape {array.shape}", f"must be a number or {self.lanes} values")
+                raise InputError(name, None, f"must be a number or {self.lanes} values, got shape {array.shape}")
             self._kernel.set_command(self._places[name], array)
         self._log.append(self._kernel.commands.copy())
         self._kernel.step()
@@ -195,7 +195,7 @@ class SimulationBatch:
     def recording(self, lane: int = 0) -> Recording:
         """All samples of a lane since the last reset or loaded state; see `Simulation.recording`."""
         if not 0 <= lane < self.lanes:
-            raise InputError("lane", lane, f"must be 0 to {self.lanes - 1}")
+            raise InputError("lane", lane, f"must be between 0 and {self.lanes - 1}")
         if self._begin is None:
             self.reset()
         begin = self._begin

@@ -15,7 +15,7 @@ import numpy as np
 from .._jax import jax, jnp
 from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
-from ..errors import ConvergenceError, InputError, suggest
+from ..errors import ConvergenceError, InputError
 from .kernel import MODE
 from .stepping import step_vectors
 
@@ -134,7 +134,7 @@ class Rollout:
         known = self.simulation.commands
         for name in commands:
             if name not in known:
-                raise InputError("command", name, f"{suggest(name, known)}known are {', '.join(known)}")
+                raise InputError("command", name, known=known)
         return jnp.stack([jnp.asarray(commands.get(name, held[k]), float) for k, name in enumerate(known)])
 
     def _check(self, bounds: Any) -> None:

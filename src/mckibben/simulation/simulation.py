@@ -23,7 +23,7 @@ import numpy as np
 
 from ..assembly.machine import Machine
 from ..components import paths
-from ..errors import InputError, suggest
+from ..errors import InputError
 from ..recordings.recording import Recording
 from .air import AirCircuit, air_circuit
 from .kernel import Programs, SampleKernel
@@ -318,7 +318,7 @@ class Simulation:
         ambient = float(self.machine.environment.pressure_abs)
         for name, value in stated.items():
             if name not in starts:
-                raise InputError("pressure", name, f"{suggest(name, starts)}known are {', '.join(starts)}")
+                raise InputError("pressure", name, known=starts)
             starts[name] = in_si(value, "Pa", f"pressure of {name}")
             if not starts[name] > -ambient:
                 raise InputError(f"pressure of {name}", f"{starts[name]:g} Pa", "must be a gauge pressure above vacuum")
@@ -339,7 +339,7 @@ class Simulation:
         names = [name for name, _ in self.plant.shown]
         for name, value in noise.items():
             if name not in names:
-                raise InputError("noise", name, f"{suggest(name, names)}known are {', '.join(names)}")
+                raise InputError("noise", name, known=names)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
         return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
@@ -354,7 +354,7 @@ class Simulation:
 
     def _place(self, name: str) -> int:
         if name not in self._places:
-            raise InputError("command", name, f"{suggest(name, self.commands)}known are {', '.join(self.commands)}")
+            raise InputError("command", name, known=self.commands)
         return self._places[name]
 
     def _set_checked(self, commands: Mapping[str, Any]) -> None:
@@ -396,7 +396,7 @@ class Simulation:
 def _whole_steps(period: float, step: float) -> int:
     for name, value in (("period", period), ("step", step)):
         if not value > 0.0:
-            raise InputError(name, f"{value:g} s", "must be a time above 0 s")
+            raise InputError(name, None, f"must be a time above 0 s, got {value:g} s")
     return max(1, math.ceil(period / step - 1e-9))
 
 

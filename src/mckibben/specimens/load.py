@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from ..documents import parse_toml, read_text
-from ..errors import InputError, suggest
+from ..errors import InputError, not_found
 from ..registry import with_own_references
 from ..schema import FileTable
 from .model import SCHEMA, Specimen
@@ -57,7 +57,7 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
     if text.lower().endswith(".toml") or os.sep in text:
         path = Path(text)
         if not path.is_file():
-            raise InputError("specimen", text, "no such file")
+            raise not_found(text, "specimen file")
         return _read(read_text(path), where=str(path))
     if not os.environ.get(FOLDER_VARIABLE):
         alone = _shipped(text.lower())
@@ -65,8 +65,7 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
             return alone
     specimens_by_id = _by_id()
     if text.lower() not in specimens_by_id:
-        hint = suggest(text.lower(), specimens_by_id)
-        raise InputError("specimen", text, f"{hint}known are {', '.join(specimen_ids())}, or a .toml file")
+        raise InputError("specimen", text, "give a .toml file or one of", known=specimen_ids())
     return specimens_by_id[text.lower()]
 
 
@@ -119,7 +118,7 @@ def _files(folders: str) -> Iterator[tuple[str, str]]:
             yield entry.name, entry.read_text(encoding="utf-8")
     for folder in filter(None, folders.split(os.pathsep)):
         if not Path(folder).is_dir():
-            raise InputError(FOLDER_VARIABLE, folder, "no such folder")
+            raise not_found(folder, "folder", where=FOLDER_VARIABLE)
         for path in sorted(Path(folder).glob("*.toml")):
             yield str(path), read_text(path)
 
@@ -130,9 +129,9 @@ def _read(text: str, *, where: str) -> Specimen:
     one = Specimen.read(table.values, where=where)
     if one.kind != "valve" and (one.element or one.valve):
         field = "element" if one.element else "valve"
-        raise table.fail(field, one.element or ", ".join(one.valve), "allowed in the file of a valve only")
+        raise table.fail(field, None, "is allowed only in the file of a valve")
     if one.kind != "valve" and one.law not in one.laws:
-        raise table.fail("law", one.law, f"the file states {', '.join(one.laws) or 'none'}")
+        raise table.fail("law", one.law, "the file states", known=one.laws)
     properties = table.table("properties")
     properties.only(KNOWN_PROPERTIES)
     for name, stated in one.properties.items():

@@ -131,7 +131,7 @@ class Specimen:
     def property_si(self, name: str, unit: str) -> float:
         """A scalar property in an SI unit."""
         if name not in self.properties:
-            raise InputError(f"properties.{name}", "missing", "this step needs it", where=self.where or self.id)
+            raise InputError(f"properties.{name}", None, "is missing: this step needs it", where=self.where or self.id)
         value = self.properties[name].si(unit, field=f"properties.{name}", where=self.where or self.id)
         assert isinstance(value, float)
         return value

@@ -60,7 +60,7 @@ def parts(kind: str) -> tuple[CataloguePart, ...]:
         InputError: the kind is unknown.
     """
     if kind not in KINDS:
-        raise InputError("kind", kind, f"known are {', '.join(KINDS)}")
+        raise InputError("kind", kind, known=KINDS)
     name = f"{FILES[kind]}.toml"
     return read_parts((resources.files(__package__) / "published" / name).read_text(encoding="utf-8"), where=name)
 

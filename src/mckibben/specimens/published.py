@@ -53,7 +53,7 @@ def published_ranges(name: str = "biological") -> dict[str, PublishedRange]:
     """
     file = resources.files(__package__) / "published" / f"{name}.toml"
     if not file.is_file():
-        raise InputError("published", name, "known are biological")
+        raise InputError("published", name, known=("biological",))
     return read_ranges(file.read_text(encoding="utf-8"), where=f"{name}.toml")
 
 

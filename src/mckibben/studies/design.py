@@ -137,7 +137,7 @@ def design_sweep(
         InputError: names what is unknown or out of bounds.
     """
     if not muscles:
-        raise InputError("muscles", "none", "allowed is at least one specimen")
+        raise InputError("muscles", None, "must be at least one specimen")
     base = make_template(protocol(**values), muscles[0], rig, outputs=OUTPUTS, plumbing=PLUMBING)
     base = dataclasses.replace(base, specimens={m: specimen(m) for m in muscles})
     words = {"muscle": muscles, TUBE_LENGTH: tube_lengths, TUBE_DIAMETER: tube_diameters, VALVE_FLOW: valve_flows}

@@ -53,7 +53,7 @@ def read_trial(folder: str | Path) -> Recording:
     count = min(len(angles), len(frames))
     clock = frames[:count] - frames[0]
     if not (np.diff(clock) > 0.0).all():
-        raise InputError(FRAMES, "times that do not rise", "allowed are rising times", where=str(folder))
+        raise InputError(FRAMES, None, "must have times that rise", where=str(folder))
     added = {}
     for i, m in enumerate(MUSCLES):
         is_open = (record.time >= opened[i] - 1e-9) & (record.time < closed[i] - 1e-9)
@@ -107,10 +107,12 @@ def _numbers(path: Path, shape: tuple[int | None, int]) -> np.ndarray:
     try:
         values = np.loadtxt(path, delimiter=",", ndmin=2)
     except ValueError as error:
-        raise InputError("file", "not a table of numbers", str(error), where=str(path)) from None
+        raise InputError("file", None, f"is not a table of numbers: {error}", where=str(path)) from None
     if values.shape[1] != shape[1] or (shape[0] is not None and values.shape[0] != shape[0]) or len(values) < 2:
         rows = "several" if shape[0] is None else str(shape[0])
-        raise InputError("file", f"{values.shape}", f"allowed are {rows} rows of {shape[1]} numbers", where=str(path))
+        raise InputError(
+            "file", None, f"must have {rows} rows of {shape[1]} numbers, got shape {values.shape}", where=str(path)
+        )
     if not np.isfinite(values).all():
-        raise InputError("file", "a value that is not finite", "allowed are numbers", where=str(path))
+        raise InputError("file", None, "must have finite numbers", where=str(path))
     return values

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, MissingDataError
+from ..errors import InputError, MissingDataError, choice
 from ..identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
 from ..identification.hysteresis_fit import MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
 from ..identification.path_record import PathRecord
@@ -44,8 +44,9 @@ def read_loop(folder: str | Path) -> PathRecord:
     bar = SENSOR * numbers["p_sensor_V"] + SENSOR_ZERO
     off = float(np.abs(np.maximum(bar, 0.0) - numbers["p_bar_gauge"]).max())
     if off > AGREES:
-        allowed = f"allowed is {SENSOR:g} bar/V less {-SENSOR_ZERO:g} bar, which the volts give, to {AGREES:g} bar"
-        raise InputError("p_bar_gauge", f"off by {off:.3g} bar", allowed, where=str(path))
+        given = f"{SENSOR:g} bar/V less {-SENSOR_ZERO:g} bar, which the volts give"
+        problem = f"must be within {AGREES:g} bar of {given}, got {off:.3g} bar off"
+        raise InputError("p_bar_gauge", None, problem, where=str(path))
     _only(words, ("up", "down"), "branch", path)
     record = PathRecord(
         to_si(1.0, "bar", "Pa", field="pressure") * bar,
@@ -54,8 +55,10 @@ def read_loop(folder: str | Path) -> PathRecord:
     )
     agreed = float(np.mean((record.branch == 1) == (words == "up")))
     if agreed < 0.9:
-        allowed = "allowed is up while the pressure rises and down while it falls"
-        raise InputError("branch", f"right in {agreed:.0%} of the rows", allowed, where=str(path))
+        problem = (
+            f"must be up while the pressure rises and down while it falls, as it is in {agreed:.0%} of the rows only"
+        )
+        raise InputError("branch", None, problem, where=str(path))
     return record
 
 
@@ -75,7 +78,7 @@ def read_steps(folder: str | Path) -> dict[str, tuple[np.ndarray, np.ndarray, np
 def _file(folder: str | Path, name: str) -> Path:
     path = Path(folder) / name
     if not path.is_file():
-        raise MissingDataError(f"{folder}: no {name}; allowed is a folder that holds {LOOP} and {STEPS}")
+        raise MissingDataError(f"{folder}: no {name}; the folder must hold {LOOP} and {STEPS}")
     return path
 
 
@@ -85,10 +88,10 @@ def _columns(path: Path, word: str, names: tuple[str, ...]) -> tuple[np.ndarray,
     header = [cell.strip() for cell in lines[0][1]] if lines else []
     for name in (word, *names):
         if header.count(name) != 1:
-            raise InputError(name, "no column", f"the file has {', '.join(header) or 'nothing'}", where=where)
+            raise InputError(name, None, f"is missing: the file has {', '.join(header) or 'nothing'}", where=where)
     rows = lines[1:]
     if not rows:
-        raise InputError("file", "0 rows", "allowed is a header and its rows", where=where)
+        raise InputError("file", None, "must have a header and rows", where=where)
     check_width(rows, len(header), f"the header has {len(header)} columns", where)
     at = {name: header.index(name) for name in (word, *names)}
     count = [n for n, _ in rows]
@@ -99,7 +102,7 @@ def _columns(path: Path, word: str, names: tuple[str, ...]) -> tuple[np.ndarray,
 def _only(words: np.ndarray, allowed: tuple[str, ...], field: str, path: Path) -> None:
     if set(words) != set(allowed):
         names = ", ".join(sorted(set(words)))
-        raise InputError(field, names, f"allowed is {' and '.join(allowed)}, each of them", where=str(path))
+        raise InputError(field, names, f"must be {' and '.join(allowed)}, each of them", where=str(path))
 
 
 HELD_FROM = {"step_up": 0.49, "step_down": 0.37}  # from here the pressure stays put [s]
@@ -222,7 +225,7 @@ def loop_study(
     tell, frictions = progress or (lambda _: None), tuple(frictions)
     for name in frictions or ("none",):
         if name not in MODELS:
-            raise InputError("friction", name, f"allowed is {', '.join(MODELS)}")
+            raise InputError("friction", name, f"must be {choice(MODELS)}")
     record, where = read_loop(folder), str(Path(folder) / STEPS)
     segments = read_steps(folder)
     holds = {s: _hold(s, rows, where) for s, rows in segments.items()}
@@ -253,7 +256,7 @@ def compared(record: PathRecord, unseen: PathRecord) -> tuple[Width, ...]:
     measured, predicted = record.width(at), unseen.width(at)
     known = np.isfinite(measured) & np.isfinite(predicted)
     if not (known.any() and measured[known].max() > 0.0):
-        raise InputError("loop", "no width", "allowed is a stroke that is longer while falling", where=record.name)
+        raise InputError("loop", None, "has no width: the stroke must be longer while falling", where=record.name)
     middle = measured >= MIDDLE * measured[known].max()
     rows = zip(at[known], measured[known], predicted[known], middle[known], strict=True)
     return tuple(Width(float(p), float(m), float(s), bool(i)) for p, m, s, i in rows)
@@ -267,13 +270,13 @@ def _hold(segment: str, rows: Segment, where: str) -> Segment:
     start, name = HELD_FROM[segment], f"{where}, {segment}"
     time, stroke, pressure = (x[rows[0] >= start - 1e-6] for x in rows)
     if len(time) < 2 * FEWEST:
-        allowed = f"allowed is {2 * FEWEST} or more after {start:g} s"
+        allowed = f"must be {2 * FEWEST} or more after {start:g} s"
         raise InputError("samples", len(time), allowed, where=name)
     if not (np.diff(time) > 0.0).all():
-        raise InputError("t_since_segment_start_s", "does not rise", "allowed is a time that rises", where=name)
+        raise InputError("t_since_segment_start_s", None, "must rise", where=name)
     if (moved := from_si(float(np.ptp(pressure)), "Pa", "bar")) > PUT:
         reason = f"moves by {moved:.3g} bar after {start:g} s"
-        raise InputError("p_bar_sensor", reason, f"allowed is a step held to {PUT:g} bar", where=name)
+        raise InputError("p_bar_sensor", reason, f"must be a step held to {PUT:g} bar", where=name)
     return time, stroke, pressure
 
 

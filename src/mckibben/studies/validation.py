@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ConvergenceError, InputError, MissingDataError
+from ..errors import ConvergenceError, InputError, MissingDataError, not_found
 from ..identification import Fit, fit
 from ..identification.fit import SCHEMES, ErrorMeasures, evaluate
 from ..muscles import law_from_specimen
@@ -107,11 +107,7 @@ def measured_data(folder: str | Path | None = None) -> Path | None:
     if named is None:
         return None
     if not Path(named).is_dir():
-        raise InputError(
-            "folder" if folder is not None else VARIABLE,
-            str(named),
-            "no such folder" if folder is not None else "the folder does not exist",
-        )
+        raise not_found(named, "folder", where=None if folder is not None else VARIABLE)
     return Path(named)
 
 
@@ -325,7 +321,7 @@ def _chosen(only: Iterable[str]) -> tuple[str, ...]:
     known, wanted = names(), tuple(only)
     for name in wanted:
         if name not in known:
-            raise InputError("data set", name, f"known are {', '.join(known)}")
+            raise InputError("data set", name, known=known)
     return wanted or known
 
 

@@ -87,10 +87,10 @@ class Guard:
         except ValueError:
             name = ""
         if is_loopback(self.host) and name not in {*LOOPBACK, self.host}:
-            return f"host is {host[:120]!r}; allowed is {self.host}:{self.port}"
+            return f"host must be {self.host}:{self.port}, got {host[:120]!r}"
         origin = heads.get("origin")
         if origin is not None and origin.partition("://")[2].lower() != host.lower():
-            return f"origin is {origin[:120]!r}; allowed is a page of this server"
+            return f"origin must be a page of this server, got {origin[:120]!r}"
         return ""
 
     def _known(self, heads: dict[str, str]) -> bool:
@@ -137,7 +137,7 @@ class Guard:
     async def _http(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
         length = heads.get("content-length", "0")
         if not length.isdigit() or int(length) > LARGEST:
-            said = f"the upload is {length[:20]} B; allowed are {LARGEST >> 20} MB. Nothing was stored"
+            said = f"the upload must be at most {LARGEST >> 20} MB, got {length[:20]} B. Nothing was stored"
             await _refuse(scope, receive, send, 413, said)
             return
         if _is_page(heads):  # it is not packed, for its scripts get a nonce

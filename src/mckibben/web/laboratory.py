@@ -152,15 +152,15 @@ class Laboratory:
         known = {**self.machine.actions(), **self._own}
         try:
             if action not in known:
-                raise InputError("action", action[:80], f"known are {', '.join(known)}")
+                raise InputError("action", action[:80], known=known)
             if action not in FREE and not self.control.holds(page):
                 who = "another page is in control" if self.control.present else "nobody is in control"
-                raise InputError(action.replace("_", " "), "refused", f"{who}; ask for the controls first")
+                raise InputError(action.replace("_", " "), None, f"is refused: {who}; ask for the controls first")
             arguments = {**(words or {}), "page": page} if action in self._own else dict(words or {})
             said = known[action](**arguments)
             return {"ok": True, "said": said}
         except InputError as error:
-            return {"ok": False, "said": str(error), "field": error.field, "allowed": error.allowed}
+            return {"ok": False, "said": str(error), "field": error.field, "allowed": error.problem}
         except TypeError as error:
             if "argument" not in str(error):
                 raise
@@ -207,7 +207,7 @@ class Laboratory:
 
     def _give(self, page: str) -> str:
         if not self.control.give(page):
-            raise InputError("controls", "kept", "nobody has asked for them")
+            raise InputError("controls", None, "are kept: nobody has asked for them")
         return "handed over"
 
     def _keep(self, page: str) -> str:

@@ -185,7 +185,9 @@ def listen(host: str, port: int) -> socket.socket:
         if listener is not None:
             listener.close()
         why = getattr(error, "strerror", None) or str(error)
-        raise InputError("--port" if port else "--host", f"{host}:{port}", f"nobody can listen there ({why})") from None
+        raise InputError(
+            "--port" if port else "--host", None, f"cannot be used: nobody can listen on {host}:{port} ({why})"
+        ) from None
     return listener
 
 

@@ -10,12 +10,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..documents import write_whole
-from ..errors import InputError
+from ..errors import InputError, not_found
 
 LARGEST = 200 * 2**20  # of an upload [B]
 WELL_NAMED = re.compile(r"[^\W_][\w ._()+-]{0,119}")
 LONGEST = 200  # bytes of a name; file systems end at 255
-ALLOWED = "allowed is a plain name of letters, digits, dots, dashes and spaces, without a folder"
+ALLOWED = "must be a plain name of letters, digits, dots, dashes and spaces, without a folder"
 _NUMBERED = re.compile(r"-(\d{4})$")
 _TRASH = ".deleted"
 
@@ -51,14 +51,14 @@ class Shelf:
             raise InputError("file", str(name)[:200], ALLOWED)
         if Path(name).suffix.lower() not in self.endings:
             kinds = ", ".join(self.endings)
-            raise InputError("file", name, f"allowed is a name that ends in {kinds}; nothing was stored")
+            raise InputError("file", name, f"must be a name that ends in {kinds}; nothing was stored")
         return self.folder / name
 
     def found(self, name: str) -> Path:
         """Path of an existing file; refused if there is none."""
         path = self.path(name)
         if not path.is_file() or path.is_symlink():
-            raise InputError("file", name, "no such file")
+            raise not_found(name)
         return path
 
     def ready(self) -> Path:
@@ -105,7 +105,7 @@ class Shelf:
         if other.exists():
             raise InputError("file", to, "it is there already")
         if path.suffix.lower() != other.suffix.lower():
-            raise InputError("file", to, f"allowed is a name that ends in {path.suffix}")
+            raise InputError("file", to, f"must be a name that ends in {path.suffix}")
         path.rename(other)
         return other
 
@@ -152,4 +152,4 @@ def check_size(name: str, size: int, largest: int = LARGEST) -> None:
     """Refuse a file that is empty or too large [B]."""
     if not 0 < size <= largest:
         shown = f"{name[:120]} of {size / 2**20:.3g} MB"
-        raise InputError("file", shown, f"allowed are 1 B to {largest / 2**20:.0f} MB; nothing was stored")
+        raise InputError("file", shown, f"must be between 1 B and {largest / 2**20:.0f} MB; nothing was stored")

@@ -68,7 +68,7 @@ class Toasts:
         with self._lock:
             can = [n for n, t in self._kept.items() if t.undo is not None and (number is None or n == number)]
             if not can:
-                raise InputError("undo", "nothing", f"what was done can be undone for {LASTS:g} s")
+                raise InputError("undo", None, f"comes too late: what was done can be undone for {LASTS:g} s")
             toast = self._kept.pop(can[-1])
             self.version += 1
         assert toast.undo is not None

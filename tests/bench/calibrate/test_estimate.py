@@ -195,7 +195,7 @@ def test_the_zero_of_a_quiet_sensor_is_known_to_its_count_and_no_better():
 @pytest.mark.parametrize(
     ("xs", "ys", "said"),
     [
-        ([], [], "points is none"),
+        ([], [], "points must be two different ones"),
         ([1.0], [1.0], "got 1 of one value|got '1 of one value'"),
         ([1.0, 1.0], [1.0, 1.1], "got 2 of one value|got '2 of one value'"),
         ([0.0, 1.0], [1.0, 0.0], "does not rise with the reference"),

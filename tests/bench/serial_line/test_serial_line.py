@@ -283,8 +283,8 @@ def test_the_wrong_firmware_is_refused(chosen: Path | None) -> None:
     [
         ({"channels": ["channel.0", "pressure"]}, "the rig needs pressure too"),
         ({"bits": {"channel.1": 16}}, "bits of channel.1 is 12: the rig has 16"),
-        ({"encoder": True}, "encoder is none at the device"),
-        ({"motor": True}, "motor is none at the device"),
+        ({"encoder": True}, "encoder is missing on the device"),
+        ({"motor": True}, "motor is missing on the device"),
     ],
 )
 def test_another_device_than_the_rig_needs_is_refused(chosen: Path | None, options: dict[str, Any], says: str) -> None:

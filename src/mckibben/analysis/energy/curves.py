@@ -35,12 +35,12 @@ def energy_curve(muscle: CycleMuscle, name: str, pressures: Any, conditions: Con
         conditions: all else; its own pressure must be allowed and is otherwise not used.
     """
     if name not in CYCLES:
-        raise InputError("cycle", name, f"known are {', '.join(CYCLES)}")
+        raise InputError("cycle", name, known=CYCLES)
     conditions.check(muscle)
     at = np.atleast_1d(np.asarray(pressures, float))
     floor = max(float(muscle.threshold()), conditions.exchange_pressure)
     if not np.all(np.isfinite(at) & (at > floor)):
-        raise InputError("pressures", with_unit(float(at.min()), "Pa"), f"allowed is above {with_unit(floor, 'Pa')}")
+        raise InputError("pressures", with_unit(float(at.min()), "Pa"), f"must be above {with_unit(floor, 'Pa')}")
     cycles = computed(muscle, name, conditions, at)
     shortens = Probe(muscle).tension(conditions.stretched_length, at) > conditions.friction
     return EnergyCurve(name, at, EnergyCycle(*(np.where(shortens, v, np.nan) for v in cycles)))

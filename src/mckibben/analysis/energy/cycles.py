@@ -73,9 +73,9 @@ class Conditions(NamedTuple):
         for name, unit in known.items():
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(name, f"{value:g} {unit}", "allowed is a number that is not negative")
+                raise InputError(name, None, f"must be a number that is not negative, got {value:g} {unit}")
         if self.reading not in READINGS:
-            raise InputError("reading", self.reading, f"known are {', '.join(READINGS)}")
+            raise InputError("reading", self.reading, known=READINGS)
         _check_pressures(self, float(muscle.threshold()))
         _check_length(self, muscle)
 
@@ -135,14 +135,14 @@ def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> Ener
             or the muscle cannot shorten.
     """
     if name not in CYCLES:
-        raise InputError("cycle", name, f"known are {', '.join(CYCLES)}")
+        raise InputError("cycle", name, known=CYCLES)
     conditions.check(muscle)
     cycle = EnergyCycle(*(float(v) for v in computed(muscle, name, conditions)))
     if not math.isfinite(cycle.input):
         raise InputError(
             "pressure",
             with_unit(conditions.pressure, "Pa"),
-            f"the cycle '{name}' cannot begin; allowed is more, or a lower exchange pressure",
+            f"must be more for the cycle '{name}'; or give a lower exchange pressure",
         )
     return cycle
 
@@ -151,10 +151,10 @@ def _check_pressures(c: Conditions, threshold: float) -> None:
     ambient = float(c.ambient.pressure_abs)
     if not (math.isfinite(c.pressure) and threshold < c.pressure <= 1e8):
         least = f"the threshold of {with_unit(threshold, 'Pa')}" if threshold else "that of the surroundings"
-        raise InputError("pressure", with_unit(c.pressure, "Pa"), f"allowed is above {least}, up to 1000 bar")
+        raise InputError("pressure", with_unit(c.pressure, "Pa"), f"must be above {least}, up to 1000 bar")
     if not -0.99 * ambient <= c.exchange_pressure < c.pressure:
         raise InputError(
-            "exchange_pressure", with_unit(c.exchange_pressure, "Pa"), "allowed is below the pressure, above a vacuum"
+            "exchange_pressure", with_unit(c.exchange_pressure, "Pa"), "must be below the pressure, above a vacuum"
         )
 
 
@@ -162,15 +162,13 @@ def _check_length(c: Conditions, muscle: CycleMuscle) -> None:
     shown, thread = with_unit(c.stretched_length, "m"), getattr(muscle.law, "thread_length", None)
     if thread is not None and c.stretched_length >= float(thread):
         longest = with_unit(float(thread), "m")
-        raise InputError("stretched_length", shown, f"allowed is below {longest}, the length of its threads")
+        raise InputError("stretched_length", shown, f"must be below {longest}, the length of its threads")
     probe = Probe(muscle)
     full, empty = probe.tension(c.stretched_length, [c.pressure, 0.0])
     if probe.volume(c.stretched_length, c.pressure) <= 0.0 or full <= empty:
-        raise InputError(
-            "stretched_length", shown, "the braid holds no gas there that pulls; allowed is a shorter stretch"
-        )
+        raise InputError("stretched_length", shown, "must be shorter; the braid holds no gas there that pulls")
     if full <= c.friction:
-        words = "the muscle does not shorten from there against its friction; allowed is a longer stretch"
+        words = "must be longer; the muscle does not shorten from there against its friction"
         raise InputError("stretched_length", shown, words)
 
 
@@ -313,7 +311,7 @@ def cycle_muscles(
         changes: parameters of the law that are replaced [SI].
     """
     if spec.kind != "mckibben":
-        raise InputError("specimen", spec.id, f"its kind is {spec.kind}; allowed is a McKibben muscle")
+        raise InputError("specimen", spec.id, f"must be a McKibben muscle; its kind is {spec.kind}")
     chosen = law or spec.law
     built = law_from_specimen(spec, chosen, changes=dict(changes or {}))
     which = volume or ("paper" if has_paper_volume(built) else "potential")
@@ -346,7 +344,7 @@ def check_threads(spec: Specimen, length: float, *, field: str = "stretched_leng
                 raise InputError(
                     field,
                     shown or with_unit(length, "m"),
-                    f"allowed is below {with_unit(threads, 'm')}, the length of its threads",
+                    f"must be below {with_unit(threads, 'm')}, the length of its threads",
                 )
 
 
@@ -364,7 +362,9 @@ def at_threshold(
         InputError: the law has no threshold; `cure` is what is allowed instead.
     """
     if float(muscle.threshold()) <= 0.0:
-        raise InputError(field, "given", f"the law '{law}' has no threshold pressure; allowed is {cure}")
+        raise InputError(
+            field, None, f"cannot be used with the law '{law}', which has no threshold pressure; use {cure}"
+        )
     return float(muscle.threshold())
 
 

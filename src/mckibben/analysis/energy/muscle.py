@@ -114,10 +114,10 @@ def cycle_muscle(law: TensionLaw, volume: str = "potential") -> CycleMuscle:
         InputError: if the name is unknown, or the law does not have the parameters of eq. 38b.
     """
     if volume not in VOLUMES:
-        raise InputError("volume", volume, f"known are {', '.join(VOLUMES)}")
+        raise InputError("volume", volume, known=VOLUMES)
     if volume == "paper" and not has_paper_volume(law):
         raise InputError(
-            "volume", volume, f"eq. 38b is not written for the law '{law_name(law)}'; allowed is potential"
+            "volume", volume, f"must be potential for the law '{law_name(law)}'; eq. 38b is not written for it"
         )
     if not law.has_volume():
         raise NoVolumeError(

@@ -105,7 +105,7 @@ class DeviceContext:
         status = self.session.status()
         if status.state not in (IDLE, MANUAL):
             why = f": {status.why}" if status.why else ""
-            raise InputError(what, "refused", f"the machine is {status.doing()}{why}; allowed is in manual mode")
+            raise InputError(what, None, f"is refused: the machine is {status.doing()}{why}; it works in manual mode")
 
     def let_down(self, reason: str) -> None:
         """Leave nothing under pressure: stop what runs, or vent at the manual rate. Never raises `InputError`."""

@@ -108,7 +108,7 @@ class ProtocolFlyer(
             raise InputError("kickoff", self.name, allowed)
         self.context.require_manual(self.name)
         if self.running:
-            raise InputError("kickoff", self.name, "it is running; allowed is after its end")
+            raise InputError("kickoff", self.name, "it is running; wait for its end")
         self.recording, self.log_file, self._stopped, self._handed, self._offset = None, None, "", False, np.inf
         if self.logs is not None:
             self.logs.mkdir(parents=True, exist_ok=True)
@@ -160,7 +160,7 @@ class ProtocolFlyer(
             InputError: if it was never let go.
         """
         if self._run is None:
-            raise InputError("complete", self.name, "it was not let go; allowed is after kickoff")
+            raise InputError("complete", self.name, "it is not running; call kickoff first")
         return AsyncStatus(self._wait_for(self._run), self.name)
 
     async def describe_collect(self) -> Any:
@@ -203,7 +203,7 @@ class ProtocolFlyer(
             InputError: says what is possible.
         """
         if self._stopped:
-            allowed = "a protocol cannot be paused, and was stopped instead; allowed is to abort the plan"
+            allowed = "a protocol cannot be paused, and was stopped instead; abort the plan"
             raise InputError("resume", self.name, allowed)
 
     def _halt(self, why: str) -> None:

@@ -105,7 +105,7 @@ def reading(samples: np.ndarray) -> ReferenceReading:
     """Mean, scatter and standard uncertainty of samples (n,); n at least 4."""
     values = np.asarray(samples, float)
     if values.ndim != 1 or len(values) < 4 or not np.isfinite(values).all():
-        raise InputError("samples", f"{values.size} of which some are no number", "must be 4 finite ones or more")
+        raise InputError("samples", None, f"must be 4 finite ones or more, got {values.size}, some of them not finite")
     blocks = np.array([b.mean() for b in np.array_split(values, min(BLOCKS, len(values)))])
     error = float(blocks.std(ddof=1) / math.sqrt(len(blocks)))
     return ReferenceReading(float(values.mean()), float(values.std(ddof=1)), error, len(blocks) - 1.0)
@@ -173,7 +173,7 @@ def dead_weights(
     """
     for mass, _ in masses:
         if not (math.isfinite(mass) and mass >= 0.0):
-            raise InputError("masses", f"{mass:g} kg", "must be 0 kg or more")
+            raise InputError("masses", None, f"must be 0 kg or more, got {mass:g} kg")
     reference = Reference("", uncertainty * gravity, gravity_uncertainty / gravity, exact_nothing=True)
     return line(
         [Point(m, m * gravity, r) for m, r in masses], resolution=resolution, reference=reference, what="masses"
@@ -207,13 +207,13 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     """
     settings = np.array([p.setting for p in points])
     if len(np.unique(settings)) < 2:
-        known = f"{len(points)} of one value" if len(points) else "none"
+        known = f"{len(points)} of one value" if len(points) else None
         raise InputError(what, known, "must be two different ones or more, for there are a gain and a zero to find")
     x, y = np.array([p.true for p in points]), np.array([p.reading.mean for p in points])
     each, which, times = np.unique(settings, return_inverse=True, return_counts=True)
     xs, ys = (np.bincount(which, v) / times for v in (x, y))
     if not np.ptp(xs) > 0.0:
-        raise InputError(what, f"all at {xs[0]:g}", "must be values of the reference that differ")
+        raise InputError(what, None, f"must be at values of the reference that differ, got all at {xs[0]:g}")
     rough = abs(np.ptp(ys) / np.ptp(xs))
     apart = (y - rough * x) - ((ys - rough * xs)[which])
     exact = (each == 0.0) & reference.exact_nothing
@@ -224,8 +224,8 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     h[1] /= np.abs(xs).max()
     z, slope = (float(b) for b in h @ ys)
     if not slope > 0.0:
-        allowed = "the reading does not rise with the reference: is a wire crossed?"
-        raise InputError(what, f"a slope of {slope:.3g}", allowed)
+        allowed = f"is a slope of {slope:.3g}: the reading does not rise with the reference: is a wire crossed?"
+        raise InputError(what, None, allowed)
     free = len(xs) - 2
     misfit = float((((ys - z - slope * xs) ** 2) / variance).sum()) / free if free else math.nan
     of = [(h @ np.diag(value) @ h.T, degrees) for value, degrees in parts]

@@ -47,7 +47,7 @@ class HardwareReadings:
         self._rest = 0 if converters.motor is None else int(converters.motor.count(0.0))
         missing = [n for n in self._scales if n not in hardware.names]
         if missing:
-            raise InputError("channels", ", ".join(missing), f"the machine has {', '.join(hardware.names)}")
+            raise InputError("channels", ", ".join(missing), "the machine has", known=hardware.names)
         self.grids = {
             n: ChannelScale(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
             for n, s in self._scales.items()

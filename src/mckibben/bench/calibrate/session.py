@@ -70,7 +70,7 @@ class CalibrationSession:
         """
         grids = {name: self._grid(name) for name in channels}
         if SPAN in grids:
-            raise InputError("channel", SPAN, "an encoder is zeroed where it is mounted; it must be analogue channels")
+            raise InputError("channel", SPAN, "must be analogue channels; an encoder is zeroed where it is mounted")
         task = OperatorTask(
             f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0)
         )
@@ -159,7 +159,7 @@ class CalibrationSession:
     def _grid(self, channel: str) -> ChannelScale:
         grids = self.source.grids
         if channel not in grids:
-            raise InputError("channel", channel, f"the rig has {', '.join(grids)}")
+            raise InputError("channel", channel, "the rig has", known=grids)
         return grids[channel]
 
     def _points(self, asked: Mapping[float, OperatorTask], channels: Sequence[str]) -> dict[str, list[Point]]:
@@ -198,14 +198,15 @@ class CalibrationSession:
     def _sound(self, name: str, samples: np.ndarray, true: float, before: Point | None) -> ReferenceReading:
         grid = self._grid(name)
         if not grid.least <= true <= grid.most:
-            allowed = f"the sensor sees {with_unit(grid.least, grid.unit)} to {with_unit(grid.most, grid.unit)}"
-            raise InputError(f"reference for {name}", with_unit(true, grid.unit), allowed)
+            ends = f"{with_unit(grid.least, grid.unit)} and {with_unit(grid.most, grid.unit)}"
+            problem = f"must be between {ends}, the range of the sensor"
+            raise InputError(f"reference for {name}", with_unit(true, grid.unit), problem)
         _off_rails(name, samples, grid)
         reading = estimate.reading(samples)
         most = max(self.most_scatter * grid.range, 2.0 * grid.resolution)
         if reading.scatter > most:
-            allowed = f"must be at most {with_unit(most, grid.unit)}: is it at rest?"
-            raise InputError(f"scatter of {name}", with_unit(reading.scatter, grid.unit), allowed)
+            problem = f"must be at most {with_unit(most, grid.unit)}; is it at rest?"
+            raise InputError(f"scatter of {name}", with_unit(reading.scatter, grid.unit), problem)
         if before is not None and true != before.true:
             step, moved = true - before.true, reading.mean - before.reading.mean
             if moved / step < LEAST_FOLLOWED:
@@ -254,7 +255,7 @@ def _different(what: str, values: Sequence[float], unit: str, least: float = -ma
             raise InputError(
                 what, _mass(value) if unit == "kg" else with_unit(value, unit), f"must be {least:g} {unit} or more"
             )
-    words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or "none"
+    words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or None
     if len(values) < 2:
         raise InputError(what, words, "must be two different ones or more, for there are a gain and a zero to find")
     if len(set(values)) < len(values):
@@ -265,10 +266,9 @@ def _off_rails(name: str, samples: np.ndarray, grid: ChannelScale) -> None:
     room = 0.5 * grid.resolution
     ends = np.mean((samples <= grid.low + room) | (samples >= grid.high - room))
     if ends > 0.0:
-        allowed = f"must be inside {with_unit(grid.low, grid.unit)} to {with_unit(grid.high, grid.unit)}"
-        raise InputError(
-            f"reading of {name}", f"at an end of its converter for {100.0 * ends:.3g} % of the samples", allowed
-        )
+        inside = f"between {with_unit(grid.low, grid.unit)} and {with_unit(grid.high, grid.unit)}"
+        problem = f"must lie {inside}, but {100.0 * ends:.3g} % of the samples are at an end of the converter"
+        raise InputError(f"reading of {name}", None, problem)
 
 
 def _mass(value: float) -> str:

@@ -82,13 +82,13 @@ def skew(
     """
     names = list(signals)
     if len(names) < 2:
-        raise InputError(
-            "channels", ", ".join(names) or "none", "must be two or more, for one is compared with another"
-        )
+        raise InputError("channels", ", ".join(names) or None, "must be two or more, for one is compared with another")
     period = (time[-1] - time[0]) / (len(time) - 1)
     highest, length = max(frequency, to or 0.0), len(time) * period
     if not (min(frequency, highest if to is None else to) * length >= LEAST_PERIODS and highest < 0.4 / period):
-        allowed = f"must be {LEAST_PERIODS / length:.4g} Hz to {0.4 / period:.4g} Hz for {length:.4g} s of samples"
+        allowed = (
+            f"must be between {LEAST_PERIODS / length:.4g} Hz and {0.4 / period:.4g} Hz for {length:.4g} s of samples"
+        )
         raise InputError("frequency", f"{frequency:g} Hz" + ("" if to is None else f" to {to:g} Hz"), allowed)
     y, least = [], resolution or {}
     for name in names:
@@ -97,7 +97,9 @@ def skew(
         if not (
             np.isfinite(spread) and spread * math.sqrt(2.0) >= LEAST_COUNTS * least.get(name, 0.0) and spread > 0.0
         ):
-            raise InputError(f"signal of {name}", f"an amplitude of {1.4142 * spread:.3g}", "must be 4 counts or more")
+            raise InputError(
+                f"signal of {name}", None, f"must be 4 counts or more, got an amplitude of {1.4142 * spread:.3g}"
+            )
         y.append((values - values.mean()) / spread)
     return _fitted(
         SkewModel(np.asarray(time, float) - time[0], len(names), to is not None), np.array(y), names, frequency, to
@@ -134,7 +136,7 @@ def _fitted(
     for name, rms in zip(names, np.sqrt((left**2).mean(axis=1)), strict=True):
         if rms > MOST_LEFT:
             wave = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
-            raise InputError(f"signal of {name}", f"{100.0 * rms:.0f} % something else", f"must be {wave}")
+            raise InputError(f"signal of {name}", None, f"must be {wave}, got {100.0 * rms:.0f} % something else")
     d = d[:, :, free] * scale[free]
     inverse = np.linalg.inv(np.einsum("cnp,cnq->pq", d, d))
     edges = np.array_split(np.arange(len(model.time)), BLOCKS)

@@ -38,9 +38,7 @@ class Scale(Module):
         """Refuse an invalid number of bits, and a reversed range."""
         kind = type(self).__name__
         if type(self.bits) is not int or not BITS[0] <= self.bits <= BITS[1]:
-            raise InputError(
-                "bits", str(self.bits), f"allowed is a whole number from {BITS[0]} to {BITS[1]}", where=kind
-            )
+            raise InputError("bits", str(self.bits), f"must be a whole number from {BITS[0]} to {BITS[1]}", where=kind)
         _rising(self.low, self.high, kind)
 
     @property
@@ -154,6 +152,4 @@ def _rising(low: Any, high: Any, where: str) -> None:
     if isinstance(low, jax.core.Tracer) or isinstance(high, jax.core.Tracer) or not hasattr(low, "shape"):
         return
     if not bool(jnp.all(low < high)):
-        raise InputError(
-            "high", float(jnp.min(high)), f"allowed is more than low, {float(jnp.max(low)):.6g}", where=where
-        )
+        raise InputError("high", float(jnp.min(high)), f"must be more than low, {float(jnp.max(low)):.6g}", where=where)

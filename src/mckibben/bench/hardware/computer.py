@@ -33,13 +33,13 @@ class Computer(Module):
         low, high, tick = float(self.lowest_rate), float(self.highest_rate), float(self.timer_resolution)
         if low > high:
             raise InputError(
-                "lowest_rate", f"{low:g} 1/s", f"allowed is at most {high:g} 1/s, the highest", where="Computer"
+                "lowest_rate", None, f"must be at most {high:g} 1/s, the highest, got {low:g} 1/s", where="Computer"
             )
         if low * tick > 1.0:
             raise InputError(
                 "timer_resolution",
-                f"{tick:g} s",
-                f"allowed is at most {1.0 / low:g} s, the longest period",
+                None,
+                f"must be at most {1.0 / low:g} s, the longest period, got {tick:g} s",
                 where="Computer",
             )
 
@@ -52,7 +52,10 @@ class Computer(Module):
         low, high, tick = float(self.lowest_rate), float(self.highest_rate), float(self.timer_resolution)
         if not low <= sample_rate <= high:
             raise InputError(
-                "sample_rate", f"{sample_rate:g} 1/s", f"allowed is {low:g} 1/s to {high:g} 1/s", where="computer"
+                "sample_rate",
+                None,
+                f"must be between {low:g} 1/s and {high:g} 1/s, got {sample_rate:g} 1/s",
+                where="computer",
             )
         fewest = math.ceil((1.0 - ROUNDING) / (high * tick))  # rounding must not make it faster than it can be
         return max(round(1.0 / (sample_rate * tick)), fewest, 1) * tick
@@ -64,7 +67,7 @@ class Computer(Module):
             InputError: if the computer cannot run at this rate, or the step is no time.
         """
         if not (largest_step > 0.0 and math.isfinite(largest_step)):
-            raise InputError("largest_step", largest_step, "allowed is a time above 0 s", where="computer")
+            raise InputError("largest_step", largest_step, "must be a time above 0 s", where="computer")
         return max(1, math.ceil(self.period(sample_rate) / largest_step * (1.0 - ROUNDING)))
 
 

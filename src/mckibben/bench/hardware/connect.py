@@ -100,7 +100,7 @@ def _split(words: str) -> tuple[str, str]:
     well_formed = bool(place) == (name == "serial") if name in USAGE else name in others
     if not well_formed:
         known = ", or ".join([*USAGE.values(), *others])
-        raise InputError("--on", words, f"allowed is {known}")
+        raise InputError("--on", words, f"must be {known}")
     return name, place
 
 
@@ -132,11 +132,11 @@ def _open_daq(request: HardwareRequest) -> Hardware:
 
     rig = request.rig
     if "daq" not in rig.document:
-        raise InputError("daq", "missing", "the rig's file has to say how the card is wired", where=rig.where)
+        raise InputError("daq", None, "is missing: the rig's file must state how the card is wired", where=rig.where)
     wired = wiring(rig.document["daq"], where=rig.where)
     for name, converter in rig.converters(0.0).analog.items():
         if name in wired.inputs and wired.inputs[name].bits != converter.bits:
-            allowed = f"allowed is {converter.bits}, as sensors.{name}.converter has"
+            allowed = f"must be {converter.bits}, as sensors.{name}.converter has"
             raise InputError(f"daq.inputs.{name}.bits", wired.inputs[name].bits, allowed, where=rig.where)
     return DaqHardware(wired)
 

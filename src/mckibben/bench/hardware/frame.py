@@ -60,9 +60,9 @@ class TestStand(Load):
     def __check_init__(self) -> None:
         """Refuse more than one muscle, and a motor without a signal."""
         if len(self.held) > 1:
-            raise InputError("held", ", ".join(self.held), "allowed is one muscle or none", where="TestStand")
+            raise InputError("held", ", ".join(self.held), "must be one muscle or none", where="TestStand")
         if self.motor is not None and self.signal is None:
-            raise InputError("signal", "none", "a motor needs the name of one", where="TestStand")
+            raise InputError("signal", None, "is missing: a motor needs the name of one", where="TestStand")
 
     def muscles(self) -> tuple[str, ...]:
         """Names of the muscles, one or none."""

@@ -147,5 +147,5 @@ def _count(field: str, value: int) -> int:
     except TypeError:
         count = -1
     if not 0 <= count <= LARGEST:
-        raise InputError(field, value, f"allowed is a count from 0 to {LARGEST}")
+        raise InputError(field, value, f"must be a count from 0 to {LARGEST}")
     return count

@@ -50,7 +50,7 @@ class Encoder(Module):
         ):
             value = getattr(self, name)
             if type(value) is not int or not ok(value):
-                raise InputError(name, str(value), f"allowed is {allowed}", where="Encoder")
+                raise InputError(name, str(value), f"must be {allowed}", where="Encoder")
 
     @property
     def resolution(self) -> Scalar:

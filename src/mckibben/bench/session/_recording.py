@@ -95,7 +95,7 @@ class ManualRecording:
         """
         with self.recorder:
             if not self.taken:
-                raise InputError("record", "empty", "no time went by; allowed is one sample or more")
+                raise InputError("record", None, "is empty: it must hold one sample or more")
             record = self.recorder.recording()
             account = closed(self._begun, self._ended)
             sums = [] if account is None else [account]

@@ -43,10 +43,10 @@ class ContinuedMachine:
         self._zero = 0
         for segment in prepared.segments():
             if segment.asked and not attended:
-                raise InputError("ask", "nobody", f"the protocol wants a person to {segment.asked}")
+                raise InputError("ask", None, f"needs a person: the protocol asks somebody to {segment.asked}")
             as_it_is = (segment.layout, segment.friction) == (session.setup.prepared.layout, 1.0)
             if self.hardware.state() is not None and not as_it_is:
-                allowed = "a simulated machine stays as it is; allowed is mckibben run"
+                allowed = "a simulated machine stays as it is; use mckibben run"
                 raise InputError("ask", segment.asked or segment.layout, allowed)
 
     def play(

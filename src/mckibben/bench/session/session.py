@@ -88,7 +88,7 @@ class Session(MachineSession):
         messages: Messages | None = None,
     ) -> None:  # fmt: skip
         if speed is not None and not speed > 0.0:
-            raise InputError("speed", speed, "allowed is a factor above zero")
+            raise InputError("speed", speed, "must be a factor above zero")
         self.rig = rig if isinstance(rig, Rig) else rig_of(rig)
         self.button, self._why = EmergencyStop(), ""
         self._setting_up = functools.partial(
@@ -389,13 +389,14 @@ class Session(MachineSession):
             return RUNNING
         return STOPPED if self.why else MANUAL if self._used else IDLE
 
-    def _alive(self, what: str, value: str = "refused") -> None:
+    def _alive(self, what: str, value: str | None = None) -> None:
         if self._gone:
-            raise InputError(what, value, f"the machine is {self._gone}{': ' if self.why else ''}{self.why}")
+            refused = "is refused: " if value is None else ""
+            raise InputError(what, value, f"{refused}the machine is {self._gone}{': ' if self.why else ''}{self.why}")
 
     def _refuse(self, what: str) -> NoReturn:
-        allowed = "the session was opened for runs only; open it with by_hand=True to operate the machine by hand"
-        raise InputError(what, "refused", allowed)
+        problem = "the session was opened for runs only; open it with by_hand=True to operate the machine by hand"
+        raise InputError(what, None, f"is refused: {problem}")
 
     def _require_ready(self, what: str) -> None:
         """Raise an error unless the machine is sampled."""
@@ -426,7 +427,7 @@ class Session(MachineSession):
         """Change the set-points without checking the mode of the machine."""
         for name in wanted:
             if name not in ("pressure", *MODES):
-                raise InputError("set-point", name, f"known are pressure, {', '.join(MODES)}")
+                raise InputError("set-point", name, known=("pressure", *MODES))
         motors = [n for n in wanted if n in MODES]
         if len(motors) > 1:
             raise InputError(
@@ -471,7 +472,7 @@ class Session(MachineSession):
         with self._acting:
             self._alive("reset")
             if self._run is not None or not self.why:
-                raise InputError("reset", self.status().state, "allowed is after a stop, while nothing runs")
+                raise InputError("reset", None, "is allowed only after a stop, while nothing runs")
             with self._lock:
                 self.button, self._why = EmergencyStop(), ""
                 if self._open:
@@ -592,7 +593,7 @@ class Session(MachineSession):
         """Record from the next sample on; see `MachineSession`."""
         with self._acting:
             if self._recording is not None:
-                raise InputError("record", "on", "it is recording already; allowed is off")
+                raise InputError("record", None, "is on already; use record off")
             self._alive("record")
             self._require_ready("record")
             recording = ManualRecording(self.setup.prepared, self.setup.timing, self.machine, log)
@@ -604,7 +605,7 @@ class Session(MachineSession):
         with self._acting:
             recording = self._recording
             if recording is None:
-                raise InputError("record", "off", "nothing is being recorded; allowed is on")
+                raise InputError("record", None, "is off already; use record on")
             self._between(recording.end)
             self._until(recording.complete, SEEN)
             self._recording = None

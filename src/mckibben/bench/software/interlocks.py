@@ -250,7 +250,7 @@ def _size(x: float | None) -> float | None:
 
 
 def _over(what: str, x: float | None, unit: str, limit: Any, side: str = "or less") -> str:
-    return f"the {what} is {_value(x, unit)}, allowed is {with_unit(float(limit), unit)} {side}"
+    return f"the {what} is {_value(x, unit)}; it must be {with_unit(float(limit), unit)} {side}"
 
 
 def _doubtful(what: str, x: float | None, unit: str, rail: Any, floor: Any, patience: Any) -> str | None:

@@ -63,9 +63,9 @@ def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:
     known = ("kind", "file", "time", "column", "between")
     for key, raw in value.items():
         if key not in known:
-            raise InputError(f"{field}.{key}", "unknown", f"a table from a file has {', '.join(known)}", where=where)
+            raise InputError(f"{field}.{key}", None, "a table from a file has", known=known, where=where)
         if not isinstance(raw, str):
-            raise InputError(f"{field}.{key}", str(raw), "allowed is a word", where=where)
+            raise InputError(f"{field}.{key}", str(raw), "must be a word", where=where)
     file = Path(where).parent / value["file"]
     times, values = read_points(file, value.get("time"), value.get("column"), unit, field=field, where=where)
     inside = {"kind": "table", "between": value.get("between", "straight")}

@@ -121,4 +121,4 @@ def check_rising(times: tuple[float, ...], values: tuple[float, ...]) -> None:
         raise InputError("times", time_words(times[0]), "must begin with 0 s")
     for a, b in zip(times, times[1:], strict=False):
         if not b > a:
-            raise InputError("times", time_words(b), f"must be a time after {time_words(a)}: they rise")
+            raise InputError("times", time_words(b), f"must be a time after {time_words(a)}; they rise")

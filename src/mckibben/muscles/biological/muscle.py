@@ -188,7 +188,7 @@ class BiologicalMuscle(Module):
             UnreachableError: if the passive part alone pulls more, or full activation less; it says what they give.
         """
         if not (math.isfinite(tension) and tension >= 0.0):
-            raise InputError("tension", f"{tension:.6g} N", "must be 0 N or more")
+            raise InputError("tension", None, f"must be 0 N or more, got {tension:.6g} N")
         low, high = (float(self.tension(span, a, velocity)) for a in (0.0, 1.0))
         slack = 1e-9 * max(tension, 1.0)
         if not low - slack <= tension <= high + slack:

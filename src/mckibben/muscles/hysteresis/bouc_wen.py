@@ -56,7 +56,10 @@ class BoucWen(RelaxingContacts):
         """
         if not (beta + gamma > 0.0 and -beta <= gamma <= beta):
             raise InputError(
-                "gamma", float(gamma), f"must be {-beta:g} to {beta:g}, with beta + gamma > 0", where=cls.__name__
+                "gamma",
+                float(gamma),
+                f"must be between {-beta:g} and {beta:g}, with beta + gamma > 0",
+                where=cls.__name__,
             )
         travel = (1.0 / (beta + gamma)) ** (1.0 / exponent)
         limit = FrictionLimit(constant=stiffness * travel)

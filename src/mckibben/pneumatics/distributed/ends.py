@@ -90,7 +90,7 @@ class ReservoirEnd(End):
         for name in ("pressure_abs", "temperature"):
             shape = np.shape(getattr(self, name))
             if shape not in ((), times.shape):
-                raise InputError(name, f"{shape} values", f"must be one, or {times.shape}", where="ReservoirEnd")
+                raise InputError(name, None, f"must be one, or {times.shape}, got {shape} values", where="ReservoirEnd")
 
     def initial(self, gas: Gas) -> EndState:
         """State before any flow."""

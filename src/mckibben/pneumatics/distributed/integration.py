@@ -90,7 +90,9 @@ def _start(
     values = {"pressure_abs": pressure_abs, "temperature": temperature, "velocity": velocity}
     for name, value in values.items():
         if np.shape(value) not in ((), (tube.cells,)):
-            raise InputError(name, f"{np.shape(value)} values", f"must be one, or one for each of {tube.cells} cells")
+            raise InputError(
+                name, None, f"must be one, or one for each of {tube.cells} cells, got {np.shape(value)} values"
+            )
         if name in limits:
             limits[name].check(name, value)
         elif not np.all(np.isfinite(value)):

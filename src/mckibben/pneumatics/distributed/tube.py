@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import jax, jnp
 from ...components import Module, Scalar, field
-from ...errors import InputError
+from ...errors import InputError, choice
 from ...quantities import quantity
 from ..gas import AIR, Gas
 from .ends import End, EndState
@@ -55,7 +55,7 @@ class DistributedTube(Module):
         if not isinstance(self.cells, int) or self.cells < 4:
             raise InputError("cells", self.cells, "must be 4 or more", where=where)
         if self.wall not in WALLS:
-            raise InputError("wall", self.wall, f"must be {', '.join(WALLS)}", where=where)
+            raise InputError("wall", self.wall, f"must be {choice(WALLS)}", where=where)
         if not isinstance(self.roughness, jax.core.Tracer) and self.roughness > 0.05 * self.diameter:
             raise InputError("roughness", float(self.roughness), "must be up to 5 % of the diameter [m]", where=where)
 

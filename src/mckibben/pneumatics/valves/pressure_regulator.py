@@ -70,7 +70,9 @@ class PressureRegulator(FlowElement):
         """Shares of fill and relief that are open [1]."""
         supply, outlet, exhaust = (g.pressure_abs for g in gas)
         if isinstance(memory, tuple):
-            raise InputError("memory", "not given", "pass the circuit's initial_memory(state): a regulator has some")
+            raise InputError(
+                "memory", None, "is missing: pass the circuit's initial_memory(state): a regulator has some"
+            )
         # the play is taken up within the step as well, so that methods and rates see the loop closed
         error = state - self.supply_effect * (supply - exhaust - self.supply_reference)
         error = error - (self.sensed(memory, outlet) - exhaust)

@@ -107,11 +107,11 @@ def draw(
 def _check(circuit: Circuit, pressures: Mapping[str, float], subtitles: Mapping[str, str]) -> None:
     for name in pressures:
         if name not in circuit.nodes:
-            raise InputError("pressures", name, f"no such node; known are {', '.join(circuit.nodes)}", where="circuit")
+            raise InputError("pressures", name, "nodes are", known=circuit.nodes, where="circuit")
     for name in subtitles:
         if name not in circuit.nodes and name not in circuit.elements:
-            known = ", ".join([*circuit.nodes, *circuit.elements])
-            raise InputError("subtitles", name, f"no such part; known are {known}", where="circuit")
+            parts = [*circuit.nodes, *circuit.elements]
+            raise InputError("subtitles", name, "parts are", known=parts, where="circuit")
 
 
 def _wires(circuit: Circuit) -> DiagramWiring:

@@ -49,7 +49,7 @@ def run_figure(recording: Recording) -> Figure:
     """
     panels = _panels(recording)
     if not panels:
-        raise InputError("recording", "no channel", "allowed is one with pressures, flows, lengths or commands")
+        raise InputError("recording", None, "must have pressures, flows, lengths or commands")
     top, each, gap, foot = 0.75, 1.25, 0.42, 0.5  # [inch]
     heights = [
         each * (1.6 if p.title.startswith("Pressure") else 0.7 if p.quantity == "valve" else 1.0) for p in panels
@@ -194,7 +194,7 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
     """
     channels = list(dict.fromkeys(c for t in trials for c in t.channels if c.endswith(PRESSURE)))
     if not channels:
-        raise InputError("records", "no pressure", "allowed are records with the pressure of a volume")
+        raise InputError("records", None, "must have the pressure of a volume")
     shown = [t for t in trials if any(c in channels for c in t.channels)]
     columns = len(shown) if len(shown) <= MOST_COLUMNS else 2 if len(shown) == 4 else MOST_COLUMNS
     lines = math.ceil(len(shown) / columns)

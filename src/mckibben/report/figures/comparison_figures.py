@@ -38,7 +38,7 @@ def comparison_figure(muscles: Sequence[Trials], matches: Sequence[Match] = ()) 
         InputError: nothing to draw, or more muscles of a kind than there are dashes.
     """
     if not muscles:
-        raise InputError("muscles", "none", "allowed is one or more")
+        raise InputError("muscles", None, "must be one or more")
     lines = _lines(muscles)
     panels = [
         [p for p in row if any(_CURVE.get(p[0], p[0]) in t.curves for t in muscles)] for row in (_STATIC, _PROTOCOLS)
@@ -83,7 +83,7 @@ def _lines(muscles: Sequence[Trials]) -> list[_Line]:
     for i, one in enumerate(muscles):
         biological = one.muscle.fibre is not None
         if used[biological] >= len(RECORDING_DASHES):
-            allowed = f"allowed are {len(RECORDING_DASHES)} of a kind in one figure"
+            allowed = f"must be {len(RECORDING_DASHES)} of a kind in one figure"
             raise InputError("muscles", len(muscles), allowed)
         lines.append(_Line(chr(ord("A") + i), RECORDING_DASHES[used[biological]], biological))
         used[biological] += 1

@@ -218,7 +218,9 @@ def _check_lengths(shape: BraidShape, lengths: Sequence[float]) -> None:
     for value in lengths:
         if not 0.0 < value < shape.thread_length:
             raise InputError(
-                "length", f"{value:.4g} m", f"allowed is 0 m to {shape.thread_length:.4g} m, the thread length"
+                "length",
+                None,
+                f"must be between 0 m and {shape.thread_length:.4g} m, the thread length, got {value:.4g} m",
             )
 
 

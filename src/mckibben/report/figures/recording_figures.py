@@ -10,7 +10,7 @@ import numpy as np
 
 from ...analysis.segments import amount_of, steps_of
 from ...documents import ErrorKeepingFile, write_whole
-from ...errors import InputError, suggest
+from ...errors import InputError
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
 from . import style
@@ -85,8 +85,7 @@ def checked_names(record: Recording, names: Iterable[str], *, field: str = "--ch
     wanted = list(dict.fromkeys(names))
     for name in wanted:
         if name not in record:
-            has = ", ".join(record.names())
-            raise InputError(field, name, f"{suggest(name, record.names())}the recording has {has}")
+            raise InputError(field, name, "the recording has", known=record.names())
     return wanted
 
 
@@ -302,7 +301,7 @@ def against_figure(
     (across,) = checked_names(record, [against], field="--against")
     names = _upright(record, across) if channels is None else checked_names(record, channels)
     if across in names:
-        raise InputError("--channels", across, "it stands on the other axis; allowed is another channel")
+        raise InputError("--channels", across, "must be another channel; it stands on the other axis")
     _check_known(parts, [across, *names])
     (x,) = panels(record, [across])
     drawn, families = panels(record, names), told_apart(parts)
@@ -438,7 +437,7 @@ def _upright(record: Recording, across: str) -> list[str]:
     for name in ("tension", "muscle.tension"):
         if name in record and name != across:
             return [name]
-    raise InputError("--channels", "not given", f"allowed are channels over {across}: {', '.join(record.names())}")
+    raise InputError("--channels", None, f"must name channels over {across}: {', '.join(record.names())}")
 
 
 def draw_against(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPanel, x: ChannelPanel) -> None:
@@ -538,6 +537,6 @@ def _note(record: Recording) -> str:
 def _check_known(parts: Sequence[Recording], names: Sequence[str]) -> None:
     for name in names:
         if not any(np.isfinite(part[name]).any() for part in parts):
-            raise InputError("--channels", name, "nothing is known of it there; allowed is a channel with values")
+            raise InputError("--channels", name, "must be a channel with values there")
     if not names:
-        raise InputError("recording", "no channel", "allowed is one in which something is known")
+        raise InputError("recording", None, "must have a channel with values")

@@ -32,7 +32,7 @@ def errors_figure(found: Validation) -> Figure:
         InputError: if there is no static data set.
     """
     if not found.static:
-        raise InputError("data sets", "none", "allowed is at least one static data set")
+        raise InputError("data sets", None, "must be at least one static data set")
     laws = ordered_laws(found.static)
     height = TOP + FOOT + ROW * len(laws)
     fig = style.figure(style.WIDE, height)

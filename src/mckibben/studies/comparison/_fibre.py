@@ -146,11 +146,11 @@ def _groups(steps: Sequence[PlannedStep]) -> Iterator[list[PlannedStep]]:
     group: list[PlannedStep] = []
     for step in steps:
         if step.mode not in ("span", "tension"):
-            raise InputError(f"{step.path}.{step.mode}", "commanded", "a biological muscle follows span or tension")
-        if step.pressure is None:
             raise InputError(
-                f"{step.path}.pressure", "shut off", "a biological muscle has no gas; allowed is a pressure"
+                f"{step.path}.{step.mode}", None, "cannot be commanded: a biological muscle follows span or tension"
             )
+        if step.pressure is None:
+            raise InputError(f"{step.path}.pressure", None, "cannot be shut off: a biological muscle has no gas")
         alone = step.mode != "span" or step.until is not None or isinstance(step.motor, Deferred)
         if alone and group:
             yield group
@@ -188,7 +188,7 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
     assert test is not None
     if test.channel not in seen:
         raise InputError(
-            f"{step.path}.until", test.channel, "of a biological muscle allowed are span, tension, velocity"
+            f"{step.path}.until", test.channel, "must be span, tension or velocity for a biological muscle"
         )
     kind, limit = KINDS.index(test.kind), test.amount.si(rest)
 

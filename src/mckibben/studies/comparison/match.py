@@ -12,7 +12,7 @@ from ...analysis.characteristics import dynamic_range
 from ...analysis.segments import segments
 from ...bench.rig_file import rig as rig_of
 from ...components import paths
-from ...errors import InputError
+from ...errors import InputError, choice
 from ...experiments.read import with_values
 from ...recordings import Recording
 from .assisted import Assisted, steady, twitch_of, with_spring
@@ -245,10 +245,12 @@ def match(
         InputError: the muscles are not one of each kind, or `free` names something else.
     """
     if muscle.unit is None or target.fibre is None:
-        raise InputError("muscles", f"{muscle.id} and {target.id}", "allowed is a McKibben and a biological muscle")
+        raise InputError(
+            "muscles", None, f"must be a McKibben and a biological muscle, got {muscle.id} and {target.id}"
+        )
     for path in free:
         if path not in FREE:
-            raise InputError("free", path, f"allowed are {', '.join(FREE)}")
+            raise InputError("free", path, f"must be {choice(FREE)}")
     tell = progress or (lambda _: None)
     on = rig or rig_for([muscle], [TWITCH])
     tell(f"{muscle.id} and {target.id}: twitch")

@@ -100,7 +100,7 @@ def normalised(name: str, muscle: ComparedMuscle) -> Protocol:
         },
     }
     if name not in values:
-        raise InputError("protocol", name, f"known are {', '.join(NAMES)}")
+        raise InputError("protocol", name, known=NAMES)
     wanted = protocol(name, **values[name])
     return _settling(wanted, SETTLED * pull) if name == "quick-release" else wanted
 

@@ -25,7 +25,7 @@ from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
 from ...assembly.build import unit_from_muscle, unit_from_specimen
 from ...assembly.muscle_unit import MuscleUnit
-from ...errors import InputError, NoVolumeError
+from ...errors import InputError, NoVolumeError, choice
 from ...extras import library
 from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
@@ -107,9 +107,9 @@ def subject(
     else:
         spec = what if isinstance(what, Specimen) else specimen(what)
     if spec.kind == "valve":
-        raise InputError("specimen", spec.id, "it is a valve; allowed is a muscle", where=spec.where)
+        raise InputError("specimen", spec.id, "must be a muscle; it is a valve", where=spec.where)
     if not 0.0 < pressure <= 1e8:
-        raise InputError("pressure", with_unit(pressure, "Pa"), "allowed is above 0 up to 1000 bar gauge")
+        raise InputError("pressure", with_unit(pressure, "Pa"), "must be above 0 up to 1000 bar gauge")
     if spec.kind == "biological":
         fibre: BiologicalMuscle = from_specimen(spec, law) if muscle is None else muscle.law
         return ComparedMuscle(
@@ -126,7 +126,7 @@ def subject(
     rest, upper = rest_length_of(spec, unit.law), upper_length_of(spec, unit.law)
     free = float(unit.law.free_length(pressure))
     if not free < LEAST * min(rest, upper):
-        said = f"{spec.id} pulls nothing at its rest length of {with_unit(rest, 'm')}; allowed is a higher one"
+        said = f"{spec.id} pulls nothing at its rest length of {with_unit(rest, 'm')}; choose a higher one"
         raise InputError("pressure", with_unit(pressure, "Pa"), said)
     area, area_from = _section(spec, unit, pressure, free)
     return ComparedMuscle(spec, unit, None, pressure, rest, upper, area, area_from)
@@ -302,7 +302,7 @@ def compare(
     subjects = [m if isinstance(m, ComparedMuscle) else subject(m, pressure=full) for m in listed]
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
-        raise InputError("muscles", "none", "allowed is a specimen's id or file, or a recording")
+        raise InputError("muscles", None, "are missing: a specimen's id or file, or a recording")
     return MuscleTable(tuple(columns), published_ranges())
 
 
@@ -496,8 +496,8 @@ def _channel(record: Recording, names: tuple[str, ...], what: str) -> str:
             return name
     raise InputError(
         f"channel of {what}",
-        "missing",
-        f"allowed is one of {', '.join(names)}; the recording has {', '.join(record.names()) or 'none'}",
+        None,
+        f"is missing: it must be {choice(names)}; the recording has {', '.join(record.names()) or 'none'}",
     )
 
 
@@ -517,8 +517,8 @@ def _rest_length(record: Recording, muscle: ComparedMuscle | None) -> float:
     if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 100.0:
         raise InputError(
             "rest_length",
-            "missing" if stated is None else str(stated),
-            "allowed is a length [m] in the meta of the recording, or the id of a known specimen under specimen",
+            None if stated is None else str(stated),
+            "must be a length [m] in the meta of the recording, or the id of a known specimen under specimen",
         )
     return float(stated)
 

@@ -79,9 +79,9 @@ def design(
         InputError: the law or the objective is unknown.
     """
     if law not in BRAID_LAWS:
-        raise InputError("law", law, f"known are {', '.join(BRAID_LAWS)}")
+        raise InputError("law", law, known=BRAID_LAWS)
     if objective not in OBJECTIVES:
-        raise InputError("objective", objective, f"known are {', '.join(OBJECTIVES)}")
+        raise InputError("objective", objective, known=OBJECTIVES)
     angles, contractions = np.linspace(*ANGLES, GRID), np.linspace(*CONTRACTIONS, GRID)
     best: tuple[float, float] | None = None
     error = error_of_braid(law, wish.pressure)

@@ -55,11 +55,11 @@ class Requirements:
             if value is None:
                 continue
             if not (math.isfinite(value) and low < value <= high):
-                allowed = f"allowed is above {with_unit(low, unit)}, up to {with_unit(high, unit)}"
+                allowed = f"must be above {with_unit(low, unit)}, up to {with_unit(high, unit)}"
                 raise InputError(name, with_unit(value, unit), allowed)
         if self.length is not None and self.length <= self.stroke:
             raise InputError(
-                "length", with_unit(self.length, "m"), f"allowed is more than the stroke, {with_unit(self.stroke, 'm')}"
+                "length", with_unit(self.length, "m"), f"must be more than the stroke, {with_unit(self.stroke, 'm')}"
             )
 
     def parts(self) -> dict[str, float]:

@@ -438,4 +438,4 @@ def _chosen(order: list[Judged], name: str | None) -> Judged:
     for one in order:
         if one.muscle.id.lower() == name.lower():
             return one
-    raise InputError("muscle", name, f"the candidates are {', '.join(one.muscle.id for one in order)}")
+    raise InputError("muscle", name, "the candidates are", known=[one.muscle.id for one in order])

@@ -73,13 +73,13 @@ class BenchSelection:
 
     def _muscle(self, name: str) -> Specimen:
         if name not in self.muscles:
-            raise InputError("muscle", str(name)[:80], f"known are {', '.join(self.muscles)}")
+            raise InputError("muscle", str(name)[:80], known=self.muscles)
         return self.muscles[name]
 
     def choose_rig(self, name: str) -> str:
         """Select a shipped rig or one of the user's."""
         if name not in (known := self._rigs()):
-            raise InputError("rig", str(name)[:80], f"known are {', '.join(known)}")
+            raise InputError("rig", str(name)[:80], known=known)
         if name == self._first.name:
             self.rig = self._first
         else:
@@ -107,7 +107,7 @@ class BenchSelection:
             path = self.own.found(mine)
         except InputError:
             known = [*protocol_names(), *(n.removesuffix(".toml") for n in self.own.names())]
-            raise InputError("protocol", str(name)[:80], f"known are {', '.join(known)}") from None
+            raise InputError("protocol", str(name)[:80], known=known) from None
         return parse_protocol(path.read_text(encoding="utf-8"), where=mine)
 
     def value(self, name: str, words: str) -> str:
@@ -118,7 +118,7 @@ class BenchSelection:
     def text(self, text: str) -> str:
         """Replace the protocol by the text of a file."""
         if len(text) > LONGEST:
-            raise InputError("text", f"{len(text)} characters", f"allowed are {LONGEST}")
+            raise InputError("text", None, f"must be at most {LONGEST} characters, got {len(text)}")
         self._take(parse_protocol(str(text), where="text"))
         return f"{self.protocol.name}: {self.protocol.title}"
 
@@ -135,7 +135,7 @@ class BenchSelection:
         """Save the protocol among the user's under a name."""
         path = self.own.path(f"{name}.toml")
         if name in protocol_names():
-            raise InputError("protocol", name, "it ships with mckibben; allowed is another name")
+            raise InputError("protocol", name, "must be another name; this one ships with mckibben")
         self.own.ready()
         write_text(path, self.protocol.toml())
         self._renew()
@@ -149,9 +149,9 @@ class BenchSelection:
         """
         dry = self.dry
         if dry is None:
-            raise InputError("start", "refused", "the dry run is not done yet")
+            raise InputError("start", None, "is refused: the dry run is not done yet")
         if dry.prepared is None or not dry.passed:
-            raise InputError("start", "refused", dry.plain["findings"][0]["sentence"])
+            raise InputError("start", None, f"is refused: {dry.plain['findings'][0]['sentence']}")
         return dry.prepared
 
     def again(self) -> str:
@@ -163,7 +163,7 @@ class BenchSelection:
         """Take the value with which the dry run passes."""
         cure = None if self.dry is None else self.dry.plain.get("cure")
         if not cure:
-            raise InputError("cure", "none", "no smaller value of one number was found that fits")
+            raise InputError("cure", None, "cannot be found: no smaller value of one number fits")
         return self.value(cure["name"], cure["words"])
 
     def _renew(self, setup: bool = False) -> None:

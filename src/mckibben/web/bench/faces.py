@@ -142,7 +142,7 @@ def changed(protocol: Protocol, name: str, words: str) -> Protocol:
     """
     text = words.replace("\u2212", "-").replace("\u2009", " ").replace("\u2060", "").strip()
     if not text:
-        raise InputError(name, "empty", "allowed is a value")
+        raise InputError(name, None, "is empty")
     unit = next((_value(p)[1] for p in protocol.parameters if p.name == name), "")
     listed = split_values(text, field=name)
     full = [f"{w} {unit}" if unit and (m := _NUMBER.fullmatch(w)) and not m[2] else w for w in listed]

@@ -118,7 +118,7 @@ class Bench:
     def _set_up(self, do: Callable[..., str], name: str) -> str:
         self._require_no_run("muscle and rig")
         if self.manual is not None and self.manual.moving:
-            raise InputError("set-up", "refused", "the machine moves by hand; vent first")
+            raise InputError("set-up", None, "is refused: the machine moves by hand; vent first")
         said = do(str(name))
         self.messages.say(f"{self.chosen.words()}.")
         self._open()
@@ -146,31 +146,31 @@ class Bench:
     # ---- what may not be done to the machine as it is
 
     def _require_simulated(
-        self, what: str, otherwise: str = "a real machine has its own time; allowed is stop"
+        self, what: str, otherwise: str = "a real machine has its own time; it can only be stopped"
     ) -> None:
         if self.spec is not None:
-            raise InputError(what, "refused", otherwise)
+            raise InputError(what, None, f"is refused: {otherwise}")
 
     def _require_no_run(self, what: str) -> None:
         if self.running is not None:
-            raise InputError(what, "refused", f"{self.running.prepared.protocol.name} is running; stop it first")
+            raise InputError(what, None, f"is refused: {self.running.prepared.protocol.name} is running; stop it first")
 
     def _require_idle(self, what: str) -> None:
         self._require_no_run(what)
         if self.why:
-            raise InputError(what, "refused", f"the machine is stopped ({self.why}); reset it first")
+            raise InputError(what, None, f"is refused: the machine is stopped ({self.why}); reset it first")
 
     def _require_run(self, what: str) -> RunController:
         if self.running is None:
-            raise InputError(what, "refused", "nothing is running")
+            raise InputError(what, None, "is refused: nothing is running")
         if self.running.button():
-            raise InputError(what, "refused", "the run is being stopped")
+            raise InputError(what, None, "is refused: the run is being stopped")
         return self.running
 
     def _require_manual(self, what: str, wanted: Mapping[str, Any]) -> ManualControl:
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
-            raise InputError(what, "refused", f"the protocol sets the {names}; stop the run first")
+            raise InputError(what, None, f"is refused: the protocol sets the {names}; stop the run first")
         self._require_idle(what)
         assert self.manual is not None
         return self.manual
@@ -233,7 +233,7 @@ class Bench:
         """Advance a paused run by some samples."""
         self._require_run("step")
         if not self.clock.halted:
-            raise InputError("step", "refused", "allowed is while the run is paused")
+            raise InputError("step", None, "is allowed only while the run is paused")
         self.clock.step(max(1, min(1000, int(samples))))
         return ""
 
@@ -249,7 +249,7 @@ class Bench:
         """Choose the pace of the simulated machine."""
         self._require_simulated("pace", "a real machine has its own time")
         if name not in PACES:
-            raise InputError("pace", name, f"known are {', '.join(PACES)}")
+            raise InputError("pace", name, known=PACES)
         self.pace, self.clock.speed = name, PACES[name]
         if self.manual is not None:
             self.manual.set_speed(PACES[name] or 1.0)
@@ -296,9 +296,9 @@ class Bench:
         """Return to manual operation after a stop, vented."""
         with self._lock:
             if self.running is not None:
-                raise InputError("reset", "refused", "the run is being stopped; wait until it has vented")
+                raise InputError("reset", None, "is refused: the run is being stopped; wait until it has vented")
             if not self.why:
-                raise InputError("reset", "idle", "allowed is after a stop")
+                raise InputError("reset", None, "is allowed only after a stop")
             session = None if self.manual is None else self.manual.session
             if session is None or session.gone:
                 self._open()  # the machine is lost, or there was none: another try

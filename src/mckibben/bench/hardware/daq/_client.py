@@ -256,7 +256,12 @@ class Tasks:
                 task.in_stream.input_buf_size = size
             rate = float(self._inputs.timing.samp_clk_rate)
         if abs(rate * period - 1.0) > RATE_TOLERANCE:
-            raise InputError("period", f"{period:g} s", f"the card samples at {rate:.6g} Hz instead", where=self.place)
+            raise InputError(
+                "period",
+                None,
+                f"of {period:g} s is not one of the card, which samples at {rate:.6g} Hz instead",
+                where=self.place,
+            )
         with self._complaints.told("clock", self.wiring.sample_clock):
             for task, _ in clocked:
                 self._sampling.append(task)

@@ -66,10 +66,10 @@ class DaqHardware(Hardware):
         self, wiring: CardWiring, *, block: int = 1, buffer: float = 0.25, patience: float = 1.0, silence: float = 0.25
     ) -> None:
         if type(block) is not int or block < 1:
-            raise InputError("block", str(block), "allowed is a whole number, 1 or more")
+            raise InputError("block", str(block), "must be a whole number, 1 or more")
         for key, value in (("buffer", buffer), ("patience", patience), ("silence", silence)):
             if not 1e-3 <= value <= 3600.0:
-                raise InputError(key, f"{value:g} s", "allowed is 1 ms to 1 h")
+                raise InputError(key, None, f"must be between 1 ms and 1 h, got {value:g} s")
         self.wiring = wiring
         self._block, self._buffer, self._silence = block, buffer, silence
         self._tasks = Tasks(wiring, patience)
@@ -105,7 +105,7 @@ class DaqHardware(Hardware):
             LineLostError: it does not start.
         """
         if not 1e-6 <= period <= 10.0:
-            raise InputError("period", f"{period:g} s", "allowed is 1 us to 10 s")
+            raise InputError("period", None, f"must be between 1 us and 10 s, got {period:g} s")
         self._not_closed()
         self.period = period
         self._pause = max(self._silence, 4.0 * self._block * period)
@@ -129,7 +129,7 @@ class DaqHardware(Hardware):
         if not self.period:
             raise InputError("sample", str(sample), "none comes before the start")
         if sample != self._next:
-            raise InputError("sample", str(sample), f"allowed is {self._next}: they are waited for one after another")
+            raise InputError("sample", str(sample), f"must be {self._next}; they are waited for one after another")
         if not self._waiting:
             try:
                 volts, ticks = self._tasks.read()

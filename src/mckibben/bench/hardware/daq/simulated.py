@@ -225,8 +225,8 @@ class Calls:
     def __init__(self, card: Card, wiring: CardWiring) -> None:
         missing = sorted(set(wiring.inputs) - set(card.machine.names))
         if missing:
-            known = ", ".join(card.machine.names)
-            raise InputError(f"inputs.{missing[0]}", "unknown", f"the machine has {known}", where=wiring.where)
+            names = card.machine.names
+            raise InputError(f"inputs.{missing[0]}", None, "the machine has", known=names, where=wiring.where)
         self.card, self.wiring = card, wiring
         self.grpc, self.messages = library("grpc"), library("nidaqmx._stubs.nidaqmx_pb2")
         self.tasks: dict[str, DaqTask] = {}

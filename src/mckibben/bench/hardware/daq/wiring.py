@@ -88,11 +88,11 @@ class Analog:
         for key, level in (("low", self.low), ("high", self.high), *(("range", r) for r in self.range or ())):
             LEVEL.check(key, level)
         if not self.low < self.high:
-            raise InputError("high", f"{self.high:g} V", f"must be more than low, {self.low:g} V")
+            raise InputError("high", None, f"must be more than low, {self.low:g} V, got {self.high:g} V")
         least, most = self.span
         if not (least <= self.low and self.high <= most):
             wide = f"from {self.low:g} V or less to {self.high:g} V or more"
-            raise InputError("range", f"{least:g} V to {most:g} V", f"must be {wide}, for it holds low to high")
+            raise InputError("range", None, f"must be {wide}, for it holds low to high, got {least:g} V to {most:g} V")
         among("terminal", self.terminal, TERMINALS)
 
     @property
@@ -126,7 +126,7 @@ class Drive(Analog):
         """Refuse a rest that the output cannot take."""
         super().__post_init__()
         if not self.low <= self.rest < self.high:
-            raise InputError("rest", f"{self.rest:g} V", f"must be from {self.low:g} V to below {self.high:g} V")
+            raise InputError("rest", None, f"must be from {self.low:g} V to below {self.high:g} V, got {self.rest:g} V")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +182,7 @@ def named(key: str, value: str, kind: tuple[str, str]) -> None:
 def among(key: str, value: str, known: tuple[str, ...]) -> None:
     """Refuse a word that is not known."""
     if value not in known:
-        raise InputError(key, value, f"known are {', '.join(known)}")
+        raise InputError(key, value, known=known)
 
 
 def chassis(terminal: str) -> str:
@@ -222,11 +222,11 @@ class CardWiring:
         try:
             self._check()
         except InputError as error:
-            raise InputError(error.field, error.value, error.allowed, where=self.where) from None
+            raise error.changed(where=self.where) from None
 
     def _check(self) -> None:
         if not self.inputs:
-            raise InputError("inputs", "none", "must be one or more: their clock is the machine's")
+            raise InputError("inputs", None, "must be one or more: their clock is the machine's")
         for name, entry in self.inputs.items():
             named(f"inputs.{name}.channel", entry.channel, INPUT)
         for key, out in (("valve", self.valve), ("motor", self.motor)):
@@ -250,7 +250,7 @@ class CardWiring:
         owner = chassis(terminals[paths[0]])
         for path in paths[1:]:
             if chassis(terminals[path]).lower() != owner.lower():
-                allowed = f"must be one of {owner}, as {paths[0]} is: they share one clock"
+                allowed = f"must be one of {owner}, as {paths[0]} is; they share one clock"
                 raise InputError(path, terminals[path], allowed)
 
     def terminals(self) -> dict[str, str]:
@@ -286,7 +286,7 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
     top.only(("connection", "clock", "inputs", "valve", "motor", "shut_off", "encoder"))
     for key in ("inputs", "valve"):
         if key not in top:
-            raise top.fail(key, "missing", "it is required")
+            raise top.fail(key, None, "is missing")
     parts: dict[str, Any] = {"inputs": {n: read_table(Analog, one) for n, one in top.tables("inputs")}}
     kinds: dict[str, type[Any]] = {"valve": Analog, "motor": Drive, "shut_off": ShutOff, "encoder": Counter}
     for key, kind in kinds.items():
@@ -297,4 +297,4 @@ def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq"
     try:
         return CardWiring(**parts, **words, where=f"{where} [{path}]")
     except InputError as error:
-        raise InputError(top.field(error.field), error.value, error.allowed, where=where) from None
+        raise error.changed(field=top.field(error.field), where=where) from None

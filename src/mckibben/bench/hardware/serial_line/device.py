@@ -80,7 +80,7 @@ class Board:
     def __init__(self, machine: DeviceMachine, about: About, clock: Callable[[], int]) -> None:
         names, bits = tuple(machine.names), tuple(machine.bits)
         if not len(names) == len(set(names)) == len(bits) <= MOST_CHANNELS:
-            raise InputError("names", names, f"allowed are at most {MOST_CHANNELS} different ones, each with its bits")
+            raise InputError("names", names, f"must be at most {MOST_CHANNELS} different ones, each with its bits")
         self.machine, self.about, self.clock = machine, about, clock
         self.welcome = Welcome(
             0, VERSION, about.shortest, about.encoder, about.motor, about.motor_rest, bits, about.firmware, names
@@ -88,7 +88,7 @@ class Board:
         try:
             messages.encode(self.welcome)
         except ValueError:
-            raise InputError("names", names, "allowed are names of 255 bytes, together below a frame's 1024") from None
+            raise InputError("names", names, "must be names of 255 bytes, together below a frame's 1024") from None
         self.outputs = (0, about.motor_rest, True)
         self.told = False
         self.starts = 0
@@ -280,7 +280,7 @@ class CompiledDevice:
             self._library = ctypes.CDLL(str(library))
             self._library.bench_receive.argtypes = [ctypes.c_char_p, ctypes.c_size_t]
         except (OSError, AttributeError) as error:
-            raise InputError("library", str(library), f"allowed is the compiled firmware ({error})") from None
+            raise InputError("library", str(library), f"must be the compiled firmware ({error})") from None
         about, names = board.about, [name.encode() for name in board.welcome.names]
         count = len(names)
         self._about = _About(

@@ -39,7 +39,7 @@ def open_port(port: str, baud: int) -> Any:
         opened = serial.Serial(port, baud, timeout=_SLOW_READ, write_timeout=0.1, **alone)
     except (OSError, ValueError) as error:  # SerialException is an OSError
         reason = " ".join(str(error).split())
-        raise InputError("port", port, f"allowed is a serial port that can be opened ({reason})") from None
+        raise InputError("port", port, f"must be a serial port that can be opened ({reason})") from None
     if sys.platform == "linux":
         with contextlib.suppress(OSError, ValueError, AttributeError):  # an adapter may hold bytes back for 16 ms
             opened.set_low_latency_mode(True)
@@ -205,7 +205,7 @@ def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool,
             raise InputError(f"bits of {name}", bits_there, f"the rig has {bits[name]}", where=where)
     for part, needed, there in (("encoder", encoder, welcome.encoder), ("motor", motor, welcome.motor)):
         if needed and not there:
-            raise InputError(part, "none at the device", "the rig has one", where=where)
+            raise InputError(part, None, "is missing on the device: the rig has one", where=where)
 
 
 def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...]:
@@ -218,7 +218,7 @@ def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...
     absent = [name for name in names if name not in has]
     if absent:
         allowed = f"the rig needs {', '.join(absent)} too"
-        raise InputError("channels of the device", ", ".join(has) or "none", allowed, where=where)
+        raise InputError("channels of the device", ", ".join(has) or None, allowed, where=where)
     return tuple(has.index(name) for name in names)
 
 
@@ -229,7 +229,7 @@ def reason(error: BaseException) -> str:
 
 def _checked(line: SerialLine, welcome: Welcome) -> Welcome:
     if welcome.version != VERSION:
-        allowed = f"allowed is {VERSION}: install the firmware that belongs to this package"
+        allowed = f"must be {VERSION}; install the firmware that belongs to this package"
         raise InputError("protocol of the device", welcome.version, allowed, where=line.name)
     if len(set(welcome.names)) != len(welcome.names):
         raise InputError("channels of the device", ", ".join(welcome.names), "each may be there once", where=line.name)

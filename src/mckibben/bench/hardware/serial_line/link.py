@@ -93,7 +93,7 @@ class SerialHardware(Hardware):
         baud: int = BITS_PER_SECOND,
     ) -> None:
         if not 2 <= watchdog < 2**16:
-            raise InputError("watchdog", watchdog, "allowed is a number of samples from 2 to 65535")
+            raise InputError("watchdog", watchdog, "must be a number of samples from 2 to 65535")
         self.lock_step, self.watchdog, self.patience, self.timeout = lock_step, watchdog, patience, timeout
         self._line = SerialLine(port, baud)
         self.name = self._line.name
@@ -138,7 +138,7 @@ class SerialHardware(Hardware):
         self._alive()
         nanoseconds = round(period * 1e9) if 0.0 < period * 1e9 <= LONGEST else 0
         if nanoseconds < max(self.welcome.shortest, 1):
-            allowed = f"allowed is {self.welcome.shortest * 1e-9:g} s to {LONGEST * 1e-9:.3g} s"
+            allowed = f"must be between {self.welcome.shortest * 1e-09:g} s and {LONGEST * 1e-09:.3g} s"
             raise InputError("period", period, allowed, where=self.name)
         self._forget(nanoseconds * 1e-9)
         self._run = (self._run + 1) % 2**16

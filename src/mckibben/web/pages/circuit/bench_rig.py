@@ -23,7 +23,7 @@ def muscle_of(plan: CircuitPlan) -> str:
     """
     specimens = [str(words["specimen"]) for words in plan.document["nodes"].values() if words["kind"] == "muscle"]
     if len(specimens) != 1:
-        raise InputError("nodes", f"{len(specimens)} muscles", "the bench takes one")
+        raise InputError("nodes", None, f"must have one muscle for the bench, got {len(specimens)}")
     return specimens[0]
 
 
@@ -41,9 +41,7 @@ def rig_text(plan: CircuitPlan, name: str) -> str:
     tube = _only(elements, "lumped_tube", "one tube of the kind lumped_tube")
     supply = nodes[str(elements[valve]["supply"])]
     if supply["kind"] != "reservoir" or "pressure" not in supply:
-        raise InputError(
-            f"elements.{valve}.supply", str(elements[valve]["supply"]), "allowed is a supply of one pressure"
-        )
+        raise InputError(f"elements.{valve}.supply", str(elements[valve]["supply"]), "must be a supply of one pressure")
     muscle_of(plan)
     first, last = str(elements[tube]["from"]), str(elements[tube]["to"])
     if first != elements[valve]["outlet"]:
@@ -55,7 +53,9 @@ def rig_text(plan: CircuitPlan, name: str) -> str:
     for node, words in nodes.items():
         if words["kind"] == "volume" and node != first:
             if node != last:
-                raise InputError(f"nodes.{node}", "volume", "the bench has volumes at the two ends of its tube only")
+                raise InputError(
+                    f"nodes.{node}", None, "has no place: the bench has volumes at the two ends of its tube only"
+                )
             behind += parse(str(words["volume"]), "m^3", field=f"nodes.{node}.volume")
     if behind:
         plumbing["muscle_accumulator"] = f"{behind!r} m^3"
@@ -87,5 +87,5 @@ def _inside(words: Mapping[str, Any], nodes: Mapping[str, Any]) -> bool:
 def _only(elements: Mapping[str, Any], kind: str, words: str) -> str:
     names = [n for n, e in elements.items() if e["kind"] == kind]
     if len(names) != 1:
-        raise InputError("elements", f"{len(names)} of {kind}", f"the bench takes {words}")
+        raise InputError("elements", None, f"must have {words} of {kind} for the bench, got {len(names)}")
     return names[0]

@@ -43,13 +43,15 @@ def load(face: CircuitPage) -> None:
         def came(one: IncomingFile) -> None:
             name, data = one.name, one.content()
             if len(data) > LARGEST:
-                raise InputError("file", f"{len(data) >> 10} kB", f"allowed are {LARGEST >> 10} kB; nothing was stored")
+                raise InputError(
+                    "file", None, f"must be at most {LARGEST >> 10} kB, got {len(data) >> 10} kB; nothing was stored"
+                )
             if not name.lower().endswith(".toml"):
-                raise InputError("file", name[:120], "it is not a .toml file; nothing was stored")
+                raise InputError("file", name[:120], "must be a .toml file; nothing was stored")
             try:
                 words = data.decode("utf-8")
             except UnicodeDecodeError:
-                raise InputError("file", name[:120], "it is not TOML in UTF-8; nothing was stored") from None
+                raise InputError("file", name[:120], "must be TOML in UTF-8; nothing was stored") from None
             take(read_text(words))
 
         UploadPlace("Drop a circuit's .toml file here", came, (".toml",))
@@ -129,7 +131,7 @@ def waveform(face: CircuitPage) -> None:
         said.clear()
         try:
             if len(typed) > LARGEST:
-                raise InputError("signals", f"{len(typed)} characters", f"allowed are {LARGEST}")
+                raise InputError("signals", None, f"must be at most {LARGEST} characters, got {len(typed)}")
             signals = parse_toml(typed, where="signals").get("signals", {})
             read_text(text_of({**face.desk.document, "signals": signals}))
             face.change(lambda d: {**d, "signals": signals})

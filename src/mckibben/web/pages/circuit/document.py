@@ -86,7 +86,7 @@ def planned(document: Mapping[str, Any]) -> CircuitPlan:
         return build_plan(document, where=WHERE, digest=hashlib.sha256(repr(document).encode()).hexdigest())
     except InputError as error:
         if error.where == WHERE:
-            raise InputError(error.field, error.value, error.allowed) from None
+            raise error.changed(where="") from None
         raise
 
 
@@ -105,13 +105,15 @@ def read_text(text: str) -> Document:
     """
     if len(text.encode()) > LARGEST:
         raise InputError(
-            "file", f"{len(text.encode()) >> 10} kB", f"allowed are {LARGEST >> 10} kB; nothing was stored"
+            "file", None, f"must be at most {LARGEST >> 10} kB, got {len(text.encode()) >> 10} kB; nothing was stored"
         )
     document = parse_toml(text, where=WHERE)
     signals = document.get("signals", {})
     for name, signal in signals.items() if isinstance(signals, Mapping) else ():
         if isinstance(signal, Mapping) and "file" in _keys(signal):
-            raise InputError(f"signals.{name}.file", "a file", "allowed on this page are values in the circuit itself")
+            raise InputError(
+                f"signals.{name}.file", None, "is allowed only on this page are values in the circuit itself"
+            )
     _specimens(document)
     planned(document)
     return document
@@ -130,7 +132,7 @@ def _specimens(document: Mapping[str, Any]) -> None:
         for name, part in parts.items() if isinstance(parts, Mapping) else ():
             wanted = part.get("specimen", "") if isinstance(part, Mapping) else ""
             if not isinstance(wanted, str) or any(c in wanted for c in "/\\") or wanted.lower().endswith(".toml"):
-                raise InputError(f"{section}.{name}.specimen", str(wanted)[:80], "allowed on this page is an id")
+                raise InputError(f"{section}.{name}.specimen", None, "is allowed only on this page is an id")
 
 
 def packed(document: Mapping[str, Any]) -> str:
@@ -145,7 +147,7 @@ def unpacked(word: str) -> Document:
     Raises:
         InputError: the word was cut or changed, or holds no circuit.
     """
-    refusal = InputError("link", f"{word[:12]}..", "it holds no circuit; it was cut or changed on its way")
+    refusal = InputError("link", None, f"holds no circuit ({word[:12]}..): it was cut or changed on its way")
     try:
         squeezed = base64.urlsafe_b64decode(word[: 2 * LARGEST] + "=" * (-len(word) % 4))
         unpack = zlib.decompressobj()

@@ -66,7 +66,7 @@ def insert(document: Document, plan: CircuitPlan, part: str, at: str) -> tuple[D
         InputError: what it would be is no circuit.
     """
     if part not in PARTS or not PARTS[part].kind:
-        raise InputError("part", part[:40], f"known are {', '.join(PARTS)}")
+        raise InputError("part", part[:40], known=PARTS)
     one, new = PARTS[part], copy.deepcopy(document)
     node, after = line(plan, at)
     name = _free(new, one.stem)
@@ -183,7 +183,7 @@ def remove(document: Document, plan: CircuitPlan, name: str) -> Document:
         else:
             ways.append(lambda: _without(document, {e for e, (ends, _) in plan.circuit.ends.items() if name in ends}))
     else:
-        raise InputError("part", name[:40], f"known are {', '.join([*plan.nodes, *plan.circuit.elements])}")
+        raise InputError("part", name[:40], known=[*plan.nodes, *plan.circuit.elements])
     refused: InputError | None = None
     for way in ways:
         try:

@@ -122,9 +122,7 @@ class CircuitPage:
         if part == "pressure":
             node = at if at in desk.plan.nodes else edit.line(desk.plan, at)[0]
             if desk.plan.nodes[node].kind in edit.GIVEN:
-                self._say(
-                    f"a pressure sensor at {node} would show what is given; allowed is a node whose pressure changes"
-                )
+                self._say(f"a pressure sensor at {node} would show what is given; choose a node whose pressure changes")
                 return
             desk.toggle(desk.sensors, node)
         elif part == "flow":

@@ -155,7 +155,9 @@ def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
         record = read_outside(read_recording, path)
         names = [next((n for n in known if n in record), None) for known in (LENGTHS, TENSIONS)]
         if names[0] is None or names[1] is None:
-            raise InputError("channel", "missing", "needed are a length and a tension", where=path.name)
+            raise InputError(
+                "channel", None, "is missing: the comparison needs a length and a tension", where=path.name
+            )
         return record[names[0]], record[names[1]]
 
     loop: tuple[np.ndarray, np.ndarray] = _once(("loop", str(path), path.stat().st_mtime_ns), read)

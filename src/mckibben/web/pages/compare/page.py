@@ -125,7 +125,7 @@ class ComparePage:
         chosen = self.recordings if self.values == "recordings" and name.endswith(".nc") else self.muscles
         if name not in chosen:
             if len(chosen) >= jobs.MOST:
-                self._say(f"{len(chosen) + 1} columns; allowed are up to {jobs.MOST}")
+                self._say(f"There can be at most {jobs.MOST} columns")
                 return
             chosen.append(name)
         self.renew()

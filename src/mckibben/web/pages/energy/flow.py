@@ -52,7 +52,7 @@ def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount
         InputError: it is no recording, or lacks what an account needs; says what.
     """
     if kind and kind not in KINDS:
-        raise InputError("account", kind, f"known are {', '.join(KINDS)}")
+        raise InputError("account", kind, known=KINDS)
     with _ONE:  # of two visitors who ask for the same, the second finds it made
         return _account(str(path), path.stat().st_mtime_ns, kind, muscle)
 

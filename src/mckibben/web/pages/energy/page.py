@@ -302,7 +302,7 @@ class CycleControls:
         choice = _with(self.view.choice, **{name: value})
         conditions(choice)
         if name == "accumulator_pressure" and value >= choice.pressure:
-            raise InputError(name, f"{value / 1e5:g} bar", "allowed is below the pressure of the supply")
+            raise InputError(name, None, f"must be below the pressure of the supply, got {value / 100000.0:g} bar")
         self.again = name == "friction"  # which the bar shows too
         self.view.changed(**{name: value})
 

@@ -65,9 +65,9 @@ def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
                 value = parse(text, SETTINGS[name].unit, field=name, bare=True)
                 SETTINGS[name].check(name, value)
             elif name == "muscle" and text not in specimen_ids():
-                raise InputError("specimen", text, f"known are {', '.join(specimen_ids())}")  # a path is no name
+                raise InputError("specimen", text, known=specimen_ids())  # a path is no name
             elif name in WORDS and text not in WORDS[name]:
-                raise InputError(name, text, f"known are {', '.join(WORDS[name])}")
+                raise InputError(name, text, known=WORDS[name])
             tried = replace(choice, **{name: value})
             resolved(tried) if name in ("muscle", "law", "volume") else None
             choice = tried

@@ -147,7 +147,7 @@ def known(asked: FitRequest) -> dict[str, float]:
     dimensions_known, fields = known_of(specimen_of(asked)), dimensions()
     for name, words in asked.known:
         if name not in fields:
-            raise InputError(name, words, f"known are {', '.join(fields)}")
+            raise InputError(name, words, known=fields)
         dimensions_known[name] = parse(words, fields[name].unit, field=name)
         fields[name].check(name, dimensions_known[name])
     return dimensions_known

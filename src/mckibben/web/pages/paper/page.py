@@ -51,7 +51,7 @@ class PaperPage:
             self.said.append(str(InputError("row", self.row, "no row begins with that")))
             self.row = ""
         if self.figure and self.figure not in FIGURES:
-            self.said.append(str(InputError("figure", self.figure, f"known are {', '.join(FIGURES)}")))
+            self.said.append(str(InputError("figure", self.figure, known=FIGURES)))
             self.figure = ""
         if not self.figure:
             self.figure = FIRST if not self.row else self._shows(self.row)

@@ -66,7 +66,7 @@ class Reproduction:
         """
         with self._lock:
             if self.running:
-                raise InputError("run", "refused", "rows are computed already; stop that first")
+                raise InputError("run", None, "is refused: rows are computed already; stop that first")
             for name in names or ():
                 if name not in self.rows:
                     raise InputError(

@@ -62,7 +62,7 @@ def imported(
     except MckibbenError as error:
         sentence = f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}"
         if isinstance(error, InputError):  # it keeps the field that is to blame
-            raise error.changed(where=None, sentence=sentence) from None
+            raise error.changed(where="", sentence=sentence) from None
         raise MckibbenError(sentence) from None
     if path.suffix.lower() in (".nc", ".mcap") and not read.recording.meta.get("source"):
         return ImportedFile(True, read.remarks)
@@ -77,7 +77,7 @@ def imported(
 def check_kind(name: str) -> None:
     """Refuse a file whose name states another content."""
     if Path(name).suffix.lower() not in IMPORTED:
-        allowed = f"allowed is a name that ends in {', '.join(IMPORTED)}; nothing was stored"
+        allowed = f"must be a name that ends in {', '.join(IMPORTED)}; nothing was stored"
         raise InputError("file", name[:120], allowed)
 
 
@@ -109,7 +109,7 @@ def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
 
     path = lab.recordings.found(name)
     if path.suffix.lower() != ".mcap":
-        raise InputError("file", name, "allowed is a log of a bench, .mcap; others are written whole or not at all")
+        raise InputError("file", name, "must be a log of a bench, .mcap; others are written whole or not at all")
     try:
         recording = read_log(path)
     except MckibbenError as error:
@@ -146,6 +146,6 @@ def pairs(text: str, option: str, example: str) -> dict[str, str]:
             continue
         name, equals, value = word.partition("=")
         if not equals or not name.strip() or not value.strip():
-            raise InputError(option, word.strip(), f"allowed is NAME=VALUE, such as {example}")
+            raise InputError(option, word.strip(), f"must be NAME=VALUE, such as {example}")
         table[name.strip()] = value.strip()
     return table

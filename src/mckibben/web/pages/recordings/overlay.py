@@ -150,12 +150,12 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(
             "muscle",
             str(part.record.meta.get("specimen") or "none"),
-            "allowed is one with a law, named by the recording",
+            "must be one with a law, named by the recording",
         )
     names = {quantity: channel(part.record, of) for quantity, of in OWN.items()}
     for quantity, name in names.items():
         if not name:
-            raise InputError(quantity, "not recorded", "a law needs length, pressure and tension")
+            raise InputError(quantity, None, "is not recorded: a law needs length, pressure and tension")
     law = law_from_specimen(spec)
     length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
     return from_si(1.0, "m", "cm") * length, tension - np.asarray(law.tension(length, pressure))

@@ -214,7 +214,9 @@ class OverlayPane:
                 if error.field != "time of a note":
                     raise
                 low, high = (float(record.time[i]) - part.begins for i in (0, -1))
-                raise InputError(error.field, f"{at:.6g} s", f"allowed are {low:.6g} s to {high:.6g} s") from None
+                raise InputError(
+                    error.field, None, f"must be between {low:.6g} s and {high:.6g} s, got {at:.6g} s"
+                ) from None
             await asyncio.to_thread(jobs.rewritten, path, new)
         except MckibbenError as error:
             self._dialog.answer(str(error))
