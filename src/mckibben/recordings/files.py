@@ -132,7 +132,7 @@ def understand(
     """Read a file as `read` does, and report columns, units, and what was left out and why."""
     path = Path(path)
     if kind not in (None, "map", "recording"):
-        raise InputError("kind", kind, "known are map, recording")
+        raise InputError("kind", kind, known=("map", "recording"))
     step = None if period is None else _si(period, "s", "period")
     zero, air = _si(pressure_zero, "Pa", "pressure_zero"), _si(ambient, "Pa", "ambient")
     rest = None if rest_length is None else _si(rest_length, "m", "rest_length")
