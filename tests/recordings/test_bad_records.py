@@ -156,7 +156,7 @@ def test_a_file_without_header_needs_columns_and_units(tmp_path: Path) -> None:
     found = read_record(path, **good)
     assert_good(found)
     assert found.names() == ["tank.pressure"]  # only what was asked for
-    assert "columns must be given" in refusal(path)
+    assert "columns are missing" in refusal(path)
     assert "no unit" in refusal(path, columns=good["columns"])
     assert "must be between 1 and 3" in refusal(path, **{**good, "columns": {"time": 1, "tank.pressure": 4}})
     assert "must be between 1 and 3" in refusal(path, **{**good, "columns": {"time": 0, "tank.pressure": 2}})
@@ -307,7 +307,7 @@ def test_points_and_commas_in_one_column_are_refused(tmp_path: Path) -> None:
         table[4][1] = table[4][1].replace(".", ",")
 
     said = refusal(write(tmp_path / "both.csv", GOOD.replace(",", ";"), one, mark=";"))
-    assert "row 6" in said and "decimal points or decimal commas" in said
+    assert "row 6" in said and "decimal points and decimal commas" in said
 
 
 @pytest.mark.parametrize(("holes", "says"), [((4,), "row 6 is left out"), ((4, 9), "2 rows are left out, 6, 11")])
@@ -425,10 +425,10 @@ def test_a_dead_sensor_beside_a_live_command_is_refused(tmp_path: Path) -> None:
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "picture.csv"
     path.write_bytes(bytes(range(256)) * 4)
-    assert "cannot be read" in refusal(path)
+    assert "unreadable" in refusal(path)
     half = tmp_path / "half.csv.gz"
     half.write_bytes(gzip.compress(text(rows(), GOOD).encode())[:60])
-    assert "cannot be read" in refusal(half)
+    assert "unreadable" in refusal(half)
     assert "not found" in refusal(tmp_path / "nowhere.csv")
     assert "not found" in refusal(tmp_path)  # a folder
 

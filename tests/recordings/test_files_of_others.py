@@ -508,7 +508,7 @@ BROKEN = {
     ),
     "unit.csv": (
         GOOD.replace("pressure_bar", "pressure").encode(),
-        "pressure is no unit: write it into the header, such as pressure_bar, or say it",
+        "pressure has no unit: write it into the header, such as pressure_bar, or say it",
     ),
     "names.csv": (
         GOOD.replace("length_mm", "travel").replace("pressure_bar", "air").encode(),
@@ -521,15 +521,15 @@ BROKEN = {
     ),
     "rest.csv": (
         GOOD.replace("length_mm", "contraction_percent").encode(),
-        "rest_length is not given: a contraction needs the rest length, or a column rest_length",
+        "rest_length is missing: a contraction needs the rest length, or a column rest_length",
     ),
     "back.csv": (
         b"time_s,force_N\n0,1\n0.1,2\n0.05,3\n0.2,4\n",
         "time_s, row 4 is '0.05 s after 0.1 s': times must increase, each once",
     ),
-    "no.xlsx": (b"PK\x03\x04 but not a spreadsheet", "file is unreadable: it must be a spreadsheet"),
-    "no.h5": (b"\x89HDF\r\n\x1a\n" + bytes(40), "file is unreadable: it must be an HDF5 file"),
-    "no.db3": (b"SQLite format 3\0" + bytes(90), "file is unreadable: it must be a bag of ROS"),
+    "no.xlsx": (b"PK\x03\x04 but not a spreadsheet", "file cannot be read as a spreadsheet"),
+    "no.h5": (b"\x89HDF\r\n\x1a\n" + bytes(40), "file cannot be read as an HDF5 file"),
+    "no.db3": (b"SQLite format 3\0" + bytes(90), "file cannot be read as a bag of ROS"),
     "no.mcap": (b"\x89MCAP0\r\n" + bytes(30), "the MCAP file has no message that can be read"),
     "no.ddf": (
         HEAD.partition("Protocol")[0].encode(),

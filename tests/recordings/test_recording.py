@@ -285,7 +285,7 @@ def test_select_includes_its_ends_whatever_their_last_digit() -> None:
     assert len(rec.select()) == 11
     assert rec.select(0.1, 0.3).meta == {"title": "kept"}
     for start, end in ((0.31, 0.39), (2.0, 3.0), (0.5, 0.2), (math.nan, 1.0)):
-        with pytest.raises(InputError, match="no sample lies there"):
+        with pytest.raises(InputError, match="holds no sample"):
             rec.select(start, end)
 
 
@@ -347,12 +347,12 @@ def test_the_dataset_is_what_the_file_holds(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda: Recording([0.0, 1.0, 1.0], {}), "time of sample 2 must be increasing times, got '1.0 s after 1.0 s"),
-        (lambda: Recording([0.0, 1.0, 0.5], {}), "increasing"),
+        (lambda: Recording([0.0, 1.0, 1.0], {}), "time of sample 2 must be later than the one before, got 1.0 s"),
+        (lambda: Recording([0.0, 1.0, 0.5], {}), "later than"),
         (lambda: Recording([0.0, math.nan], {}), "time of sample 1 must be a finite time, got nan"),
-        (lambda: Recording([], {}), "empty"),
+        (lambda: Recording([], {}), "at least one sample"),
         (lambda: Recording([[0.0, 1.0]], {}), "one dimension"),
-        (lambda: Recording([0.0, 1.0], {"x": Channel([1.0])}), "channel x is 1 values"),
+        (lambda: Recording([0.0, 1.0], {"x": Channel([1.0])}), "channel x must have 2 values"),
         (lambda: Recording([0.0], {"x": [1.0]}), "must be a Channel"),
         (lambda: Recording([0.0], [("x", Channel([1.0]))]), "must be a mapping"),
         (lambda: Recording([0.0], {"time": Channel([1.0])}), "not 'time'"),
@@ -409,8 +409,11 @@ def broken(path: Path, change) -> Path:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda s: s.replace("# schema: 1", "# schema: 2"), "schema is 2: this version of mckibben reads up to 1"),
-        (lambda s: s.replace("# schema: 1\n", ""), "schema is not given"),
+        (
+            lambda s: s.replace("# schema: 1", "# schema: 2"),
+            "schema must be at most 1 for this version of mckibben, got 2",
+        ),
+        (lambda s: s.replace("# schema: 1\n", ""), "schema is missing"),
         (lambda s: s.replace("# schema: 1", "# schema: one"), "must be JSON"),
         (lambda s: s.replace("# schema: 1", '# schema: "1"'), "whole number"),
         (lambda s: s.replace("# schema: 1", "# schema: 0"), "whole number"),
@@ -425,12 +428,15 @@ def broken(path: Path, change) -> Path:
             lambda s: s.replace("tank.pressure [Pa]", "tank.pressure [kPa]"),
             "unit of a channel must be an SI unit",
         ),
-        (lambda s: s.replace("0.003,", "0.001,"), "increasing"),
-        (lambda s: s[: s.rindex(",")], "numbers is unreadable"),
+        (lambda s: s.replace("0.003,", "0.001,"), "later than"),
+        (lambda s: s[: s.rindex(",")], "numbers cannot be read"),
         (lambda s: s.replace("0.003,", "three,"), "three"),
-        (lambda s: "\n".join(line + ",1" if line[0].isdigit() else line for line in s.splitlines()), "6 columns"),
-        (lambda s: "\n".join(line for line in s.splitlines() if not line[0].isdigit()), "no samples"),
-        (lambda s: "\n".join(s.splitlines()[:3]), "no header"),
+        (
+            lambda s: "\n".join(line + ",1" if line[0].isdigit() else line for line in s.splitlines()),
+            "must have 5 columns",
+        ),
+        (lambda s: "\n".join(line for line in s.splitlines() if not line[0].isdigit()), "at least one sample"),
+        (lambda s: "\n".join(s.splitlines()[:3]), "file has no numbers"),
         (lambda s: "", "no recording of mckibben"),
     ],
 )
@@ -446,15 +452,15 @@ def test_a_broken_csv_is_refused_by_name(tmp_path: Path, change, said: str) -> N
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda ds: ds.assign_attrs(schema=2), "schema is 2: this version of mckibben reads up to 1"),
+        (lambda ds: ds.assign_attrs(schema=2), "schema must be at most 1 for this version of mckibben, got 2"),
         (lambda ds: ds.drop_attrs(), "no recording of mckibben"),
         (lambda ds: ds.assign_attrs(schema="one"), "whole number"),
         (lambda ds: ds.assign_attrs(meta="{"), "meta must be JSON"),
-        (lambda ds: ds.rename(time="t"), "over"),
-        (lambda ds: ds.drop_vars("time"), "time is no variable"),
+        (lambda ds: ds.rename(time="t"), "must have the dimension time"),
+        (lambda ds: ds.drop_vars("time"), "time is missing"),
         (lambda ds: ds.assign({"tank.pressure": ds["tank.pressure"].assign_attrs(units="bar")}), "'bar'"),
         (lambda ds: ds.assign({"tank.pressure": ds["tank.pressure"].assign_attrs(kind="x")}), "kind of a channel"),
-        (lambda ds: ds.assign_coords(time=("time", np.zeros(10))), "increasing"),
+        (lambda ds: ds.assign_coords(time=("time", np.zeros(10))), "later than"),
     ],
 )
 def test_a_broken_netcdf_is_refused_by_name(tmp_path: Path, change, said: str) -> None:
@@ -471,7 +477,7 @@ def test_half_a_netcdf_file_is_refused(tmp_path: Path, keep: float) -> None:
     path = some(5000).save(tmp_path / "run.nc")
     whole = path.read_bytes()
     path.write_bytes(whole[: int(keep if keep > 1 else keep * len(whole))])
-    with pytest.raises(InputError, match=r"run\.nc: file is unreadable"):
+    with pytest.raises(InputError, match=r"run\.nc: file cannot be read"):
         read_recording(path)
 
 

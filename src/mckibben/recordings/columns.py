@@ -550,10 +550,10 @@ def _gaps(time: np.ndarray, table: ForeignTable, strict: bool, where: str) -> li
         count = int((steps > LARGEST_GAP * usual).sum())
         several = f", the largest of {count}" if count > 1 else ""
         return [f"gap of {steps[i]:.6g} s before{table.place(i + 1)[1:]}{several}; the usual interval is {usual:.6g} s"]
-    told = f"{steps[i]:.6g} s after the row before, at {time[i + 1]:.6g} s"
-    allowed = f"a gap; it must be up to {LARGEST_GAP:g} times the usual interval, {LARGEST_GAP * usual:.6g} s"
+    most = f"{LARGEST_GAP:g} times the usual interval, {LARGEST_GAP * usual:.6g} s"
+    problem = f"must be at most {most}, after the row before, got {steps[i]:.6g} s at {time[i + 1]:.6g} s; is it a gap?"
     at = next((c.label for c in table.columns if quantity_of(parse_header(0, c.label)[0]) == "time"), "time")
-    raise InputError(f"{at}{table.place(i + 1)}", told, allowed, where=where)
+    raise InputError(f"{at}{table.place(i + 1)}", None, problem, where=where)
 
 
 def is_date(values: np.ndarray) -> bool:
@@ -636,5 +636,5 @@ def _check_alive(channels: Mapping[str, Channel], where: str) -> None:
     sensors = {n: c for n, c in channels.items() if c.kind != "command"} or channels
     if all(np.ptp(c.values) == 0.0 for c in sensors.values()):
         name, channel = next(iter(sensors.items()))
-        value = f"{with_unit(float(channel.values[0]), channel.unit)} throughout"
-        raise InputError(name, value, "no channel changes; a record must show that something happens", where=where)
+        problem = f"is {with_unit(float(channel.values[0]), channel.unit)} throughout, and no channel changes"
+        raise InputError(name, None, problem, where=where)
