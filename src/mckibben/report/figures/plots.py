@@ -66,7 +66,7 @@ class MusclePlots:
 
     def __init__(self, muscle: Muscle) -> None:
         if muscle.is_biological:
-            raise InputError("muscle", muscle.title, "must be a McKibben muscle: a biological one is not drawn alone")
+            raise InputError("muscle", muscle.title, "must be a McKibben muscle; a biological one is not drawn alone")
         self._muscle, self._law = muscle, muscle.law
 
     def __call__(self, **options: Any) -> Axes:
@@ -228,7 +228,7 @@ class RecordingPlots:
         if len(panels) > 1:
             several = ", ".join(panel.title.lower() for panel in panels)
             raise InputError(
-                "channels", ", ".join(known), f"must be of one quantity for one pair of axes: they are {several}"
+                "channels", ", ".join(known), f"must be of one quantity for one pair of axes; they are {several}"
             )
         return panels[0]
 
