@@ -8,7 +8,7 @@ import sys
 import types
 from typing import Any
 
-_OWN_NAMES: Any = types.ModuleType.__dict__["__dict__"].__get__  # of a module that stands for another one
+_OWN_NAMES: Any = vars(types.ModuleType)["__dict__"].__get__  # of a module that stands for another one
 
 
 class LazyModule(types.ModuleType):
