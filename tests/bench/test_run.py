@@ -7,6 +7,7 @@ import functools
 import json
 
 import jax
+import jax.flatten_util
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -56,6 +56,13 @@ def test_an_interlock_on_the_sensor_of_a_package_stops_the_machine_and_says_why(
     assert np.all(recording["valve.command"][over + 1 :] == 0.0)  # from the next sample on
 
 
+def test_a_reading_after_the_end_of_the_protocol_stops_no_run(installed):
+    # the gas goes on being compressed in the chunk in which the step has ended
+    on = rig("paper", ADIABATIC | TEMPERATURE | {"sensors.gas_temperature.trip_above": "330 K"})
+    recording = run(written(FILL.format("gas_temperature >= 310 K"), on=on))
+    assert recording.meta["result"] == "done" and recording["gas_temperature"].max() < 330.0
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 
 import jax
+import jax.flatten_util
 import numpy as np
 import pytest
 from machines import PERIOD, at, compiled, constant, plate, smooth, unit

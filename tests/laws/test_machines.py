@@ -3,6 +3,7 @@
 import dataclasses
 
 import jax
+import jax.flatten_util
 import numpy as np
 import pytest
 from hypothesis import Phase, given, settings

@@ -301,7 +301,9 @@ class ProtocolRun:
                 if not bool(results.sound.all()):
                     raise ConvergenceError("A state is not finite, or not possible, with the steps of the wall clock.")
                 used = int(results.shown["running"].sum())
-                stopped = bool((results.shown["code"] > 0).any() or results.shown["missed"].any())
+                # a machine that is computed in whole chunks goes on after its protocol; nothing there stops the run
+                tripped = used < count and bool(results.shown["code"][used] > 0 or results.shown["missed"][used])
+                stopped = self.result != "done" or tripped
                 if stopped:
                     if self.result == "done":
                         self._stopped(results, used, segment)
@@ -344,7 +346,7 @@ class ProtocolRun:
     def _stopped(self, seen: sampled.SampleResult, at: int, segment: RunSegment) -> None:
         """Set result and message for the stop at a sample of a chunk."""
         i = min(at, len(seen.shown["code"]) - 1)
-        when, code = self.time + i * self.timing.period, int(seen.shown["code"].max())
+        when, code = self.time + i * self.timing.period, int(seen.shown["code"][i])
         name = Trip(code).name.lower() if code else "missed"
         if code == Trip.EMERGENCY_STOP:
             name = "stop" if getattr(self.stop, "ordinary", False) else name
