@@ -268,7 +268,7 @@ def in_si(value: Any, si_unit: str, *, field: str) -> Any:
         return parse(value, si_unit, field=field)
     if isinstance(value, list | tuple) and any(isinstance(one, str) for one in value):
         return np.array([in_si(one, si_unit, field=field) for one in value])
-    return value
+    return np.asarray(value) if isinstance(value, list | tuple) else value
 
 
 MOST_VALUES = 10_000  # of a range in words

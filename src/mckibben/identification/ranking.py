@@ -171,7 +171,7 @@ def fit(
         >>> import mckibben as mk
         >>> found = mk.fit("DMSP-20-300", law="sarosi", schemes=())
         >>> found.law, round(found.rmse, 1)
-        ('sarosi', 8.2)
+        ('sarosi', 6.2)
     """
     if isinstance(law, ForceMap):
         table, law = law, str(table)

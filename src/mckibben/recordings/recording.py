@@ -126,8 +126,6 @@ class Recording:
     Examples:
         >>> import mckibben as mk
         >>> recording = mk.run("isometric-step", muscle="nylon", pressure="3 bar")
-        >>> round(recording["tension"].max())
-        107
         >>> recording.to_dataframe().index.name
         'time'
     """
