@@ -85,6 +85,7 @@ def test_a_recording_of_noisy_observations_has_them_beside_the_true_values():
     seen = driven(sim, 20)
     recording = sim.recording()
     assert recording["measured.angle"][1:].tolist() == [s.angle for s in seen]
+    assert recording.names("measured") == ["measured.angle", "measured.flexor_pressure"]
     off = recording["measured.angle"] - recording["joint.angle"]
     assert 0.3e-3 < off.std() < 3e-3  # of 21 draws with 1 mrad
 
