@@ -23,6 +23,9 @@ ELSEWHERE = {
 }  # fmt: skip
 HERE = {name: command for name, command in COMMANDS.items() if name not in ELSEWHERE} | {
     "load": ConsoleCommand("load NAME", "Load a protocol.", "protocol"),
+    "run": ConsoleCommand(
+        "run [NAME]", "Run the loaded protocol if its dry run passes, or load the named one.", "protocol"
+    ),
     "check": ConsoleCommand("check", "Report what the dry run found."),
     "pause": ConsoleCommand("pause", "Let simulated time stand still."),
     "resume": ConsoleCommand("resume", "Go on after a pause."),
