@@ -137,7 +137,7 @@ def test_a_rig_takes_a_controller_and_a_sensor_of_its_own(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("parts.py:Careful", "parts.py:Carefree", "has no 'Carefree'; did you mean Careful? it has Spring, "),
+        ("parts.py:Careful", "parts.py:Carefree", "has no 'Carefree'. Did you mean 'Careful'? It has Spring, "),
         ("parts.py:Careful", "parts.py:GAS", "parts.py:GAS is no controller: it must be a class derived from "),
         ("parts.py:GAS", "parts.py:Careful", "parts.py:Careful is no sensor: it must be a mckibben.bench.sensors"),
         ("parts.py:GAS", "gone.py:GAS", "File not found: "),

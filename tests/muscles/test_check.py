@@ -67,7 +67,7 @@ def test_a_parameter_cannot_hide_what_every_law_has() -> None:
         ("none.py:Law", None, "File not found: none.py"),
         ("bad.py:Law", "def (", "bad.py, line 1: SyntaxError: invalid syntax (bad.py, line 1)"),
         ("bad.py:Law", "x = 1\ny = x / 0\n", "bad.py, line 2: ZeroDivisionError: division by zero"),
-        ("bad.py:Law", "class Low: pass", "bad.py has no 'Law'; did you mean Low? it has Low"),
+        ("bad.py:Law", "class Low: pass", "bad.py has no 'Law'. Did you mean 'Low'? It has Low"),
         ("bad.py:Law", "class Law: pass", "bad.py:Law is no law: it must be a tension law or a friction: "),
     ],
 )
