@@ -15,7 +15,7 @@ from ..assembly.build import unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
 from ..bench.prepare import PreparedRun, prepare
 from ..bench.rig import Rig
-from ..bench.rig_file import read_rig
+from ..bench.rig_file import put_rig_value, read_rig
 from ..bench.rig_file import rig as rig_of
 from ..components import paths
 from ..engine import STEP
@@ -136,7 +136,7 @@ class RunFactory:
             return rig_of(name, {k.removeprefix("rig."): v for k, v in changes})
         document = copy.deepcopy(dict(self.template.rigs[name]))
         for path, words in changes:
-            _put(document, path.removeprefix("rig."), words, _place(name))
+            put_rig_value(document, path.removeprefix("rig."), words, _place(name))
         return read_rig(document, where=_place(name))
 
     def _read_protocol(self, key: tuple[Any, ...]) -> Protocol:
@@ -183,15 +183,3 @@ def _whole(field_: str, value: Any) -> int:
     if number < 0:
         raise InputError(field_, str(value), "must be a whole number, 0 or more")
     return number
-
-
-def _put(document: dict[str, Any], path: str, words: str, where: str) -> None:
-    """Replace a value of a rig's file; whole numbers and truth values may be text."""
-    *tables, last = path.split(".")
-    at: Any = document
-    for part in tables:
-        at = at.setdefault(part, {})
-        if not isinstance(at, dict):
-            raise InputError(f"rig.{path}", words, f"{part} is no table", where=where)
-    whole = words.lstrip("+-").isdigit()
-    at[last] = words == "true" if words in ("true", "false") else int(words) if whole else words

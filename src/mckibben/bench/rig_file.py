@@ -88,7 +88,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
         where = f"{text}.toml"
         document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
     for path_, value in (changes or {}).items():
-        _put(document, path_, value, where)
+        put_rig_value(document, path_, value, where)
     return read_rig(document, where=where)
 
 
@@ -272,8 +272,18 @@ def _words(entry: FileTable, key: str) -> tuple[str, ...]:
     return paths
 
 
-def _put(document: dict[str, Any], path: str, value: str, where: str) -> None:
-    """Replace a value of the file; whole numbers and truth values may be written as text."""
+def put_rig_value(document: dict[str, Any], path: str, value: str, where: str) -> None:
+    """Replace a value in the tables of a rig's file; whole numbers and truth values may be written as text.
+
+    Args:
+        document: tables of the file; changed in place.
+        path: dotted path of the value.
+        value: new value as text.
+        where: the file, for error messages.
+
+    Raises:
+        InputError: the path leads through a value that is no table.
+    """
     *tables, last = path.split(".")
     at: Any = document
     for part in tables:

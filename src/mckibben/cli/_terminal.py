@@ -25,6 +25,14 @@ Set = Annotated[
         "--set", metavar="PATH=VALUE", help="Replace a parameter, such as law.turns=3.2 or thread_length='16 cm'."
     ),
 ]
+Plumbing = Annotated[str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")]
+NoiseSeed = Annotated[int, typer.Option(min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")]
+LockStep = Annotated[
+    bool,
+    typer.Option(
+        "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
+    ),
+]
 
 
 def print_json(value: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ from ..bench import hardware as hardware_package
 from ..bench import session as session_package
 from ..errors import ConvergenceError, InputError, MckibbenError
 from ..quantities import parse
-from ._terminal import progress
+from ._terminal import Plumbing, progress
 from .run import CalibrationFile, Muscle, On, RigName, chosen_rig
 from .run import ask_person as ask_person
 
@@ -44,9 +44,7 @@ def console(
         str | None,
         typer.Option(metavar="LENGTH", help="Span at which the muscle is mounted; by default its rest length."),
     ] = None,
-    plumbing: Annotated[
-        str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")
-    ] = None,
+    plumbing: Plumbing = None,
     rate: Annotated[str | None, typer.Option(metavar="RATE", help="Sample rate, such as '1 kHz'.")] = None,
     as_fast_as_it_goes: Annotated[
         bool,

@@ -12,6 +12,7 @@ import typer
 from ..bench import hardware, segment
 from ..documents import write_text
 from ..errors import InputError
+from ._terminal import NoiseSeed, Plumbing
 from .run import Change, Muscle, Protocol, RigName, prepared
 
 LOOK = 0.2  # at whether somebody ends it [s]
@@ -22,12 +23,8 @@ def device(
     muscle: Muscle,
     rig: RigName = "paper",
     change: Change = None,
-    plumbing: Annotated[
-        str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
-    ] = 0,
+    plumbing: Plumbing = None,
+    seed: NoiseSeed = 0,
     port: Annotated[
         Path | None, typer.Option(metavar="FILE", help="File into which the name of the port is written.")
     ] = None,

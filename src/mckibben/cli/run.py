@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import recording_figures
 from ..specimens import specimen
-from ._terminal import Json, pairs, print_json, progress, table, writable
+from ._terminal import Json, LockStep, NoiseSeed, Plumbing, pairs, print_json, progress, table, writable
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
@@ -67,12 +67,8 @@ def run_protocol(
     change: Change = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the measured channels into this SVG, PNG or PDF.")] = None,
-    plumbing: Annotated[
-        str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
-    ] = 0,
+    plumbing: Plumbing = None,
+    seed: NoiseSeed = 0,
     step: Annotated[str, typer.Option(metavar="TIME", help="Largest time step of the physics.")] = "50 us",
     accept_saturation: Annotated[
         bool, typer.Option("--accept-saturation", help="Run although the load cell's range will be exceeded.")
@@ -80,12 +76,7 @@ def run_protocol(
     dry: Annotated[bool, typer.Option("--dry-run", help="Report violations without moving anything.")] = False,
     real_time: Annotated[bool, typer.Option("--real-time", help="Run the simulation in real time.")] = False,
     machine: On = None,
-    lock_step: Annotated[
-        bool,
-        typer.Option(
-            "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
-        ),
-    ] = False,
+    lock_step: LockStep = False,
     log: Annotated[
         Path | None,
         typer.Option(

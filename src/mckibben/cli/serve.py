@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..extras import library
 from ..registry import limit_folders
 from ..specimens.load import FOLDER_VARIABLE
+from ._terminal import LockStep
 from .run import CalibrationFile, On, chosen_rig
 
 NEEDED = ("starlette", "uvicorn", "websockets")
@@ -34,12 +35,7 @@ def serve_screen(
     ] = "paper",
     calibration: CalibrationFile = None,
     machine: On = None,
-    lock_step: Annotated[
-        bool,
-        typer.Option(
-            "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
-        ),
-    ] = False,
+    lock_step: LockStep = False,
 ) -> None:
     """Serve the web interface to a browser on this machine.
 
