@@ -189,9 +189,7 @@ def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
 
 
 def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
-
-    built = muscles.build.from_specimen(spec, law, changes=changes)
-    return getattr(built, "law", built)
+    return muscles.build.muscle(spec, law=law, **changes).law
 
 
 def _activation(activation: str | None, pressure: str | None, spec: Specimen) -> float:

@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -111,7 +111,7 @@ def subject(
     if not 0.0 < pressure <= 1e8:
         raise InputError("pressure", with_unit(pressure, "Pa"), "must be above 0 up to 1000 bar gauge")
     if spec.kind == "biological":
-        fibre: BiologicalMuscle = from_specimen(spec, law) if muscle is None else muscle.law
+        fibre: BiologicalMuscle = from_specimen(spec, law) if muscle is None else cast(Any, muscle.law)
         return ComparedMuscle(
             spec,
             None,
