@@ -194,6 +194,10 @@ RIG = {
 COMMANDS = {
     "show": ("show @specimen:nylon", SHOW),
     "tension": ("tension @specimen:nylon --length @length:12_cm --pressure @pressure:3_bar", TENSION),
+    "read": ("read @table:table.csv", {
+        "--column": "pair", "--unit": "pair", "--rest-length": "length", "--period": "time", "--branch": "name",
+        "--pressure-zero": "pressure", "--as": "name",
+    }),
     "fit": ("fit @table:table.csv", {
         "--law": "name", "--rest-length": "length", "--like": "specimen", "--set": "pair", "--column": "pair",
         "--unit": "pair", "--branch": "name", "--pressure-zero": "pressure", "--train-below": "pressure",

@@ -166,7 +166,7 @@ def test_fit_of_printed_constraints_says_what_they_leave_open(run, tmp_path):
         (["25,1,10"], "contraction,pressure_bar,force_N", "percent"),
         (["250,1"], "length_mm,pressure_bar", "tension"),
         (["250,1,x"], "length_mm,pressure_bar,force_N", "row 2"),
-        (["250,1,nan"], "length_mm,pressure_bar,force_N", "finite"),
+        (["250,1,nan"], "length_mm,pressure_bar,force_N", "blank in 1 of 1 rows"),
         (["250,1,10"], "length_mm,pressure,force_N", "unit"),
         (["250,6,10", "240,5,9"], "length_mm,pressure_Pa,force_N", "wrong unit"),
     ],

@@ -4,6 +4,8 @@ import csv
 import gzip
 import io
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
@@ -548,3 +550,28 @@ def test_a_broken_file_is_refused_in_one_sentence(tmp_path, monkeypatch, name):
     # what the library says of its format follows in parentheses
     assert str(refused.value).partition(" (")[0] == f"{name}: {sentence}"
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "library", "says"),
+    [
+        ("a.xlsx", "python_calamine", "Spreadsheets need python-calamine"),
+        ("a.db3", "rosbags.highlevel", "Bags of ROS need rosbags"),
+    ],
+)
+def test_a_missing_library_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch, name, library, says):
+    (tmp_path / name).write_bytes(b"x")
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(
+        InputError, match=re.escape(f"{name}: {says}, which is not installed: pip install 'mckibben[formats]'")
+    ):
+        mk.read(tmp_path / name)
+
+
+def test_an_option_that_the_format_does_not_have_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text(GOOD)
+    with pytest.raises(InputError, match="CSV files have no such option; they take no options"):
+        mk.read(tmp_path / "a.csv", sheet="Data")
+    workbook(tmp_path / "a.xlsx")[0].save(tmp_path / "a.xlsx")
+    with pytest.raises(InputError, match="Unknown sheet 'Data'"):
+        mk.read(tmp_path / "a.xlsx", sheet="Data")

@@ -25,7 +25,7 @@ from typing import Any, Literal, NamedTuple
 
 from ..documents import write_whole
 from ..errors import InputError
-from ..quantities import parse, with_unit
+from ..quantities import in_si, with_unit
 from .columns import AMBIENT, assemble, channel_columns, is_date, parse_header, quantity_of, table_labels
 from .force_map import ForceMap, choose_map_columns, even_table, map_of_table, read_force_map, unit_of
 from .formats import ForeignTable, ImportResult, format_of, load, writer_of
@@ -133,9 +133,9 @@ def understand(
     path = Path(path)
     if kind not in (None, "map", "recording"):
         raise InputError("kind", kind, known=("map", "recording"))
-    step = None if period is None else _si(period, "s", "period")
-    zero, air = _si(pressure_zero, "Pa", "pressure_zero"), _si(ambient, "Pa", "ambient")
-    rest = None if rest_length is None else _si(rest_length, "m", "rest_length")
+    step = None if period is None else float(in_si(period, "s", field="period"))
+    zero, air = float(in_si(pressure_zero, "Pa", field="pressure_zero")), float(in_si(ambient, "Pa", field="ambient"))
+    rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     of_map: dict[str, Any] = {
         "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,
     }  # fmt: skip
@@ -157,10 +157,6 @@ def understand(
     table = content if content.rows is not None else even_table(content, str(path))
     points = map_of_table(path, table, **of_map)
     return FileReading(points, title, _map_uses(table, columns or {}, units or {}), points.remarks, content.notes)
-
-
-def _si(value: float | str, unit: str, field: str) -> float:
-    return parse(value, unit, field=field) if isinstance(value, str) else float(value)
 
 
 def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: float | None, where: str) -> str:

@@ -173,7 +173,7 @@ def load(path: Path, **options: Any) -> ImportResult | ForeignTable:
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in file_format.options:
-            known = f"it takes {', '.join(file_format.options)}" if file_format.options else "it takes no options"
+            known = f"they take {', '.join(file_format.options)}" if file_format.options else "they take no options"
             raise InputError(name, str(given[name]), f"{file_format.title} have no such option; {known}", where=where)
     try:
         return file_format.read(path, **given)
