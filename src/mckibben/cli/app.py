@@ -48,7 +48,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("run:run_protocol", "Run a protocol on a test machine; nothing moves until the dry run passes."),
     "joint": (
         "joint:run_joint",
-        "Run two muscles on a joint, by valve commands or by set-points of angle and stiffness.",
+        "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
     ),
     "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
     "device": ("device:device", "Serve a simulated test machine on a virtual serial port."),
@@ -90,7 +90,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "record_analysis:frequency",
         "Estimate the frequency response between two channels.",
     ),
-    "record repair": ("record:repair", "Save what is left of the log of a process that was killed as a recording."),
+    "record repair": ("record:repair", "Recover a recording from the log of a killed process."),
     "record repeatability": (
         "record_analysis:repeatability",
         "Report how well cycles or runs repeat each other.",
