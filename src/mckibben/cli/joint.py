@@ -32,7 +32,7 @@ def run_joint(
         str, typer.Argument(metavar="[FLEXOR]", help="Muscle that turns the joint to positive angles.")
     ] = "nylon",
     extensor: Annotated[
-        str | None, typer.Argument(metavar="[EXTENSOR]", help="Muscle that turns it back; the same kind by default.")
+        str | None, typer.Argument(metavar="[EXTENSOR]", help="Antagonist muscle; of the same kind by default.")
     ] = None,
     play: Annotated[
         Path | None,

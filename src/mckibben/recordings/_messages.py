@@ -85,7 +85,7 @@ def _json_numbers(message: Mapping[str, Any], before: str) -> Iterator[tuple[str
 
 
 def ros_message(message: Any) -> Message:
-    """The numbers of a decoded message of ROS; those of joints by the names of these, other lists are passed over."""
+    """Numbers of a decoded ROS message; of joints by the joints' names, other lists are skipped."""
     numbers: dict[str, Number] = {}
     skipped: list[str] = []
     joints = list(getattr(message, "name", ())) if _kind(message) == JOINTS else []

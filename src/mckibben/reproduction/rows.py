@@ -236,7 +236,7 @@ class VerdictKind(NamedTuple):
 KINDS = {
     kind.verdict: kind
     for kind in (
-        VerdictKind("holds", "holds", ("holds", "hold"), "ours agrees with the print as closely as the row asks"),
+        VerdictKind("holds", "holds", ("holds", "hold"), "our value agrees with the print within the tolerance of the row"),
         VerdictKind(
             "calibrated",
             "holds, calibrated",

@@ -192,7 +192,7 @@ class ProtocolFlyer(
             self._halt("it was asked to stop")
 
     def pause(self) -> None:
-        """Stop the protocol, which cannot wait in its midst; the machine vents."""
+        """Stop the protocol, since it cannot be interrupted and continued; the machine vents."""
         if self.running:
             self._halt("the plan was paused")
 

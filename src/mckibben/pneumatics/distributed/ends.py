@@ -124,7 +124,7 @@ class VesselEnd(End):
     opening: Opening = OpenBore()
 
     def initial(self, gas: Gas) -> EndState:
-        """The gas it holds."""
+        """State of the vessel at the start, from its gas."""
         energy = self.pressure_abs * self.volume / (gas.heat_ratio - 1.0)
         return EndState(gas.mass(self.pressure_abs, self.volume, self.temperature), energy, jnp.zeros(()))
 
