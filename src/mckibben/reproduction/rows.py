@@ -236,7 +236,9 @@ class VerdictKind(NamedTuple):
 KINDS = {
     kind.verdict: kind
     for kind in (
-        VerdictKind("holds", "holds", ("holds", "hold"), "our value agrees with the print within the tolerance of the row"),
+        VerdictKind(
+            "holds", "holds", ("holds", "hold"), "our value agrees with the print within the tolerance of the row"
+        ),
         VerdictKind(
             "calibrated",
             "holds, calibrated",
