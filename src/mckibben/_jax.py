@@ -19,6 +19,19 @@ from typing import TYPE_CHECKING, Any
 
 from ._lazy import LazyModule
 
+__all__ = [
+    "custom_jvp",
+    "flatten_util",
+    "is_jax_array",
+    "is_loaded",
+    "is_traced",
+    "jax",
+    "jit",
+    "jnp",
+    "load",
+    "when_loaded",
+]
+
 _waiting: list[Callable[[], None]] | None = []  # what is to be done when JAX is loaded; None as soon as it is
 
 

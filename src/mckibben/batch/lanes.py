@@ -21,8 +21,8 @@ from .._jax import jax, jit, jnp
 from ..assembly.machine import Machine
 from ..bench.hardware.computer import Timing
 from ..bench.hardware.pneumatics import MUSCLE
-from ..bench.prepare import PreparedRun, RunSegment
-from ..bench.segment import software_of, timing_of, with_friction_scale
+from ..bench.prepare import PreparedRun, RunSegment, with_friction_scale
+from ..bench.segment import software_of, timing_of
 from ..bench.software.loop import BenchSoftware
 from ..errors import InputError
 from ..experiments.dry_run import check, states

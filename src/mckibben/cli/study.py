@@ -104,7 +104,9 @@ def study_loops(
     """
     writable("--figure", figure, ".svg", ".png")
     with progress("loops", muscle_loops.STAGES) as advance:
-        study = muscle_loops.loop_study(folder, frictions=friction or muscle_loops.SMOOTH, progress=advance)
+        study = muscle_loops.loop_study(
+            folder, frictions=friction or identification.hysteresis_fit.SMOOTH, progress=advance
+        )
     if figure is not None:
         style.save(loop_figures.loops_figure(study), figure)
     if as_json:

@@ -17,7 +17,7 @@ from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
-from .fit import Estimate
+from .uncertainty import Estimate
 
 KINDS = {"tension": "N", "stiffness": "N/m", "free_length": "m", "volume": "m^3"}
 

@@ -15,7 +15,7 @@ _MARK = "$float"
 SCHEMA = 1  # of recordings in files
 
 
-class Frozen(dict):
+class Frozen(dict[str, Any]):
     """A dict that cannot be changed in place; JSON, equality, copies and pickles work as for any dict."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:

@@ -29,7 +29,7 @@ AXES = {
 }  # fmt: skip
 
 
-class ChannelDevice(StandardReadable, Triggerable, Subscribable):
+class ChannelDevice(StandardReadable, Triggerable, Subscribable[Any]):
     """One channel of the machine: a signal of ophyd-async, and a trigger that waits for a later sample.
 
     Args:

@@ -17,10 +17,11 @@ from ...errors import InputError
 from ...experiments.waveforms import Chirp, Sine
 from ...quantities import with_unit
 from ...recordings.calibration import Correction, CorrectionTerm, Origin
+from ..hardware.converters import SPAN
 from . import estimate
 from .estimate import GRAVITY, CalibrationLine, Point, Reference, ReferenceReading
 from .skew import skew
-from .sources import SPAN, Ask, ChannelScale, OperatorTask, Source
+from .sources import Ask, ChannelScale, OperatorTask, Source
 
 LEAST_FOLLOWED = 0.1  # of a step of the reference, that a reading has to make
 LEAST_SAMPLES, MOST_SAMPLES = 16, 1_000_000

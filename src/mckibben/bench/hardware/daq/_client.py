@@ -326,7 +326,7 @@ class Tasks:
 def _deadlines(grpc: Any, deadline: list[float]) -> Any:
     """Set deadlines for calls, since the client would wait for ever for a hanging server."""
 
-    class Deadlines(grpc.UnaryUnaryClientInterceptor):
+    class Deadlines(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc] # of an optional library
         """Interceptor that gives every call the present deadline."""
 
         def intercept_unary_unary(self, call: Any, details: Any, request: Any) -> Any:

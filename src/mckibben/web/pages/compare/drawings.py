@@ -191,7 +191,7 @@ def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
 SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s]
 
 
-def _joined(rise: jobs.Any, fall: jobs.Any) -> tuple[np.ndarray, np.ndarray]:
+def _joined(rise: tuple[np.ndarray, np.ndarray], fall: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Concatenate rise and fall; the machine holds the full drive for longer in between."""
     up, down = rise[0] <= SWITCH, fall[0] <= SWITCH
     up &= rise[0] >= 0.0
