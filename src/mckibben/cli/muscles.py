@@ -188,7 +188,7 @@ def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
     return [name for name in declared(type(built)) if name not in stated]
 
 
-def _law(spec: Specimen, law: str, changes: dict[str, float]) -> Any:
+def _law(spec: Specimen, law: str, changes: dict[str, Any]) -> Any:
     return muscles.build.muscle(spec, law=law, **changes).law
 
 
