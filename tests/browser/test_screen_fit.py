@@ -47,7 +47,7 @@ def fitted(page, count):
 def test_a_dropped_file_gives_the_same_ranking_parameters_and_specimen_file_as_the_command(visit, table, commanded):
     said, saved = commanded
     page = visit(f"/fit?laws={FEW}")
-    page.wait_for_selector("text=Or take a map")
+    page.wait_for_selector("text=Or use a published map")
     page.set_input_files("input[type=file]", table)
     page.fill("#c-rest", "30")  # in the unit that stands beside the field
     page.press("#c-rest", "Enter")
@@ -116,13 +116,13 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
     ("name", "data", "said"),
     [
         ("pump.exe", b"MZ", "another ending"),
-        ("broken.mat", b"MATLAB 5.0 MAT-file" + b"\x07" * 300, "must be a MATLAB file"),
+        ("broken.mat", b"MATLAB 5.0 MAT-file" + b"\x07" * 300, "cannot be read as a MATLAB file"),
         ("<img src=x onerror=alert(1)>.csv", b"length_m,pressure_bar,force_N\n0.2,1,x\n", "img src-x onerror-alert(1).csv"),
     ],
 )  # fmt: skip
 def test_a_broken_or_foreign_file_is_refused_with_a_sentence(visit, tmp_path, name, data, said):
     page = visit("/fit?laws=ideal")
-    page.wait_for_selector("text=Or take a map")
+    page.wait_for_selector("text=Or use a published map")
     page.set_input_files("input[type=file]", {"name": name, "mimeType": "text/plain", "buffer": data})
     page.wait_for_selector(f".fit .err:has-text({json.dumps(said)})", timeout=60_000)
     assert page.locator("img").count() == 0

@@ -231,6 +231,16 @@ COMMANDS = {
     "serve": ("serve --no-open --port 0", {
         "--host": "name", "--port": "port", "--calibration": "toml", "--on": "machine", "--rig": "rig",
     }),
+    "braid": (
+        "braid --length @length:300_mm --angle @number:25_deg --diameter @length:12_mm --thread @length:0.25_mm"
+        " --bladder @length:1_mm",
+        {"--shore": "number", "--out": "saved"},
+    ),
+    "check": ("check @name:ideal", {"--set": "pair", "--lowest": "pressure"}),
+    "joint": ("joint @specimen:nylon --command flexor=0.2 --duration @time:0.02_s", {
+        "--play": "record", "--command": "pair", "--angle": "number", "--arm": "length", "--inertia": "number",
+        "--supply": "pressure", "--valve": "name", "--start": "pressure", "--period": "time", "--out": "out",
+    }),
     "circuit show": ("circuit show @toml:circuit.toml", {"--set": "pair", "--svg": "picture"}),
     "circuit run": ("circuit run @toml:circuit.toml", {"--set": "pair", "--out": "out", "--figure": "picture"}),
     "circuit frequency": ("circuit frequency @toml:circuit.toml --input time --output tank.pressure_abs", {

@@ -31,16 +31,16 @@ MOST = 4  # columns that are shown side by side; of more, those that are used
 Change = Callable[[FitRequest], Any]
 
 
-def mapping(asked: FitRequest, look: TablePreview, change: Change, wrong: InputError | None) -> None:
+def mapping(asked: Callable[[], FitRequest], look: TablePreview, change: Change, wrong: InputError | None) -> None:
     """Build the table of columns with a preview; a column with an error is marked.
 
     Args:
-        asked: how the file is read now.
+        asked: returns how the file is read now, with choices that came after this table was drawn.
         look: into the file.
         change: told how it shall be read.
         wrong: why it could not be read.
     """
-    meant = {k: v for k, v in {**look.meant, **dict(asked.columns)}.items() if v in look.header}
+    meant = {k: v for k, v in {**look.meant, **dict(asked().columns)}.items() if v in look.header}
     blamed = "" if wrong is None else wrong.field
     few = len(look.header) <= MOST
     if few:
@@ -95,11 +95,11 @@ def _slack(cell: str) -> bool:
         return False
 
 
-def _what(asked: FitRequest, column: str, what: str, meant: dict[str, str], change: Change) -> Any:
+def _what(asked: Callable[[], FitRequest], column: str, what: str, meant: dict[str, str], change: Change) -> Any:
     """Build the choice of what one column holds."""
 
     def chosen(now: str) -> None:
-        changed = asked
+        changed = asked()
         if what:  # it held something else, which no column holds now
             changed = changed.with_pair("columns", what, "-").with_pair("units", what, None)
         if now:
@@ -110,27 +110,27 @@ def _what(asked: FitRequest, column: str, what: str, meant: dict[str, str], chan
     return select(words, what, chosen, f"What {column} holds", COLOURS.get(what, ""))
 
 
-def _which(asked: FitRequest, what: str, column: str, look: TablePreview, change: Change) -> Any:
+def _which(asked: Callable[[], FitRequest], what: str, column: str, look: TablePreview, change: Change) -> Any:
     """Build the choice of the column that holds a quantity."""
 
     def chosen(now: str) -> None:
-        change(asked.with_pair("columns", what, now or "-").with_pair("units", what, None))
+        change(asked().with_pair("columns", what, now or "-").with_pair("units", what, None))
 
     return select({"": "no column", **{c: c for c in look.header}}, column, chosen, f"Column of {NAMES[what]}")
 
 
-def _unit(asked: FitRequest, column: str, what: str, change: Change) -> None:
+def _unit(asked: Callable[[], FitRequest], column: str, what: str, change: Change) -> None:
     from ....recordings.force_map import stated_unit
 
     stated = stated_unit(column, what) if column else ""
-    now = dict(asked.units).get(what, stated).removesuffix(" gauge")
+    now = dict(asked().units).get(what, stated).removesuffix(" gauge")
     words = {u: _unit_words(u, what) for u in UNITS[what]}
     if now not in words:
         words = {now: _unit_words(now, what) if now else "unit?", **words}
 
     def chosen(unit: str) -> None:
         reference = " gauge" if what == "pressure" and not unit.endswith(" abs") else ""
-        change(asked.with_pair("units", what, None if unit == stated else unit + reference))
+        change(asked().with_pair("units", what, None if unit == stated else unit + reference))
 
     select(words, now, chosen, f"Unit of {NAMES[what]}")
 

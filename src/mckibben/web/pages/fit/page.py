@@ -115,8 +115,8 @@ class FitPage:
 
     def _change(self, asked: FitRequest) -> None:
         self.asked = asked
+        page_document().spawn(self.load())  # first, so that the old table goes with the message that sets the address
         self._link()
-        page_document().spawn(self.load())
 
     def _all(self) -> None:
         from ....muscles.laws import LAWS
@@ -186,7 +186,7 @@ class FitPage:
         rows = results.number(look.total, 0)
         self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another table here")
         with place:
-            columns.mapping(self.asked, look, self._change, wrong)
+            columns.mapping(lambda: self.asked, look, self._change, wrong)  # type: ignore[arg-type, return-value]
             if wrong is not None:
                 where = (
                     " Choose it in the table above."
