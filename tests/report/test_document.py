@@ -15,8 +15,8 @@ from mckibben.report.blocks import (
     Fold,
     Gauge,
     Heading,
+    Hyperlink,
     KeyValues,
-    Link,
     Listing,
     NoteBox,
     Paragraph,
@@ -74,7 +74,9 @@ def full(text: str = NASTY) -> Document:
         text,
         (
             Section(text, (
-                Paragraph((text, Span(text, "strong"), Span(text, "code"), Cite(("chou1996",)), Link(text, "fold")), "lead"),
+                Paragraph(
+                    (text, Span(text, "strong"), Span(text, "code"), Cite(("chou1996",)), Hyperlink(text, "fold")), "lead"
+                ),
                 Paragraph(tuple(Span(text, look) for look in ("quiet", "symbol", "sub", "struck", "caution", "stop"))),
                 KeyValues(((text, text), ("b", "c"))),
                 NoteBox(text, (text, "two")), NoteBox("Stop", (text,), "stop"), NoteBox("Plain", (text,), ""),
@@ -220,7 +222,7 @@ def test_a_hint_is_told_on_paper_too():
 
 
 def test_links_and_citations_that_lead_nowhere_are_refused():
-    for text in (Link("x", "nowhere"), Cite(("chou1996",))):
+    for text in (Hyperlink("x", "nowhere"), Cite(("chou1996",))):
         with pytest.raises(ValueError, match="nowhere"):
             Document("t", (Section("s", (Paragraph(text),)),))
     with pytest.raises(ValueError, match="same: more than once"):
@@ -232,7 +234,7 @@ def test_links_and_citations_that_lead_nowhere_are_refused():
 
 
 def test_plain_leaves_the_words():
-    assert plain(("a ", Span("b", "strong"), Cite(("k",)), (" c", Link(" d", "e")))) == "a b c d"
+    assert plain(("a ", Span("b", "strong"), Cite(("k",)), (" c", Hyperlink(" d", "e")))) == "a b c d"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from lanewise.errors import LanewiseError
 
 from ..components import Hysteresis
 from ..errors import InputError
-from ..muscles.check import Finding, declaration_findings, friction_findings, law_findings, sample
+from ..muscles.check import LawFinding, declaration_findings, friction_findings, law_findings, sample
 from ..muscles.law import TensionLaw, law_name
 from ..muscles.laws import LAWS, law_key
 from ..registry import is_reference, load_reference
@@ -23,7 +23,7 @@ def check(
     parameters: Mapping[str, float] | None = None,
     *,
     lowest: float = 0.0,
-) -> list[Finding]:
+) -> list[LawFinding]:
     """What is wrong with a tension law or a friction; empty where nothing is.
 
     Args:
@@ -72,15 +72,17 @@ def _advance(friction: Hysteresis, displacement: Any, pressure: Any) -> tuple[An
     return out, friction.force(out.state, displacement, pressure)
 
 
-def _lowering(function: Any, subject: Any, *examples: float) -> list[Finding]:
+def _lowering(function: Any, subject: Any, *examples: float) -> list[LawFinding]:
     try:
         lanewise.lower(function, subject, *examples)
     except LanewiseError as error:
         return [
-            Finding("lowering", f"{law_name(subject)}: cannot be compiled to a kernel: {' '.join(str(error).split())}")
+            LawFinding(
+                "lowering", f"{law_name(subject)}: cannot be compiled to a kernel: {' '.join(str(error).split())}"
+            )
         ]
     except Exception as error:  # whatever the code of a user raises while it is traced; `law_findings` has said what
         lines = str(error).strip().splitlines() or [""]
         said = f"cannot be compiled to a kernel: {type(error).__name__}: {lines[0][:150]}"
-        return [Finding("lowering", f"{law_name(subject)}: {said}")]
+        return [LawFinding("lowering", f"{law_name(subject)}: {said}")]
     return []

@@ -31,7 +31,7 @@ CYCLES = 4
 USUAL_LENGTH = 0.2  # of a law whose parameters nobody stated [m]
 
 
-class Finding(NamedTuple):
+class LawFinding(NamedTuple):
     """Something that is wrong: its kind, the sentence, its size, and where it happens."""
 
     kind: str
@@ -209,7 +209,7 @@ def snaps(law: TensionLaw, *, lowest: float = -0.9e5) -> tuple[float, float] | N
 # ---- findings of a law
 
 
-def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[Finding]:
+def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[LawFinding]:
     """What is wrong with a law of given parameters; empty where nothing is.
 
     Args:
@@ -223,12 +223,12 @@ def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[Finding]:
             said = (
                 f"length_range must be two lengths, the shorter first and above zero: it is {low:.4g} m to {high:.4g} m"
             )
-            return [*found, Finding("range", _of(law, said), low)]
+            return [*found, LawFinding("range", _of(law, said), low)]
         length = np.concatenate([np.linspace(0.2, 1.5, 56) * thread_length(law), np.linspace(low, high, 8)])
         pressure = pressures(law)
         at = evaluate(law, length[:, None], pressure[None, :])
     except Exception as error:  # whatever the code of a user raises
-        return [*found, Finding("error", _of(law, f"cannot be evaluated on arrays: {_first_line(error)}"))]
+        return [*found, LawFinding("error", _of(law, f"cannot be evaluated on arrays: {_first_line(error)}"))]
     wrong = list(_not_finite(law, at, length, pressure))
     if wrong:
         return [*found, *wrong]
@@ -240,13 +240,13 @@ def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[Finding]:
     snap = snaps(law, lowest=lowest)
     if snap is not None:
         said = "falls slack while it is lengthened, so that an unloaded braid would snap to another length"
-        return [*found, Finding("snap", _of(law, f"{said}, {_place(*snap)}"), math.nan, *snap)]
+        return [*found, LawFinding("snap", _of(law, f"{said}, {_place(*snap)}"), math.nan, *snap)]
     return found + _cycles(law, lowest)
 
 
 def _not_finite(
     law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray
-) -> Iterator[Finding]:
+) -> Iterator[LawFinding]:
     names = {"F": "tension", "V": "volume", "F_L": "dF/dL", "V_L": "dV/dL", "F_P": "dF/dP'", "V_P": "dV/dP'"}
     for key, words in names.items():
         bad = np.argwhere(~np.isfinite(at[key]))
@@ -254,21 +254,23 @@ def _not_finite(
             where = float(length[bad[0][0]]), float(pressure[bad[0][1]])
             said = f"{words} is {at[key][tuple(bad[0])]}, {_place(*where)}"
             said += f", and at {len(bad) - 1} more of {at[key].size} places" if len(bad) > 1 else ""
-            yield Finding("finite", _of(law, said), float(len(bad)), *where)
+            yield LawFinding("finite", _of(law, said), float(len(bad)), *where)
             return
 
 
-def _pushes(law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray) -> list[Finding]:
+def _pushes(
+    law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray
+) -> list[LawFinding]:
     i, j = np.unravel_index(int(np.argmin(at["F"])), at["F"].shape)
     least, where = float(at["F"][i, j]), (float(length[i]), float(pressure[j]))
     if least >= 0.0:
         return []
-    return [Finding("push", _of(law, f"pushes with {-least:.4g} N, {_place(*where)}"), least, *where)]
+    return [LawFinding("push", _of(law, f"pushes with {-least:.4g} N, {_place(*where)}"), least, *where)]
 
 
 def _two_potentials(
     law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray
-) -> list[Finding]:
+) -> list[LawFinding]:
     # Relative to the largest dF/dP' at the same length, since that of an exponential law grows by nine orders.
     largest = np.maximum(np.abs(at["F_P"]), np.abs(at["V_L"])).max(axis=1, keepdims=True)
     wrong = np.abs(at["F_P"] + at["V_L"]) / np.maximum(largest, 1e-300)
@@ -279,10 +281,10 @@ def _two_potentials(
     by_force, by_volume = at["F_P"][i, j], -at["V_L"][i, j]
     said = "its tension is not the derivative of its potential"
     said += f": dF/dP' is {by_force:.4g} m^2 and -dV/dL is {by_volume:.4g} m^2"
-    return [Finding("potential", _of(law, f"{said}, {_place(*where)}"), float(wrong[i, j]), *where)]
+    return [LawFinding("potential", _of(law, f"{said}, {_place(*where)}"), float(wrong[i, j]), *where)]
 
 
-def _wrong_slopes(law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> list[Finding]:
+def _wrong_slopes(law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> list[LawFinding]:
     """Derivatives that differ from differences which have converged; kinks, where they do not, are passed over."""
     length, pressure = length[:: max(len(length) // 12, 1)], pressure[::5]
     span, at = (a.ravel() for a in np.meshgrid(length, pressure, indexing="ij"))
@@ -302,13 +304,13 @@ def _wrong_slopes(law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> 
         if wrong[k] > SLOPE * scale:
             where = float(span[k]), float(at[k])
             said = f"{words} is {exact[k]:.5g} {unit} by its derivative and {apart[1][k]:.5g} {unit} by differences"
-            return [Finding("derivative", _of(law, f"{said}, {_place(*where)}"), float(wrong[k] / scale), *where)]
+            return [LawFinding("derivative", _of(law, f"{said}, {_place(*where)}"), float(wrong[k] / scale), *where)]
     return []
 
 
 def _volumes(
     law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray, lowest: float
-) -> list[Finding]:
+) -> list[LawFinding]:
     low, high = (float(end) for end in law.length_range())
     rows = (length >= max(0.75 * high, low)) & (length <= high)
     columns = pressure >= lowest
@@ -326,12 +328,12 @@ def _volumes(
             i, j = np.unravel_index(int(np.argmin(value)), value.shape)
             where = float(length[rows][i]), float(pressure[columns][j])
             said = f"{words.format(value[i, j])}, {_place(*where)}"
-            found.append(Finding(kind, _of(law, said), float(value[i, j]), *where))
+            found.append(LawFinding(kind, _of(law, said), float(value[i, j]), *where))
     return found
 
 
-def _cycles(law: TensionLaw, lowest: float) -> list[Finding]:
-    worst: Finding | None = None
+def _cycles(law: TensionLaw, lowest: float) -> list[LawFinding]:
+    worst: LawFinding | None = None
     for seed in range(CYCLES):
         corners = polygon(law, seed, vacuum=min(lowest, 0.0))
         load, gas, exchanged, _ = works(unilateral(law), corners, threshold_levels(law))
@@ -340,11 +342,11 @@ def _cycles(law: TensionLaw, lowest: float) -> list[Finding]:
             # Round the polygon one way the law gives work, round it the other way it takes as much.
             said = f"makes {abs(load - gas):.3g} J in a closed cycle that exchanges {exchanged:.3g} J"
             where = float(corners[1][0]), float(corners[1][1])
-            worst = Finding("energy", _of(law, f"{said}, through {_words(*where)}"), share, *where)
+            worst = LawFinding("energy", _of(law, f"{said}, through {_words(*where)}"), share, *where)
     return [] if worst is None else [worst]
 
 
-def declaration_findings(kind: type) -> list[Finding]:
+def declaration_findings(kind: type) -> list[LawFinding]:
     """What is wrong with how a law or a friction declares its parameters: units, bounds, what a fit varies."""
     name, found = law_name(kind), []
     known = declared(kind)
@@ -354,22 +356,22 @@ def declaration_findings(kind: type) -> list[Finding]:
             said = (
                 f"{name}: {f.name} has neither unit nor bounds; declare it as mckibben.quantity(unit, bounds, meaning)"
             )
-            found.append(Finding("declaration", said))
+            found.append(LawFinding("declaration", said))
     for key, q in known.items():
         low, high = q.bounds
         if not is_unit(q.unit):
-            found.append(Finding("declaration", f"{name}: {q.unit!r} of {key} is no unit"))
+            found.append(LawFinding("declaration", f"{name}: {q.unit!r} of {key} is no unit"))
         if not low < high or math.isinf(low) or math.isinf(high):
             said = f"{name}: the bounds of {key} must be two numbers, the smaller first: they are {low:g} to {high:g}"
-            found.append(Finding("declaration", said, low))
+            found.append(LawFinding("declaration", said, low))
         elif not low <= q.typical[0] <= q.typical[1] <= high:
             said = f"{name}: the usual range of {key}, {q.typical[0]:g} to {q.typical[1]:g}, is not within its bounds"
-            found.append(Finding("declaration", said, q.typical[0]))
+            found.append(LawFinding("declaration", said, q.typical[0]))
         if not q.doc.strip():
-            found.append(Finding("declaration", f"{name}: {key} has no meaning stated"))
+            found.append(LawFinding("declaration", f"{name}: {key} has no meaning stated"))
     for key in getattr(kind, "fitted", ()):
         if key not in known:
-            found.append(Finding("declaration", f"{name}: fitted names {key!r}, which is no parameter"))
+            found.append(LawFinding("declaration", f"{name}: fitted names {key!r}, which is no parameter"))
     return found
 
 
@@ -442,7 +444,7 @@ def follow(friction: Hysteresis, displacements: Any, pressures: Any, step: float
     return FrictionPath(*_follow(friction, displacements, pressures, step))
 
 
-def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[Finding]:
+def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[LawFinding]:
     """What is wrong with a friction: energy that it makes, a balance that does not close, a force beyond its limit.
 
     Args:
@@ -457,9 +459,9 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[Finding]:
         path = FrictionPath(*map(np.asarray, follow(friction, moves, marks)))
         largest = np.asarray(friction.largest_force(marks[1:]))
     except Exception as error:  # whatever the code of a user raises
-        return [*found, Finding("error", _of(friction, f"cannot be advanced: {_first_line(error)}"))]
+        return [*found, LawFinding("error", _of(friction, f"cannot be advanced: {_first_line(error)}"))]
     if not all(np.isfinite(values).all() for values in path):
-        return [*found, Finding("finite", _of(friction, "its force or energy is not finite along a path"))]
+        return [*found, LawFinding("finite", _of(friction, "its force or energy is not finite along a path"))]
     put_in = np.cumsum(0.5 * (path.before + path.after) * moves)
     span = np.cumsum(moves)
     exchanged = float(np.sum(np.abs(path.work))) + 1e-15
@@ -474,7 +476,7 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[Finding]:
         if missing[k] > allowed:
             where = float(span[k]), float(marks[k + 1])
             said = f"{words.format(missing[k])}, displaced by {1e3 * where[0]:.3g} mm at {with_unit(where[1], 'Pa')}"
-            found.append(Finding(kind, _of(friction, said), float(missing[k]), *where))
+            found.append(LawFinding(kind, _of(friction, said), float(missing[k]), *where))
             break
     beyond = np.abs(path.after) - largest
     k = int(np.argmax(beyond))
@@ -482,7 +484,7 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[Finding]:
         where = float(span[k]), float(marks[k + 1])
         said = f"its force of {abs(path.after[k]):.4g} N is beyond its largest force of {largest[k]:.4g} N"
         found.append(
-            Finding("limit", _of(friction, f"{said}, at {with_unit(where[1], 'Pa')}"), float(beyond[k]), *where)
+            LawFinding("limit", _of(friction, f"{said}, at {with_unit(where[1], 'Pa')}"), float(beyond[k]), *where)
         )
     return found
 

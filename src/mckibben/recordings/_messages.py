@@ -13,7 +13,7 @@ from ..extras import library
 from .formats import ForeignColumn
 
 Number = float | bool
-# Message -> unit of its fields, as the comments of its definition state; the pressure of a FluidPressure is absolute.
+# Type of message -> unit of its fields, as the comments of its definition state; that of a FluidPressure is absolute.
 ROS_UNITS = {
     "geometry_msgs/msg/Wrench": {"force": "N", "torque": "N m"},
     "geometry_msgs/msg/Twist": {"linear": "m/s", "angular": "rad/s"},
@@ -30,7 +30,7 @@ JOINTS = "sensor_msgs/msg/JointState"
 _DEEPEST = 20  # messages in messages
 
 
-class Message(NamedTuple):
+class LoggedMessage(NamedTuple):
     """One message: its numbers by dotted name, its own time stamp [ns], and the fields that were passed over."""
 
     numbers: dict[str, Number]
@@ -39,7 +39,7 @@ class Message(NamedTuple):
 
 
 def message_columns(
-    topic: str, messages: Sequence[Message], logged: Sequence[int], first: int, units: Mapping[str, str]
+    topic: str, messages: Sequence[LoggedMessage], logged: Sequence[int], first: int, units: Mapping[str, str]
 ) -> list[ForeignColumn]:
     """The columns of one topic, named ``topic.field``.
 
@@ -71,9 +71,9 @@ def message_columns(
     return columns
 
 
-def json_message(message: object) -> Message:
+def json_message(message: object) -> LoggedMessage:
     """The numbers of a message of JSON, nested by dots."""
-    return Message(dict(_json_numbers(message, "")) if isinstance(message, Mapping) else {})
+    return LoggedMessage(dict(_json_numbers(message, "")) if isinstance(message, Mapping) else {})
 
 
 def _json_numbers(message: Mapping[str, Any], before: str) -> Iterator[tuple[str, Number]]:
@@ -84,7 +84,7 @@ def _json_numbers(message: Mapping[str, Any], before: str) -> Iterator[tuple[str
             yield f"{before}{key}", value
 
 
-def ros_message(message: Any) -> Message:
+def ros_message(message: Any) -> LoggedMessage:
     """Numbers of a decoded ROS message; of joints by the joints' names, other lists are skipped."""
     numbers: dict[str, Number] = {}
     skipped: list[str] = []
@@ -92,7 +92,7 @@ def ros_message(message: Any) -> Message:
     _ros_numbers(message, "", numbers, skipped, joints, 0)
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     stamped = None if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
-    return Message(numbers, stamped or None, tuple(skipped))
+    return LoggedMessage(numbers, stamped or None, tuple(skipped))
 
 
 def _kind(message: Any) -> str:
@@ -166,7 +166,7 @@ def _unknown(store: Any, definition: Any) -> bool:
     return any(kind not in store.fielddefs for kind in used)
 
 
-def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes], Message]:
+def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes], LoggedMessage]:
     """A function that decodes a message of protobuf.
 
     Raises:
@@ -183,12 +183,12 @@ def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes
     except Exception as error:
         raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
 
-    def message(data: bytes) -> Message:
+    def message(data: bytes) -> LoggedMessage:
         numbers: dict[str, Number] = {}
         stamps: list[int] = []
         skipped: list[str] = []
         _proto_numbers(decode(data), "", numbers, stamps, skipped, 0)
-        return Message(numbers, stamps[0] if stamps else None, tuple(skipped))
+        return LoggedMessage(numbers, stamps[0] if stamps else None, tuple(skipped))
 
     return message
 

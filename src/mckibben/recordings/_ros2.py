@@ -7,7 +7,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..extras import library
-from ._messages import JOINTS, Message, message_columns, ros_message, ros_units
+from ._messages import JOINTS, LoggedMessage, message_columns, ros_message, ros_units
 from ._sidecar import one_line
 from .formats import FileFormat, ForeignColumn, ForeignTable
 
@@ -26,7 +26,7 @@ def read_bag(path: Path, topic: str | None = None) -> ForeignTable:
     """
     where = str(path)
     highlevel = library("rosbags.highlevel", "Bags of ROS need", where=where)
-    messages: dict[str, list[tuple[int, Message]]] = {}
+    messages: dict[str, list[tuple[int, LoggedMessage]]] = {}
     kinds: dict[str, tuple[str, dict[str, str]]] = {}
     broken: dict[str, str] = {}
     try:

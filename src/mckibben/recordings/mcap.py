@@ -32,7 +32,15 @@ from ._mcap_records import (
     records,
     records_inside,
 )
-from ._messages import Message, json_message, message_columns, protobuf_decoder, ros_decoder, ros_message, ros_units
+from ._messages import (
+    LoggedMessage,
+    json_message,
+    message_columns,
+    protobuf_decoder,
+    ros_decoder,
+    ros_message,
+    ros_units,
+)
 from ._ros2 import JOINT_REMARK
 from ._sidecar import KEY, Sidecar, loads
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
@@ -328,7 +336,7 @@ def _add_record(
 
 def _decode(
     topic: Topic, schema: MessageSchema | None, payloads: list[bytes], where: str
-) -> tuple[list[Message], dict[str, str]]:
+) -> tuple[list[LoggedMessage], dict[str, str]]:
     """The messages of a topic, and the units of their fields; `ValueError` says why they cannot be read."""
     units: dict[str, str] = {}
     if topic.encoding == "json":

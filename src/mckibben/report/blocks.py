@@ -1,7 +1,7 @@
 """The blocks of a report: headings, paragraphs, tables, figures, notes and references, as immutable values.
 
-A text is a string, a piece of `Span`, `Cite` or `Link`, or a tuple of these. Strings are never read as markup: every sign in
-them stands for itself in both files.
+A text is a string, a piece of `Span`, `Cite` or `Hyperlink`, or a tuple of these. Strings are never read as markup: every
+sign in them stands for itself in both files.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Look = Literal["strong", "code", "quiet", "symbol", "sub", "struck", "caution", "stop"]
 Tone = Literal["", "caution", "stop"]
-Text = Union[str, "Span", "Cite", "Link", tuple[Any, ...]]
+Text = Union[str, "Span", "Cite", "Hyperlink", tuple[Any, ...]]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Cite:
 
 
 @dataclass(frozen=True)
-class Link:
+class Hyperlink:
     """A piece of text that links to an anchor of the document."""
 
     text: str
@@ -191,7 +191,7 @@ class Section:
     anchor: str = ""
 
 
-def pieces(text: Text) -> Iterator[str | Span | Cite | Link]:
+def pieces(text: Text) -> Iterator[str | Span | Cite | Hyperlink]:
     """Pieces of a text in their order."""
     if isinstance(text, tuple):
         for part in text:

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..documents import write_whole
 from ..errors import InputError, not_found
 from . import document_html, document_pdf
-from .blocks import Cite, Figure, Fold, Link, References, Section, Text, pieces, texts_of, walk
+from .blocks import Cite, Figure, Fold, Hyperlink, References, Section, Text, pieces, texts_of, walk
 
 ENDINGS = (".html", ".pdf")
 
@@ -39,7 +39,7 @@ class Document:
         keys = tuple(k for b in blocks if isinstance(b, References) for k in b.keys)
         anchors = [*self.anchors(), *(b.anchor for b in blocks if isinstance(b, Fold | Figure) and b.anchor)]
         texts = [self.lead, *(t for b in blocks for t in texts_of(b))]
-        wanted = {p.to for t in texts for p in pieces(t) if isinstance(p, Link)}
+        wanted = {p.to for t in texts for p in pieces(t) if isinstance(p, Hyperlink)}
         cited = {k for t in texts for p in pieces(t) if isinstance(p, Cite) for k in p.keys}
         for text, wrong in (
             ("more than once", {a for a in anchors if anchors.count(a) > 1} | {k for k in keys if keys.count(k) > 1}),

@@ -20,8 +20,8 @@ from .blocks import (
     Fold,
     Gauge,
     Heading,
+    Hyperlink,
     KeyValues,
-    Link,
     Listing,
     NoteBox,
     Paragraph,
@@ -145,10 +145,10 @@ class _Writer:
     def text(self, text: Text) -> Markup:
         return Markup("").join(self._piece(piece) for piece in pieces(text))
 
-    def _piece(self, piece: str | Span | Cite | Link) -> Markup:
+    def _piece(self, piece: str | Span | Cite | Hyperlink) -> Markup:
         if isinstance(piece, str):
             return Markup("{}").format(printable(piece))
-        if isinstance(piece, Link):
+        if isinstance(piece, Hyperlink):
             return Markup('<a href="#{}">{}</a>').format(piece.to, printable(piece.text))
         if isinstance(piece, Cite):
             links = (Markup('<a href="#ref{0}">{0}</a>').format(n) for n in sorted(self.numbers[k] for k in piece.keys))

@@ -22,8 +22,8 @@ from .blocks import (
     Fold,
     Gauge,
     Heading,
+    Hyperlink,
     KeyValues,
-    Link,
     Listing,
     NoteBox,
     Paragraph,
@@ -144,10 +144,10 @@ class _Writer:
         """Text as typst content."""
         return "[" + "".join(f"#{self._piece(p)};" for p in pieces(text)) + "]"
 
-    def _piece(self, piece: str | Span | Cite | Link) -> str:
+    def _piece(self, piece: str | Span | Cite | Hyperlink) -> str:
         if isinstance(piece, str):
             return quoted(" ".join(piece.split("\n")))
-        if isinstance(piece, Link):
+        if isinstance(piece, Hyperlink):
             return f"link(label({quoted(piece.to)}), {quoted(piece.text)})"
         if isinstance(piece, Cite):
             numbers = sorted(self.numbers[k] for k in piece.keys)

@@ -26,8 +26,8 @@ from .blocks import (
     Fold,
     Gauge,
     Heading,
+    Hyperlink,
     KeyValues,
-    Link,
     NoteBox,
     Paragraph,
     References,
@@ -259,7 +259,7 @@ def _ranking_rows(study: Ranking, mark: str, schemes: list[str], held_out: bool)
             cells.append(TableCell(number(distance, 1 if distance < 100.0 else 0), look))
         else:
             cells.append(TableCell("–", hint="too few points for this criterion"))
-        place, name = str(i) if fit.converged else "–", Link(law_title(fit), f"{mark}-{fit.law}")
+        place, name = str(i) if fit.converged else "–", Hyperlink(law_title(fit), f"{mark}-{fit.law}")
         first: Any = "first" if place == "1" else ""
         rows.append(TableRow((place, name, str(len(fit.parameters)), *cells, _state(fit, size)), look=first))
     for title, error in study.published:

@@ -27,8 +27,8 @@ from .blocks import (
     Block,
     Figure,
     Gauge,
+    Hyperlink,
     KeyValues,
-    Link,
     NoteBox,
     Paragraph,
     References,
@@ -256,7 +256,7 @@ def _row(outcome: RowOutcome, drawn: Sequence[Drawn]) -> TableRow:
     if outcome.verdict == "misprint":
         theirs = Span(printed(row.paper), "struck")
     shows = [d.of for d in drawn if row.id in d.of.rows]
-    links = tuple(p for f in shows for p in ("  ", Link(_named(f), _anchor("figure", f.id))))
+    links = tuple(p for f in shows for p in ("  ", Hyperlink(_named(f), _anchor("figure", f.id))))
     first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
     named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     description = (named, " ", Span(row.id, "code"), *links)

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .air import Air
     from .mechanisms import Chain, Joint, Link, Mechanism, Plate, Spring, Weight
-    from .simulation import Simulation, SimulationState
+    from .simulation import Simulation
+    from .stepping import SimulationState
 
 __all__ = ["Air", "Chain", "Joint", "Link", "Mechanism", "Plate", "Simulation", "SimulationState", "Spring", "Weight"]
-_PLACES = {"Air": "air", "Simulation": "simulation", "SimulationState": "simulation"}
+_PLACES = {"Air": "air", "Simulation": "simulation", "SimulationState": "stepping"}
 
 
 def __getattr__(name: str) -> Any:

@@ -24,7 +24,7 @@ from ..pneumatics.volume import MovingVolume
 from ..quantities import with_unit
 from ..specimens import specimen, specimen_ids
 from .mechanisms import Amount, in_si
-from .stepping import Drive
+from .stepping import CommandInput
 
 REGULATOR = "regulator"  # a valve that is none of a catalogue: a fast proportional regulator of usual size
 REGULATOR_BAND = 0.2e5  # error at which it is fully open [Pa]
@@ -46,7 +46,7 @@ class AirCircuit(NamedTuple):
     """
 
     circuit: Circuit
-    drives: tuple[Drive, ...]
+    drives: tuple[CommandInput, ...]
     starts: dict[str, float]
     feeding: dict[str, str]
     begins: dict[str, float]
@@ -101,7 +101,7 @@ class Air:
         meaning = "gauge pressure asked of the valve of" if unit == "Pa" else "command of the valve of"
         return AirCircuit(
             circuit=circuit,
-            drives=tuple(Drive(name, f"{name}.valve", unit=unit, meaning=f"{meaning} {name}") for name in units),
+            drives=tuple(CommandInput(name, f"{name}.valve", unit=unit, meaning=f"{meaning} {name}") for name in units),
             starts={},
             feeding={f"{name}.port": name for name in units},
             begins={},
@@ -192,7 +192,7 @@ def _planned(plan: CircuitPlan, units: Mapping[str, MuscleUnit]) -> AirCircuit:
             if owner in units and end == "length":
                 continue  # the mechanism decides how long a muscle is
             drives.append(
-                Drive(
+                CommandInput(
                     name,
                     target,
                     gauge=end == "pressure" and owner in plan.nodes,

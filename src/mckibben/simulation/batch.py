@@ -12,7 +12,7 @@ from ..components import paths
 from ..errors import InputError
 from ..recordings.recording import Recording
 from .kernel import SampleKernel
-from .simulation import SimulationState
+from .stepping import SimulationState
 
 if TYPE_CHECKING:
     from .simulation import Simulation

@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..muscles import Muscle
 from ..quantities import declared, parse
 from ..specimens import Specimen, specimen
-from .stepping import Drive
+from .stepping import CommandInput
 
 Amount = float | str
 """A number in the SI unit, or words with a unit."""
@@ -98,7 +98,7 @@ class Mechanism(abc.ABC):
         """
 
     @abc.abstractmethod
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CommandInput, ...]:
         """The commands that act on the mechanism itself, such as a force from outside."""
 
     def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
@@ -156,9 +156,9 @@ class Weight(Mechanism):
             signal="force",
         )
 
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CommandInput, ...]:
         """A force from outside."""
-        return (Drive("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
+        return (CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
 
     def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The pressure that carries the weight."""
@@ -210,9 +210,9 @@ class Spring(Mechanism):
             signal="force",
         )
 
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CommandInput, ...]:
         """A force from outside."""
-        return (Drive("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
+        return (CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
 
     def fields(self) -> dict[str, str]:
         """Position, which is the span [m], and velocity [m/s]."""
@@ -244,9 +244,11 @@ class Plate(Mechanism):
         """A plate whose position is a signal."""
         return PlateLoad(held=("muscle",), signal="span")
 
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CommandInput, ...]:
         """The span."""
-        return (Drive("span", "span", straight=True, unit="m", meaning="span at which the plate holds the muscle"),)
+        return (
+            CommandInput("span", "span", straight=True, unit="m", meaning="span at which the plate holds the muscle"),
+        )
 
     def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The span at the start [m]."""
@@ -310,9 +312,13 @@ class Joint(Mechanism):
             signal="moment",
         )
 
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CommandInput, ...]:
         """A moment from outside."""
-        return (Drive("moment", "moment", unit="N*m", meaning="moment from outside, positive towards positive angles"),)
+        return (
+            CommandInput(
+                "moment", "moment", unit="N*m", meaning="moment from outside, positive towards positive angles"
+            ),
+        )
 
     def fields(self) -> dict[str, str]:
         """Angle [rad] and angular velocity [rad/s]."""
@@ -414,10 +420,10 @@ class Chain(Mechanism):
             arms |= {pair[side]: {str(k): arm} for side, arm in made.items()}
         return LinkChain(links, arms, order=tuple(links), gravity=in_si(self.gravity, "m/s^2", "gravity"))
 
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CommandInput, ...]:
         """A moment from outside about each joint."""
         return tuple(
-            Drive(f"moment_{k}", f"moment_{k}", unit="N*m", meaning=f"moment from outside about joint {k}")
+            CommandInput(f"moment_{k}", f"moment_{k}", unit="N*m", meaning=f"moment from outside about joint {k}")
             for k in range(1, len(self.links) + 1)
         )
 

@@ -18,7 +18,8 @@ from .kernel import RecordingKernel
 from .mechanisms import published
 
 if TYPE_CHECKING:
-    from .simulation import Simulation, SimulationState
+    from .simulation import Simulation
+    from .stepping import SimulationState
 
 RENAMED = {
     "load.angle": "joint.angle",

@@ -16,7 +16,6 @@ import keyword
 import math
 from collections import namedtuple
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,39 +25,16 @@ from ..components import paths
 from ..errors import InputError
 from ..recordings.recording import Recording
 from .air import AirCircuit, air_circuit
+from .batch import SimulationBatch
 from .kernel import Programs, SampleKernel
 from .mechanisms import Amount, Mechanism, in_si, muscle_unit
-from .stepping import CommandedMachine, Drive, rest_carry
+from .stepping import CommandedMachine, CommandInput, SimulationState, rest_carry
 
 if TYPE_CHECKING:
-    from .batch import SimulationBatch
     from .rollout import Rollout
 
 STEP = 2e-4  # largest step of the physics unless stated otherwise [s]
 OF_MUSCLES = ("pressure", "tension", "length")  # outputs of a muscle that an observation shows
-
-
-@dataclass(frozen=True)
-class SimulationState:
-    """A simulation at a moment, for `Simulation.load_state`; it can be pickled, and the simulation goes on bit for bit.
-
-    Attributes:
-        sample: number of samples since the reset.
-        carry: state, memory and past commands, as a vector.
-        observed: the true observation with its rate bound.
-        shown: the observation as it was returned, with noise; empty if there is none.
-        commands: in force.
-        noise: state of the generator of the noise.
-        structure: fingerprint of the simulation that made it.
-    """
-
-    sample: int
-    carry: np.ndarray
-    observed: np.ndarray
-    shown: tuple[float, ...]
-    commands: np.ndarray
-    noise: Mapping[str, Any]
-    structure: str
 
 
 class Simulation:
@@ -100,7 +76,7 @@ class Simulation:
         self.air: AirCircuit = air_circuit(air, units)
         self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
         self.title = title or f"{type(system).__name__} with {' and '.join(units)}"
-        self.drives: tuple[Drive, ...] = (*self.air.drives, *system.drives())
+        self.drives: tuple[CommandInput, ...] = (*self.air.drives, *system.drives())
         self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
@@ -268,8 +244,6 @@ class Simulation:
             lanes: how many.
             changes: parameters that differ, by dotted path in `machine` (`mckibben.components.paths`), each (lanes,) [SI].
         """
-        from .batch import SimulationBatch
-
         return SimulationBatch(self, lanes, changes or {})
 
     def rollout(self, policy: Callable[..., Any], *, steps: int, cost: Callable[..., Any] | None = None) -> Rollout:

@@ -7,6 +7,7 @@ arrays and leaves two. `recorded_vectors` is the same sample with all outputs an
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,30 @@ from ..engine.signals import Signal, Value
 from ..engine.step import zero_integrals
 
 
-class Drive(NamedTuple):
+@dataclass(frozen=True)
+class SimulationState:
+    """A simulation at a moment, for `Simulation.load_state`; it can be pickled, and the simulation goes on bit for bit.
+
+    Attributes:
+        sample: number of samples since the reset.
+        carry: state, memory and past commands, as a vector.
+        observed: the true observation with its rate bound.
+        shown: the observation as it was returned, with noise; empty if there is none.
+        commands: in force.
+        noise: state of the generator of the noise.
+        structure: fingerprint of the simulation that made it.
+    """
+
+    sample: int
+    carry: np.ndarray
+    observed: np.ndarray
+    shown: tuple[float, ...]
+    commands: np.ndarray
+    noise: Mapping[str, Any]
+    structure: str
+
+
+class CommandInput(NamedTuple):
     """What a command drives: a signal of the machine, and what it means.
 
     Attributes:
@@ -45,7 +69,7 @@ class CommandedMachine(Plant):
     """A machine whose signals are set once per sample by commands, and of which an observation shows some outputs."""
 
     machine: Machine
-    drives: tuple[Drive, ...] = field(static=True, kw_only=True)
+    drives: tuple[CommandInput, ...] = field(static=True, kw_only=True)
     # Fields of the observation, each with the output of the machine that it shows.
     shown: tuple[tuple[str, str], ...] = field(static=True, kw_only=True)
 
@@ -158,7 +182,7 @@ def rest_carry(
     return state, memory, lasting
 
 
-class Sample(NamedTuple):
+class StepResult(NamedTuple):
     """The end of a sample.
 
     Attributes:
@@ -187,7 +211,7 @@ def advance_sample(
     *,
     stiff: bool,
     integrals: bool = False,
-) -> Sample:
+) -> StepResult:
     """Hold new commands for one sample and integrate the physics to its end.
 
     Args:
@@ -206,7 +230,7 @@ def advance_sample(
         before = before._replace(integrals=zero_integrals(plant, state, memory, now))
     after, _ = sampled.act(plant, before, commands, period=period, inner=inner, latency=None, stiff=stiff)
     inputs = sampled.inputs_of(plant, after, None, period)
-    return Sample(
+    return StepResult(
         (after.state, after.memory, after.history),
         *_seen(plant, after.state, after.memory, inputs),
         after.integrals,
