@@ -137,6 +137,7 @@ def test_toml_and_json_are_parsed_in_one_place():
     found = {str(p.relative_to(root)) for p in root.rglob("*.py") if parsing.search(p.read_text(encoding="utf-8"))}
     assert found == {
         "documents.py",
+        "registry.py",  # runs a file of the user, as Python
         "components/programs.py",  # its own words, just written
         "recordings/_isolation.py",  # from a process that it has started
         "batch/workers.py",  # likewise, and between machines of one cluster

@@ -28,16 +28,16 @@ def compose_sentence(field: str, value: object, problem: str = "", known: Iterab
         Such as ``pressure must be between 0 bar and 6.9 bar, got 9 bar``, ``muscle.law is missing`` or
         ``Unknown kind 'volum'. Did you mean 'volume'? Known are junction, volume``.
     """
-    name = _short(field)
+    name = shortened(field)
     if known is not None:
         names = [str(one) for one in known]
         intro = _capital(problem or "known are")
         word = field.rpartition(".")[2] if value is None else str(value)
-        unknown = f"field {name!r}" if value is None else f"{name} {_short(repr(str(value)))}"
+        unknown = f"field {name!r}" if value is None else f"{name} {shortened(repr(str(value)))}"
         return f"Unknown {unknown}. {suggestion(word, names)}{intro} {', '.join(names) or 'none'}"
     if value is None:
         return f"{name} {problem}"
-    shown = _short(_shown(value))
+    shown = shortened(_shown(value))
     if problem.startswith("must "):
         demand, semicolon, rest = problem.partition("; ")
         return f"{name} {demand}, got {shown}{semicolon}{rest}"
@@ -63,7 +63,7 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:] if text.partition(" ")[0].isalpha() else text
 
 
-def _short(text: str) -> str:
+def shortened(text: str) -> str:
     """Shorten a text of a user or a file."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 20]}..{text[-18:]}"
 
@@ -141,7 +141,7 @@ class InputError(MckibbenError, ValueError):
 def not_found(path: object, kind: str = "file", *, where: str | None = None) -> InputError:
     """Return the error about a file or folder that does not exist, such as ``File not found: x.csv``."""
     text = str(path)
-    shown = _short(text if text == text.strip() else repr(text))
+    shown = shortened(text if text == text.strip() else repr(text))
     return InputError(kind.removesuffix(" file"), text, sentence=f"{_capital(kind)} not found: {shown}", where=where)
 
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ._jax import is_loaded, is_traced, jax, jnp
-from .errors import InputError
+from .errors import InputError, shortened
 
 # What a person reads; the SI unit on the left is what the package computes with.
 _SHOWN = {
@@ -194,14 +194,16 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         known = (si_unit, *_USUAL.get(si_unit, {}), "psi" if si_unit == "Pa" else "")
         near = next((k for k in known if k.lower() == unit.strip().lower()), "")
         hint = f". Did you mean {near!r}?" if near else ""
-        demand = f"must be {_kind(si_unit)}, got {value:g} {unit}; the unit is unknown{hint}"
+        demand = f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}; the unit is unknown{hint}"
         raise InputError(field, None, demand, where=where) from None
     except pint.DimensionalityError:
-        raise InputError(field, None, f"must be {_kind(si_unit)}, got {value:g} {unit}", where=where) from None
+        raise InputError(
+            field, None, f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}", where=where
+        ) from None
     except (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError, pint.PintError):
         # pint's parser meets nonsense such as "12 **" with an assertion
         raise InputError(
-            field, None, f"must be {_kind(si_unit)}, got {value:g} {unit}; this is no unit", where=where
+            field, None, f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}; this is no unit", where=where
         ) from None
 
 

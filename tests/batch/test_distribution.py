@@ -85,7 +85,9 @@ def test_workers_end_with_their_team(tmp_path):
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.parametrize(("way", "count", "said"), [("cluster", 1, "dask, processes, serial"), ("dask", -1, "above 0")])
+@pytest.mark.parametrize(
+    ("way", "count", "said"), [("cluster", 1, "dask, processes or serial"), ("dask", -1, "above 0")]
+)
 def test_an_unknown_way_is_refused(way, count, said):
     with pytest.raises(InputError, match=said):
         Workers(way, count)

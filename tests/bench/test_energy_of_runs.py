@@ -129,7 +129,7 @@ def test_measured_channels_give_the_work_and_roughly_the_air():
     assert np.mean([c.work_out for c in estimate.cycles]) == pytest.approx(true, rel=0.08)
     air = np.mean([c.air for c in account.cycles])
     assert np.mean([c.air for c in estimate.cycles]) == pytest.approx(air, rel=0.5)
-    with pytest.raises(InputError, match="cannot be known"):
+    with pytest.raises(InputError, match="Cannot be known"):
         estimate.value("heat")
 
 

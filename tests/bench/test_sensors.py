@@ -49,7 +49,7 @@ def test_an_interlock_on_the_sensor_of_a_package_stops_the_machine_and_says_why(
     recording = run(written(FILL.format("gas_temperature >= 350 K"), on=on))
     assert recording.meta["result"] == "stopped" and recording.meta["events"][-1]["code"] == "out_of_limits"
     said = (
-        r"out of limits at [\d.]+ s: the gas temperature is 31\d(\.\d)? K, allowed is 310 K or less; stopped and vented"
+        r"out of limits at [\d.]+ s: the gas temperature is 31\d(\.\d)? K; it must be 310 K or less; stopped and vented"
     )
     assert re.fullmatch(said, recording.meta["message"])
     over = np.flatnonzero(recording["gas_temperature"] > 310.0)[0]
@@ -77,7 +77,7 @@ def test_limits_that_make_no_sense_are_refused_with_their_place(installed, chang
 
 def test_a_test_on_what_no_sensor_measures_is_refused_with_the_names(installed):
     head = 'schema = 1\nname = "t"\ntitle = "T"\n'
-    with pytest.raises(InputError, match="measured are pressure, span, velocity, tension, valve_pressure, gas_temp"):
+    with pytest.raises(InputError, match="Measured are pressure, span, velocity, tension, valve_pressure, gas_temp"):
         parse_protocol(head + FILL.format("humidity >= 1"), where="t.toml")
-    with pytest.raises(InputError, match="without a set-point, for gas_temperature has none"):
+    with pytest.raises(InputError, match="must be a test without a set-point"):
         parse_protocol(head + FILL.format("gas_temperature within 1 K of its set-point"), where="t.toml")

@@ -231,7 +231,10 @@ def test_what_the_rig_does_not_allow_is_refused_and_changes_nothing(machine, cas
 
 def test_a_protocol_that_the_machine_cannot_do_is_refused_before_anything_moves(machine):
     before = machine.machine.number
-    for name, said in (("leak-down", "needs is 'shut-off'"), ("isometric-step", "samples at 1000 Hz")):
+    for name, said in (
+        ("leak-down", "needs is 'shut-off'"),
+        ("isometric-step", "1000 Hz, at which the session samples"),
+    ):
         with pytest.raises(InputError, match=said):
             machine.run(name)
     with pytest.raises(InputError, match="Did you mean 'quasi-static'"):

@@ -48,7 +48,7 @@ def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visi
     field = page.locator(".full-drive input")
     field.fill("0.5")
     field.press("Enter")
-    sentence = "nylon pulls nothing at its rest length of 14 cm; it must be a higher one"
+    sentence = "nylon pulls nothing at its rest length of 14 cm; choose a higher one"
     says(page, ".compare-said", sentence, "The old value, 5, stays in use.", longest=60.0)
     assert "pressure=" not in page.url
 

@@ -72,7 +72,7 @@ def test_search_and_filters_leave_what_holds_the_words_and_text_of_a_file_is_nev
     page = visit("/recordings")
     ready(page)
     page.fill("#search", "tripped 6.01")
-    page.wait_for_selector("text=No recording has all of this")
+    page.wait_for_selector("text=No recording matches")
     page.fill("#search", "6.01")
     page.wait_for_function("document.querySelectorAll('.rows tr').length === 1")
     assert "<img src=x" in line(page, "odd").inner_text() and page.locator("img").count() == 0

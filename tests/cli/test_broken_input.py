@@ -195,7 +195,7 @@ COMMANDS = {
     "show": ("show @specimen:nylon", SHOW),
     "tension": ("tension @specimen:nylon --length @length:12_cm --pressure @pressure:3_bar", TENSION),
     "read": ("read @table:table.csv", {
-        "--column": "pair", "--unit": "pair", "--rest-length": "length", "--period": "time", "--branch": "name",
+        "--column": "pair", "--unit": "pair", "--rest-length": "length", "--period": "seconds", "--branch": "name",
         "--pressure-zero": "pressure", "--as": "name",
     }),
     "fit": ("fit @table:table.csv", {

@@ -103,7 +103,7 @@ def bad(row: int, line: str) -> str:
         (bad(5, "0.004,-1.02"), "below vacuum"),
         ("\n".join(GOOD[:8] + GOOD[15:]), "a gap"),
         (bad(5, "0.003,2.0"), "each once"),
-        (bad(5, "0.004,nan"), "row 6"),
+        (bad(5, "0.004,x"), "row 6"),
         (bad(0, "time [s],tank.pressure"), "no unit"),
         (
             bad(0, "time [s],tnak.pressure [bar]"),

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mckibben.engine import packed, programs
+from mckibben.components import programs
+from mckibben.engine import packed
 from mckibben.engine.packed import compile_once, pack
 
 

@@ -169,7 +169,7 @@ def test_every_waveform_says_what_it_is_in_one_line_and_the_same_again(kind):
         ({"kind": "steps", "times": ["0 s", "2 s", "1 s"], "values": ["1 bar"] * 3}, "they rise"),
         ({"kind": "steps", "times": [], "values": []}, "one or more"),
         ({"kind": "pulse", "width": "-1 s", "high": "1 bar"}, "signals.x.width"),
-        ({"kind": "prbs", "low": "0 bar", "high": "1 bar", "hold": "1 ms", "order": 2}, "3 to 16"),
+        ({"kind": "prbs", "low": "0 bar", "high": "1 bar", "hold": "1 ms", "order": 2}, "between 3 and 16"),
         ({"kind": "prbs", "low": "0 bar", "high": "1 bar", "hold": "1 ms", "order": 4.5}, "whole number"),
         ({"kind": "noise", "low": "0 bar", "high": "1 bar", "cutoff": "1 Hz", "seed": -1}, "signals.x.seed"),
         ({"kind": "chirp", "amplitude": "1 bar", "from": "1 Hz", "to": "2 Hz", "duration": "1 s", "sweep": "up"}, "log"),

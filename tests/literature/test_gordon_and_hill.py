@@ -155,7 +155,7 @@ def test_dynamic_range_follows_the_curve_and_not_the_paper():
 
 
 def test_a_curve_without_tension_has_no_dynamic_range():
-    with pytest.raises(InputError, match="no tension"):
+    with pytest.raises(InputError, match="a tension above 0 N"):
         characteristics.dynamic_range(lambda x: 0.0 * x)
 
 

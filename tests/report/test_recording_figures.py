@@ -55,7 +55,7 @@ def test_measured_true_and_command_are_three_kinds_of_line() -> None:
 
 def test_a_command_that_is_never_in_force_is_not_drawn() -> None:
     assert "command.tension" not in usual_channels([RECORD])
-    with pytest.raises(InputError, match="nothing is known of it"):
+    with pytest.raises(InputError, match="must be a channel with values"):
         time_figure([RECORD], channels=["tension", "command.tension"])
 
 
