@@ -141,7 +141,7 @@ class InputError(MckibbenError, ValueError):
 def not_found(path: object, kind: str = "file", *, where: str | None = None) -> InputError:
     """Return the error about a file or folder that does not exist, such as ``File not found: x.csv``."""
     text = str(path)
-    shown = shortened(text if text == text.strip() else repr(text))
+    shown = shortened(text if text == text.strip() and text.isprintable() else repr(text))
     return InputError(kind.removesuffix(" file"), text, sentence=f"{_capital(kind)} not found: {shown}", where=where)
 
 

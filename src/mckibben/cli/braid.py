@@ -9,8 +9,15 @@ from typing import Annotated
 import typer
 
 from .. import __version__, muscles
+from ..errors import InputError
 from ..specimens import SpecimenNumber, save_specimen
 from ._terminal import Json, caution, print_json, table, writable
+
+# Dimension of a braid -> option that states it.
+OPTIONS = {
+    "rest_length": "--length", "diameter": "--diameter", "braid_angle": "--angle", "thread_diameter": "--thread",
+    "bladder_thickness": "--bladder", "shore": "--shore",
+}  # fmt: skip
 
 
 def braid(
@@ -35,15 +42,18 @@ def braid(
     """Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known."""
     writable("--out", out, ".toml")
     name = "braid" if out is None else re.sub(r"[^A-Za-z0-9._-]+", "-", out.stem).strip("-.") or "braid"
-    spec = muscles.sleeve.from_braid(
-        rest_length=length,
-        diameter=diameter,
-        braid_angle=angle,
-        thread_diameter=thread,
-        bladder_thickness=bladder,
-        shore=shore,
-        name=name,
-    )
+    try:
+        spec = muscles.sleeve.from_braid(
+            rest_length=length,
+            diameter=diameter,
+            braid_angle=angle,
+            thread_diameter=thread,
+            bladder_thickness=bladder,
+            shore=shore,
+            name=name,
+        )
+    except InputError as error:
+        raise error.changed(field=OPTIONS.get(error.field, error.field), where="") from None
     warnings = caution(muscles.sleeve.slenderness_caution(spec))
     if out is not None:
         save_specimen(
