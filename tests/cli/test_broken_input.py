@@ -336,7 +336,7 @@ def verdict(code, out, err, option, value):
     name = value.removeprefix("serial:").partition("=")[0] or value
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)[:12] if value.strip() else repr(value)
     folder = name.rpartition("/")[0]  # what is missing may be the folder that a file would lie in
-    named = option in err or shown in err or (not value and "not found: ." in err)
+    named = option in err or shown in err or (not value and ("'.'" in err or "not found: ." in err))
     return "" if named or (folder and f"/{folder}" in err) else "unnamed"
 
 
