@@ -172,6 +172,8 @@ def frequency(
         response = response_module.frequency_response(recording, source=source, response=target, resolution=distance)
     else:
         at = [parse(word, "1/s", field="--sines") for word in split_values(sines, field="--sines")]
+        if not at:
+            raise InputError("--sines", sines, "must be one frequency or several, such as '1 Hz, 2 Hz'")
         response = response_module.sine_response(recording, sorted(at), source=source, response=target)
     above, below = (recording.channels[name].unit for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
