@@ -57,7 +57,7 @@ def braid(
     warnings = caution(muscles.sleeve.slenderness_caution(spec))
     if out is not None:
         save_specimen(
-            spec, out, heading=f"computed by mckibben {__version__} of the dimensions of a braid; not measured"
+            spec, out, heading=f"computed by mckibben {__version__} from the dimensions of a braid; not measured"
         )
     if as_json:
         errors = {law: [error._asdict() for error in known] for law, known in muscles.sleeve.ERRORS.items()}

@@ -282,13 +282,17 @@ def _read(
     file: Path, column: list[str] | None, unit: list[str] | None, period: str | None, options: dict[str, Any]
 ) -> ImportResult:
     """Read the recording in a file of any format."""
-    asked: dict[str, Any] = {
+    with options_named(sheet="--sheet NAME"):
+        return recordings.read_any(file, **_stated(column, unit, period), **options)
+
+
+def _stated(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, Any]:
+    """What the options state of the columns of a file of another program."""
+    return {
         "columns": column_places(column),
         "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
         "period": None if period is None else parse(period, "s", field="--period", bare=True),
     }
-    with options_named(sheet="--sheet NAME"):
-        return recordings.read_any(file, **asked, **options)
 
 
 _READ = "File to read: a recording, a log or a file of another program, of any format that `mckibben read` takes."
@@ -308,12 +312,7 @@ def convert_file(
     as_json: Json = False,
 ) -> None:
     """Convert a recording, or a file of another program, to another file format."""
-    asked: dict[str, Any] = {
-        "columns": column_places(column),
-        "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
-        "period": None if period is None else parse(period, "s", field="--period", bare=True),
-        **format_options(sheet, topic, gear_ratio),
-    }
+    asked = _stated(column, unit, period) | format_options(sheet, topic, gear_ratio)
     with options_named(sheet="--sheet NAME"):
         read = recordings.convert(source, target, **asked)
     if as_json:

@@ -55,12 +55,13 @@ INFERRED: dict[str, InferredDimension] = {
     ),
 }
 
+NARROWEST = float(np.deg2rad(20.5))  # [rad] below which the law with wall loses its stiffness
 # What is measured on a sleeve: unit, bounds, meaning; and how far a reading may be off, as a share or in the unit.
 DIMENSIONS: dict[str, Quantity] = {
     "rest_length": Quantity("m", (5e-3, 10.0), "length between the fittings, without pressure and load", "L0", (0.05, 0.5)),
     "diameter": Quantity("m", (1e-3, 0.5), "outer diameter of the braid at rest", "D", (5e-3, 4e-2)),
     "braid_angle": Quantity(
-        "rad", (float(np.deg2rad(20.5)), float(np.deg2rad(50.0))), "angle of the threads at rest, from the long axis",
+        "rad", (NARROWEST, float(np.deg2rad(50.0))), "angle of the threads at rest, from the long axis",
         "theta0", (0.36, 0.7),
     ),
     "thread_diameter": Quantity("m", (1e-5, 5e-3), "diameter of one thread", "d", (1e-4, 5e-4)),
@@ -68,20 +69,14 @@ DIMENSIONS: dict[str, Quantity] = {
     "shore": Quantity("1", (20.0, 80.0), "Shore A hardness of the bladder", "S", (30.0, 70.0)),
 }  # fmt: skip
 READING = {"rest_length": 0.005, "diameter": 0.02, "thread_diameter": 0.1, "bladder_thickness": 0.1}  # shares
-ANGLE_READING, SHORE_READING = (
-    float(np.deg2rad(1.0)),
-    5.0,
-)  # rad; hardness of a tube of 1 mm, which is too thin for the norm
-NARROWEST = float(np.deg2rad(20.5))  # [rad] below which the law with wall loses its stiffness
-SHORTEST = (
-    0.61  # length to which the straight line is taken over the thread length: 52 degrees, little short of no pull
-)
+ANGLE_READING = float(np.deg2rad(1.0))  # [rad]
+SHORE_READING = 5.0  # a tube of 1 mm is too thin for the norm
+# Length to which the straight line is taken over the thread length: 52 degrees, little short of no pull.
+SHORTEST = 0.61
 SLENDER = 4.0  # length over diameter
 PRESSURE = 5e5  # [Pa] at which friction and the contracted diameter are stated
-PASSIVE = (
-    0.5,
-    4.0,
-)  # range of Kp over E A/L0: that of the nylon muscle is 1.7 to 3.8 times as large, by the thread taken
+# Range of Kp over E A/L0: that of the nylon muscle is 1.7 to 3.8 times as large, by the thread taken.
+PASSIVE = (0.5, 4.0)
 
 
 class BraidError(NamedTuple):
@@ -151,7 +146,9 @@ def braid_laws(dimensions: Mapping[str, Any], *, upper_length: Any = None) -> di
     shape = braid.wound(rest_length=rest, rest_angle=angle, rest_diameter=layer)
     upper = upper_length
     if upper is None:
-        upper = jnp.minimum(INFERRED["length_share"].value * rest, shape.thread_length * np.cos(NARROWEST))
+        upper = jnp.minimum(
+            INFERRED["length_share"].value * rest, braid.length_at(NARROWEST, thread_length=shape.thread_length)
+        )
     thick = ThickWall(
         thread_length=shape.thread_length, turns=shape.turns, wall_thickness=wall + thread, upper_length=upper
     )
@@ -317,7 +314,7 @@ def _parameter(law: str, key: str, unit: str, values: Any) -> SpecimenNumber:
         return stated_number(value, unit, source="inferred", note=note, interval=ends)
     if key == "upper_length":
         return stated_number(value, unit, source="chou1996", note="as the property of that name")
-    return stated_number(value, unit, source="chou1996", note="computed of the dimensions", interval=(low, high))
+    return stated_number(value, unit, source="chou1996", note="computed from the dimensions", interval=(low, high))
 
 
 # Elastic parameters: factors of the range that hardness and readings leave, and the note.

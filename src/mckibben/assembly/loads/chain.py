@@ -19,7 +19,7 @@ from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
-from .joint import MomentArm
+from .joint import MomentArm, elastic_energies, elastic_moment
 from .load import Load, SpanState
 
 
@@ -48,16 +48,6 @@ class ChainLink(Module):
     stop_stiffness: Scalar = quantity("N*m", (0.0, 1e6), "of the stops, per rad", default=1e3)
     # Name of the signal of an outside moment on the hinge [N m].
     signal: str | None = field(static=True, kw_only=True, default=None)
-
-    def beyond(self, angle: Any) -> Scalar:
-        """How far an angle is beyond a stop, signed [rad]."""
-        above, below = angle - self.upper_stop, angle - self.lower_stop
-        return jnp.where(above > 0.0, above, jnp.where(below < 0.0, below, 0.0))
-
-    def elastic_energy(self, angle: Any) -> Scalar:
-        """Energy of spring and stops [J]."""
-        bent = angle - self.spring_rest
-        return 0.5 * self.stiffness * bent * bent + 0.5 * self.stop_stiffness * self.beyond(angle) ** 2
 
 
 class LinkChain(Load):
@@ -140,8 +130,9 @@ class LinkChain(Load):
         moments = self.muscle_moments(state, tensions)
         for i, link in enumerate(self._ordered):
             angle, velocity = state.angle[i], state.velocity[i]
-            held = link.stiffness * (angle - link.spring_rest) + link.stop_stiffness * link.beyond(angle)
-            moments[i] = moments[i] + self._outside(link, inputs) - held - link.damping * velocity
+            moments[i] = (
+                moments[i] + self._outside(link, inputs) - elastic_moment(link, angle) - link.damping * velocity
+            )
         factors, weights = self._couplings()
         directions, turning = _running_sums(state.angle), _running_sums(state.velocity)
         number = len(self.order)
@@ -169,7 +160,7 @@ class LinkChain(Load):
         for i, link in enumerate(self._ordered):
             for j in range(len(self.order)):
                 energy = energy + 0.5 * factors[i][j] * jnp.cos(directions[i] - directions[j]) * turning[i] * turning[j]
-            energy = energy + link.elastic_energy(state.angle[i])
+            energy = energy + sum(elastic_energies(link, state.angle[i]))
             energy = energy + self.gravity * weights[i] * (1.0 - jnp.cos(directions[i]))
         return energy
 

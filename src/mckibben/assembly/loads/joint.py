@@ -11,7 +11,7 @@ Range: angles within the stops, which are one-sided springs; the moment arm's cu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ..._jax import jnp
 from ...components import Module, Scalar, field
@@ -33,6 +33,33 @@ class MomentArm(Module):
         """Span [m] at an angle [rad]."""
         terms = [self.coefficients[i] / (i + 1.0) for i in range(self.coefficients.shape[0])]
         return self.span - angle * _horner(terms, angle)
+
+
+class Hinge(Protocol):
+    """Spring and stops of a hinge: stiffnesses [N m/rad], angles [rad]."""
+
+    stiffness: Scalar
+    spring_rest: Scalar
+    lower_stop: Scalar
+    upper_stop: Scalar
+    stop_stiffness: Scalar
+
+
+def _beyond(hinge: Hinge, angle: Any) -> Scalar:
+    """Angle beyond a stop, signed [rad]."""
+    above, below = angle - hinge.upper_stop, angle - hinge.lower_stop
+    return jnp.where(above > 0.0, above, jnp.where(below < 0.0, below, 0.0))
+
+
+def elastic_moment(hinge: Hinge, angle: Any) -> Scalar:
+    """Moment of spring and stops against an angle [N m]; angle [rad]."""
+    return hinge.stiffness * (angle - hinge.spring_rest) + hinge.stop_stiffness * _beyond(hinge, angle)
+
+
+def elastic_energies(hinge: Hinge, angle: Any) -> tuple[Scalar, Scalar]:
+    """Energy of the spring, and of the stops [J]; angle [rad]."""
+    spring = 0.5 * hinge.stiffness * (angle - hinge.spring_rest) ** 2
+    return spring, 0.5 * hinge.stop_stiffness * _beyond(hinge, angle) ** 2
 
 
 class JointState(NamedTuple):
@@ -73,26 +100,23 @@ class JointLoad(Load):
     def _outside(self, inputs: Any) -> Scalar:
         return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
 
-    def _beyond(self, angle: Any) -> Scalar:
-        """Angle beyond a stop, signed [rad]."""
-        above, below = angle - self.upper_stop, angle - self.lower_stop
-        return jnp.where(above > 0.0, above, jnp.where(below < 0.0, below, 0.0))
-
     def muscle_moment(self, state: JointState, tensions: Mapping[str, Any]) -> Scalar:
         """Moment of the muscles [N m]."""
         return sum((a.arm(state.angle) * tensions[n] for n, a in self.arms.items()), start=jnp.zeros(()))
 
     def rates(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> JointState:
         """Angular velocity and acceleration."""
-        held = self.stiffness * (state.angle - self.spring_rest) + self.stop_stiffness * self._beyond(state.angle)
-        held = held + self.gravity_moment * jnp.sin(state.angle) + self.damping * state.velocity
+        held = (
+            elastic_moment(self, state.angle)
+            + self.gravity_moment * jnp.sin(state.angle)
+            + self.damping * state.velocity
+        )
         turning = self.muscle_moment(state, tensions) + self._outside(inputs) - held
         return JointState(state.velocity, turning / self.inertia)
 
     def stored_energy(self, state: JointState) -> Scalar:
         """Kinetic, elastic, of the stops, and of the limb's height [J]."""
-        elastic = 0.5 * self.stiffness * (state.angle - self.spring_rest) ** 2
-        stops = 0.5 * self.stop_stiffness * self._beyond(state.angle) ** 2
+        elastic, stops = elastic_energies(self, state.angle)
         height = self.gravity_moment * (1.0 - jnp.cos(state.angle))
         return 0.5 * self.inertia * state.velocity**2 + elastic + stops + height
 

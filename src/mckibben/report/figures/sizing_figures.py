@@ -127,7 +127,7 @@ def draw_force_over_stroke(ax: Axes, found: Sizing, law: str) -> None:
                 bbox={"boxstyle": "round,pad=0.1", "fc": SUNKEN, "ec": "none", "alpha": 0.8},
             )
     _margin(ax, found, cm)
-    style.quantity_axes(ax, x=("Stroke, cm", "length"), y=("Promised force, N", "tension"))
+    style.quantity_axes(ax, x=("Stroke, cm", "length"), y=("Guaranteed force, N", "tension"))
     bar = from_si(wish.pressure, "Pa", "bar")
     style.heading(
         ax,
@@ -147,7 +147,7 @@ def _margin(ax: Axes, found: Sizing, cm: float) -> None:
     if one.stroke > 1.02 * wish.stroke:
         ax.annotate("", (one.stroke * cm, y), (x, y), arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.9})
     ax.plot([x], [y], "o", mfc=INK, mec=PANEL, mew=1.2, ms=8.0, zorder=5)
-    said = f"wish: {wish.force:.4g} N, {x:.3g} cm"
+    said = f"required: {wish.force:.4g} N, {x:.3g} cm"
     ax.annotate(
         said,
         (x, y),
@@ -210,7 +210,7 @@ def _lines(ax: Axes, found: Sizing) -> None:
             mew=0.9,
         )
     _first(ax, able[0])
-    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the wished force, ms", None))
+    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the required force, ms", None))
 
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
