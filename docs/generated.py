@@ -52,7 +52,11 @@ def parameters(_: Path) -> str:
         "Creep": {"maxwell_chain": MaxwellChain, "kelvin_voigt_chain": KelvinVoigtChain},
         "Elements": {"passive_spring": PassiveSpring, "viscous": Viscous, "tendon": Tendon},
         "Biological muscle": {"biological": BiologicalMuscle},
-        "Pneumatic elements": {"passage (of every valve)": Orifice, "drive (of switching valves)": Solenoid, **ELEMENTS},
+        "Pneumatic elements": {
+            "passage (of every valve)": Orifice,
+            "drive (of switching valves)": Solenoid,
+            **ELEMENTS,
+        },
         "Volumes and heat": {
             "volume": FixedVolume,
             "compliant": CompliantVolume,
@@ -191,6 +195,58 @@ def specimens(_: Path) -> str:
         "source does not print; the note states how it was derived.",
         *parts,
     )
+
+
+def catalogue(_: Path) -> str:
+    """Return the lists of valves, tubes, gas sources, laws and muscles."""
+    from mckibben.cli.parts import FORMS, columns_of
+    from mckibben.quantities import with_unit
+    from mckibben.studies.parts import KINDS, NAMED_IN, list_parts
+
+    sections = []
+    for kind, title in KINDS.items():
+        some = list_parts(kind)
+        heads, cells = columns_of(kind, some)
+        form = [FORMS[kind]] if kind in FORMS else []
+        last = ["parameters"] if kind == "laws" else []
+        rows = [
+            [f"`{one.id}`", one.title, *([one.form] if form else []), *cells[one.id], *([_names(one)] if last else [])]
+            for one in some
+        ]
+        used = NAMED_IN[kind].format(id=some[0].id)
+        sections += [f"## {title}", f"`{some[0].id}`, for example, is used in: {used}."]
+        sections.append(_table(["name", "what it is", *form, *heads, *last], rows))
+        if kind in ("tubes", "sources"):
+            numbers = [
+                [
+                    f"`{one.id}`",
+                    n.name.replace("_", " "),
+                    with_unit(n.value or 0.0, n.unit),
+                    ""
+                    if n.low is None or n.high is None
+                    else f"{with_unit(n.low, n.unit)} to {with_unit(n.high, n.unit)}",
+                    "inferred" if n.inferred else n.source,
+                    n.note,
+                ]
+                for one in some
+                for n in one.numbers
+            ]
+            sections += [
+                f"### {title}, number by number",
+                _table(["part", "number", "value", "range", "source", "note"], numbers),
+            ]
+    return _page(
+        "Parts",
+        "The parts that `mckibben parts`, `mckibben.parts` and [Size a muscle](../../how-to/size-a-muscle.md) know. A star "
+        "marks inferred values, which no source at hand prints. Valves and muscles are [specimens](specimens.md), which "
+        "state every number; laws are described in [The laws](../../explanation/laws.md), and their parameters in "
+        "[Parameters](parameters.md).",
+        *sections,
+    )
+
+
+def _names(part: Any) -> str:
+    return ", ".join(f"`{n.name}`" for n in part.numbers)
 
 
 def rigs(_: Path) -> str:
@@ -488,7 +544,7 @@ the unit in the description. A number that can only be a slip, such as a pressur
 
 PAGES: dict[str, Callable[[Path], str]] = {
     f"{FOLDER}/{make.__name__}.md": make
-    for make in (nomenclature, parameters, cli, specimens, rigs, papers, literature)
+    for make in (nomenclature, parameters, cli, specimens, catalogue, rigs, papers, literature)
 } | {
     f"reference/api/{name}.md": (public_names if name == "mckibben" else lambda _, name=name: room(name))  # type: ignore[misc]
     for name in ROOMS

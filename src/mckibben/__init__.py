@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from .specimens import Specimen as Specimen
     from .specimens import specimen as specimen
     from .studies.comparison.table import compare as compare
+    from .studies.parts import part as part
+    from .studies.parts import parts as parts
     from .studies.sizing.size import size as size
 
 # The public names by subject, each with the module that it is loaded from when it is first used: "module:name" where it has
@@ -92,6 +94,8 @@ PUBLIC: dict[str, dict[str, str]] = {
         "read_recording": "recordings",
     },
     "Questions": {
+        "parts": "studies.parts",
+        "part": "studies.parts",
         "size": "studies.sizing.size",
         "compare": "studies.comparison.table",
         "reproduce": "reproduction",

@@ -142,6 +142,7 @@ CALLS: dict[str, list[Call]] = {
         Call(("--row", "valve.festo", "--out", "papers", "--no-pdf"), ["papers/reproduction.html"]),
         needs("report", "--out", "papers"),
     ],
+    "parts": [Call(("valves", "--min-flow", "100 l/min", "--out", "parts.csv"), ["parts.csv"]), Call(("PU-4x2",))],
     "size": [Call(("--force", "50 N", "--stroke", "3 cm", "--pressure", "5 bar", "--no-lines"))],
     "sweep": [
         Call((str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep", "--dry-run")),

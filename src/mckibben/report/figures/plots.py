@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ...analysis.energy_accounts import EnergyAccount
     from ...identification.ranking import Ranking
     from ...studies.comparison import MuscleTable
+    from ...studies.parts import Part
     from ...studies.sizing import Sizing
 
 PRESSURES = "1:5 bar"
@@ -340,6 +341,16 @@ def sizing_html(sizing: Sizing) -> str:
     ]
     head = ("muscle", "does it", "promised force, N", "stroke, cm")
     return _table("Sizing", repr(sizing), head, rows) + _picture(SizingPlots(sizing)())
+
+
+def part_html(part: Part) -> str:
+    """A part of the catalogue as a table of its numbers."""
+    rows = []
+    for n in part.numbers:
+        value = ("", _unit(n.unit)) if n.value is None else _value(n.value, n.unit)
+        span = "" if n.low is None or n.high is None else " to ".join(_value(end, n.unit)[0] for end in (n.low, n.high))
+        rows.append((n.name, *value, span, "inferred" if n.inferred else n.source, n.note))
+    return _table(part.title, repr(part), ("number", "value", "unit", "range", "source", "note"), rows)
 
 
 def comparison_html(compared: MuscleTable) -> str:
