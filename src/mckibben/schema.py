@@ -24,11 +24,12 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from .errors import InputError, choice
-from .quantities import Quantity, parse
+from .quantities import Quantity, declared, parse
 
 T = TypeVar("T")
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 _NOTHING: Mapping[str, str] = MappingProxyType({})
+_REST = "*"  # stands for all keys that no field has
 
 
 @dataclass(frozen=True)
@@ -220,6 +221,10 @@ class Place:
         unit = "1" if self.bare else self.unit(declared)
         return float(value) if unit == "1" else f"{float(value)!r} {unit}"
 
+    def table(self, raw: object) -> FileTable:
+        """The table that stands here; refuses anything else."""
+        return FileTable.of(raw, self.field, self.where or "")
+
     def below(self, key: object) -> Place:
         """The place of a part."""
         return dataclasses.replace(self, field=f"{self.field}.{key}" if self.field else str(key), own_unit="")
@@ -238,12 +243,14 @@ class FieldType:
         write: makes words of the value, for a place whose units it takes.
         doc: meaning of the field, one phrase.
         key: its name in a file, where that is another than the field's.
+        empty: whether it is read as an empty table if it is left out and has no default.
     """
 
     read: Callable[[Any, Place], Any]
     write: Callable[[Any, Place], Any] = lambda value, place: value
     doc: str = ""
     key: str = ""
+    empty: bool = False
 
 
 def entry(
@@ -330,33 +337,67 @@ def words(doc: str = "", *, among: tuple[str, ...] = (), key: str = "", **option
     return entry(read, doc, write=lambda value, place: list(value), key=key, **options)
 
 
-def nested(kind: type[Any], doc: str = "", **options: Any) -> Any:
-    """Declare a table of a type."""
-    return entry(lambda raw, place: _read_part(kind, raw, place), doc, write=_write_part, **options)
+def like(owner: type[Any], name: str, *, key: str = "", **options: Any) -> Any:
+    """Declare a number as a parameter of another type is declared, with its unit, bounds and meaning."""
+    q = declared(owner)[name]
+    return number(q.unit, q.bounds, q.doc, key=key, **options)
 
 
-def named(kind: type[Any], doc: str = "", *, pattern: str = NAME, **options: Any) -> Any:
-    """Declare tables of a type by name."""
+def verbatim(doc: str = "", *, key: str = "", **options: Any) -> Any:
+    """Declare a value that is taken as it stands in the file, for a reader that knows more."""
+    return entry(lambda raw, place: raw, doc, key=key, **options)
+
+
+def by_name(kinds: tuple[type, ...], demand: str, **options: Any) -> Any:
+    """Declare a table of values of some plain types by name; `demand` describes them."""
 
     def read(raw: Any, place: Place) -> dict[str, Any]:
-        table = FileTable.of(raw, place.field, place.where or "")
+        values = place.table(raw).values
+        for name, value in values.items():
+            if not isinstance(value, kinds) or isinstance(value, bool):
+                raise place.below(name).fail(value, f"must be {demand}")
+        return dict(values)
+
+    return entry(read, default_factory=dict, **options)
+
+
+def rest(doc: str = "") -> Any:
+    """Declare the table of all keys that no other field has."""
+    return entry(lambda raw, place: raw, doc, key=_REST)
+
+
+# A type, several by the word that the key `kind` of a table names, or none for what is taken as it stands.
+Kind = type[Any] | Mapping[str, type[Any]] | None
+
+
+def nested(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any:
+    """Declare a table of a type, read as an empty one if it is left out and has no default; `owner` as for `read_table`."""
+    made = FieldType(lambda raw, place: read_part(kind, raw, place, owner), _write_part, doc, empty=True)
+    return dataclasses.field(metadata={"entry": made}, **options)
+
+
+def named(kind: Kind, doc: str = "", *, owner: str = "", pattern: str = NAME, **options: Any) -> Any:
+    """Declare tables of a type by name; `owner` as for `read_table`."""
+
+    def read(raw: Any, place: Place) -> dict[str, Any]:
+        table = place.table(raw)
         for name in table.values:
             if not re.fullmatch(pattern, name):
                 raise table.fail(name, name, "must be a name of letters, digits, - and _ that begins with a letter")
-        return {name: _read_part(kind, one, place.below(name)) for name, one in table.values.items()}
+        return {name: read_part(kind, one, place.below(name), owner) for name, one in table.values.items()}
 
     return entry(
         read, doc, write=lambda value, place: {n: _write_part(one, place) for n, one in value.items()}, **options
     )
 
 
-def listed(kind: type[Any], doc: str = "", **options: Any) -> Any:
-    """Declare a list of tables of a type, their places counted from 1."""
+def listed(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any:
+    """Declare a list of tables of a type, their places counted from 1; `owner` as for `read_table`."""
 
     def read(raw: Any, place: Place) -> tuple[Any, ...]:
         if not isinstance(raw, list | tuple):
             raise place.fail(raw, "must be a list of tables")
-        return tuple(_read_part(kind, one, place.below(i)) for i, one in enumerate(raw, 1))
+        return tuple(read_part(kind, one, place.below(i), owner) for i, one in enumerate(raw, 1))
 
     return entry(read, doc, write=lambda value, place: [_write_part(one, place) for one in value], **options)
 
@@ -405,10 +446,16 @@ def read_table(
     """
     fields = {key: one for key, one in table_fields(kind).items() if one[0] not in given}
     skipped = tuple(beside)
-    table.only([*fields, *skipped], owner or f"{kind.__name__} has")
+    if _REST in fields:
+        name, read, _ = fields.pop(_REST)
+        given[name] = read.read(table.without(*fields, *skipped).values, Place(table.path, table.where or None))
+    else:
+        table.only([*fields, *skipped], owner or f"{kind.__name__} has")
     for key, (name, read, required) in fields.items():
         if key in table.values and key not in skipped:
             given[name] = read.read(table.values[key], _place(table, key, units, bare, files))
+        elif required and read.empty:
+            given[name] = read.read({}, _place(table, key, units, bare, files))
         elif required:
             raise table.fail(key, None, f"is missing: it is the {read.doc}" if read.doc else "is missing")
     try:
@@ -417,8 +464,23 @@ def read_table(
         raise table.located(error) from None
 
 
+def read_stated(kind: type[Any], table: FileTable, keys: Iterable[str]) -> dict[str, Any]:
+    """Read those of some fields of a type that a table states, by the name of the field; raises as `read_table`."""
+    fields = table_fields(kind)
+    return {
+        fields[key][0]: fields[key][1].read(table.values[key], Place(table.field(key), table.where or None))
+        for key in keys
+        if key in table
+    }
+
+
 def write_table(
-    value: Any, *, units: Mapping[str, str] = _NOTHING, bare: bool = False, skip: Iterable[str] = ()
+    value: Any,
+    *,
+    units: Mapping[str, str] = _NOTHING,
+    bare: bool = False,
+    skip: Iterable[str] = (),
+    always: Iterable[str] = (),
 ) -> dict[str, Any]:
     """Write a value to the table that reads back to it; fields at their defaults are omitted.
 
@@ -427,13 +489,14 @@ def write_table(
         units: SI units by key or by declared unit, as `read_table` takes them.
         bare: write numbers in SI without their units.
         skip: names of fields to leave out.
+        always: names of fields that are written at their defaults too.
     """
     out = {}
-    declared, left_out = {f.name: f for f in dataclasses.fields(value)}, tuple(skip)
+    members, left_out = {f.name: f for f in dataclasses.fields(value)}, tuple(skip)
     for key, (name, read, _) in table_fields(type(value)).items():
-        held, f = getattr(value, name), declared[name]
+        held, f = getattr(value, name), members[name]
         plain = f.default if f.default_factory is dataclasses.MISSING else f.default_factory()
-        if name not in left_out and not _same(held, plain):
+        if name not in left_out and (name in always or not _same(held, plain)):
             out[key] = read.write(held, Place(key, None, units, units.get(key, ""), bare))
     return out
 
@@ -510,7 +573,7 @@ def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
         return FieldType(functools.partial(_read_quantity, q), lambda value, place: place.words(value, q.unit), q.doc)
     if f.type in ("int", int):
         return FieldType(_read_integer, doc="whole number")
-    if f.type in ("str", str):
+    if f.type in ("str", str, "str | None"):
         return FieldType(_read_word)
     return FieldType(_read_flag) if f.type in ("bool", bool) else None
 
@@ -539,9 +602,16 @@ def _read_flag(raw: Any, place: Place) -> bool:
     return raw
 
 
-def _read_part(kind: type[Any], raw: Any, place: Place) -> Any:
-    table = FileTable.of(raw, place.field, place.where or "")
-    return read_table(kind, table, units=place.units, bare=place.bare, files=place.files)
+def read_part(kind: Kind, raw: Any, place: Place, owner: str = "") -> Any:
+    """Read a value of a type, or of that which the key `kind` names, from what stands at a place; raises as `read_table`."""
+    if kind is None:
+        return raw
+    table = place.table(raw)
+    beside: tuple[str, ...] = ()
+    if isinstance(kind, Mapping):
+        name = table.word("kind", among=kind)
+        kind, beside, owner = kind[name], ("kind",), f"{name} has"
+    return read_table(kind, table, units=place.units, bare=place.bare, files=place.files, owner=owner, beside=beside)
 
 
 def _listed(raw: Any, place: Place) -> list[Any]:

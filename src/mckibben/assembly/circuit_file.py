@@ -26,9 +26,9 @@ beside this one.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -36,6 +36,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import schema
 from .._jax import jax, jnp
 from ..components import Environment, paths
 from ..documents import parse_toml, read_text, with_own_paths
@@ -45,17 +46,60 @@ from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.sizes import put_value
-from ..quantities import Quantity, declared, parse
+from ..quantities import Quantity, parse
 from ..registry import with_own_references
-from ..schema import FileTable
-from .circuit_parts import FitTable, PlannedNode, check_length, read_branch, read_fit, read_node
+from ..schema import FileTable, Place, named, nested, read_table
+from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 from .signal_table import read_points
 
 SCHEMA = 1
-SECTIONS = ("schema", "title", "note", "environment", "nodes", "elements", "signals", "run", "fit")
 METHODS = ("auto", "rk4", "ros2")
 TIME = Quantity("s", (1e-9, 1e7), "time", "", (1e-3, 100.0))
 LONGEST = 20_000_000  # samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvironmentTable:
+    """The surroundings as a circuit file states them."""
+
+    pressure_abs: float | None = schema.like(Environment, "pressure_abs", key="pressure", default=None)
+    temperature: float | None = schema.like(Environment, "temperature", default=None)
+
+    def surroundings(self) -> Environment:
+        """The surroundings, as usual where nothing is stated."""
+        return Environment(**{name: value for name, value in vars(self).items() if value is not None})
+
+
+@dataclass(frozen=True, kw_only=True)
+class CircuitRunTable:
+    """How long a circuit runs, and in which steps."""
+
+    duration: float = schema.number("s", TIME.bounds, "duration of the run")
+    period: float = schema.number("s", TIME.bounds, "period of the samples", default=1e-3)
+    step: float = schema.number("s", TIME.bounds, "largest step of the physics", default=STEP)
+    method: str = schema.word("method of the integration", among=METHODS, default="auto")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CircuitFile:
+    """A circuit file as its tables state it."""
+
+    schema: int = SCHEMA
+    title: str = ""
+    note: str = ""
+    environment: EnvironmentTable = nested(EnvironmentTable, owner="an environment has", default=EnvironmentTable())
+    nodes: dict[str, NodeTable] = named(NODES, default_factory=dict)
+    elements: dict[str, ElementTable] = named(ElementTable, default_factory=dict)
+    signals: dict[str, Any] = named(None, default_factory=dict)
+    run: CircuitRunTable = nested(CircuitRunTable, owner="a run has")
+    fit: FitTable = nested(FitTable, owner="a fit has", default=FitTable())
+
+    def __post_init__(self) -> None:
+        for section in ("nodes", "elements"):
+            if not getattr(self, section):
+                raise InputError(section, None, f"is missing: a circuit needs one [{section}.NAME] or more")
+        for name in self.elements.keys() & self.nodes.keys():
+            raise InputError(f"elements.{name}", name, "must be a name of its own; a node has this one")
 
 
 @dataclass(frozen=True)
@@ -302,62 +346,28 @@ def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> Circu
     """The plan of a document that was read; raises as `read_circuit` does."""
     top = FileTable(document, "", where)
     top.schema(SCHEMA)
-    top.only(SECTIONS, "a circuit has")
-    top.word("note", "-")
-    room = _environment(top.table("environment"))
-    nodes = {name: read_node(name, entry, room) for name, entry in _named(top, "nodes")}
-    elements = dict(_named(top, "elements"))
-    for name in elements:
-        if name in nodes:
-            raise top.fail(f"elements.{name}", name, "must be a name of its own; a node has this one")
-    branches = {name: read_branch(entry, list(nodes)) for name, entry in elements.items()}
+    file = read_table(CircuitFile, top, owner="a circuit has")
+    room = file.environment.surroundings()
+    at = {section: Place(section, where or None) for section in ("nodes", "elements")}
+    nodes = {name: table.planned(name, at["nodes"].below(name), room) for name, table in file.nodes.items()}
+    branches = {name: table.planned(at["elements"].below(name), list(nodes)) for name, table in file.elements.items()}
     circuit = _circuit(nodes, {n: b.branch for n, b in branches.items()}, where)
     _has_volume(circuit, nodes, where)
     uses = _uses(nodes, {n: (b.branch.command, b.unit) for n, b in branches.items() if b.branch.command})
-    signals = _signals(top, uses, where)
-    run = top.table("run")
-    run.only(("duration", "period", "step", "method"), "a run has")
     plan = CircuitPlan(
-        title=top.word("title", Path(where).stem),
+        title=file.title or Path(where).stem,
         circuit=circuit,
         nodes=nodes,
-        signals=signals,
+        signals=_signals(file.signals, uses, where),
         environment=room,
-        duration=run.number("duration", "s", declared=TIME),
-        period=run.number("period", "s", 1e-3, declared=TIME),
-        step=run.number("step", "s", STEP, declared=TIME),
-        method=run.word("method", "auto", among=METHODS),
+        **dataclasses.asdict(file.run),
         document=dict(document),
         where=where,
         digest=digest,
-        fit=read_fit(top.table("fit")),
+        fit=file.fit,
     )
     _check_run(plan)
     return plan
-
-
-def _environment(entry: FileTable) -> Environment:
-    entry.only(("pressure", "temperature"), "an environment has")
-    known = declared(Environment)
-    plain = Environment()
-    return Environment(
-        pressure_abs=entry.number("pressure", "Pa", float(plain.pressure_abs), declared=known["pressure_abs"]),
-        temperature=entry.number("temperature", "K", float(plain.temperature), declared=known["temperature"]),
-    )
-
-
-def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
-    entry = top.table(section)
-    if not entry.values:
-        raise top.fail(section, None, f"is missing: a circuit needs one [{section}.NAME] or more")
-    _check_names(entry)
-    return [(name, entry.table(name)) for name in entry.values]
-
-
-def _check_names(entry: FileTable) -> None:
-    for name in entry.values:
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-            raise entry.fail(name, name, "must be a name of letters, digits, - and _ that begins with a letter")
 
 
 def _circuit(nodes: Mapping[str, PlannedNode], branches: Mapping[str, Branch], where: str) -> Circuit:
@@ -401,9 +411,9 @@ def _uses(
     return uses
 
 
-def _signals(top: FileTable, uses: Mapping[str, list[tuple[str, str]]], where: str) -> dict[str, PlannedSignal]:
-    stated = top.table("signals").values
-    _check_names(top.table("signals"))
+def _signals(
+    stated: Mapping[str, Any], uses: Mapping[str, list[tuple[str, str]]], where: str
+) -> dict[str, PlannedSignal]:
     for signal, drives in uses.items():
         if signal not in stated:
             if stated:

@@ -12,10 +12,12 @@ A [fit] table says what is free, where the search starts, and how the records of
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
+from .. import schema
 from ..components import Environment
 from ..errors import InputError, MissingParametersError
 from ..muscles import law_from_specimen
@@ -27,13 +29,9 @@ from ..pneumatics.circuit import Branch
 from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
 from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
 from ..quantities import declared, shown_unit, with_unit
-from ..registry import is_reference
-from ..schema import FileTable
+from ..schema import Place, read_number
 from ..specimens import Specimen, specimen
 
-KINDS = ("reservoir", "atmosphere", "volume", "compliant", "muscle", "junction")
-HEATS = ("isothermal", "adiabatic", "polytropic", "wall")
-STARTS = ("start_pressure", "heat")
 SMALLEST = declared(FixedVolume)["size"].bounds[0]  # [m^3], of a junction beside what tubes give it
 
 
@@ -64,146 +62,267 @@ class PlannedNode:
     needs_volume: bool = False
 
 
-def read_node(name: str, entry: FileTable, room: Environment) -> PlannedNode:
-    """Read one node.
-
-    Raises:
-        InputError: names file, dotted path, value and what is allowed.
-    """
-    kind = entry.word("kind", among=KINDS)
-    if kind in ("reservoir", "atmosphere"):
-        return _reservoir(name, kind, entry, room)
-    if kind == "compliant":
-        return _compliant(name, entry, room)
-    if kind == "muscle":
-        return _muscle(name, entry, room)
-    return _volume(kind, entry, room)
+# ---- heat
 
 
-def start_pressure(entry: FileTable, key: str, room: Environment, default: float | None = None) -> float:
-    """A gauge pressure above vacuum [Pa]."""
-    value = entry.number(key, "Pa", default)
+@dataclass(frozen=True)
+class IsothermalTable:
+    """The gas keeps its temperature."""
+
+    def model(self, room: Environment) -> tuple[HeatModel, str]:
+        """The heat transfer and its description."""
+        return Isothermal(), "isothermal"
+
+
+@dataclass(frozen=True)
+class AdiabaticTable:
+    """No heat passes."""
+
+    def model(self, room: Environment) -> tuple[HeatModel, str]:
+        """The heat transfer and its description."""
+        return adiabatic(), "adiabatic"
+
+
+@dataclass(frozen=True)
+class PolytropicTable:
+    """A polytropic change."""
+
+    exponent: float = schema.like(Polytropic, "exponent")
+
+    def model(self, room: Environment) -> tuple[HeatModel, str]:
+        """The heat transfer and its description."""
+        return Polytropic(exponent=self.exponent), f"polytropic with n = {self.exponent:g}"
+
+
+@dataclass(frozen=True)
+class WallTable:
+    """A wall that takes heat, at the temperature of the surroundings unless stated."""
+
+    conductance: float = schema.like(WallHeat, "conductance")
+    wall_temperature: float | None = schema.like(WallHeat, "wall_temperature", default=None)
+
+    def model(self, room: Environment) -> tuple[HeatModel, str]:
+        """The heat transfer and its description."""
+        wall = float(room.temperature) if self.wall_temperature is None else self.wall_temperature
+        model = WallHeat(conductance=self.conductance, wall_temperature=wall)
+        return model, f"wall of {self.conductance:g} W/K at {with_unit(wall, 'K')}"
+
+
+HeatTable = IsothermalTable | AdiabaticTable | PolytropicTable | WallTable
+HEATS = {"isothermal": IsothermalTable, "adiabatic": AdiabaticTable, "polytropic": PolytropicTable, "wall": WallTable}
+
+
+def _read_heat(raw: Any, place: Place) -> HeatTable:
+    if not isinstance(raw, Mapping) and raw not in HEATS:
+        raise place.fail(raw, known=HEATS)
+    table: HeatTable = schema.read_part(HEATS, raw if isinstance(raw, Mapping) else {"kind": raw}, place)
+    return table
+
+
+# ---- nodes
+
+
+class NodeTable(abc.ABC):
+    """A node as its table states it."""
+
+    @abc.abstractmethod
+    def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
+        """The node of a circuit in these surroundings; raises `InputError` about its `place` in the file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtmosphereTable(NodeTable):
+    """The surroundings."""
+
+    temperature: float | None = schema.like(Reservoir, "temperature", default=None)
+
+    def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
+        """A reservoir at the pressure of the surroundings."""
+        absolute = float(room.pressure_abs)
+        node = Reservoir(pressure_abs=absolute, temperature=_first(self.temperature, room.temperature))
+        return PlannedNode(node, "atmosphere", words=f"{with_unit(absolute, 'Pa')} absolute")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReservoirTable(NodeTable):
+    """A node of given pressure."""
+
+    pressure: float | None = schema.number("Pa", doc="gauge pressure", default=None)
+    signal: str | None = None
+    temperature: float | None = schema.like(Reservoir, "temperature", default=None)
+
+    def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
+        """A reservoir with a pressure or a signal."""
+        warm = _first(self.temperature, room.temperature)
+        if self.signal is not None:
+            if self.pressure is not None:
+                stated = with_unit(self.pressure, "Pa")
+                raise place.below("pressure").fail(stated, "must be a pressure or a signal, not both")
+            node = Reservoir(signal=f"{name}.pressure", temperature=warm)
+            return PlannedNode(node, "reservoir", signal=self.signal, words=f"follows {self.signal}")
+        if self.pressure is None:
+            raise place.below("pressure").fail(None, "is missing")
+        gauge = _above_vacuum(self.pressure, place.below("pressure"), room)
+        node = Reservoir(pressure_abs=gauge + float(room.pressure_abs), temperature=warm)
+        return PlannedNode(node, "reservoir", words=with_unit(gauge, "Pa"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChamberTable(NodeTable):
+    """A node that stores gas."""
+
+    start_pressure: float = schema.number("Pa", doc="gauge pressure at the start", default=0.0)
+    heat: HeatTable = schema.entry(_read_heat, "heat transfer of the gas", default=IsothermalTable())
+
+    def start(self, place: Place, room: Environment) -> float:
+        """The gauge pressure at the start [Pa], which must be above vacuum."""
+        return _above_vacuum(self.start_pressure, place.below("start_pressure"), room)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VolumeTable(ChamberTable):
+    """A rigid volume; a junction if its neighbours may give it all of it."""
+
+    kind: ClassVar[str] = "volume"
+    volume: float | None = schema.like(FixedVolume, "size", key="volume", default=None)
+
+    def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
+        """A rigid vessel."""
+        needs = self.kind == "junction" and self.volume is None
+        if self.volume is None and not needs:
+            raise place.below("volume").fail(None, "is missing")
+        heat, words = self.heat.model(room)
+        size = SMALLEST if self.volume is None else self.volume
+        shown = words if needs else f"{with_unit(size, 'm^3')}, {words}"
+        node = FixedVolume(size=size, heat=heat)
+        return PlannedNode(node, self.kind, start=self.start(place, room), words=shown, needs_volume=needs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JunctionTable(VolumeTable):
+    """A place where elements join."""
+
+    kind: ClassVar[str] = "junction"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompliantTable(ChamberTable):
+    """A volume that gives way to pressure, and may be moved by a signal."""
+
+    volume: float = schema.like(CompliantVolume, "size", key="volume")
+    compliance: float = schema.like(CompliantVolume, "compliance", default=0.0)
+    swept: float | None = schema.like(CompliantVolume, "swept", default=None)
+    signal: str | None = None
+
+    def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
+        """A compliant volume."""
+        heat, words = self.heat.model(room)
+        if (self.swept is None) != (self.signal is None):
+            problem = "goes together with the signal of the stroke: a volume that moves needs both"
+            raise place.below("swept").fail(None, problem)
+        node = CompliantVolume(
+            size=self.volume,
+            compliance=self.compliance,
+            swept=_first(self.swept, 0.0),
+            ambient=float(room.pressure_abs),
+            heat=heat,
+            signal=None if self.signal is None else f"{name}.stroke",
+        )
+        moves = "" if self.signal is None else f", moved by {self.signal}"
+        said = f"{with_unit(self.volume, 'm^3')}, compliant{moves}, {words}"
+        return PlannedNode(node, "compliant", self.start(place, room), self.signal, "1", words=said)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MuscleTable(ChamberTable):
+    """A muscle of a length, or of one that a signal gives."""
+
+    specimen: str
+    law: str = ""
+    parameters: dict[str, str | float] = schema.by_name((str, int, float), "a value with its unit")
+    length: float | None = schema.number("m", doc="length of the muscle", default=None)
+    signal: str | None = None
+    dead_volume: float = schema.like(MovingVolume, "dead", key="dead_volume", default=0.0)
+
+    def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
+        """The volume of a muscle, with its law."""
+        law, title = self._law(place)
+        if (self.length is None) == (self.signal is None):
+            problem = "is missing: a muscle needs a length, or the signal that gives it, and not both"
+            raise place.below("length").fail(None, problem)
+        if self.length is not None:
+            check_length(law, self.length, place.below("length").field, place.where or "")
+        heat, words = self.heat.model(room)
+        ambient, dead = float(room.pressure_abs), self.dead_volume
+        node = MovingVolume(of=law.braid_volume, ambient=ambient, dead=dead, heat=heat, signal=f"{name}.length")
+        at = f"follows {self.signal}" if self.length is None else with_unit(self.length, "m")
+        fittings = f", {with_unit(dead, 'm^3')} of fittings" if dead else ""
+        said = f"{title}, {at}{fittings}, {words}"
+        return PlannedNode(node, "muscle", self.start(place, room), self.signal, "m", self.length, law, words=said)
+
+    def _law(self, place: Place) -> tuple[TensionLaw, str]:
+        spec = _specimen(self.specimen, place.below("specimen"))
+        name = self.law or spec.law
+        if not name:
+            raise place.below("law").fail(None, "is missing")
+        if name not in LAWS:
+            raise place.below("law").fail(name, f"{spec.id} states", known=spec.laws)
+        changes, known = place.below("parameters"), declared(law_type(name))
+        changes.table(self.parameters).only(known, f"{name} has")
+        values = {
+            key: read_number(raw, known[key].unit, known[key].bounds, changes.below(key).field, place.where)
+            for key, raw in self.parameters.items()
+        }
+        try:
+            law = law_from_specimen(spec, name, changes=values) if name in spec.laws else build_law(name, values)
+        except MissingParametersError as error:
+            raise _missing(place, spec, error) from None
+        except InputError as error:
+            key = "specimen" if spec.kind != "mckibben" else "law"
+            raise error.changed(field=place.below(key).field, where=place.where) from None
+        if not law.has_volume():
+            raise place.below("law").fail(name, "must be a law that knows its volume, such as linear_threshold")
+        return law, f"{spec.id} by {name}"
+
+
+NODES = {
+    "reservoir": ReservoirTable,
+    "atmosphere": AtmosphereTable,
+    "volume": VolumeTable,
+    "compliant": CompliantTable,
+    "muscle": MuscleTable,
+    "junction": JunctionTable,
+}
+
+
+def _first(stated: float | None, usual: Any) -> float:
+    return float(usual) if stated is None else stated
+
+
+def _above_vacuum(value: float, place: Place, room: Environment) -> float:
     lowest = -float(room.pressure_abs)
     if not value > lowest:
-        raise entry.fail(
-            key, str(entry.values[key]), f"must be a gauge pressure above vacuum, {with_unit(lowest, 'Pa')}"
-        )
+        raise place.fail(with_unit(value, "Pa"), f"must be a gauge pressure above vacuum, {with_unit(lowest, 'Pa')}")
     return value
 
 
-def _reservoir(name: str, kind: str, entry: FileTable, room: Environment) -> PlannedNode:
-    temperature = declared(Reservoir)["temperature"]
-    warm = entry.number("temperature", "K", float(room.temperature), declared=temperature)
-    if kind == "atmosphere":
-        entry.only(("kind", "temperature"), "an atmosphere has")
-        absolute = float(room.pressure_abs)
-        return PlannedNode(
-            Reservoir(pressure_abs=absolute, temperature=warm), kind, words=f"{with_unit(absolute, 'Pa')} absolute"
-        )
-    entry.only(("kind", "pressure", "signal", "temperature"), "a reservoir has")
-    if "signal" in entry.values:
-        if "pressure" in entry.values:
-            raise entry.fail("pressure", str(entry.values["pressure"]), "must be a pressure or a signal, not both")
-        node = Reservoir(signal=f"{name}.pressure", temperature=warm)
-        return PlannedNode(node, kind, signal=entry.word("signal"), words=f"follows {entry.word('signal')}")
-    gauge = start_pressure(entry, "pressure", room)
-    node = Reservoir(pressure_abs=gauge + float(room.pressure_abs), temperature=warm)
-    return PlannedNode(node, kind, words=with_unit(gauge, "Pa"))
-
-
-def _volume(kind: str, entry: FileTable, room: Environment) -> PlannedNode:
-    entry.only(("kind", "volume", *STARTS), f"a {kind} has")
-    needs = kind == "junction" and "volume" not in entry.values
-    size = SMALLEST if needs else entry.number("volume", "m^3", declared=declared(FixedVolume)["size"])
-    heat, words = _heat(entry, room)
-    node = FixedVolume(size=size, heat=heat)
-    shown = words if needs else f"{with_unit(size, 'm^3')}, {words}"
-    return PlannedNode(
-        node, kind, start=start_pressure(entry, "start_pressure", room, 0.0), words=shown, needs_volume=needs
-    )
-
-
-def _compliant(name: str, entry: FileTable, room: Environment) -> PlannedNode:
-    entry.only(("kind", "volume", "compliance", "swept", "signal", *STARTS), "a compliant volume has")
-    known = declared(CompliantVolume)
-    size = entry.number("volume", "m^3", declared=known["size"])
-    heat, words = _heat(entry, room)
-    signal = entry.word("signal") if "signal" in entry.values else None
-    if ("swept" in entry.values) != (signal is not None):
-        raise entry.fail("swept", None, "goes together with the signal of the stroke: a volume that moves needs both")
-    node = CompliantVolume(
-        size=size,
-        compliance=entry.number("compliance", "m^3/Pa", 0.0, declared=known["compliance"]),
-        swept=entry.number("swept", "m^3", 0.0, declared=known["swept"]),
-        ambient=float(room.pressure_abs),
-        heat=heat,
-        signal=None if signal is None else f"{name}.stroke",
-    )
-    start = start_pressure(entry, "start_pressure", room, 0.0)
-    moves = "" if signal is None else f", moved by {signal}"
-    said = f"{with_unit(size, 'm^3')}, compliant{moves}, {words}"
-    return PlannedNode(node, "compliant", start, signal, "1", words=said)
-
-
-def _muscle(name: str, entry: FileTable, room: Environment) -> PlannedNode:
-    entry.only(("kind", "specimen", "law", "parameters", "length", "signal", "dead_volume", *STARTS), "a muscle has")
-    law, title = _law(entry)
-    if ("length" in entry.values) == ("signal" in entry.values):
-        raise entry.fail(
-            "length", None, "is missing: a muscle needs a length, or the signal that gives it, and not both"
-        )
-    length, signal = None, None
-    if "length" in entry.values:
-        length = entry.number("length", "m")
-        check_length(law, length, entry.field("length"), entry.where)
-    else:
-        signal = entry.word("signal")
-    dead = entry.number("dead_volume", "m^3", 0.0, declared=declared(MovingVolume)["dead"])
-    heat, words = _heat(entry, room)
-    node = MovingVolume(
-        of=law.braid_volume, ambient=float(room.pressure_abs), dead=dead, heat=heat, signal=f"{name}.length"
-    )
-    place = f"follows {signal}" if length is None else with_unit(length, "m")
-    fittings = f", {with_unit(dead, 'm^3')} of fittings" if dead else ""
-    start = start_pressure(entry, "start_pressure", room, 0.0)
-    return PlannedNode(node, "muscle", start, signal, "m", length, law, words=f"{title}, {place}{fittings}, {words}")
-
-
-def _law(entry: FileTable) -> tuple[TensionLaw, str]:
-    wanted = entry.word("specimen")
+def _specimen(name: str, place: Place) -> Specimen:
     try:
-        spec = specimen(wanted)
+        return specimen(name)
     except InputError as error:
-        raise error.changed(field=entry.field("specimen"), where=entry.where) from None
-    name = entry.word("law", spec.law or None, among=None)
-    if name not in LAWS:
-        raise entry.fail("law", name, f"{spec.id} states", known=spec.laws)
-    changes, known = entry.table("parameters"), declared(law_type(name))
-    changes.only(known, f"{name} has")
-    values = {k: changes.number(k, known[k].unit, declared=known[k]) for k in changes.values}
-    try:
-        law = law_from_specimen(spec, name, changes=values) if name in spec.laws else build_law(name, values)
-    except MissingParametersError as error:
-        raise _missing(entry, changes, spec, error) from None
-    except InputError as error:
-        key = "specimen" if spec.kind != "mckibben" else "law"
-        raise error.changed(field=entry.field(key), where=entry.where) from None
-    if not law.has_volume():
-        raise entry.fail("law", name, "must be a law that knows its volume, such as linear_threshold")
-    return law, f"{spec.id} by {name}"
+        raise error.changed(field=place.field, where=place.where) from None
 
 
-def _missing(entry: FileTable, changes: FileTable, spec: Specimen, error: MissingParametersError) -> InputError:
+def _missing(place: Place, spec: Specimen, error: MissingParametersError) -> InputError:
     """An error message that names the parameters that neither the specimen nor the file states, and how they are given."""
     has = f"states {', '.join(spec.laws)}" if error.law not in spec.laws else "does not state all of it"
-    paths = ", ".join(
-        f"{changes.path}.{key} = '.. {shown_unit(q.unit)}'".replace(" 1'", "'") for key, q in error.missing
-    )
+    at, field = place.below("parameters").field, place.below("law").field
+    paths = ", ".join(f"{at}.{key} = '.. {shown_unit(q.unit)}'".replace(" 1'", "'") for key, q in error.missing)
     said = (
-        f"{entry.field('law')} is '{error.law}', but the specimen {spec.id} {has}. Missing: {needed_words(error.missing)}. "
+        f"{field} is '{error.law}', but the specimen {spec.id} {has}. Missing: {needed_words(error.missing)}. "
         f"State them as {paths}"
     )
-    return InputError(entry.field("law"), error.law, f"state {paths}", where=entry.where, sentence=said)
+    return InputError(field, error.law, f"state {paths}", where=place.where, sentence=said)
 
 
 def check_length(law: TensionLaw, length: float, field: str, where: str) -> None:
@@ -218,32 +337,7 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
         )
 
 
-def _heat(entry: FileTable, room: Environment) -> tuple[HeatModel, str]:
-    """Read the heat transfer of a volume: the model and its description."""
-    raw: Any = entry.values.get("heat", "isothermal")
-    if isinstance(raw, Mapping):
-        table = entry.table("heat")
-    else:
-        if raw not in HEATS:
-            raise entry.fail("heat", raw, known=HEATS)
-        table = FileTable({"kind": raw}, entry.field("heat"), entry.where)
-    kind = table.word("kind", among=HEATS)
-    if kind == "polytropic":
-        table.only(("kind", "exponent"), "polytropic has")
-        exponent = table.number("exponent", "1", declared=declared(Polytropic)["exponent"])
-        return Polytropic(exponent=exponent), f"polytropic with n = {exponent:g}"
-    if kind == "wall":
-        table.only(("kind", "conductance", "wall_temperature"), "wall has")
-        known = declared(WallHeat)
-        conductance = table.number("conductance", "W/K", declared=known["conductance"])
-        wall = table.number("wall_temperature", "K", float(room.temperature), declared=known["wall_temperature"])
-        return (
-            WallHeat(conductance=conductance, wall_temperature=wall),
-            f"wall of {conductance:g} W/K at {with_unit(wall, 'K')}",
-        )
-    table.only(("kind",), f"{kind} has")
-    return (Isothermal() if kind == "isothermal" else adiabatic()), kind
-
+# ---- elements
 
 TWO_PORTS = ("from", "to")  # the two ports of an element that has no more
 
@@ -255,84 +349,53 @@ class PlannedBranch(NamedTuple):
     unit: str
 
 
-def read_branch(entry: FileTable, nodes: Sequence[str]) -> PlannedBranch:
-    """Read one element and the nodes that it connects.
-
-    Raises:
-        InputError: names file, dotted path, value and what is allowed.
-    """
-    stated = entry.values.get("kind")
-    kind = str(stated) if is_reference(stated) else entry.word("kind", among=ELEMENTS)
-    ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where or None)
-    ports = ELEMENTS[kind].ports
-    keys = TWO_PORTS if len(ports) == 2 and not set(ports) & set(entry.values) else ports
-    ends = tuple(_end(entry, key, keys, nodes) for key in keys)
-    spec = _specimen(entry) if "specimen" in entry.values else None
-    values = {k: v for k, v in entry.values.items() if k not in ("kind", "command", "specimen", *keys)}
-    try:
-        element = build_element(kind, values, where=entry.where, specimen=spec)
-    except InputError as error:
-        key = error.field.removeprefix(f"{kind}.")
-        if spec is not None and error.where == (spec.where or spec.id):
-            key = "specimen"
-        raise error.changed(field=entry.field(key), where=entry.where) from None
-    command = entry.word("command") if "command" in entry.values else None
-    return PlannedBranch(Branch(element, ends, command), element.command_unit)
+def _read_kind(raw: Any, place: Place) -> str:
+    if not isinstance(raw, str):
+        raise place.fail(raw, known=ELEMENTS)
+    ELEMENTS.find(raw, field=place.field, where=place.where)
+    return raw
 
 
-def _end(entry: FileTable, key: str, keys: Sequence[str], nodes: Sequence[str]) -> str:
-    if key not in entry.values:
-        raise entry.fail(key, None, f"is missing: its ports are {', '.join(keys)}, and each leads to a node")
-    end = entry.values[key]
-    if end not in nodes:
-        raise entry.fail(key, end, known=nodes)
-    return str(end)
+@dataclass(frozen=True, kw_only=True)
+class ElementTable:
+    """An element as its table states it: its kind, and the keys of that kind, among them the nodes of its ports."""
+
+    kind: str = schema.entry(_read_kind, "kind of the element, such as lumped_tube")
+    command: str | None = None
+    specimen: str | None = None
+    stated: Mapping[str, Any] = schema.rest()
+
+    def planned(self, place: Place, nodes: Sequence[str]) -> PlannedBranch:
+        """The element between its nodes; raises `InputError` about its `place` in the file."""
+        ports = ELEMENTS[self.kind].ports
+        keys = TWO_PORTS if len(ports) == 2 and not set(ports) & set(self.stated) else ports
+        ends = tuple(self._end(key, keys, place, nodes) for key in keys)
+        spec = None if self.specimen is None else _specimen(self.specimen, place.below("specimen"))
+        values = {key: value for key, value in self.stated.items() if key not in keys}
+        try:
+            element = build_element(self.kind, values, where=place.where, specimen=spec)
+        except InputError as error:
+            key = error.field.removeprefix(f"{self.kind}.")
+            if spec is not None and error.where == (spec.where or spec.id):
+                key = "specimen"
+            raise error.changed(field=place.below(key).field, where=place.where) from None
+        return PlannedBranch(Branch(element, ends, self.command), element.command_unit)
+
+    def _end(self, key: str, keys: Sequence[str], place: Place, nodes: Sequence[str]) -> str:
+        if key not in self.stated:
+            problem = f"is missing: its ports are {', '.join(keys)}, and each leads to a node"
+            raise place.below(key).fail(None, problem)
+        if self.stated[key] not in nodes:
+            raise place.below(key).fail(self.stated[key], known=nodes)
+        return str(self.stated[key])
 
 
-def _specimen(entry: FileTable) -> Specimen:
-    wanted = entry.word("specimen")
-    try:
-        return specimen(wanted)
-    except InputError as error:
-        raise error.changed(field=entry.field("specimen"), where=entry.where) from None
-
-
-FIT_KEYS = ("free", "start", "columns", "units", "pressure_zero")
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FitTable:
     """The table ``fit`` of a circuit file; the command line adds to it."""
 
-    free: tuple[str, ...] = ()
-    start: dict[str, str | float] = field(default_factory=dict)
-    columns: dict[str, str | int] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    pressure_zero: float = 0.0
-
-
-def read_fit(entry: FileTable) -> FitTable:
-    """The table as a value.
-
-    Raises:
-        InputError: names the key, its value and what is allowed.
-    """
-    entry.only(FIT_KEYS, "a fit has")
-    free = entry.values.get("free", [])
-    if not isinstance(free, list) or not all(isinstance(path, str) for path in free):
-        raise entry.fail("free", str(free), "must be a list of dotted paths")
-    return FitTable(
-        free=tuple(free),
-        start=_fit_words(entry, "start", (str, int, float), "a value in words"),
-        columns=_fit_words(entry, "columns", (str, int), "the name or the number of a column"),
-        units=_fit_words(entry, "units", (str,), "a unit in words"),
-        pressure_zero=entry.number("pressure_zero", "Pa", 0.0),
-    )
-
-
-def _fit_words(entry: FileTable, key: str, kinds: tuple[type, ...], allowed: str) -> dict[str, Any]:
-    values = entry.table(key).values
-    for name, value in values.items():
-        if not isinstance(value, kinds) or isinstance(value, bool):
-            raise entry.fail(f"{key}.{name}", str(value), f"must be {allowed}")
-    return dict(values)
+    free: tuple[str, ...] = schema.words("dotted paths", default=())
+    start: dict[str, str | float] = schema.by_name((str, int, float), "a value in words")
+    columns: dict[str, str | int] = schema.by_name((str, int), "the name or the number of a column")
+    units: dict[str, str] = schema.by_name((str,), "a unit in words")
+    pressure_zero: float = schema.number("Pa", doc="what the sensors read at zero", default=0.0)

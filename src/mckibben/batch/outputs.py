@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ from .._jax import jax, jnp
 from ..analysis.steps import LAST, settling
 from ..engine.integration import Result
 from ..errors import InputError
-from ..schema import FileTable
+from ..schema import Place, number, read_table, word
 
 RUNNING = ("first", "final", "min", "max", "mean", "rms", "integral", "area")  # made while it goes
 LATER = ("time_to", "drift", "samples")  # made of kept samples
@@ -44,7 +45,8 @@ KINDS = (*RUNNING, *LATER, "account", "balance")
 TIME = "time"
 
 
-class Output(NamedTuple):
+@dataclass(frozen=True)
+class Output:
     """Definition of one output of every variant.
 
     Attributes:
@@ -57,11 +59,18 @@ class Output(NamedTuple):
     """
 
     name: str
-    reduce: str
-    channel: str
+    reduce: str = word(among=(*RUNNING, *LATER))
+    channel: str = word()
     over: str = ""
-    share: float = 0.9
+    share: float = number("1", default=0.9)
     step: str = ""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.share < 1.0:
+            raise InputError("share", self.share, "must be more than 0 and less than 1")
+        if (self.reduce == "area") != bool(self.over):
+            problem = "is missing: an area needs it" if self.reduce == "area" else "is allowed only with an area"
+            raise InputError("over", None, problem)
 
     @property
     def sampled(self) -> bool:
@@ -76,35 +85,24 @@ USUAL = tuple(
 )
 
 
-def read_outputs(top: FileTable) -> tuple[Output, ...]:
+def read_outputs(raw: Any, place: Place) -> tuple[Output, ...]:
     """Read the outputs of a sweep file, the usual ones if it names none.
 
     Raises:
         InputError: names the dotted path and what is allowed.
     """
-    table = top.table("outputs")
-    if not table.values:
-        return USUAL
-    return tuple(_one(name, FileTable.of(value, table.field(name), top.where)) for name, value in table.values.items())
+    return tuple(_one(name, place.below(name), value) for name, value in place.table(raw).values.items()) or USUAL
 
 
-def _one(name: str, entry: FileTable) -> Output:
+def _one(name: str, place: Place, raw: Any) -> Output:
     if name == TIME or not name.strip() or "/" in name:
-        raise InputError(entry.path, name, "must be another name; time and names with / are taken", where=entry.where)
-    entry.only(("channel", "reduce", "over", "share", "step", "account", "balance"))
-    for key in ("account", "balance"):
-        if key in entry.values:
+        raise place.fail(name, "must be another name; time and names with / are taken")
+    entry = place.table(raw)
+    for key, among in (("account", None), ("balance", BALANCES)):
+        if key in entry:
             entry.only((key,), f"with {key} goes nothing else:")
-            among = BALANCES if key == "balance" else None
             return Output(name, key, entry.word(key, among=among))
-    reduce = entry.word("reduce", among=(*RUNNING, *LATER))
-    share = entry.number("share", "1", 0.9)
-    if not 0.0 < share < 1.0:
-        raise entry.fail("share", entry.values["share"], "must be more than 0 and less than 1")
-    if (reduce == "area") != ("over" in entry.values):
-        problem = "is missing: an area needs it" if reduce == "area" else "is allowed only with an area"
-        raise entry.fail("over", None, problem)
-    return Output(name, reduce, entry.word("channel"), entry.text("over"), share, entry.text("step"))
+    return read_table(Output, entry, owner="an output has", name=name)
 
 
 def check_channels(outputs: Iterable[Output], known: Iterable[str], accounts: Iterable[str], where: str) -> None:
@@ -125,7 +123,7 @@ def wanted(outputs: Iterable[Output]) -> tuple[str, ...]:
 
 def document(outputs: Iterable[Output]) -> dict[str, Mapping[str, Any]]:
     """Convert outputs to a JSON document for a store."""
-    return {o.name: {k: v for k, v in o._asdict().items() if k != "name" and v not in ("",)} for o in outputs}
+    return {o.name: {k: v for k, v in asdict(o).items() if k != "name" and v not in ("",)} for o in outputs}
 
 
 # ---- result codes

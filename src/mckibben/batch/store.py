@@ -14,6 +14,7 @@ store that was left at any moment says which variants it holds, and the others a
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import datetime
 import errno
 import os
@@ -174,7 +175,7 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
     whole = [n for n, o in channels.items() if o.reduce == "samples"]
     for name, one in channels.items():
         if name not in whole:
-            array(f"outputs/{name}", float, np.nan, **{k: v for k, v in one._asdict().items() if k != "name"})
+            array(f"outputs/{name}", float, np.nan, **{k: v for k, v in dataclasses.asdict(one).items() if k != "name"})
     for name in [TIME, *whole] if whole else []:
         group.create_array(
             f"outputs/{name}",

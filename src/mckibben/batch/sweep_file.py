@@ -37,7 +37,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,20 +52,121 @@ from ..engine.native import ENGINES
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped, with_values
-from ..schema import FileTable
+from ..schema import FileTable, Place, entry, named, nested, number, read_part, read_table, shown, verbatim, whole, word
 from ..specimens import specimen
 from . import posterior
-from .outputs import read_outputs
+from .outputs import USUAL, Output, read_outputs
 from .run_template import RunTemplate
 from .settings import WORDS, Setting
 from .sweep import MEMORY, SCHEMA, Sweep
 from .variants import MOST, SPACINGS, Variants, between, crossed, grid, latin, listed
 
-SECTIONS = (
-    "schema", "title", "protocol", "muscle", "rig", "plumbing", "noise_seed", "step", "accept_saturation", "set", "grid",
-    "latin", "list", "posterior", "outputs", "run",
-)  # fmt: skip
-STEPS = (1e-7, 1e-3)
+Known = Callable[[str], Setting]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ends:
+    """The ends of a range, each as the setting that it is of reads it, and how values lie between them."""
+
+    low: Any = verbatim("one end of the range", key="from")
+    high: Any = verbatim("other end of the range", key="to")
+    spacing: str = word(among=SPACINGS, default="linear")
+
+    def read(self, one: Setting, place: Place) -> tuple[float, float, str]:
+        """The ends [SI] and the spacing; words have no range."""
+        ends = []
+        for key, raw in (("from", self.low), ("to", self.high)):
+            value = one.read(raw, where=place.where)
+            if isinstance(value, str):
+                raise place.below(key).fail(value, "it is a word, and words stand in a list")
+            ends.append(value)
+        return ends[0], ends[1], self.spacing
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridRange(Ends):
+    """Values of a grid, evenly spaced."""
+
+    count: int = whole(1, MOST, "number of values")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatinTable:
+    """A Latin hypercube."""
+
+    count: int = whole(1, MOST, "number of variants")
+    seed: int = whole(0, 2**32 - 1, default=0)
+    ranges: dict[str, Ends] = named(
+        Ends, "table of ranges { from, to } by path", owner="a range has", pattern=".*", default_factory=dict
+    )
+
+    def variants(self, known: Known, place: Place) -> Variants:
+        """The variants; refuses a table without ranges."""
+        if not self.ranges:
+            raise place.below("ranges").fail(None, "is missing: a table of ranges { from, to } by path")
+        at = place.below("ranges")
+        ranges = {path: ends.read(known(path), at.below(path)) for path, ends in self.ranges.items()}
+        return latin(ranges, self.count, seed=self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorTable:
+    """Draws from the result of a fit, or from samples of another program."""
+
+    fit: str | None = None
+    law: str = ""
+    samples: str | None = None
+    count: int | None = whole(1, MOST, "number of draws", default=None)
+    seed: int = whole(0, 2**32 - 1, default=0)
+
+    def __post_init__(self) -> None:
+        if (self.fit is None) == (self.samples is None):
+            raise InputError("fit", None, "must be stated, or samples, but not both")
+        if self.samples is None and self.count is None:
+            raise InputError("count", None, "is missing: a fit needs the number of draws")
+
+    def variants(self, known: Known, folder: Path) -> Variants:
+        """The variants, from a file beside that of the sweep."""
+        if self.fit is None or self.count is None:
+            return posterior.of_samples(folder / str(self.samples), self.count, known, seed=self.seed)
+        return posterior.of_json(folder / self.fit, self.law, self.count, known, seed=self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepRunTable:
+    """How the variants are run."""
+
+    block: int = whole(1, 2**16, "variants that are run and stored at once", default=0)
+    memory: float = number("byte", doc="memory of the results", default=MEMORY)
+    engine: str = word(among=ENGINES, default="auto")
+
+
+def _read_rows(raw: Any, place: Place) -> tuple[Mapping[str, Any], ...]:
+    if not isinstance(raw, list):
+        raise place.fail(raw, "must be a list of tables, [[list]]")
+    return tuple(place.below(i).table(one).values for i, one in enumerate(raw, 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepFile:
+    """A sweep file as its tables state it."""
+
+    schema: int = SCHEMA
+    title: str = ""
+    protocol: str
+    muscle: str
+    rig: str = "paper"
+    plumbing: str = ""
+    noise_seed: int = whole(0, 2**32 - 1, default=0)
+    step: float = number("s", (1e-7, 1e-3), "largest step of the physics", default=STEP)
+    accept_saturation: bool = False
+    settings: dict[str, Any] = named(None, key="set", pattern=".*", default_factory=dict)
+    grid: dict[str, Any] = named(None, pattern=".*", default_factory=dict)
+    latin: LatinTable | None = nested(LatinTable, owner="they have", default=None)
+    rows: tuple[Mapping[str, Any], ...] = entry(_read_rows, key="list", default=())
+    posterior: PosteriorTable | None = nested(PosteriorTable, owner="they have", default=None)
+    outputs: tuple[Output, ...] = entry(read_outputs, default=USUAL)
+    run: SweepRunTable = nested(SweepRunTable, owner="a run has", default=SweepRunTable())
 
 
 def read_sweep(path: str | os.PathLike[str]) -> Sweep:
@@ -75,10 +177,10 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     """
     where = os.fspath(path)
     top = FileTable(read_toml(path, field="sweep"), "", where)
-    top.only(SECTIONS, "a sweep has")
     top.schema(SCHEMA)
+    file = read_table(SweepFile, top, owner="a sweep has")
     folder = Path(where).parent
-    template = _template(top, folder)
+    template = _template(file, folder, where)
     settings: dict[str, Setting] = {}
 
     def known(name: str) -> Setting:
@@ -86,54 +188,59 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
             settings[name] = template.setting(name, where=where)
         return settings[name]
 
-    parts = [_grid(top, known), _latin(top, known), _list(top, known), _posterior(top, known, folder)]
-    if all(p is None for p in parts):
+    parts = []
+    if file.grid:
+        parts.append(
+            grid({path: _axis(raw, known(path), Place(f"grid.{path}", where)) for path, raw in file.grid.items()})
+        )
+    if file.latin is not None:
+        parts.append(file.latin.variants(known, Place("latin", where)))
+    if file.rows:
+        parts.append(listed([{path: known(path).read(v, where=where) for path, v in row.items()} for row in file.rows]))
+    if file.posterior is not None:
+        parts.append(file.posterior.variants(known, folder))
+    if not parts:
         raise top.fail("variants", None, "are missing: a sweep needs one of [grid], [latin], [[list]] and [posterior]")
-    variants = crossed(*[p for p in parts if p is not None])
+    variants = crossed(*parts)
     for name in variants.columns:
         if name in template.given:
             raise InputError(name, None, "must be either set or varied", where=where)
     template = _with_files(dataclasses.replace(template, settings=settings), variants, folder, where)
-    run = top.table("run")
-    run.only(("block", "memory", "engine"))
-    return Sweep(
-        template,
-        variants,
-        title=top.text("title"),
-        where=where,
-        engine=run.word("engine", "auto", among=ENGINES),
-        block=run.whole("block", 1, 2**16) if "block" in run.values else 0,
-        memory=run.number("memory", "byte", MEMORY),
-    )
+    return Sweep(template, variants, title=file.title, where=where, **dataclasses.asdict(file.run))
 
 
-def _template(top: FileTable, folder: Path) -> RunTemplate:
-    protocol = _protocol(top.word("protocol"), folder)
-    muscle, rig = _found(top.word("muscle"), folder), _found(top.word("rig", "paper"), folder)
-    accept = top.values.get("accept_saturation", False)
-    if not isinstance(accept, bool):
-        raise top.fail("accept_saturation", accept, "must be true or false")
-    step = top.number("step", "s", STEP)
-    if not STEPS[0] <= step <= STEPS[1]:
-        raise top.fail("step", top.values["step"], "must be between 0.1 us and 1 ms")
+def _axis(raw: Any, one: Setting, place: Place) -> list[float | str]:
+    """The values of a path of the grid."""
+    if isinstance(raw, Mapping):
+        ends = read_part(GridRange, raw, place, "they have")
+        low, high, spacing = ends.read(one, place)
+        share = np.linspace(0.0, 1.0, ends.count) if ends.count > 1 else np.zeros(1)
+        return [float(x) for x in between(one.path, low, high, spacing, share)]
+    if isinstance(raw, list) and raw:
+        return [one.read(value, where=place.where) for value in raw]
+    raise place.fail(raw, "must be a list of values, or a range { from, to, count }")
+
+
+def _template(file: SweepFile, folder: Path, where: str) -> RunTemplate:
+    protocol = _protocol(file.protocol, folder)
+    muscle, rig = _found(file.muscle, folder), _found(file.rig, folder)
     template = RunTemplate(
         protocol=protocol,
         muscle=muscle,
         rig=rig,
         specimens={muscle: specimen(muscle)},
         rigs={rig: dict(rig_of(rig).document)},
-        outputs=read_outputs(top),
-        plumbing=top.text("plumbing"),
-        step=step,
-        accept_saturation=accept,
-        noise_seed=top.whole("noise_seed", 0, 2**32 - 1, 0),
+        outputs=file.outputs,
+        plumbing=file.plumbing,
+        step=file.step,
+        accept_saturation=file.accept_saturation,
+        noise_seed=file.noise_seed,
     )
-    settings = top.table("set")
-    for path in settings.values:
+    for path in file.settings:
         if path in WORDS:
-            raise settings.fail(path, settings.values[path], "it stands at the top of the file")
-    words = {p: template.setting(p, where=top.where).text(raw, where=top.where) for p, raw in settings.values.items()}
-    with_values(protocol, {k: v for k, v in words.items() if not k.startswith(("rig.", "muscle."))}, where=top.where)
+            raise InputError(f"set.{path}", shown(file.settings[path]), "it stands at the top of the file", where=where)
+    words = {path: template.setting(path, where=where).text(raw, where=where) for path, raw in file.settings.items()}
+    with_values(protocol, {k: v for k, v in words.items() if not k.startswith(("rig.", "muscle."))}, where=where)
     return dataclasses.replace(template, given=words)
 
 
@@ -144,81 +251,6 @@ def _protocol(name: str, folder: Path) -> Protocol:
 def _found(name: str, folder: Path) -> str:
     """Path of a file named by the sweep, relative to its own file; other names are of shipped objects."""
     return str(folder / name) if name.lower().endswith(".toml") else name
-
-
-def _grid(top: FileTable, known: Any) -> Variants | None:
-    table = top.table("grid")
-    if not table.values:
-        return None
-    axes = {}
-    for path, raw in table.values.items():
-        one = known(path)
-        if isinstance(raw, Mapping):
-            entry = FileTable.of(raw, table.field(path), top.where)
-            entry.only(("from", "to", "count", "spacing"))
-            low, high, spacing = _range(entry, one)
-            count = entry.whole("count", 1, MOST)
-            share = np.linspace(0.0, 1.0, count) if count > 1 else np.zeros(1)
-            axes[path] = [float(x) for x in between(path, low, high, spacing, share)]
-        elif isinstance(raw, list) and raw:
-            axes[path] = [one.read(value, where=top.where) for value in raw]
-        else:
-            raise table.fail(path, raw, "must be a list of values, or a range { from, to, count }")
-    return grid(axes)
-
-
-def _range(entry: FileTable, one: Setting) -> tuple[float, float, str]:
-    ends = []
-    for key in ("from", "to"):
-        if key not in entry.values:
-            raise entry.fail(key, None, "is missing: a range has both ends")
-        value = one.read(entry.values[key], where=entry.where)
-        if isinstance(value, str):
-            raise entry.fail(key, value, "it is a word, and words stand in a list")
-        ends.append(value)
-    return ends[0], ends[1], entry.word("spacing", "linear", among=SPACINGS)
-
-
-def _latin(top: FileTable, known: Any) -> Variants | None:
-    table = top.table("latin")
-    if not table.values:
-        return None
-    table.only(("count", "seed", "ranges"))
-    ranges = {}
-    for path, raw in table.table("ranges").values.items():
-        entry = FileTable.of(raw, f"latin.ranges.{path}", top.where)
-        entry.only(("from", "to", "spacing"))
-        ranges[path] = _range(entry, known(path))
-    if not ranges:
-        raise table.fail("ranges", None, "is missing: a table of ranges { from, to } by path")
-    count = table.whole("count", 1, MOST)
-    return latin(ranges, count, seed=table.whole("seed", 0, 2**32 - 1, 0))
-
-
-def _list(top: FileTable, known: Any) -> Variants | None:
-    raw = top.values.get("list", [])
-    if not isinstance(raw, list):
-        raise top.fail("list", raw, "must be a list of tables, [[list]]")
-    rows = [FileTable.of(one, f"list.{i}", top.where).values for i, one in enumerate(raw, 1)]
-    if not rows:
-        return None
-    return listed([{path: known(path).read(v, where=top.where) for path, v in row.items()} for row in rows])
-
-
-def _posterior(top: FileTable, known: Any, folder: Path) -> Variants | None:
-    table = top.table("posterior")
-    if not table.values:
-        return None
-    table.only(("fit", "law", "samples", "count", "seed"))
-    if ("fit" in table.values) == ("samples" in table.values):
-        raise table.fail("fit", None, "must be stated, or samples, but not both")
-    seed = table.whole("seed", 0, 2**32 - 1, 0)
-    count = table.whole("count", 1, MOST) if "count" in table.values else None
-    if "samples" in table.values:
-        return posterior.of_samples(folder / table.word("samples"), count, known, seed=seed)
-    if count is None:
-        raise table.fail("count", None, "is missing: a fit needs the number of draws")
-    return posterior.of_json(folder / table.word("fit"), table.text("law"), count, known, seed=seed)
 
 
 def _with_files(template: RunTemplate, variants: Variants, folder: Path, where: str) -> RunTemplate:

@@ -5,79 +5,186 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ..schema import FrozenTable
+from .. import schema
+from ..errors import InputError
+from ..schema import FrozenTable, Place, read_table, write_table
+from .amounts import read_amount
 from .plan import ProtocolPlan, expand
 from .sentence import protocol_sentence
-from .steps import ProtocolStep, bind
+from .steps import PARTS, ProtocolStep, bind
 from .waveforms.random import uniform
+
+T = TypeVar("T")
 
 SCHEMA = 1
 ORDERS = ("as listed", "random")
+MOST_CASES = 10_000
+RATES = (1.0, 1e6)  # of samples [1/s]
+SENSORS = ("pressure sensor", "span sensor", "tension sensor")  # that are suggested; others may be named too
+_NAME = r"[a-z][a-z0-9_]*"
 
 
-@dataclass(frozen=True)
+def check_values(p: ProtocolParameter, values: tuple[Any, ...], place: Place) -> None:
+    """Refuse values that a parameter cannot have, by the place where they are stated."""
+    for value in values:
+        if p.unit == "word":
+            if not isinstance(value, str) or not value.strip() or "$" in value:
+                raise place.fail(value, "must be a word")
+            continue
+        amount = read_amount(value, p.unit, field=place.field, where=place.where)
+        ends = [read_amount(b, p.unit, field=place.field, where=place.where) for b in p.bounds]
+        if ends and ends[0].unit == ends[1].unit == amount.unit:
+            if not ends[0].value <= amount.value <= ends[1].value:
+                raise place.fail(value, f"must be between {p.low} and {p.high}")
+
+
+def check_options(choice: ProtocolChoice, values: tuple[Any, ...], place: Place) -> None:
+    """Refuse values that are no options of a choice, by the place where they are stated."""
+    options = [name for name, _ in choice.options]
+    for value in values:
+        if not isinstance(value, str):
+            raise place.fail(value, "must be a word")
+        if value not in options:
+            raise place.fail(value, known=options)
+
+
+def read_values(raw: Any, place: Place) -> tuple[Any, ...]:
+    """Read one value or several."""
+    values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
+    if not values:
+        raise place.fail(None, "must be a value or a list of one or more")
+    return values
+
+
+def _read_inferred(raw: Any, place: Place) -> tuple[Any, ...]:
+    return () if raw is False else read_values(raw, place)
+
+
+def _few(values: tuple[Any, ...], place: Place | None = None) -> Any:
+    return values[0] if len(values) == 1 else list(values)
+
+
+def _all(values: tuple[Any, ...], place: Place) -> list[Any]:
+    return list(values)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ProtocolParameter:
     """A named number or text of a protocol; with several values the steps are run for each of them.
 
-    Values are the words of the file; `inferred` are those that no source prints, and `source` says why they were chosen.
+    Values are the words of the file, `low` and `high` bound them; `inferred` are those that no source prints, all if it is
+    true, and `note` says why they were chosen.
     """
 
     name: str
     unit: str
-    values: tuple[Any, ...]
+    values: tuple[Any, ...] = schema.entry(read_values, key="value", write=_few, default=())
     about: str = ""
-    bounds: tuple[str, ...] = ()
-    inferred: tuple[Any, ...] = ()
+    low: str = schema.entry(lambda raw, place: str(raw), default="")
+    high: str = schema.entry(lambda raw, place: str(raw), default="")
+    inferred: tuple[Any, ...] = schema.entry(_read_inferred, write=_all, default=())
     note: str = ""
 
-    def table(self) -> dict[str, Any]:
-        """Return the parameter as a table of a file."""
-        out: dict[str, Any] = {"unit": self.unit}
-        if self.values:
-            out["value"] = _few(self.values)
-        if self.about:
-            out["about"] = self.about
-        if self.bounds:
-            out["low"], out["high"] = self.bounds
-        if self.inferred:
-            out["inferred"] = list(self.inferred)
-        if self.note:
-            out["note"] = self.note
-        return out
+    def __post_init__(self) -> None:
+        if bool(self.low) != bool(self.high):
+            raise InputError("low", None, "and high must both be stated")
+        if self.inferred == (True,):
+            object.__setattr__(self, "inferred", self.values)
+        if self.unit != "word":
+            for key, bound in (("low", self.low), ("high", self.high)) if self.low else ():
+                read_amount(bound, self.unit, field=key)
+            if not self.low:
+                read_amount("1" if self.unit == "1" else f"1 {self.unit}", self.unit, field="unit")
+        check_values(self, self.values, Place("value"))
+        check_values(self, self.inferred, Place("inferred"))
+
+    @property
+    def bounds(self) -> tuple[str, ...]:
+        """Lowest and highest value in words; empty where none are stated."""
+        return (self.low, self.high) if self.low else ()
 
 
-@dataclass(frozen=True)
+def _read_options(raw: Any, place: Place) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]:
+    options = []
+    for option, sets in place.table(raw).values.items():
+        at = place.below(option)
+        for key, value in at.table(sets).values.items():
+            if isinstance(value, bool) or not isinstance(value, str | int | float):
+                raise at.below(key).fail(value, "must be a word or a number")
+        options.append((option, tuple(sets.items())))
+    if not options:
+        raise place.fail(None, "must be a table of one or more")
+    return tuple(options)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ProtocolChoice:
     """A named option that sets parameters, such as ``range = "small"``; several are run one after the other."""
 
     name: str
-    values: tuple[str, ...]
-    options: tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]
+    values: tuple[str, ...] = schema.entry(read_values, "option that is run", key="value", write=_few)
     about: str = ""
-    inferred: tuple[str, ...] = ()
+    inferred: tuple[str, ...] = schema.entry(read_values, write=_all, default=())
     note: str = ""
+    options: tuple[tuple[str, tuple[tuple[str, Any], ...]], ...] = schema.entry(
+        _read_options,
+        "table of what each option sets",
+        write=lambda options, place: {option: dict(sets) for option, sets in options},
+    )
+
+    def __post_init__(self) -> None:
+        check_options(self, self.inferred, Place("inferred"))
+        check_options(self, self.values, Place("value"))
 
     def sets(self, option: str) -> dict[str, Any]:
         """The parameters that an option sets."""
         return dict(dict(self.options)[option])
 
-    def table(self) -> dict[str, Any]:
-        """Return the choice as a table of a file."""
-        out: dict[str, Any] = {"value": _few(self.values)}
-        if self.about:
-            out["about"] = self.about
-        if self.inferred:
-            out["inferred"] = list(self.inferred)
-        if self.note:
-            out["note"] = self.note
-        out["options"] = {option: dict(sets) for option, sets in self.options}
-        return out
+
+def _read_named(kind: type[T]) -> Callable[[Any, Place], tuple[T, ...]]:
+    def read(raw: Any, place: Place) -> tuple[T, ...]:
+        table = place.table(raw)
+        for name in table.values:
+            if not re.fullmatch(_NAME, name):
+                raise table.fail(name, name, "must be made of small letters, digits and _")
+        owner = f"a {kind.__name__.removeprefix('Protocol').lower()} has"
+        return tuple(read_table(kind, table.table(name), owner=owner, name=name) for name in table.values)
+
+    return read
+
+
+def _write_named(values: tuple[Any, ...], place: Place) -> dict[str, Any]:
+    return {value.name: write_table(value, skip=("name",)) for value in values}
+
+
+def _read_steps(raw: Any, place: Place) -> tuple[FrozenTable, ...]:
+    if not isinstance(raw, list | tuple):
+        raise place.fail(raw, f"must be a list of steps, [[{place.field}]]")
+    return tuple(FrozenTable(place.below(i).table(one).values) for i, one in enumerate(raw, 1))
+
+
+def _write_steps(steps: tuple[FrozenTable, ...], place: Place) -> list[dict[str, Any]]:
+    return [step.plain() for step in steps]
+
+
+def _read_needs(raw: Any, place: Place) -> tuple[str, ...]:
+    if not isinstance(raw, list | tuple) or not all(isinstance(need, str) for need in raw):
+        raise place.fail(raw, "must be a list of words")
+    for need in raw:
+        if need not in PARTS and not re.fullmatch(rf"{_NAME} sensor", need):
+            raise place.fail(need, known=(*PARTS, *SENSORS))
+    return tuple(raw)
+
+
+def _read_rate(raw: Any, place: Place) -> float:
+    return read_amount(raw, "1/s", field=place.field, where=place.where, bounds=RATES).value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,19 +196,36 @@ class Protocol:
     """
 
     name: str
-    title: str
-    steps: tuple[FrozenTable, ...]
-    first: tuple[FrozenTable, ...] = ()
-    last: tuple[FrozenTable, ...] = ()
-    parameters: tuple[ProtocolParameter, ...] = ()
-    choices: tuple[ProtocolChoice, ...] = ()
-    needs: tuple[str, ...] = ()
-    sample_rate: float = 1000.0
-    order: str = "as listed"
-    seed: int = 0
-    repeat: int = 1
+    title: str = ""
     source: str = ""
     note: str = ""
+    order: str = schema.word(among=ORDERS, default="as listed")
+    seed: int = schema.whole(0, 2**32 - 1, default=0)
+    repeat: int = schema.whole(1, MOST_CASES, default=1)
+    needs: tuple[str, ...] = schema.entry(_read_needs, write=_all, default=())
+    sample_rate: float = schema.entry(_read_rate, write=lambda rate, place: f"{rate!r} Hz", default=1000.0)
+    choices: tuple[ProtocolChoice, ...] = schema.entry(_read_named(ProtocolChoice), write=_write_named, default=())
+    parameters: tuple[ProtocolParameter, ...] = schema.entry(
+        _read_named(ProtocolParameter), write=_write_named, default=()
+    )
+    first: tuple[FrozenTable, ...] = schema.entry(_read_steps, write=_write_steps, default=())
+    steps: tuple[FrozenTable, ...] = schema.entry(_read_steps, write=_write_steps, default=())
+    last: tuple[FrozenTable, ...] = schema.entry(_read_steps, write=_write_steps, default=())
+
+    def __post_init__(self) -> None:
+        if not self.title:
+            object.__setattr__(self, "title", self.name)
+        if not self.steps:
+            raise InputError("steps", None, "must be a list of steps, [[steps]]")
+        reserved = {"schema", "protocol", *(f.name for f in fields(self))}
+        parameters = [p.name for p in self.parameters]
+        for section, names in (("parameters", parameters), ("choices", [c.name for c in self.choices])):
+            for name in names:
+                field = f"{section}.{name}"
+                if name in reserved:
+                    raise InputError(field, name, "that name says something else in a protocol; choose another one")
+                if section == "choices" and name in parameters:
+                    raise InputError(field, name, "a parameter has that name; choose another one")
 
     def variables(self) -> dict[str, tuple[Any, ...]]:
         """The values of every choice and parameter by name; those that choices set are empty."""
@@ -148,22 +272,7 @@ class Protocol:
 
     def document(self) -> dict[str, Any]:
         """Return the protocol as tables of text, which `read.build_protocol` takes and recordings contain."""
-        out: dict[str, Any] = {"schema": SCHEMA, "name": self.name, "title": self.title}
-        for key in ("source", "note", "order", "seed", "repeat"):
-            if getattr(self, key) != type(self).__dataclass_fields__[key].default:
-                out[key] = getattr(self, key)
-        if self.needs:
-            out["needs"] = list(self.needs)
-        out["sample_rate"] = f"{self.sample_rate!r} Hz"
-        if self.choices:
-            out["choices"] = {c.name: c.table() for c in self.choices}
-        if self.parameters:
-            out["parameters"] = {p.name: p.table() for p in self.parameters}
-        for key in ("first", "steps", "last"):
-            parts = getattr(self, key)
-            if parts:
-                out[key] = [part.plain() for part in parts]
-        return out
+        return {"schema": SCHEMA} | write_table(self, always=("sample_rate",))
 
     def toml(self) -> str:
         """Return the protocol as the text of a file."""
@@ -205,7 +314,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     return f"{float(value) + 0.0:.12g}"
-
-
-def _few(values: tuple[Any, ...]) -> Any:
-    return values[0] if len(values) == 1 else list(values)

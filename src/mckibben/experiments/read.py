@@ -24,26 +24,23 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
-import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..documents import parse_toml, read_text
 from ..errors import InputError
 from ..quantities import split_values
-from ..schema import FileTable, FrozenTable, shown
+from ..schema import FileTable, Place, read_stated, read_table
 from .amounts import read_amount
-from .protocol import ORDERS, SCHEMA, Protocol, ProtocolChoice, ProtocolParameter
-from .steps import PARTS, names_in
+from .protocol import MOST_CASES, SCHEMA, Protocol, check_options, check_values, read_values
+from .steps import names_in
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
-SECTIONS = ("schema", "name", "source", "needs", "parameters", "choices", "first", "steps", "last", *SETTINGS)
-MOST_CASES = 10_000
-RATES = (1.0, 1e6)
+T = TypeVar("T")
 
 
 def read_protocol(path: str | os.PathLike[str]) -> Protocol:
@@ -73,21 +70,7 @@ def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
         base = shipped(top.word("protocol"), where=where)
         tables = {k: v for k, v in document.items() if k not in ("protocol", "schema")}
         return with_values(base, tables, where=where)
-    top.only(SECTIONS, "a protocol has")
-    name = top.word("name")
-    protocol = Protocol(
-        name=name,
-        title=top.word("title", name),
-        steps=_parts(top, "steps", needed=True),
-        first=_parts(top, "first"),
-        last=_parts(top, "last"),
-        parameters=tuple(_parameter(n, e) for n, e in _named(top, "parameters")),
-        choices=tuple(_choice(n, e) for n, e in _named(top, "choices")),
-        needs=_needs(top),
-        source=top.text("source"),
-        note=top.text("note"),
-    )
-    return checked(_set(protocol, {k: document[k] for k in SETTINGS if k in document}, top), where)
+    return checked(read_table(Protocol, top, owner="a protocol has", beside=("schema",)), where)
 
 
 def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | None = None) -> Protocol:
@@ -104,17 +87,26 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
     top = FileTable(given, "", where or "")
     names = protocol.variables()
     top.only([*names, *SETTINGS], f"{protocol.name} has")
-    parameters = tuple(
-        dataclasses.replace(p, values=_values(p, given[p.name], top.field(p.name), where)) if p.name in given else p
-        for p in protocol.parameters
-    )
-    choices = []
+    parameters, choices = [], []
+    for p in protocol.parameters:
+        values = _read(given[p.name], p.name, p, check_values, where) if p.name in given else p.values
+        parameters.append(dataclasses.replace(p, values=values))
     for c in protocol.choices:
-        values = _options(FileTable(given, "", where or ""), c.name, dict(c.options)) if c.name in given else c.values
+        values = _read(given[c.name], c.name, c, check_options, where) if c.name in given else c.values
         kept = tuple((o, tuple((k, v) for k, v in sets if k not in given)) for o, sets in c.options)
         choices.append(dataclasses.replace(c, values=values, options=kept))
-    changed = dataclasses.replace(protocol, parameters=parameters, choices=tuple(choices))
-    return checked(_set(changed, {k: given[k] for k in SETTINGS if k in given}, top), where)
+    settings = read_stated(Protocol, top, SETTINGS)
+    changed = dataclasses.replace(protocol, parameters=tuple(parameters), choices=tuple(choices), **settings)
+    return checked(changed, where)
+
+
+def _read(
+    raw: Any, name: str, owner: T, check: Callable[[T, tuple[Any, ...], Place], None], where: str | None
+) -> tuple[Any, ...]:
+    place = Place(name, where)
+    values = read_values(raw, place)
+    check(owner, values, place)
+    return values
 
 
 def values_of(name: str, words: str, *, field: str, where: str | None = None) -> str | list[str]:
@@ -168,119 +160,7 @@ def _check_choices(protocol: Protocol, where: str | None) -> None:
                 field = f"choices.{c.name}.options.{option}.{key}"
                 if key not in parameters:
                     raise InputError(field, None, "parameters are", known=parameters, where=where)
-                _values(parameters[key], value, field, where)
-
-
-def _set(protocol: Protocol, given: Mapping[str, Any], top: FileTable) -> Protocol:
-    changes: dict[str, Any] = {}
-    for key in ("title", "note"):
-        if key in given:
-            changes[key] = top.word(key)
-    if "order" in given:
-        changes["order"] = top.word("order", among=ORDERS)
-    if "seed" in given:
-        changes["seed"] = top.whole("seed", 0, 2**32 - 1)
-    if "repeat" in given:
-        changes["repeat"] = top.whole("repeat", 1, MOST_CASES)
-    if "sample_rate" in given:
-        field, where = top.field("sample_rate"), top.where or None
-        changes["sample_rate"] = read_amount(given["sample_rate"], "1/s", field=field, where=where, bounds=RATES).value
-    return dataclasses.replace(protocol, **changes)
-
-
-def _parts(top: FileTable, key: str, *, needed: bool = False) -> tuple[FrozenTable, ...]:
-    raw = top.values.get(key, [])
-    if not isinstance(raw, list | tuple) or (needed and not raw):
-        raise top.fail(key, raw or None, f"must be a list of steps, [[{key}]]")
-    return tuple(FrozenTable(FileTable.of(one, f"{key}.{i}", top.where).values) for i, one in enumerate(raw, 1))
-
-
-def _named(top: FileTable, section: str) -> list[tuple[str, FileTable]]:
-    table = top.table(section)
-    for name in table.values:
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            raise table.fail(name, name, "must be made of small letters, digits and _")
-        if name in (*SECTIONS, "protocol"):
-            raise table.fail(name, name, "that name says something else in a protocol; choose another one")
-        if section == "choices" and name in top.table("parameters").values:
-            raise table.fail(name, name, "a parameter has that name; choose another one")
-    return [(name, table.table(name)) for name in table.values]
-
-
-def _parameter(name: str, entry: FileTable) -> ProtocolParameter:
-    entry.only(("unit", "value", "about", "low", "high", "inferred", "note"), "a parameter has")
-    bounds = tuple(str(entry.values[k]) for k in ("low", "high")) if {"low", "high"} <= set(entry.values) else ()
-    if not bounds and {"low", "high"} & set(entry.values):
-        raise entry.fail("low", None, "and high must both be stated")
-    unit = entry.word("unit")
-    bare = ProtocolParameter(name, unit, (), entry.text("about"), bounds, (), entry.text("note"))
-    if unit != "word":
-        for key in ("low", "high"):
-            if bounds:
-                read_amount(entry.values[key], unit, field=entry.field(key), where=entry.where or None)
-        if not bounds:
-            read_amount(f"1 {unit}" if unit != "1" else "1", unit, field=entry.field("unit"), where=entry.where or None)
-    place, where = entry.field("value"), entry.where or None
-    values = _values(bare, entry.values["value"], place, where) if "value" in entry.values else ()
-    inferred = entry.values.get("inferred", False)
-    if isinstance(inferred, bool):
-        flagged = values if inferred else ()
-    else:
-        flagged = _values(bare, inferred, entry.field("inferred"), where)
-    return dataclasses.replace(bare, values=values, inferred=flagged)
-
-
-def _values(p: ProtocolParameter, raw: Any, field: str, where: str | None) -> tuple[Any, ...]:
-    values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
-    if not values:
-        raise InputError(field, None, "must be a value or a list of one or more", where=where)
-    for value in values:
-        if p.unit == "word":
-            if not isinstance(value, str) or not value.strip() or "$" in value:
-                raise InputError(field, shown(value), "must be a word", where=where)
-            continue
-        amount = read_amount(value, p.unit, field=field, where=where)
-        low, high = (read_amount(b, p.unit, field=field, where=where) for b in p.bounds) if p.bounds else (None, None)
-        if low is None or high is None or low.unit != amount.unit:
-            continue
-        if not low.value <= amount.value <= high.value:
-            raise InputError(field, value, f"must be between {p.bounds[0]} and {p.bounds[1]}", where=where)
-    return values
-
-
-def _choice(name: str, entry: FileTable) -> ProtocolChoice:
-    entry.only(("value", "about", "options", "inferred", "note"), "a choice has")
-    table = entry.table("options")
-    options = []
-    for option in table.values:
-        sets = table.table(option).values
-        for key, value in sets.items():
-            if isinstance(value, bool) or not isinstance(value, str | int | float):
-                raise table.fail(f"{option}.{key}", value, "must be a word or a number")
-        options.append((option, tuple(sets.items())))
-    if not options:
-        raise entry.fail("options", None, "must be a table of one or more")
-    inferred = _options(entry, "inferred", dict(options)) if "inferred" in entry.values else ()
-    values = _options(entry, "value", dict(options))
-    return ProtocolChoice(name, values, tuple(options), entry.text("about"), inferred, entry.text("note"))
-
-
-def _options(entry: FileTable, key: str, options: Mapping[str, Any]) -> tuple[str, ...]:
-    raw = entry.values.get(key)
-    values = raw if isinstance(raw, list) and raw else [raw]
-    return tuple(
-        FileTable({key: v} if v is not None else {}, entry.path, entry.where).word(key, among=options) for v in values
-    )
-
-
-def _needs(top: FileTable) -> tuple[str, ...]:
-    needs = top.texts("needs")
-    for need in needs:
-        if not re.fullmatch(r"[a-z][a-z0-9_]* sensor", need):
-            top.derived({"needs": need}).word(
-                "needs", among=(*PARTS, "pressure sensor", "span sensor", "tension sensor")
-            )
-    return needs
+                _read(value, field, parameters[key], check_values, where)
 
 
 def protocol_names() -> list[str]:
