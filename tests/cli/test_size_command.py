@@ -51,8 +51,9 @@ def test_the_json_is_one_object_in_si(run):
 
 
 def test_the_tables_name_muscles_and_sources(run):
-    code, out, _ = run(*ASKED)
+    code, out, _ = run(*ASKED, "--cycles", "1 Hz", "--working-time", "8 h", "--tank", "1 l at 100 bar")
     assert code == 0
+    assert "A day of 8 h: 28800 cycles" in out and "own tank of 1 l at 100 bar" in out and "W h a day" in out
     assert "braid-mass" in out and "turns" in out and "CO2 cartridge" in out and "accumulator" in out
 
 
@@ -104,6 +105,11 @@ def test_valves_and_a_figure(run, tmp_path):
         ({"--top": "0"}, "--top"),
         ({"--law": "linear"}, "Known are linear_threshold"),
         ({"--muscle": "nylonn"}, "The candidates are"),
+        ({"--load": "3 kg"}, "--load must be given without a force"),
+        ({"--valve": "MHE2-3-2"}, "without --no-lines"),
+        ({"--working-time": "8 h"}, "--working-time needs a frequency"),
+        ({"--battery": "100 W"}, "--battery"),
+        ({"--tank": "2 l"}, "--tank must be a volume and a gauge pressure"),
         ({"--figure": "size.pdf"}, "--figure"),
     ],
 )

@@ -39,11 +39,12 @@ from mckibben.studies.sizing import (
     size,
     sources_for,
     unit_of,
+    valve_of,
 )
 from mckibben.studies.sizing._circuit import courses, settled_courses
 from mckibben.studies.sizing.braid import frontier
 from mckibben.studies.sizing.candidate import Ends, air_of_cycle, ranked
-from mckibben.studies.sizing.size import adiabatic_work
+from mckibben.studies.sizing.sources import adiabatic_work
 
 WISH = Requirements(force=50.0, stroke=0.03, pressure=5e5)
 
@@ -431,6 +432,25 @@ def test_a_file_of_parts_that_is_wrong_is_refused(text, says):
     with pytest.raises(InputError) as refused:
         read_parts(text, where="mine.toml")
     assert "mine.toml" in str(refused.value) and says in str(refused.value)
+
+
+def test_a_valve_by_its_cv_is_one_by_its_nominal_flow():
+    """Cv of a passage is converted to a conductance, and so is its nominal flow: 100 l/min of the same b are a Cv."""
+    wish = replace(WISH, length=0.2)
+    one = judged(design(wish)[0], wish)
+    own = valve_of("Cv=0.1, b=0.35, switching_time=4 ms")
+    flow = valve_from_specimen(own).fill
+    same = valve_of(f"C={float(flow.conductance):.12g} m^3/(s*Pa), b=0.35, switching_time=4 ms, name=same")
+    first, second = sorted(lines_for(one, wish, valves=[own, same], tubes=["PU-4x2"]), key=lambda x: x.valve)
+    assert (first.valve, second.valve) == ("own-valve", "same")
+    assert first.to_force == pytest.approx(second.to_force, rel=1e-6) and first.element == "three_way_valve"
+    # Nothing that sets its speed is inferred; without a switching time that is, within 2 to 30 ms of it.
+    assert lines.time_range(one, wish, own, first) is None
+    loose = valve_of("Cv=0.1, b=0.35")
+    (line,) = lines_for(one, wish, valves=[loose], tubes=["PU-4x2"])
+    fast, slow = lines.time_range(one, wish, loose, line)
+    # a dead time is passed on whole, and of the motion no more than all: 14 ms between the ends at least, 28 at most
+    assert fast < line.to_force < slow and 0.014 < slow - fast < 0.029
 
 
 def test_lanes_are_drawn_at_the_speed_that_was_asked_for():

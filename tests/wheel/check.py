@@ -143,7 +143,15 @@ CALLS: dict[str, list[Call]] = {
         needs("report", "--out", "papers"),
     ],
     "parts": [Call(("valves", "--min-flow", "100 l/min", "--out", "parts.csv"), ["parts.csv"]), Call(("PU-4x2",))],
-    "size": [Call(("--force", "50 N", "--stroke", "3 cm", "--pressure", "5 bar", "--no-lines"))],
+    "size": [
+        Call(("--force", "50 N", "--stroke", "3 cm", "--pressure", "5 bar", "--no-lines")),
+        Call(
+            (
+                "--load", "3 kg", "--stroke", "3 cm", "--pressure", "5 bar", "--cycles", "1 Hz", "--working-time", "8 h",
+                "--battery", "100 Wh", "--tank", "2 l at 200 bar", "--no-lines",
+            )
+        ),
+    ],
     "sweep": [
         Call((str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep", "--dry-run")),
         needs("sweep", str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep"),

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...quantities import from_si
-from ...specimens import specimen
 from ...studies.design import Design, DesignStudy
 from ...studies.sizing import Judged, LineResult, Sizing
 from ...studies.sizing.braid import frontier
@@ -198,7 +197,7 @@ def _lines(ax: Axes, found: Sizing) -> None:
     ax.set_xscale("log")
     ax.set_yscale("log")
     for line in able:
-        marker = KIND_MARKERS.get(specimen(line.valve).element, "D")
+        marker = KIND_MARKERS.get(line.element, "D")
         ax.plot(
             [1e3 * line.mass],
             [1e3 * (line.to_force or np.nan)],

@@ -10,8 +10,11 @@ from .braid_law import BRAID_LAWS, INFERRED, LawError, braid_law, error_of_braid
 from .candidate import VERDICTS, Candidate, Judged, judged, unit_of
 from .catalogue import of_size, of_sizes, of_specimen, of_specimens
 from .lines import WEIGHED, LineResult, lines_for, rank
+from .own_parts import battery_of, tank_of, valve_of
 from .requirements import Requirements, Shortfall
-from .size import Sizing, SourceResult, size, sources_for
+from .size import Sizing, size
+from .sources import DailyUse, SourceResult, sources_for
+from .spread import Spread, spread_of
 
 __all__ = [
     "BRAID_LAWS",
@@ -20,6 +23,7 @@ __all__ = [
     "VERDICTS",
     "WEIGHED",
     "Candidate",
+    "DailyUse",
     "Judged",
     "LawError",
     "LineResult",
@@ -27,6 +31,8 @@ __all__ = [
     "Sizing",
     "SourceResult",
     "Requirements",
+    "Spread",
+    "battery_of",
     "braid_law",
     "design",
     "error_of_braid",
@@ -40,7 +46,10 @@ __all__ = [
     "rank",
     "size",
     "sources_for",
+    "spread_of",
+    "tank_of",
     "unit_of",
+    "valve_of",
 ]
 
 lazy_submodules(__name__)

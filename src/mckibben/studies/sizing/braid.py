@@ -11,6 +11,7 @@ takes points away or makes them larger, so that it never gives a smaller muscle.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -20,9 +21,10 @@ from ..._jax import jit, jnp
 from ...errors import InputError
 from ...muscles import braid
 from ...pneumatics.gas import AIR
-from .braid_law import BRAID_LAWS, LawError, braid_law, error_of_braid, usual
+from .braid_law import BRAID_LAWS, INFERRED, INFERRED_IN, REFERENCE, LawError, braid_law, error_of_braid, usual
 from .candidate import Candidate
 from .requirements import ALLOWED, Requirements, Shortfall
+from .spread import ends_of_braid
 
 # At the long end: below 19.5 degrees the law with wall loses its stiffness, and the nylon muscle works from 20.3 on.
 ANGLES = (np.deg2rad(20.5), np.deg2rad(45.0))
@@ -181,7 +183,13 @@ def _built(wish: Requirements, law: str, error: LawError, shapes: Shapes, sizes:
     one: dict[str, float] = {n: float(v[0, 0]) for n, v in {**shapes._asdict(), **sizes._asdict()}.items()}
     b, d0, angle = one["thread"], one["diameter"], one["angle"]
     longest = b * np.cos(angle)
-    made = braid_law(law, thread_length=b, diameter=d0, longest=longest, shortest=longest - wish.stroke)
+    built = functools.partial(
+        braid_law, law, thread_length=b, diameter=d0, longest=longest, shortest=longest - wish.stroke
+    )
+    made = built()
+    pull = float(made.tension(longest, wish.pressure))
+    ranges = {name: INFERRED[name].range for name in INFERRED_IN[law]}
+    low, high = INFERRED["friction_share"].range
     turns = b / (np.pi * d0)
     rest = usual("rest_share") * longest
     return Candidate(
@@ -192,7 +200,7 @@ def _built(wish: Requirements, law: str, error: LawError, shapes: Shapes, sizes:
         law_name=law,
         error=error,
         longest=longest,
-        friction=usual("friction_share") * float(made.tension(longest, wish.pressure)),
+        friction=usual("friction_share") * pull,
         overall_length=one["overall"],
         diameter=one["contracted"],
         mass=one["mass"],
@@ -210,6 +218,9 @@ def _built(wish: Requirements, law: str, error: LawError, shapes: Shapes, sizes:
         },
         inferred=("wall_share", "threshold_pressure", "passive_pressure", "friction_share", "fitting_share", "mass"),
         sources=("chou1996",),
+        law_ends=functools.partial(ends_of_braid, built, ranges),
+        friction_range=(low * pull, high * pull),
+        like=REFERENCE,
     )
 
 

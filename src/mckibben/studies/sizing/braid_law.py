@@ -35,7 +35,9 @@ BRAID_LAWS = ("linear_threshold", "thick_wall", "ideal")
 INFERRED: dict[str, InferredDimension] = {
     **{name: sleeve.INFERRED[name] for name in ("threshold_pressure", "threshold_width", "friction_share")},
     "wall_share": InferredDimension(
-        0.0762 / 1.66, (0.02, 0.1), "wall over the diameter at 90 degrees, of the nylon muscle"
+        0.0762 / 1.66,
+        (0.03, 0.06),
+        "wall over the diameter at 90 degrees, of the nylon muscle; a thicker one leaves no room at 20 degrees",
     ),
     "passive_pressure": InferredDimension(392.0 / 0.466e-2, (0.0, 2e5), "Pa; Kp/Kg of the nylon muscle"),
     "rest_share": InferredDimension(1.0 / 1.1, (0.85, 1.0), "length at rest over the longest, of the nylon muscle"),
@@ -51,7 +53,17 @@ def usual(name: str) -> float:
     return INFERRED[name].value
 
 
-def braid_law(name: str, *, thread_length: Any, diameter: Any, longest: Any, shortest: Any) -> TensionLaw:
+# Inferred numbers of `INFERRED` that each law contains.
+INFERRED_IN: dict[str, tuple[str, ...]] = {
+    "linear_threshold": ("wall_share", "threshold_pressure", "threshold_width", "passive_pressure", "rest_share"),
+    "thick_wall": ("wall_share",),
+    "ideal": (),
+}
+
+
+def braid_law(
+    name: str, *, thread_length: Any, diameter: Any, longest: Any, shortest: Any, **inferred: float
+) -> TensionLaw:
     """Build the law of a braid; arrays broadcast.
 
     Args:
@@ -60,23 +72,25 @@ def braid_law(name: str, *, thread_length: Any, diameter: Any, longest: Any, sho
         diameter: D0 at 90 degrees, b/(n pi) [m].
         longest: length from which it shortens [m].
         shortest: to which the straight line is taken [m].
+        inferred: numbers of `INFERRED` to use instead of the usual ones [SI].
     """
+    numbers = {key: one.value for key, one in INFERRED.items()} | inferred
     turns = thread_length / (jnp.pi * diameter)
     if name == "ideal":
         return Ideal(thread_length=thread_length, turns=turns)
-    wall = usual("wall_share") * diameter
+    wall = numbers["wall_share"] * diameter
     thick = ThickWall(thread_length=thread_length, turns=turns, wall_thickness=wall, upper_length=longest)
     if name == "thick_wall":
         return thick
     per_pressure, zero = straight_line(thick, longest, shortest)
-    rest = usual("rest_share") * longest
+    rest = numbers["rest_share"] * longest
     volume = braid.inner_volume(rest, thread_length=thread_length, turns=turns, wall_thickness=wall)
     return LinearThreshold(
         stiffness_per_pressure=per_pressure,
         shortest_length=zero,
-        threshold_pressure=usual("threshold_pressure"),
-        threshold_width=usual("threshold_width"),
-        passive_stiffness=usual("passive_pressure") * per_pressure,
+        threshold_pressure=numbers["threshold_pressure"],
+        threshold_width=numbers["threshold_width"],
+        passive_stiffness=numbers["passive_pressure"] * per_pressure,
         rest_length=rest,
         upper_length=longest,
         rest_volume=volume,

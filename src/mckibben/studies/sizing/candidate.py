@@ -6,9 +6,9 @@ margin = (what it has over what is needed) - 1      of the force, the stroke, th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,18 @@ from .requirements import Requirements
 
 VERDICTS = ("yes", "within the error", "no")
 POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, and how often it is refined
+
+
+class LawEnds(NamedTuple):
+    """A law with each inferred number at both ends of its range, by the number's name; and those without a range."""
+
+    pairs: Mapping[str, tuple[TensionLaw, TensionLaw]]
+    without_range: tuple[str, ...] = ()
+
+
+def no_ends() -> LawEnds:
+    """Of a law whose numbers are all printed."""
+    return LawEnds({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +57,9 @@ class Candidate:
         dimensions: what it is made with, by name [SI].
         inferred: numbers that no source prints.
         sources: citation keys.
+        law_ends: its law with each inferred number at the ends of its range.
+        friction_range: of an inferred friction [N]; None if it is stated.
+        like: specimen whose law it is, or from which its inferred numbers are.
     """
 
     id: str
@@ -62,6 +77,9 @@ class Candidate:
     dimensions: Mapping[str, float] = field(default_factory=dict)
     inferred: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
+    law_ends: Callable[[], LawEnds] = no_ends
+    friction_range: tuple[float, float] | None = None
+    like: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +125,40 @@ class Judged:
         """Requirement with the smallest margin, and that margin."""
         name = min(self.margins, key=lambda n: self.margins[n])
         return name, self.margins[name]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Candidate and margins as plain values in SI."""
+        m = self.muscle
+        return {
+            "id": m.id,
+            "title": m.title,
+            "kind": m.kind,
+            "law": m.law_name,
+            "verdict": self.verdict,
+            "error": {
+                "share": m.error.share,
+                "force": self.error_force,
+                "kind": m.error.kind,
+                "source": m.error.source,
+            },
+            "end_force": self.end_force,
+            "promised_force": self.promised_force,
+            "largest_force": self.largest_force,
+            "passive": self.passive,
+            "stroke": self.stroke,
+            "speed": self.speed,
+            "friction": m.friction,
+            "longest": m.longest,
+            "overall_length": m.overall_length,
+            "diameter": m.diameter,
+            "mass": m.mass,
+            "air": self.air,
+            "margins": dict(self.margins),
+            "nominal": dict(self.nominal),
+            "dimensions": dict(m.dimensions),
+            "inferred": list(m.inferred),
+            "sources": list(m.sources),
+        }
 
     def with_speed(self, speed: float, wished: float) -> Judged:
         """Return a copy with the speed that a line gives it [m/s]."""

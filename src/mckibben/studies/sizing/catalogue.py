@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from ...muscles.build import law_from_specimen, upper_length_of
 from ...muscles.law import TensionLaw
 from ...specimens import Specimen, specimen, specimens
 from ...specimens.parts import CataloguePart, parts
-from .braid_law import error_of_size, error_of_specimen, usual
+from .braid_law import INFERRED, error_of_size, error_of_specimen, usual
 from .candidate import Candidate, Ends, judged
 from .requirements import Requirements
+from .spread import ends_of_specimen
 
 CUT = 0.01  # in steps of which a fluidic muscle is cut [m]
 SIZE_LAWS = {"DMSP-10-250": "hyperelastic_braid", "DMSP-20-300": "hyperelastic_braid", "festo-10mm": "seated_braid"}
@@ -71,6 +73,9 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
         dimensions={"rest_length": rested, "longest_length": longest, "wall_thickness": wall},
         inferred=("fitting_share", *stated.inferred()),
         sources=tuple(stated.sources),
+        law_ends=functools.partial(ends_of_specimen, stated, law, name),
+        friction_range=friction_range_of(stated, law, longest, wish, range_),
+        like=stated.id,
     )
 
 
@@ -137,6 +142,9 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
         dimensions={"rest_length": length, "longest_length": length, "bore": v["bore"]},
         inferred=(f"law of {of.id}", *part.inferred()),
         sources=tuple(dict.fromkeys((*part.sources, *of.sources))),
+        law_ends=functools.partial(ends_of_specimen, of, law, name, dict.fromkeys(BORES, scale)),
+        friction_range=friction_range_of(of, law, length, wish, part),
+        like=of.id,
     )
 
 
@@ -166,6 +174,17 @@ def friction_of(
     if "coulomb_friction" in spec.properties and range_ is None:
         return spec.property_si("coulomb_friction", "N")
     return usual("friction_share") * float(Ends(law, wish.pressure).tension(longest))
+
+
+def friction_range_of(
+    spec: Specimen, law: TensionLaw, longest: float, wish: Requirements, range_: CataloguePart | None
+) -> tuple[float, float] | None:
+    """Range of a friction that is not stated [N]; None of one that is."""
+    if "coulomb_friction" in spec.properties and range_ is None:
+        return None
+    pull = float(Ends(law, wish.pressure).tension(longest))
+    low, high = INFERRED["friction_share"].range
+    return low * pull, high * pull
 
 
 def _range_of(spec: Specimen) -> CataloguePart | None:

@@ -20,7 +20,7 @@ doi:10.1109/70.481753, and the discussion of the longer report.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,7 +55,8 @@ class LineResult:
     Times [s]; None if it never gets there. Masses [kg], `box` the size of the valve [m^3], `power` electrical [W],
     `stiffness` of the tube against bending E I [N m^2], `bend_radius` the least [m], `air` of a cycle with valve and tube
     [kg], `leak` while holding [kg/s], `supply` gauge pressure [Pa]. `keeps_up` says whether rise and fall fit into a cycle,
-    `settled` whether the tension came to rest, without which its times are of a step under way.
+    `settled` whether the tension came to rest, without which its times are of a step under way,
+    `element` the kind of the valve.
     """
 
     valve: str
@@ -79,13 +80,14 @@ class LineResult:
     speed: float | None = None
     pareto: bool = False
     score: float = math.inf
+    element: str = ""
 
 
 def lines_for(
     muscle: Judged,
     wish: Requirements,
     *,
-    valves: Sequence[str] | None = None,
+    valves: Sequence[str | Specimen] | None = None,
     tubes: Sequence[str] = TUBES,
     lengths: Sequence[float] | None = None,
     progress: Callable[[str], None] | None = None,
@@ -95,15 +97,16 @@ def lines_for(
     Args:
         muscle: for which.
         wish: pressure, force, stroke, speed and frequency.
-        valves: ids of specimens; all shipped ones by default.
+        valves: specimens or their ids; all shipped ones by default.
         tubes: ids of parts.
         lengths: lengths of tubes, instead of the wish's [m]; no speeds are then looked for.
         progress: called with a description of the next stage.
     """
     tell = progress or (lambda _: None)
-    wanted = valves if valves is not None else specimen_ids("valve")
+    named = valves if valves is not None else specimen_ids("valve")
+    wanted = [specimen(v) if isinstance(v, str) else v for v in named]
     known = {p.id: p for p in parts("tube")}
-    pairs = [(specimen(v), known[t], x) for x in lengths or (wish.tube_length,) for v in wanted for t in tubes]
+    pairs = [(v, known[t], x) for x in lengths or (wish.tube_length,) for v in wanted for t in tubes]
     tell(f"{muscle.muscle.id}: {len(pairs)} lines")
     lanes = [lane for pair in pairs for lane in _held(muscle, wish, *pair)]
     done = courses(lanes)
@@ -115,7 +118,7 @@ def lines_for(
         return ranked
     best = [line for line in ranked if line.pareto and line.keeps_up][:MOST_DRAWN]
     tell(f"{muscle.muscle.id}: speed of {len(best)} lines")
-    fast = speeds_of(muscle, wish, best)
+    fast = speeds_of(muscle, wish, best, {v.id: v for v in wanted})
     by = {(line.valve, line.tube): v for line, v in zip(best, fast, strict=True)}
     return [replace(line, speed=by.get((line.valve, line.tube))) for line in ranked]
 
@@ -154,7 +157,7 @@ def _found(
     inner, outer = v["inner_diameter"], v["outer_diameter"]
     section = 0.25 * math.pi * (outer**2 - inner**2)
     valve_mass = valve.property_si("mass", "kg")
-    dead = 0.25 * math.pi * inner**2 * length + ASSEMBLED["port_volume"].value
+    dead = 0.25 * math.pi * inner**2 * length + ASSEMBLED["port_volume"].value  # as `dead_volume` of the result
     share = float(getattr(lane.valve, "leakage", 0.0))
     passage = lane.valve.fill  # type: ignore[attr-defined]
     absolute = lane.supply + float(wish.environment.pressure_abs)
@@ -178,7 +181,57 @@ def _found(
         keeps_up=wish.frequency is None or (busy is not None and busy * wish.frequency <= 1.0),
         inferred=(*(f"{valve.id}.{n}" for n in valve.inferred()), *(f"{tube.id}.{n}" for n in tube.inferred())),
         settled=all(c.settled for _, c in (long_, short) if c.sound),
+        element=valve.element,
     )
+
+
+def dead_volume(line: LineResult) -> float:
+    """Volume of the tube and of the valve's port [m^3]."""
+    inner = next(p for p in parts("tube") if p.id == line.tube).values["inner_diameter"]
+    return 0.25 * math.pi * inner**2 * line.tube_length + ASSEMBLED["port_volume"].value
+
+
+# Numbers of a valve with which it fills faster; with more of all its other numbers it is slower.
+FASTER_WITH_MORE = ("nominal_flow", "conductance", "flow_into_the_room", "Kv", "Cv", "hole_diameter", "critical_ratio")
+SLOWER_WITH_MORE = ("opening_dead_time", "opening_time", "lag", "dead_time", "linear_band")
+
+
+def time_range(
+    muscle: Judged, wish: Requirements, valve: str | Specimen, line: LineResult
+) -> tuple[float, float] | None:
+    """Shortest and longest time of a line to the required force, its inferred numbers at the ends of their ranges [s].
+
+    Args:
+        muscle: which.
+        wish: pressure, force and stroke.
+        valve: of the line.
+        line: evaluated with the numbers as they are.
+
+    Returns:
+        None if the line never gets there, or no inferred number of the valve has a range.
+    """
+    spec = specimen(valve) if isinstance(valve, str) else valve
+    tube = next(p for p in parts("tube") if p.id == line.tube)
+    moved = [n for n, p in spec.valve.items() if p.inferred and p.range and n in (*FASTER_WITH_MORE, *SLOWER_WITH_MORE)]
+    if line.to_force is None or not moved:
+        return None
+    at = muscle.muscle.longest - wish.stroke
+    lanes = [_lane(muscle, wish, _moved(spec, moved, fast=fast), tube, line.tube_length, at) for fast in (True, False)]
+    wanted = wish.force + muscle.muscle.friction + muscle.passive
+    times = []
+    done = courses(lanes)
+    for course, rest in zip(done, settled_courses(lanes, done), strict=True):
+        times.append(next((t for c in (course, rest) if c.sound and (t := _reached(c, wanted)) is not None), math.inf))
+    return min(times[0], line.to_force), max(times[1], line.to_force)
+
+
+def _moved(spec: Specimen, names: Sequence[str], *, fast: bool) -> Specimen:
+    """A valve whose inferred numbers stand at the end of their range that makes it fast, or slow."""
+    valve = dict(spec.valve)
+    for name in names:
+        low, high = sorted(spec.valve[name].range or ())
+        valve[name] = replace(valve[name], value=high if (name in FASTER_WITH_MORE) is fast else low)
+    return replace(spec, valve=valve)
 
 
 def _transitions(course: Course, rest: Course) -> tuple[float | None, float | None]:
@@ -213,10 +266,10 @@ def _reached(course: Course, wanted: float) -> float | None:
     return _passing(course.time[before], up, wanted, 1.0) if bool((up >= wanted).any()) else None
 
 
-def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -> list[float]:
+def speeds_of(
+    muscle: Judged, wish: Requirements, lines: Sequence[LineResult], valves: Mapping[str, Specimen]
+) -> list[float]:
     """Speed up to which each line keeps the required force at the end of the stroke [m/s].
-
-    At most eight times the required.
 
     At most eight times the required.
     """
@@ -227,7 +280,7 @@ def speeds_of(muscle: Judged, wish: Requirements, lines: Sequence[LineResult]) -
         _lane(
             muscle,
             wish,
-            specimen(line.valve),
+            valves[line.valve],
             known[line.tube],
             line.tube_length,
             muscle.muscle.longest,

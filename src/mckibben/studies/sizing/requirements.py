@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ...components import Environment
 from ...errors import InputError
-from ...quantities import with_unit
+from ...quantities import parse, with_unit
 
 # Of every part of a wish: SI unit, above what, up to what.
 ALLOWED: dict[str, tuple[str, float, float]] = {
@@ -19,6 +19,7 @@ ALLOWED: dict[str, tuple[str, float, float]] = {
     "speed": ("m/s", 0.0, 100.0),
     "frequency": ("Hz", 0.0, 1e3),
     "tube_length": ("m", 0.0, 100.0),
+    "working_time": ("s", 0.0, 86400.0),
 }
 
 
@@ -35,6 +36,7 @@ class Requirements:
         speed: at which it shortens with that force [m/s].
         frequency: frequency of working cycles [1/s].
         tube_length: between valve and muscle [m].
+        working_time: time for which it works each day [s]; needs a frequency.
         environment: the room.
     """
 
@@ -46,6 +48,7 @@ class Requirements:
     speed: float | None = None
     frequency: float | None = None
     tube_length: float = 0.5
+    working_time: float | None = None
     environment: Environment = Environment()
 
     def __post_init__(self) -> None:
@@ -62,9 +65,25 @@ class Requirements:
                 "length", with_unit(self.length, "m"), f"must be more than the stroke, {with_unit(self.stroke, 'm')}"
             )
 
+        if self.working_time is not None and self.frequency is None:
+            raise InputError("working_time", None, "needs a frequency of cycles, such as '1 Hz'")
+
     def parts(self) -> dict[str, float]:
         """Required values by name [SI]."""
         return {n: v for n in ALLOWED if (v := getattr(self, n)) is not None}
+
+
+def parse_space(text: str) -> tuple[float, float | None]:
+    """Length and diameter of ``20 cm x 3 cm`` [m]; the length alone if there is no x.
+
+    Raises:
+        InputError: it is neither.
+    """
+    pieces = [piece.strip() for piece in text.replace("\N{MULTIPLICATION SIGN}", "x").split("x")]
+    if len(pieces) > 2 or not all(pieces):
+        raise InputError("space", text, "must be a length and a diameter, such as '20 cm x 3 cm', or a length")
+    sizes = [parse(piece, "m", field="space") for piece in pieces]
+    return sizes[0], sizes[1] if len(sizes) > 1 else None
 
 
 @dataclass(frozen=True)

@@ -1,196 +1,27 @@
-"""Sizing: candidates of muscles, their lines, and gas sources with the number of cycles per filling or battery.
-
-    bottle       work of filling it for the gas that a cycle takes; what is left below the supply's pressure is lost
-    compressor   isothermal R T ln r at best; adiabatic, and with its efficiency, as the compressor of the circuits
-    heated       a closed gas between a cold low pressure and the hot high one, with a reservoir beside the muscle:
-                 Th = T0 P (V1 + Vr)/(Px (V2 + Vr)),   Q = m cv (Th - T0) + P (V1 - V2)
-
-V2 and V1 are the muscle's volumes at both ends, P and Px absolute. The work of a cycle is the wished force times the stroke.
-Range: ideal gases; bottles at the temperature of the room, though a fast draught of CO2 cools them. The heated reservoir
-gives all its heat back to the room each cycle. Source of the choice: the discussion of C.-P. Chou and B. Hannaford, 1996,
-doi:10.1109/70.481753; the formulas are those of an ideal gas.
-"""
+"""Sizing: candidates of muscles, their lines, and gas sources with the number of cycles per filling or battery."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...accessors import Accessor, implementation
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
-from ...components.flow import GasState
 from ...errors import InputError, MckibbenError
 from ...extras import library
-from ...pneumatics.compressor import Compressor
-from ...pneumatics.gas import AIR, REFERENCE_DENSITY
 from ...quantities import in_si, with_unit
-from ...specimens.parts import CataloguePart, parts
+from ...specimens import Specimen, specimen_ids
+from ...specimens.parts import parts
 from . import catalogue
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
-from .candidate import VERDICTS, Candidate, Ends, Judged, judged, ranked
-from .lines import LENGTHS, LineResult, lines_for
-from .requirements import ALLOWED, Requirements, Shortfall
-
-
-@dataclass(frozen=True)
-class SourceResult:
-    """Performance of a gas source.
-
-    Attributes:
-        id: of the part.
-        title: description.
-        form: ``bottle``, ``compressor`` or ``heated``.
-        energy: that a cycle costs at the source [J].
-        isothermal: what it would cost with an ideal compressor of constant temperature [J].
-        adiabatic: the same without heat exchange [J]; None if there is no compressor.
-        efficiency: force times stroke over `energy` [1].
-        gas: mass that a cycle takes [kg].
-        cycles: cycles of one filling or battery; None if it does not end.
-        run_time: at the wished frequency [s]; None if neither is known.
-        mass: mass of the source [kg]; None if unknown.
-        able: whether it can do it at the wished frequency.
-        note: why not, or what to know.
-        temperature: highest of the gas [K]; None if it is that of the room.
-        inferred: numbers that no source prints.
-    """
-
-    id: str
-    title: str
-    form: str
-    energy: float
-    isothermal: float | None
-    adiabatic: float | None
-    efficiency: float
-    gas: float
-    cycles: int | None
-    run_time: float | None
-    mass: float | None
-    able: bool
-    note: str
-    temperature: float | None
-    inferred: tuple[str, ...]
-
-
-def sources_for(muscle: Judged, wish: Requirements, line: LineResult | None) -> list[SourceResult]:
-    """Evaluate every shipped source for the air that muscle and line take; sufficient ones first, by their energy."""
-    air, pressure = (muscle.air, wish.pressure) if line is None else (line.air, line.supply)
-    make = {"bottle": _bottle, "compressor": _compressor, "heated": _heated}
-    results = [make[p.form](p, muscle, wish, air, pressure) for p in parts("gas_source")]
-    return sorted(results, key=lambda s: (not s.able, s.energy))
-
-
-def _work(wish: Requirements) -> float:
-    return wish.force * wish.stroke
-
-
-def _isothermal(part: CataloguePart, wish: Requirements, pressure: float) -> float:
-    """Least work to compress gas from atmospheric to a gauge pressure [J/kg]."""
-    room = float(wish.environment.pressure_abs)
-    return part.values["gas_constant"] * float(wish.environment.temperature) * math.log1p(pressure / room)
-
-
-def _bottle(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
-    v = part.values
-    room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
-    gas = air * float(AIR.gas_constant) / v["gas_constant"]
-    left = (pressure + room) * v["volume"] / (v["gas_constant"] * warm)
-    cycles = max(0, int((v["filling"] - left) / gas))
-    energy = gas * v["filling_work"]
-    enough = v["pressure"] > pressure and cycles > 0
-    return SourceResult(
-        part.id,
-        part.title,
-        part.form,
-        energy,
-        gas * _isothermal(part, wish, pressure),
-        None,
-        _work(wish) / energy,
-        gas,
-        cycles,
-        None if wish.frequency is None else cycles / wish.frequency,
-        v["mass"],
-        enough,
-        "throttled from its pressure: most of the filling's work is lost" if enough else "empty before a cycle is done",
-        None,
-        tuple(part.inferred()),
-    )
-
-
-def _compressor(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
-    v = part.values
-    ideal = air * adiabatic_work(wish, pressure)
-    energy = ideal / v["efficiency"]
-    stored = v.get("stored_energy")
-    cycles = None if stored is None else int(stored / energy)
-    drawn = None if wish.frequency is None else air * wish.frequency / REFERENCE_DENSITY
-    able = drawn is None or drawn <= v["free_flow"]
-    share = "" if drawn is None else f"runs {drawn / v['free_flow']:.0%} of the time"
-    run_time = None if cycles is None or wish.frequency is None else cycles / wish.frequency
-    return SourceResult(
-        part.id,
-        part.title,
-        part.form,
-        energy,
-        air * _isothermal(part, wish, pressure),
-        ideal,
-        _work(wish) / energy,
-        air,
-        cycles,
-        run_time,
-        v["mass"],
-        able,
-        share if able else "delivers too little for that frequency",
-        None,
-        tuple(part.inferred()),
-    )
-
-
-def adiabatic_work(wish: Requirements, pressure: float) -> float:
-    """Work to compress ambient air to a gauge pressure without heat exchange and losses [J/kg]."""
-    machine = Compressor(displacement=1e-5, speed=150.0, clearance=0.0, efficiency=1.0)
-    room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
-    gas = (GasState(room, warm), GasState(pressure + room, warm))
-    (flow,) = machine.flows(gas, (), 1.0, 1.0)
-    return float(machine.shaft_power(gas, (), 1.0, 1.0) / flow)
-
-
-def _heated(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
-    v, p = part.values, wish.pressure
-    room, cold = float(wish.environment.pressure_abs), float(wish.environment.temperature)
-    ends = Ends(muscle.muscle.law, p)
-    long_, short = muscle.muscle.longest, muscle.muscle.longest - wish.stroke
-    low = min(v["low_pressure"], 0.5 * p)
-    v2, v1 = ends.volume(long_, low), ends.volume(short)
-    reservoir = v1  # as large as the muscle; a larger one is cooler and wastes more heat
-    gas = (low + room) * (v2 + reservoir) / (v["gas_constant"] * cold)
-    hot = cold * (p + room) * (v1 + reservoir) / ((low + room) * (v2 + reservoir))
-    heat = gas * v["gas_constant"] / (v["heat_ratio"] - 1.0) * (hot - cold) + (p + room) * (v1 - v2)
-    able = hot <= v["hottest"]
-    reach = v["hottest"] / cold * (low + room) * (v2 + reservoir) / (v1 + reservoir) - room
-    note = "closed: no gas is used up"
-    if not able:
-        least, most = with_unit(low, "Pa", 3), with_unit(reach, "Pa", 2)
-        note = f"{hot:.0f} K is needed, {v['hottest']:.0f} K is borne: that makes {most} of {least}"
-    return SourceResult(
-        part.id,
-        part.title,
-        part.form,
-        heat,
-        None,
-        None,
-        _work(wish) / heat,
-        0.0,
-        None,
-        None,
-        None,
-        able,
-        note,
-        hot,
-        tuple(part.inferred()),
-    )
+from .candidate import VERDICTS, Candidate, Judged, judged, ranked
+from .lines import LENGTHS, LineResult, dead_volume, lines_for, time_range
+from .own_parts import battery_of, tank_of, valve_of
+from .requirements import ALLOWED, Requirements, Shortfall, parse_space
+from .sources import DailyUse, SourceResult, daily_use, sources_for
+from .spread import Spread, spread_of
 
 
 def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
@@ -223,6 +54,7 @@ if TYPE_CHECKING:
     from ...report.figures.plots import SizingPlots
 
 EXAMPLES = {"force": "50 N", "stroke": "3 cm"}
+GRAVITY = 9.80665  # [m/s^2]
 MOST_TRIED = 3  # muscles whose speed is looked for
 
 
@@ -240,6 +72,10 @@ class Sizing:
         sources: sources of gas, those that can do it first.
         piston: input and output of the paper's cycle of maximal shortening without and with an accumulator [J].
         law: of the braids.
+        spread: ranges that inferred numbers leave for the chosen muscle; None if no muscle does it.
+        time_range: shortest and longest time of the best line to the force, within its inferred numbers [s].
+        daily: what a day takes; None without a frequency and a working time.
+        valves: specimens of the valves of the user's own, by the names in `lines`.
     """
 
     wish: Requirements
@@ -251,8 +87,17 @@ class Sizing:
     sources: tuple[SourceResult, ...]
     piston: dict[str, tuple[float, float] | None]
     law: str = BRAID_LAWS[0]
+    spread: Spread | None = None
+    time_range: tuple[float, float] | None = None
+    daily: DailyUse | None = None
+    valves: Mapping[str, Specimen] = field(default_factory=dict)
 
     plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
+
+    @property
+    def line(self) -> LineResult | None:
+        """The best valve and tube that reach the force; None if none was looked for, or none does."""
+        return next((one for one in self.lines if one.to_force is not None), None)
 
     @property
     def best(self) -> Judged:
@@ -280,6 +125,30 @@ class Sizing:
         ]
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
         return frame.set_index("muscle")
+
+    def to_dict(self, top: int | None = None) -> dict[str, Any]:
+        """The whole answer as plain values in SI, for JSON.
+
+        Args:
+            top: number of muscles, lines and lengths; all by default.
+        """
+        return {
+            "reached": self.reached,
+            "wish": self.wish.parts(),
+            "muscles": [one.to_dict() for one in self.muscles[:top]],
+            "chosen": self.chosen.muscle.id,
+            "misses": [
+                {"part": m.part, "asked": m.asked, "reachable": m.reachable, "sentence": m.sentence()}
+                for m in self.misses
+            ],
+            "lines": [asdict(line) for line in self.lines[:top]],
+            "lengths": [asdict(line) for line in self.lengths[:top]],
+            "sources": [asdict(one) for one in self.sources],
+            "piston": {k: None if v is None else {"input": v[0], "output": v[1]} for k, v in self.piston.items()},
+            "ranges": None if self.spread is None else self.spread._asdict() | {"to_force": self.time_range},
+            "daily": None if self.daily is None else asdict(self.daily),
+            "sentence": None if self.reached else self.sentence(),
+        }
 
     def __repr__(self) -> str:
         verdict = f"best {self.best.muscle.id}: {self.best.verdict}" if self.reached else self.sentence()
@@ -314,13 +183,19 @@ def size(
     force: float | str | None = None,
     stroke: float | str | None = None,
     pressure: float | str = "5 bar",
+    load: float | str | None = None,
+    space: str | None = None,
     length: float | str | None = None,
     diameter: float | str | None = None,
     speed: float | str | None = None,
     rate: float | str | None = None,
+    working_time: float | str | None = None,
     tube_length: float | str = "50 cm",
     law: str = BRAID_LAWS[0],
     muscle: str | None = None,
+    valve: str | Sequence[str] | None = None,
+    battery: float | str | None = None,
+    tank: str | None = None,
     lines: bool = True,
     progress: Progress | None = None,
 ) -> Sizing:
@@ -331,18 +206,25 @@ def size(
         force: force at the end of the stroke, while the muscle shortens [N].
         stroke: distance by which the muscle shortens [m].
         pressure: gauge pressure at which it does so [Pa].
+        load: mass that hangs on the muscle [kg], instead of a force.
+        space: length and diameter in words, such as ``"20 cm x 3 cm"``, instead of both.
         length: largest overall length, fittings included [m].
         diameter: largest outer diameter, when contracted [m].
         speed: speed of shortening with that force [m/s].
         rate: frequency of working cycles [1/s].
+        working_time: time at work each day [s], for the energy and air of a day.
         tube_length: length of tube between valve and muscle [m].
         law: law of `BRAID_LAWS`, for the braids.
         muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best by default.
+        valve: valves to try instead of all that ship: ids, specimen files, or numbers of a catalogue such as
+            ``"Cv=0.3, switching_time=8 ms"`` (`own_parts.valve_of`).
+        battery: energy of a battery of one's own that feeds a small compressor [J], such as ``"100 Wh"``.
+        tank: tank of air of one's own, such as ``"2 l at 200 bar"``.
         lines: look for valves and tubes.
         progress: called with a description of the next stage.
 
     Raises:
-        InputError: force or stroke is missing, a value is out of bounds, the law is unknown, or no candidate has that id.
+        InputError: force or stroke is missing, a value is out of bounds, or a law, muscle or valve is unknown.
 
     Examples:
         >>> import mckibben as mk
@@ -351,16 +233,24 @@ def size(
         True
     """
     if wish is None:
+        size_limits = dict(zip(("length", "diameter"), parse_space(space), strict=True)) if space else {}
         wish = _requirements(
-            force=force,
+            force=_force_of(force, load),
             stroke=stroke,
             pressure=pressure,
-            length=length,
-            diameter=diameter,
+            length=size_limits.get("length", length),
+            diameter=size_limits.get("diameter", diameter),
             speed=speed,
             frequency=rate,
             tube_length=tube_length,
+            working_time=working_time,
         )
+    if law not in BRAID_LAWS:
+        raise InputError("law", law, known=BRAID_LAWS)
+    _check_muscle(muscle)
+    own_valves = None if valve is None else [valve_of(one) for one in ([valve] if isinstance(valve, str) else valve)]
+    own_sources = [battery_of(battery)] if battery is not None else []
+    own_sources += [tank_of(tank, wish.environment)] if tank is not None else []
     tell = progress or (lambda _: None)
     tell("braids")
     candidates: list[Candidate] = []
@@ -385,18 +275,59 @@ def size(
     chosen = _chosen(order, muscle)
     best: list[LineResult] = []
     other: list[LineResult] = []
+    times = None
     if lines:
-        order, chosen, best = _with_lines(order, chosen, muscle is None, wish, tell)
+        order, chosen, best = _with_lines(order, chosen, muscle is None, wish, tell, own_valves)
         if best and best[0].to_force is not None:
-            other = lines_for(chosen, wish, valves=[best[0].valve], lengths=LENGTHS, progress=tell)
+            valves = [one for one in own_valves or () if one.id == best[0].valve] or [best[0].valve]
+            other = lines_for(chosen, wish, valves=valves, lengths=LENGTHS, progress=tell)
+            times = time_range(chosen, wish, valves[0], best[0])
     if wish.speed is not None and chosen.speed is not None and chosen.speed < wish.speed:
         misses = (*misses, Shortfall("speed", wish.speed, chosen.speed or None))
     line = next((one for one in best if one.to_force is not None), None)
     does = chosen.verdict != VERDICTS[2]  # else there is no work whose energy could be told
-    sources = sources_for(chosen, wish, line) if does else []
+    spread = spread_of(chosen, wish, 0.0 if line is None else dead_volume(line)) if does else None
+    sources = sources_for(chosen, wish, line, own=own_sources, spread=spread) if does else []
+    air = chosen.air if line is None else line.air
     ways = ("surroundings", "accumulator")
-    piston = {n: piston_cycle(chosen, wish, accumulator=n == "accumulator") if does else None for n in ways}
-    return Sizing(wish, tuple(order), tuple(misses), chosen, tuple(best), tuple(other), tuple(sources), piston, law)
+    return Sizing(
+        wish,
+        tuple(order),
+        tuple(misses),
+        chosen,
+        tuple(best),
+        tuple(other),
+        tuple(sources),
+        {n: piston_cycle(chosen, wish, accumulator=n == "accumulator") if does else None for n in ways},
+        law,
+        spread,
+        times,
+        None if spread is None else daily_use(wish, air, spread.air, line),
+        {one.id: one for one in own_valves or ()},
+    )
+
+
+def _force_of(force: float | str | None, load: float | str | None) -> float | str | None:
+    """The force, or the weight of the load [N]."""
+    if load is None:
+        return force
+    if force is not None:
+        raise InputError("load", None, "must be given without a force: it is the mass whose weight is the force")
+    mass = float(in_si(load, "kg", field="load"))
+    if not 0.0 < mass < 1e5:
+        raise InputError("load", with_unit(mass, "kg"), "must be above 0 kg, up to 1e+05 kg")
+    return mass * GRAVITY
+
+
+def _check_muscle(name: str | None) -> None:
+    """Refuse the name of a muscle that is no candidate, before anything is computed."""
+    if name is None or name.lower().endswith(".toml"):
+        return
+    ranges = [part.id for part in parts("fluidic_muscle")]
+    known = [*(f"braid-{objective}" for objective in OBJECTIVES), *specimen_ids("mckibben"), *ranges]
+    lower = name.lower()
+    if lower not in (one.lower() for one in known) and not any(lower.startswith(f"{r.lower()}-") for r in ranges):
+        raise InputError("muscle", name, "the candidates are", known=known)
 
 
 def _requirements(**values: float | str | None) -> Requirements:
@@ -411,7 +342,12 @@ def _requirements(**values: float | str | None) -> Requirements:
 
 
 def _with_lines(
-    order: list[Judged], chosen: Judged, free: bool, wish: Requirements, tell: Progress
+    order: list[Judged],
+    chosen: Judged,
+    free: bool,
+    wish: Requirements,
+    tell: Progress,
+    valves: Sequence[Specimen] | None,
 ) -> tuple[list[Judged], Judged, list[LineResult]]:
     """Lines of the chosen muscle; if it does not reach the required speed, and none was given, also of the next ones."""
     tried = [m for m in order if m.verdict != VERDICTS[2]][:MOST_TRIED] if free else [chosen]
@@ -419,7 +355,7 @@ def _with_lines(
     for one in tried:
         if one.verdict == VERDICTS[2]:
             break
-        results = lines_for(one, wish, progress=tell)
+        results = lines_for(one, wish, valves=valves, progress=tell)
         if wish.speed is None:
             return order, one, results
         faster = one.with_speed(max((v.speed for v in results if v.speed is not None), default=0.0), wish.speed)
@@ -437,5 +373,8 @@ def _chosen(order: list[Judged], name: str | None) -> Judged:
         return order[0]
     for one in order:
         if one.muscle.id.lower() == name.lower():
+            return one
+    for one in order:  # the cut of a range that was named
+        if one.muscle.kind == "size" and one.muscle.id.lower().startswith(f"{name.lower()}-"):
             return one
     raise InputError("muscle", name, "the candidates are", known=[one.muscle.id for one in order])

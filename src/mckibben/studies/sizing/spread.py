@@ -1,0 +1,130 @@
+"""How far the answers of a sizing may be off because of numbers that no source prints.
+
+Each inferred number that has a range is moved to both of its ends, the others being as they are; the changes towards one
+side are added, which is the worst case to first order. A number without a range is left out, and named. Bounds of a gas
+source are exact: its answers rise or fall with each of its numbers, so that all stand at their poor or their good end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from ...errors import InputError
+from ...muscles.law import TensionLaw
+from ...quantities import declared
+from ...specimens import Specimen, SpecimenNumber
+from ...specimens.parts import KINDS as PART_UNITS
+from ...specimens.parts import CataloguePart
+from .candidate import Candidate, Ends, Judged, LawEnds, air_of_cycle
+from .requirements import Requirements
+
+# Whether a source lasts longer, and costs less, with more of a number.
+BETTER_WITH_MORE = {
+    "efficiency": True, "stored_energy": True, "filling": True, "free_flow": True, "pressure": True, "hottest": True,
+    "low_pressure": True, "volume": False, "filling_work": False, "mass": False,
+}  # fmt: skip
+
+
+class Spread(NamedTuple):
+    """Ranges that inferred numbers leave, for the chosen muscle.
+
+    Attributes:
+        force: what the gas adds at the end of the stroke, less friction [N].
+        air: mass of a cycle, with the valve and tube where they are known [kg].
+        from_numbers: inferred numbers that were moved.
+        without_range: inferred numbers that have no range, and are not in it.
+    """
+
+    force: tuple[float, float]
+    air: tuple[float, float]
+    from_numbers: tuple[str, ...]
+    without_range: tuple[str, ...]
+
+
+def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Spread:
+    """Ranges of force and air of a muscle.
+
+    Args:
+        muscle: which.
+        wish: pressure and stroke.
+        dead: volume of valve and tube, filled and emptied with it [m^3].
+    """
+    one = muscle.muscle
+    ends = one.law_ends()
+    forces = [[_force(one, law, wish) for law in pair] for pair in ends.pairs.values()]
+    moved = [*ends.pairs]
+    if one.friction_range is not None:
+        forces.append([muscle.end_force + one.friction - friction for friction in one.friction_range])
+        moved.append("friction")
+    airs = [[air_of_cycle(replace(one, law=law), wish, dead) for law in pair] for pair in ends.pairs.values()]
+    return Spread(
+        _summed(muscle.end_force, forces),
+        _summed(air_of_cycle(one, wish, dead), airs),
+        tuple(moved),
+        ends.without_range,
+    )
+
+
+def _force(muscle: Candidate, law: TensionLaw, wish: Requirements) -> float:
+    return float(Ends(law, wish.pressure).added(muscle.longest - wish.stroke)) - muscle.friction
+
+
+def _summed(value: float, pairs: Iterable[Iterable[float]]) -> tuple[float, float]:
+    low = high = value
+    for pair in pairs:
+        changes = [end - value for end in pair]
+        low += min(0.0, *changes)
+        high += max(0.0, *changes)
+    return low, high
+
+
+def at_end(part: CataloguePart, *, good: bool) -> CataloguePart:
+    """A gas source with each inferred number that has a range at its good or its poor end."""
+    values = dict(part.values)
+    for name, number in part.stated.items():
+        if number.inferred and number.range is not None and name in BETTER_WITH_MORE:
+            unit = PART_UNITS["gas_source"][name]
+            ends = [_si(number, end, unit, name) for end in number.range]
+            values[name] = max(ends) if BETTER_WITH_MORE[name] is good else min(ends)
+    return part._replace(values=values)
+
+
+def _si(number: SpecimenNumber, value: float, unit: str, field: str) -> float:
+    converted = replace(number, value=value).si(unit, field=field)
+    assert isinstance(converted, float)
+    return converted
+
+
+def ends_of_specimen(spec: Specimen, law: TensionLaw, name: str, scale: Mapping[str, float] | None = None) -> LawEnds:
+    """A law with each inferred parameter of a specimen at the ends of its range.
+
+    Args:
+        spec: the specimen.
+        law: as it is used, perhaps cut to another length.
+        name: of the law.
+        scale: factors of parameters that were scaled.
+    """
+    units = {key: q.unit for key, q in declared(law).items()}
+    pairs, without = {}, []
+    for key, number in spec.laws.get(name, {}).items():
+        if not number.inferred or key not in units:
+            continue
+        if number.range is None:
+            without.append(key)
+            continue
+        low, high = ((scale or {}).get(key, 1.0) * _si(number, end, units[key], key) for end in number.range)
+        pairs[key] = (law.replace(**{key: low}), law.replace(**{key: high}))
+    return LawEnds(pairs, tuple(without))
+
+
+def ends_of_braid(build: Callable[..., TensionLaw], ranges: Mapping[str, tuple[float, float]]) -> LawEnds:
+    """The law of a braid with each inferred number at the ends of its range; one whose end makes no law has no range."""
+    pairs, without = {}, []
+    for name, (low, high) in ranges.items():
+        try:
+            pairs[name] = (build(**{name: low}), build(**{name: high}))
+        except InputError:
+            without.append(name)
+    return LawEnds(pairs, tuple(without))
