@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 import mckibben as mk
+from mckibben.assembly.circuit_file import build_plan
 from mckibben.components import Environment
+from mckibben.documents import parse_toml
 from mckibben.errors import InputError
 from mckibben.pneumatics.build import valve_from_specimen
-from mckibben.specimens import specimen
+from mckibben.specimens import save_specimen, specimen
+from mckibben.specimens.parts import parts
 from mckibben.studies.sizing import (
+    LineResult,
     Requirements,
     battery_of,
     design,
     judged,
+    of_size,
     of_specimen,
     size,
     sources_for,
@@ -22,6 +27,7 @@ from mckibben.studies.sizing import (
     tank_of,
     valve_of,
 )
+from mckibben.studies.sizing.as_files import circuit_of, specimen_of, toml_of
 from mckibben.studies.sizing.braid_law import INFERRED, braid_law
 from mckibben.studies.sizing.candidate import air_of_cycle
 from mckibben.studies.sizing.tables import tables_of
@@ -182,3 +188,58 @@ def test_tables_say_what_the_answer_says(found):
     assert any("43.4" in note for note in muscles.notes)  # of nylon: 43.4 N by the law
     assert sources.rows[0][0].startswith("own battery of 100 W h")
     assert day.title.startswith("A day of 4 h: 7200 cycles") and np.isclose(found.daily.cycles, 7200)
+
+
+# ---- files
+
+
+def test_the_chosen_muscle_as_a_file_pulls_as_was_said(tmp_path):
+    part = next(p for p in parts("fluidic_muscle") if p.id == "DMSP-20")
+    for one in (BRAID, judged(of_size(part, WISH), WISH)):
+        path = tmp_path / "muscle.toml"
+        save_specimen(specimen_of(one.muscle, WISH.pressure), path)
+        muscle = mk.muscle(path)
+        assert muscle.tension(one.muscle.longest, WISH.pressure) == pytest.approx(one.largest_force, rel=1e-12)
+        assert muscle.rest_length == pytest.approx(one.muscle.dimensions["rest_length"], rel=1e-12)
+    assert specimen_of(NYLON.muscle, WISH.pressure) == specimen("nylon")
+
+
+def test_the_circuit_of_the_answer_has_its_parts():
+    own = valve_of("Cv=0.3")
+    for one, valve, kind in (
+        (BRAID, "MHE2-3-2", "three_way_valve"),
+        (NYLON, "MPYE-5-M5", "spool_valve"),
+        (NYLON, "MPP-3-1-8", "pressure_regulator"),
+        (BRAID, own.id, own.element),
+    ):
+        line = LineResult(
+            valve,
+            "PU-4x2",
+            0.5,
+            0.01,
+            0.03,
+            0.01,
+            0.1,
+            0.1,
+            1e-6,
+            1.0,
+            1.0,
+            0.01,
+            1e-6,
+            0.0,
+            6e5,
+            True,
+            (),
+            element=kind,
+        )
+        tables = circuit_of(one, WISH, line, {own.id: own})
+        plan = build_plan(parse_toml(toml_of(tables), where="circuit"), where="circuit", digest="")
+        law = plan.nodes["muscle"].law
+        end = one.muscle.longest - WISH.stroke
+        assert float(law.tension(end, 5e5)) == pytest.approx(float(one.muscle.law.tension(end, 5e5)), rel=1e-12)
+        built = plan.circuit.elements["valve"]
+        expected = valve_from_specimen(own if valve == own.id else specimen(valve))
+        assert float(built.fill.conductance) == pytest.approx(float(expected.fill.conductance), rel=1e-9)
+        assert float(plan.circuit.elements["tube"].diameter) == pytest.approx(2e-3)
+    with pytest.raises(InputError, match="circuit needs a valve and a tube"):
+        circuit_of(NYLON, WISH, None, {})

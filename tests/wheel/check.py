@@ -148,8 +148,9 @@ CALLS: dict[str, list[Call]] = {
         Call(
             (
                 "--load", "3 kg", "--stroke", "3 cm", "--pressure", "5 bar", "--cycles", "1 Hz", "--working-time", "8 h",
-                "--battery", "100 Wh", "--tank", "2 l at 200 bar", "--no-lines",
-            )
+                "--battery", "100 Wh", "--tank", "2 l at 200 bar", "--no-lines", "--save", "muscle.toml",
+            ),
+            ["muscle.toml"],
         ),
     ],
     "sweep": [

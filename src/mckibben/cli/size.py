@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .. import muscles
+from .. import __version__, muscles
+from ..documents import write_text
 from ..errors import InputError
 from ..quantities import parse
 from ..report.figures import sizing_figures, style
+from ..specimens import save_specimen
 from ..studies import sizing as sizing_package
 from ._terminal import Json, caution, print_json, table, told, writable
 
@@ -77,6 +79,12 @@ def size_muscle(
     no_lines: Annotated[
         bool, typer.Option("--no-lines", help="Leave out valves and tubes, which are simulated.")
     ] = False,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the chosen muscle as a specimen file, .toml.")
+    ] = None,
+    circuit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the chosen muscle, valve and tube as a circuit, .toml.")
+    ] = None,
     top: Annotated[int, typer.Option(help="Number of rows shown of each table.")] = TOP,
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw force over stroke, and the lines, .svg or .png.")
@@ -90,9 +98,11 @@ def size_muscle(
     Example: mckibben size --force "50 N" --stroke "3 cm" --pressure "5 bar" --cycles "1 Hz" --working-time "8 h"
     """
     writable("--figure", figure, ".svg", ".png")
+    writable("--save", save, ".toml")
+    writable("--circuit", circuit, ".toml")
     if top < 1:
         raise InputError("--top", top, "must be 1 or more")
-    for option, value in (("--speed", speed), ("--valve", valve)):
+    for option, value in (("--speed", speed), ("--valve", valve), ("--circuit", circuit)):
         if value and no_lines:
             raise InputError(
                 option, None, f"is allowed only without --no-lines: a {option[2:]} takes a valve and a tube"
@@ -122,12 +132,17 @@ def size_muscle(
         raise _named(error, pressure) from None
     if figure is not None:
         style.save(sizing_figures.design_map(sizing, law=law), figure, dpi=130.0)
+    if save is not None:
+        save_specimen(sizing.to_specimen(), save, heading=f"sized by mckibben {__version__}; not measured")
+    if circuit is not None:
+        write_text(circuit, sizing_package.as_files.toml_of(sizing.to_circuit()))
     if as_json:
         print_json(sizing.to_dict(top) | {"warnings": warnings})
     else:
         _print(sizing, top)
-        if figure is not None:
-            typer.echo(f"\nWritten: {figure}")
+        for path in (figure, save, circuit):
+            if path is not None:
+                typer.echo(f"\nWritten: {path}")
     if not sizing.reached:
         typer.echo(f"mckibben: {sizing.sentence()}", err=True)
         raise typer.Exit(2)

@@ -21,7 +21,7 @@ from ..._jax import jit, jnp
 from ...errors import InputError
 from ...muscles import braid
 from ...pneumatics.gas import AIR
-from .braid_law import BRAID_LAWS, INFERRED, INFERRED_IN, REFERENCE, LawError, braid_law, error_of_braid, usual
+from .braid_law import BRAID_LAWS, INFERRED, INFERRED_IN, LawError, braid_law, error_of_braid, usual
 from .candidate import Candidate
 from .requirements import ALLOWED, Requirements, Shortfall
 from .spread import ends_of_braid
@@ -220,7 +220,6 @@ def _built(wish: Requirements, law: str, error: LawError, shapes: Shapes, sizes:
         sources=("chou1996",),
         law_ends=functools.partial(ends_of_braid, built, ranges),
         friction_range=(low * pull, high * pull),
-        like=REFERENCE,
     )
 
 

@@ -18,6 +18,7 @@ from ...assembly.muscle_unit import MuscleUnit
 from ...muscles.elements import Tendon
 from ...muscles.law import TensionLaw
 from ...pneumatics.gas import AIR
+from ...specimens import Specimen
 from .braid_law import LawError
 from .requirements import Requirements
 
@@ -59,7 +60,7 @@ class Candidate:
         sources: citation keys.
         law_ends: its law with each inferred number at the ends of its range.
         friction_range: of an inferred friction [N]; None if it is stated.
-        like: specimen whose law it is, or from which its inferred numbers are.
+        spec: specimen that it is, or whose law was taken to another length; None for a braid.
     """
 
     id: str
@@ -79,7 +80,7 @@ class Candidate:
     sources: tuple[str, ...] = ()
     law_ends: Callable[[], LawEnds] = no_ends
     friction_range: tuple[float, float] | None = None
-    like: str = ""
+    spec: Specimen | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
         sources=tuple(stated.sources),
         law_ends=functools.partial(ends_of_specimen, stated, law, name),
         friction_range=friction_range_of(stated, law, longest, wish, range_),
-        like=stated.id,
+        spec=stated,
     )
 
 
@@ -144,7 +144,7 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
         sources=tuple(dict.fromkeys((*part.sources, *of.sources))),
         law_ends=functools.partial(ends_of_specimen, of, law, name, dict.fromkeys(BORES, scale)),
         friction_range=friction_range_of(of, law, length, wish, part),
-        like=of.id,
+        spec=of,
     )
 
 

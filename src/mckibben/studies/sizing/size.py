@@ -14,6 +14,7 @@ from ...quantities import in_si, with_unit
 from ...specimens import Specimen, specimen_ids
 from ...specimens.parts import parts
 from . import catalogue
+from .as_files import circuit_of, specimen_of
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Judged, judged, ranked
@@ -125,6 +126,20 @@ class Sizing:
         ]
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
         return frame.set_index("muscle")
+
+    def to_specimen(self) -> Specimen:
+        """The chosen muscle as a specimen, which every command and page takes."""
+        return specimen_of(self.chosen.muscle, self.wish.pressure)
+
+    def to_circuit(self) -> dict[str, Any]:
+        """The chosen muscle behind the best valve and tube, as the tables of a circuit's file.
+
+        The muscle is held at the end of its stroke, the valve opens after 20 ms.
+
+        Raises:
+            InputError: no valve and tube were looked for, or none reaches the force.
+        """
+        return circuit_of(self.chosen, self.wish, self.line, self.valves)
 
     def to_dict(self, top: int | None = None) -> dict[str, Any]:
         """The whole answer as plain values in SI, for JSON.
