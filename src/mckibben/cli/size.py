@@ -135,7 +135,7 @@ def size_muscle(
     if save is not None:
         save_specimen(sizing.to_specimen(), save, heading=f"sized by mckibben {__version__}; not measured")
     if circuit is not None:
-        write_text(circuit, sizing_package.as_files.toml_of(sizing.to_circuit()))
+        write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
     if as_json:
         print_json(sizing.to_dict(top) | {"warnings": warnings})
     else:
@@ -159,7 +159,7 @@ def _named(error: InputError, pressure: str) -> InputError:
 
 
 def _print(sizing: Sizing, top: int) -> None:
-    for i, one in enumerate(sizing_package.tables.tables_of(sizing, top)):
+    for i, one in enumerate(sizing_package.tables_of(sizing, top)):
         if i:
             typer.echo("")
         table(one.title, one.columns, one.rows, right=range(one.text_columns, len(one.columns)))

@@ -5,6 +5,7 @@ found.muscles[0].margins, found.lines[0].to_force, found.sources[0].cycles
 """
 
 from ..._lazy import lazy_submodules
+from .as_files import circuit_of, specimen_of, toml_of
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS, INFERRED, LawError, braid_law, error_of_braid, error_of_specimen
 from .candidate import VERDICTS, Candidate, Judged, judged, unit_of
@@ -15,6 +16,7 @@ from .requirements import Requirements, Shortfall
 from .size import Sizing, size
 from .sources import DailyUse, SourceResult, sources_for
 from .spread import Spread, spread_of
+from .tables import SizingTable, tables_of
 
 __all__ = [
     "BRAID_LAWS",
@@ -29,11 +31,13 @@ __all__ = [
     "LineResult",
     "Shortfall",
     "Sizing",
+    "SizingTable",
     "SourceResult",
     "Requirements",
     "Spread",
     "battery_of",
     "braid_law",
+    "circuit_of",
     "design",
     "error_of_braid",
     "error_of_specimen",
@@ -46,8 +50,11 @@ __all__ = [
     "rank",
     "size",
     "sources_for",
+    "specimen_of",
     "spread_of",
+    "tables_of",
     "tank_of",
+    "toml_of",
     "unit_of",
     "valve_of",
 ]

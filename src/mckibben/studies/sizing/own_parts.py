@@ -100,10 +100,10 @@ def _specimen(kind: str, name: str, given: dict[str, str]) -> Specimen:
         wrong = unknown[0] if unknown else "switching_time"
         own = [key for key in keys if not key.startswith(("fill_", "vent_", "relief_"))]
         raise InputError(f"valve.{wrong}", None, f"{kind} has", known=[*own, *ALSO])
-    valve = {
+    valve: dict[str, dict[str, Any]] = {
         key: {"value": _plain(key, value, keys[key].unit), "unit": keys[key].unit} for key, value in element.items()
     }
-    properties = {
+    properties: dict[str, dict[str, Any]] = {
         key: {"value": _plain(key, given[key], KNOWN_PROPERTIES[key]), "unit": KNOWN_PROPERTIES[key]} for key in sides
     }
     for key in ("mass", "length", "width", "height", "voltage"):
@@ -115,7 +115,7 @@ def _specimen(kind: str, name: str, given: dict[str, str]) -> Specimen:
         if key in usual and key not in valve:
             valve[key] = _usual(usual[key])
     if kind == "three_way_valve":
-        whole = (
+        whole: dict[str, Any] = (
             {"value": _plain("switching_time", more["switching_time"], "s"), "unit": "s"}
             if "switching_time" in more
             else _usual(usual["switching_time"])

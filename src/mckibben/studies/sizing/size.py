@@ -294,7 +294,7 @@ def size(
     if lines:
         order, chosen, best = _with_lines(order, chosen, muscle is None, wish, tell, own_valves)
         if best and best[0].to_force is not None:
-            valves = [one for one in own_valves or () if one.id == best[0].valve] or [best[0].valve]
+            valves = [next((v for v in own_valves or () if v.id == best[0].valve), best[0].valve)]
             other = lines_for(chosen, wish, valves=valves, lengths=LENGTHS, progress=tell)
             times = time_range(chosen, wish, valves[0], best[0])
     if wish.speed is not None and chosen.speed is not None and chosen.speed < wish.speed:
