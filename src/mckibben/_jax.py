@@ -4,6 +4,10 @@ Loading JAX takes half a second. A process that only reads specimens, or evaluat
 before, never needs it; so modules take `jax` and `jnp` from here, and decorate functions with the `jit` and `custom_jvp` of
 this module. Whoever loads JAX, this package or a user's own ``import jax``: float64 is switched on at once, for an energy
 balance to 1e-10 has no meaning in float32, and what waits for JAX (`when_loaded`) is done then.
+
+Tables and states are also put together with `jnp`. As long as JAX is not loaded, its functions that round nothing, or
+whose rounding IEEE 754 fixes (`EXACT`), are NumPy's: the same bits from either. All others load JAX, since an exponential of
+NumPy may differ from one of XLA in its last digit, and no result may depend on what was loaded before.
 """
 
 from __future__ import annotations
@@ -65,6 +69,24 @@ def is_traced(value: Any) -> bool:
 def is_jax_array(value: Any) -> bool:
     """Whether a value is an array of JAX, a tracer included."""
     return _waiting is None and isinstance(value, jax.Array)
+
+
+# Functions and names of `jax.numpy` that NumPy has with the same bits, for arrays of at least 64 bits.
+EXACT = frozenset(
+    "abs all any append arange argmax argmin array asarray atleast_1d bool_ broadcast_arrays broadcast_shapes broadcast_to"
+    " ceil clip concatenate e expand_dims finfo flip float64 floor full full_like inf int64 isfinite isinf isnan logical_and"
+    " logical_not logical_or logical_xor max maximum min minimum moveaxis nan ndim newaxis ones ones_like pi ravel repeat"
+    " reshape roll shape sign size sqrt squeeze stack take transpose where zeros zeros_like".split()
+)
+
+
+class _LazyArrays(LazyModule):
+    """`jax.numpy`, in place of whose exact functions NumPy's are used while JAX is not loaded."""
+
+    def __getattr__(self, name: str) -> Any:
+        if _waiting is not None and name in EXACT:
+            return getattr(importlib.import_module("numpy"), name)
+        return super().__getattr__(name)
 
 
 class _LazyFunction:
@@ -166,7 +188,8 @@ if TYPE_CHECKING:
     import jax.numpy as jnp
     from jax import flatten_util as flatten_util
 else:
-    jax, jnp, flatten_util = map(LazyModule, ("jax", "jax.numpy", "jax.flatten_util"))
+    jax, flatten_util = map(LazyModule, ("jax", "jax.flatten_util"))
+    jnp = _LazyArrays("jax.numpy")
 
 if "jax" in sys.modules:
     _configure()

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..engine.native import call_compiled
 from ..muscles.law import law_name
 from ..pneumatics.exergy import ROOM, DeadState, kind_of, lines_of, paths_of
 from ..pneumatics.heat import WallHeat
@@ -194,12 +195,18 @@ def _supplies(machine: Machine, flow: Mapping[str, float]) -> tuple[float, dict[
         if name.startswith("entered.") and not is_room(machine, end):
             node = machine.circuit.nodes[end]
             assert isinstance(node, Reservoir)
-            worth = float(dead.flowing(dead.see(node.pressure_abs, node.temperature)))
+            worth, isothermal, adiabatic = map(float, call_compiled(_worth, dead, node.pressure_abs, node.temperature))
             mass = np.nan if node.signal else entered / worth
             air += mass
-            for how in work:
-                work[how] += mass * float(dead.compression(node.pressure_abs, cooled=how == "isothermal"))
+            work["isothermal"] += mass * isothermal
+            work["adiabatic"] += mass * adiabatic
     return air, work
+
+
+def _worth(dead: DeadState, pressure_abs: Any, temperature: Any) -> tuple[Any, Any, Any]:
+    """Exergy of a supply's gas, and the least work to compress it isothermally and adiabatically [J/kg]."""
+    compression = (dead.compression(pressure_abs, cooled=cooled) for cooled in (True, False))
+    return dead.flowing(dead.see(pressure_abs, temperature)), *compression
 
 
 def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, Any]:

@@ -118,7 +118,7 @@ class Machine(System):
         chamber_pressures = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
         parts = self.names_by_part()
         if not parts:
-            start: tuple[Any, Any] = jax.device_put(call_compiled(_at_rest, self, chamber_pressures, dict(inputs)))
+            start: tuple[Any, Any] = call_compiled(_at_rest, self, chamber_pressures, dict(inputs))
             return start
         state: Any = {
             "circuit": {"mass": {}, "pressure": {}, "elements": {}},

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import jnp
 from ..assembly.accounts import Accounts, accounts
+from ..components.module import map_leaves
 from ..engine import sampled
 from ..engine.native import call_compiled
 from .hardware.computer import Timing, configure
@@ -134,7 +135,7 @@ class SegmentMachine:
         begun = self.rested if begun is None else begun
         at = timing.latency, timing.period
         first, last = (call_compiled(sampled.inputs_of, self.plant, c, *at) for c in (begun, carry))
-        sums = jax.tree.map(lambda end, begin: end - begin, carry.integrals, begun.integrals)
+        sums = map_leaves(lambda end, begin: end - begin, carry.integrals, begun.integrals)
         ended: Any = _Ended(carry.state["machine"], carry.memory, sums)
         return accounts(self.machine, (begun.state["machine"], begun.memory), ended, first, last)
 

@@ -18,7 +18,7 @@ from lanewise import LoweringError, Program, UnavailableError
 
 from .._jax import is_jax_array, is_traced, jax
 from .module import flatten
-from .programs import load_program, lower_or_load, program_key
+from .programs import find_program, lower_or_load
 
 NUMBERS = (float, int, np.ndarray, np.generic)
 # Lanes up to which one core is enough, and beyond which a call goes by blocks on all of them.
@@ -34,7 +34,8 @@ def evaluated(method: Method) -> Method:
     Its results are then NumPy's; they agree with those of JAX to rounding.
 
     Args:
-        method: method of a module whose leaves are numbers; it returns one array, or a tuple of arrays.
+        method: method of a module whose leaves are numbers, or a function whose first argument is one; it returns one array,
+            or a tuple of arrays.
     """
     names = list(inspect.signature(method).parameters)[1:]
     defaults = method.__defaults__ or ()
@@ -91,8 +92,7 @@ def _kernel(method: Callable[..., Any], owner: Any, structure: Any, count: int) 
 
 
 def _load_or_lower(method: Callable[..., Any], examples: tuple[Any, ...]) -> tuple[Program, Any]:
-    name = program_key(method, examples)
-    known = None if name is None else load_program(name)
+    known = find_program(method, *examples)
     if known is not None:
         return known
     program, tree = lower_or_load(method, *examples, title=method.__qualname__)

@@ -16,7 +16,7 @@ import dataclasses
 import functools
 import types
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
@@ -141,6 +141,45 @@ def flatten(tree: Any) -> tuple[list[Any], Any]:
         return [tree], "leaf"
     flat = [flatten(part) for part in parts]
     return [leaf for leaves, _ in flat for leaf in leaves], (head, tuple(structure for _, structure in flat))
+
+
+def unflatten(structure: Any, leaves: Sequence[Any]) -> Any:
+    """The tree of a structure of `flatten` with other leaves; what is put together is not checked again."""
+    made, rest = _unflattened(structure, list(leaves))
+    if rest:
+        raise ValueError(f"{len(rest)} leaves more than the structure has")
+    return made
+
+
+def _unflattened(structure: Any, leaves: list[Any]) -> tuple[Any, list[Any]]:
+    if structure is None:
+        return None, leaves
+    if structure == "leaf":
+        return leaves[0], leaves[1:]
+    head, inner = structure
+    parts = []
+    for one in inner:
+        part, leaves = _unflattened(one, leaves)
+        parts.append(part)
+    if isinstance(head, type):
+        return (head(parts) if head in (list, tuple) else tuple.__new__(head, parts)), leaves
+    kind, static = head
+    if kind is dict:
+        return dict(zip(static, parts, strict=True)), leaves
+    made: Any = object.__new__(kind)
+    static, parts = iter(static), iter(parts)
+    for f in dataclasses.fields(kind):
+        made.__dict__[f.name] = next(static if f.metadata.get("static", False) else parts)
+    return made, leaves
+
+
+def map_leaves(function: Callable[..., Any], *trees: Any) -> Any:
+    """Apply a function to the leaves of trees of one structure, as `jax.tree.map` does; it needs no JAX."""
+    (first, structure), *others = map(flatten, trees)
+    for _, other in others:
+        if other != structure:
+            raise ValueError("the trees differ in structure")
+    return unflatten(structure, [function(*leaves) for leaves in zip(first, *(o for o, _ in others), strict=True)])
 
 
 def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:

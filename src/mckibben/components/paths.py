@@ -9,28 +9,32 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..quantities import Quantity, declared
+from ..quantities import Quantity
 from .module import Module
 
 
 def parameters(owner: Any, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
     """Iterate over the declared parameters below an object as (dotted path, declaration)."""
+    return ((path, q) for path, q, _ in _with_values(owner, prefix))
+
+
+def _with_values(owner: Any, prefix: str) -> Iterator[tuple[str, Quantity, Any]]:
     if isinstance(owner, Mapping):
         for name, value in owner.items():
-            yield from parameters(value, f"{prefix}{name}.")
+            yield from _with_values(value, f"{prefix}{name}.")
     elif isinstance(owner, Module):
-        known = declared(owner)
         for f in dataclasses.fields(owner):
-            if f.name in known:
-                yield prefix + f.name, known[f.name]
+            value = getattr(owner, f.name)
+            if "quantity" in f.metadata:
+                yield prefix + f.name, f.metadata["quantity"], value
             else:
-                yield from parameters(getattr(owner, f.name), f"{prefix}{f.name}.")
+                yield from _with_values(value, f"{prefix}{f.name}.")
 
 
 def resolved(owner: Any) -> dict[str, dict[str, Any]]:
     """Return value [SI] and unit of every parameter below an object, by dotted path."""
-    known = parameters(owner)
-    return {path: {"value": np.asarray(get(owner, path)).tolist(), "unit": q.unit} for path, q in known}
+    known = _with_values(owner, "")
+    return {path: {"value": np.asarray(value).tolist(), "unit": q.unit} for path, q, value in known}
 
 
 def declaration(owner: Any, path: str) -> Quantity:

@@ -137,7 +137,7 @@ class _Name:
         elif value is None:
             self.word("none")
         elif isinstance(value, bool | int | float):
-            self.word("leaf", (), np.result_type(type(value)).str)
+            self.word("leaf", (), str(np.result_type(type(value))))  # as that of an array without axes
         elif hasattr(value, "shape") and hasattr(value, "dtype"):
             self.word("leaf", tuple(value.shape), str(value.dtype))
         else:
@@ -284,7 +284,7 @@ def _collection(value: Any) -> bool:
 
 def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
-    name = None if cache.cache_folder() is None else program_key(function, examples)
+    name = _kept_name(function, examples)
     known = None if name is None else load_program(name)
     if known is not None:
         return known[0], jax.tree.structure(known[1])
@@ -292,6 +292,16 @@ def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "")
     if name is not None:
         _keep(f"{name}.program", program, tree)
     return program, tree
+
+
+def find_program(function: Callable[..., Any], *examples: Any) -> tuple[Program, Any] | None:
+    """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
+    name = _kept_name(function, examples)
+    return None if name is None else load_program(name)
+
+
+def _kept_name(function: Callable[..., Any], examples: Sequence[Any]) -> str | None:
+    return None if cache.cache_folder() is None else program_key(function, examples)
 
 
 def load_program(key: str) -> tuple[Program, Any] | None:

@@ -5,13 +5,14 @@
     results = run(*trees, lanes=1024)               # a leaf with one axis more than its example, the last, is given per lane
 
 The compiler is the package `lanewise`. Here are the programs that it lowered before, found again on disk, and its errors as
-those of this package. `integration.compile_march` does the same for a system's run.
+those of this package. What is found again is run without JAX. `integration.compile_march` does the same for a system's run.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import importlib.util
 from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
@@ -19,8 +20,8 @@ import numpy as np
 
 import lanewise
 
-from .._jax import jax
 from ..components import programs
+from ..components.module import flatten, unflatten
 from ..errors import EngineError, InputError
 
 ENGINES = ("auto", "native", "gpu", "xla")
@@ -34,7 +35,7 @@ class EngineFunction:
         reason: why it is not native although ``auto`` was requested; empty otherwise.
     """
 
-    def __init__(self, compiled: lanewise.CompiledFunction) -> None:
+    def __init__(self, compiled: lanewise.CompiledFunction | _KeptFunction) -> None:
         self.compiled, self.engine, self.reason = compiled, compiled.engine, compiled.reason
 
     @property
@@ -65,6 +66,31 @@ class EngineFunction:
             return self.compiled(*trees, lanes=lanes, mode=mode, real=real, threads=threads)
 
 
+class _KeptFunction:
+    """A function whose program was lowered before, run without JAX; otherwise like `lanewise.CompiledFunction`."""
+
+    engine, reason = "native", ""
+
+    def __init__(self, program: lanewise.Program, result: Any, examples: Any) -> None:
+        self.program, self._structure, self._result = program, flatten(examples)[1], flatten(result)[1]
+
+    def __call__(self, *trees: Any, **options: Any) -> Any:
+        leaves, structure = flatten(trees)
+        if structure != self._structure:
+            raise lanewise.ArgumentError("arguments", "arguments must be trees like the examples")
+        return unflatten(self._result, self.program.call(leaves, **options))
+
+
+def _find_kept(function: Callable[..., Any], examples: tuple[Any, ...], engine: str) -> _KeptFunction | None:
+    """The function as it was lowered before; None if it has to be lowered, or needs JAX to be run."""
+    if engine not in ("auto", "native") or importlib.util.find_spec("llvmlite") is None:
+        return None
+    known = programs.find_program(function, *examples)
+    if known is None or any(leaf.kind is None for leaf in known[0].results):  # a result of JAX's that carries nothing
+        return None
+    return _KeptFunction(*known, examples)
+
+
 @contextlib.contextmanager
 def laboratory_errors() -> Iterator[None]:
     """Convert errors of the compiler to errors of this package."""
@@ -93,6 +119,8 @@ def compile_function(
         EngineError: with ``native`` or ``gpu``, an operation that no kernel can do, or no driver or GPU.
     """
     with laboratory_errors():
+        if (kept := _find_kept(function, examples, engine)) is not None:
+            return EngineFunction(kept)
         return EngineFunction(
             lanewise.compile(function, *examples, engine=engine, title=title, lower=programs.lower_or_load)
         )
@@ -109,8 +137,9 @@ def differentiable(function: Callable[..., Any], *examples: Any, **options: Any)
     return lanewise.differentiable(function, *examples, lower=programs.lower_or_load, **options)
 
 
-_known: dict[Any, EngineFunction] = {}
-MOST_KNOWN = 64  # functions with the structures of their arguments that are remembered
+_known: dict[Any, list[tuple[Any, EngineFunction]]] = {}
+MOST_KNOWN = 64  # functions with the shapes of their arguments that are remembered
+MOST_ALIKE = 16  # structures of each
 
 
 def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "default", **fixed: Hashable) -> Any:
@@ -122,13 +151,15 @@ def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "defaul
         mode: mode of the native engine, see `lanewise.Program`.
         **fixed: more arguments, which fix its structure.
     """
-    leaves, structure = jax.tree.flatten(trees)
+    leaves, structure = flatten(trees)
     kinds = tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
-    key = function, tuple(fixed.items()), structure, kinds
-    run = _known.get(key)
+    key = function, tuple(fixed.items()), kinds
+    alike = _known.get(key, [])  # a structure may have tables in its static fields, and then no hash
+    run = next((run for known, run in alike if known == structure), None)
     if run is None:
         if len(_known) >= MOST_KNOWN:
             _known.pop(next(iter(_known)), None)
         bound = functools.partial(function, **fixed) if fixed else function
-        run = _known[key] = compile_function(bound, *trees, title=function.__name__)
+        run = compile_function(bound, *trees, title=function.__name__)
+        _known[key] = [*alike[1 - MOST_ALIKE :], (structure, run)]
     return run(*trees, mode=mode)

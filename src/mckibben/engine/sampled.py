@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import jax, jnp
+from ..components.module import map_leaves
 from ..components.sampled import Plant, Software
 from ..errors import ConvergenceError
 from .integration import MOST_PARTS, ROS2_LIMIT
@@ -207,13 +208,13 @@ def advance(
         ConvergenceError: if a state is not finite or impossible, or no step is short enough.
     """
     steps = Steps()
-    carry = jax.tree.map(np.asarray, carry)  # as it comes back, so that nothing is compiled twice
+    carry = map_leaves(np.asarray, carry)  # as it comes back, so that nothing is compiled twice
     while True:
         inner_now = inner * steps.split
         now = np.float64(period), np.int64(inner_now), np.float64(latency)
         # every operation as it is written, so that samples that come one by one are these, bit for bit
         after, results = call_compiled(march, plant, software, carry, rows, *now, mode="strict", stiff=steps.stiff)
-        results = jax.tree.map(np.asarray, results)
+        results = map_leaves(np.asarray, results)
         h, fastest = period / inner_now, float(np.max(results.rate_bound))
         if steps.short(fastest, period / inner):
             if not bool(results.sound.all()):

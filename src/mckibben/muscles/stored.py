@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jit
+from ..components.evaluation import evaluated
 from .law import TensionLaw
 
 # Nodes of the quadrature of a law's elastic tension over a piece of length; its kinks are parabolas, met within 1e-8.
@@ -48,11 +48,11 @@ def _elastic(law: TensionLaw, edges: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(pieces)])
 
 
-@jit
+@evaluated
 def _without_gas(law: TensionLaw, length: Any) -> Any:
     return law.elastic_tension(length)
 
 
-@jit
+@evaluated
 def _of_gas(law: TensionLaw, length: Any, pressure: Any) -> Any:
     return pressure * law.braid_volume(length, pressure) - law.gas_energy(length, pressure)

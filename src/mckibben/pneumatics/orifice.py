@@ -16,8 +16,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from .._jax import jit, jnp
+from .._jax import jnp
 from ..components import Scalar
+from ..components.evaluation import evaluated
 from ..components.flow import Gases, GasState, TwoPort
 from ..errors import InputError
 from ..quantities import quantity
@@ -110,7 +111,7 @@ class Orifice(TwoPort):
     def _through(cls, flow: float, inlet: float, outlet: float, ratio: float, options: dict[str, Any]) -> Orifice:
         """The orifice through which a volume of reference air [m^3/s] flows between two absolute pressures [Pa]."""
         one = cls(conductance=1e-8, critical_ratio=ratio, **options)
-        unit = float(_flow_of(one, *(GasState(p, REFERENCE_TEMPERATURE) for p in (inlet, outlet)))) / 1e-8
+        unit = float(_flow_of(one, inlet, outlet)) / 1e-8
         return cls(conductance=flow * REFERENCE_DENSITY / unit, critical_ratio=ratio, **options)
 
     @classmethod
@@ -158,9 +159,10 @@ class Orifice(TwoPort):
         return (steepest_slope(self, gas[0], gas[1]) * command,)
 
 
-@jit  # once, not operation by operation
-def _flow_of(orifice: Orifice, a: GasState, b: GasState) -> Scalar:
-    return orifice.mass_flow(a, b)
+@evaluated
+def _flow_of(orifice: Orifice, inlet: Any, outlet: Any) -> Scalar:
+    """Mass flow [kg/s] at the reference temperature between two absolute pressures [Pa]."""
+    return orifice.mass_flow(*(GasState(p, REFERENCE_TEMPERATURE) for p in (inlet, outlet)))
 
 
 def opening_flow(orifice: Any, a: GasState, b: GasState, opening: Any = 1.0, *, conductance: Any = None) -> Scalar:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import datetime
 import platform
 import sys
-
-from .._jax import jax
+from importlib import metadata
 
 
 def versions() -> dict[str, str]:
     """Return the versions of this package, of JAX and of Python."""
     # The package's root gathers the verbs of all rooms, so a room cannot import it.
     root = sys.modules[__name__.partition(".")[0]]
-    return {"mckibben": root.__version__, "jax": jax.__version__, "python": platform.python_version()}
+    return {"mckibben": root.__version__, "jax": metadata.version("jax"), "python": platform.python_version()}
 
 
 def created() -> str:

@@ -17,7 +17,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..._jax import jax, jnp
+import numpy as np
+
+from ..._jax import is_traced, jnp
 from ...components import Module, Scalar, field
 from ...components.evaluation import evaluated
 from ...errors import InputError
@@ -149,7 +151,7 @@ class Sensor(Module):
 
 
 def _rising(low: Any, high: Any, where: str) -> None:
-    if isinstance(low, jax.core.Tracer) or isinstance(high, jax.core.Tracer) or not hasattr(low, "shape"):
+    if is_traced(low) or is_traced(high) or not hasattr(low, "shape"):
         return
-    if not bool(jnp.all(low < high)):
-        raise InputError("high", float(jnp.min(high)), f"must be more than low, {float(jnp.max(low)):.6g}", where=where)
+    if not np.all(np.asarray(low) < np.asarray(high)):
+        raise InputError("high", float(np.min(high)), f"must be more than low, {float(np.max(low)):.6g}", where=where)
