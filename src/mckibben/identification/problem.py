@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import jax
+from ..engine.native import EngineFunction, compile_function
 from ..errors import InputError
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
 from ..recordings import ForceMap
-
-# Tables are padded to a multiple of this, so that one compiled function serves tables of similar size.
-PADDING = 64
 
 
 @dataclass(frozen=True)
@@ -105,9 +103,7 @@ class Problem:
 
     def starts(self, count: int, seed: int) -> np.ndarray:
         """Starting points from the usual ranges by a Latin hypercube, over `scale`, shape (count, free)."""
-        from scipy.stats import qmc
-
-        unit = qmc.LatinHypercube(len(self.free), seed=seed).random(count)
+        unit = latin_hypercube(count, len(self.free), seed)
         columns = []
         for u, q in zip(unit.T, self.quantities.values(), strict=True):
             low, high = q.typical
@@ -118,18 +114,30 @@ class Problem:
     def functions(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
         """Signed braid tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free)."""
         n = len(self.points)
-        total = -(-n // PADDING) * PADDING
-        predict, jacobian = _compiled(law_type(self.law), self.free, tuple(sorted(self.known)))
-        known = tuple(_padded(self.known[name], n, total) for name in sorted(self.known))
-        length, pressure = _padded(self.points.length, n, total), _padded(self.points.pressure, n, total)
+        run, run_slopes = _compiled(law_type(self.law), self.free, tuple(sorted(self.known)))
+        known = tuple(np.broadcast_to(np.asarray(self.known[name], float), (n,)) for name in sorted(self.known))
+        at = known, np.asarray(self.points.length, float), np.asarray(self.points.pressure, float)
 
         def force(scaled: np.ndarray) -> np.ndarray:
-            return np.asarray(predict(jnp.asarray(scaled * self.scale), known, length, pressure))[:n]
+            return np.asarray(run(scaled * self.scale, *at, lanes=n, threads=1))
 
         def slopes(scaled: np.ndarray) -> np.ndarray:
-            return np.asarray(jacobian(jnp.asarray(scaled * self.scale), known, length, pressure))[:n] * self.scale
+            return np.asarray(run_slopes(scaled * self.scale, *at, lanes=n, threads=1)).T * self.scale
 
         return force, slopes
+
+
+def latin_hypercube(count: int, axes: int, seed: int) -> np.ndarray:
+    """Points (count, axes) in the unit cube, one in each of `count` equal parts of every axis.
+
+    The draws are those of `scipy.stats.qmc.LatinHypercube`; SciPy's statistics would take longer to load than a fit takes.
+    """
+    chance = np.random.default_rng(seed)
+    shares = chance.uniform(size=(count, axes))
+    parts = np.tile(np.arange(1, count + 1), (axes, 1))
+    for row in parts:
+        chance.shuffle(row)
+    return np.asarray((parts.T - shares) / count)
 
 
 def _freed(kind: type[TensionLaw], given: Mapping[str, Any], points: ForceMap) -> tuple[str, ...]:
@@ -152,21 +160,36 @@ def _longest(points: ForceMap) -> Any:
     return np.array([points.length[points.rest_length == r].max() for r in points.rest_length])
 
 
-def _padded(value: Any, n: int, total: int) -> jax.Array:
-    full = np.broadcast_to(np.asarray(value, float), (n,))
-    return jnp.asarray(np.concatenate([full, np.repeat(full[-1:], total - n)]))
-
-
 @functools.lru_cache(maxsize=64)
-def _compiled(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]) -> tuple[Any, Any]:
-    def predict(values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
-        parameters = dict(zip(free, values, strict=True)) | dict(zip(known, fixed, strict=True))
-        return construct(kind, parameters).braid_tension(length, pressure)
+def _compiled(
+    kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]
+) -> tuple[EngineFunction, EngineFunction]:
+    """Tension at a point and its derivative (free,), with a point in each lane."""
+    examples = np.zeros(len(free)), tuple(0.0 for _ in known), 0.0, 0.0
+    run, run_slopes = (
+        compile_function(functools.partial(function, kind, free, known), *examples, title=function.__name__)
+        for function in (_tension_at, _slopes_at)
+    )
+    return run, run_slopes
 
-    def jacobian(values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
-        return jax.jacfwd(lambda v: predict(v, fixed, length, pressure))(values)
 
-    return jax.jit(predict), jax.jit(jacobian)
+def _tension_at(
+    kind: type[TensionLaw],
+    free: tuple[str, ...],
+    known: tuple[str, ...],
+    values: Any,
+    fixed: Any,
+    length: Any,
+    pressure: Any,
+) -> Any:
+    """Signed tension of the braid by a law with free and known parameters [N]."""
+    parameters = dict(zip(free, values, strict=True)) | dict(zip(known, fixed, strict=True))
+    return construct(kind, parameters).braid_tension(length, pressure)
+
+
+def _slopes_at(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
+    """Derivative of `_tension_at` by the free parameters (free,)."""
+    return jax.jacfwd(lambda v: _tension_at(kind, free, known, v, fixed, length, pressure))(values)
 
 
 SEED = 1

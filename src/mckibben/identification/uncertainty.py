@@ -49,7 +49,7 @@ def uncertainty(
         Student's t quantile for n - p degrees of freedom; standard errors are infinite for parameters in an undetermined
         direction. Residuals are taken as independent, so that systematic misfit makes the intervals too narrow.
     """
-    from scipy import stats
+    from scipy.special import stdtrit
 
     n, p = jacobian.shape
     degrees = max(n - p, 1)
@@ -76,7 +76,7 @@ def uncertainty(
                 warnings.append(
                     f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
                 )
-    return Uncertainty(error, correlation, float(stats.t.ppf(0.5 + confidence / 2.0, degrees)), tuple(warnings))
+    return Uncertainty(error, correlation, float(stdtrit(degrees, 0.5 + confidence / 2.0)), tuple(warnings))
 
 
 def widening(residuals: Sequence[np.ndarray]) -> float:

@@ -12,12 +12,14 @@ the stop would be a load on that spring.
 from __future__ import annotations
 
 import abc
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..._jax import jnp
 from ...components import Module, Scalar, derivative, jit_arrays
+from ...components.evaluation import evaluated
 from ...errors import InputError, NoVolumeError
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.gas_spring import spring_volume
@@ -130,9 +132,6 @@ def cycle_muscle(law: TensionLaw, volume: str = "potential") -> CycleMuscle:
 
 # ---- in numbers
 
-CHUNK = 256  # points that are computed at once, of whatever shape: each law is compiled for one size only
-
-
 class Probe:
     """A muscle in plain arrays; length [m] and gauge pressure [Pa] broadcast."""
 
@@ -141,38 +140,37 @@ class Probe:
 
     def tension(self, length: Any, pressure: Any) -> np.ndarray:
         """Tension inside the braid, without friction [N]."""
-        return self._ask(_tension, length, pressure)[0]
+        return np.asarray(self._ask(_tension, length, pressure))
 
     def volume(self, length: Any, pressure: Any) -> np.ndarray:
         """Gas volume [m^3]."""
-        return self._ask(_gas, length, pressure)[0]
+        return np.asarray(self._ask(_gas, length, pressure)[0])
 
     def gas_energy(self, length: Any, pressure: Any) -> np.ndarray:
         """Integral of the volume over the gauge pressure [J]."""
-        return self._ask(_gas, length, pressure)[1]
+        return np.asarray(self._ask(_gas, length, pressure)[1])
 
     def slopes(self, length: Any, pressure: Any) -> list[np.ndarray]:
         """Slope of the tension by length and by pressure, and of the volume by length and by pressure [SI]."""
-        return self._ask(_slopes, length, pressure)
+        return list(map(np.asarray, self._ask(_slopes, length, pressure)))
 
-    def _ask(self, function: Any, length: Any, pressure: Any) -> list[np.ndarray]:
-        at = np.broadcast_arrays(np.asarray(length, float), np.asarray(pressure, float))
-        shape, count = at[0].shape, at[0].size
-        flat = [np.resize(v, -(-count // CHUNK) * CHUNK).reshape(-1, CHUNK) for v in at]
-        parts = [function(self.muscle, x, p) for x, p in zip(*flat, strict=True)]
-        return [np.concatenate(v)[:count].reshape(shape) for v in zip(*parts, strict=True)]
+    def _ask(self, function: Callable[..., Any], length: Any, pressure: Any) -> Any:
+        return function(self.muscle, np.asarray(length, float), np.asarray(pressure, float))
 
 
+@evaluated
 @jit_arrays
-def _tension(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar]:
-    return (muscle.tension(length, pressure),)
+def _tension(muscle: CycleMuscle, length: Any, pressure: Any) -> Scalar:
+    return muscle.tension(length, pressure)
 
 
+@evaluated
 @jit_arrays
 def _gas(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, Scalar]:
     return muscle.volume(length, pressure), muscle.gas_energy(length, pressure)
 
 
+@evaluated
 @jit_arrays
 def _slopes(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, ...]:
     by_length = [derivative(lambda x: f(x, pressure), length) for f in (muscle.tension, muscle.volume)]  # noqa: B023
