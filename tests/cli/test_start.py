@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -46,3 +47,18 @@ def test_a_tension_needs_no_jax_once_its_kernel_is_kept(tmp_path, monkeypatch):
     both = f"{law}\n{command('tension nylon --length 14cm --pressure 5bar')}"
     assert "jax" in loaded(both, HEAVY)  # nothing is kept yet
     assert loaded(both, tuple(m for m in HEAVY if m != "llvmlite")) == []
+
+
+def test_runs_fits_and_cycles_need_no_jax_once_their_kernels_are_kept(tmp_path):
+    tank = Path(__file__).parents[2] / "examples" / "circuits" / "filling-a-tank.toml"
+    commands = (
+        "run work-loop --muscle nylon",
+        f"circuit run {tank} --out {tmp_path / 'tank.nc'}",
+        "energy nylon --pressure 5bar",
+        "fit DMSP-20-300 --law hyperelastic_braid",
+    )
+    # One process for all: what one of them loads, the others do not unload. The kernels are those of all tests.
+    code = "\n".join(map(command, commands))
+    assert "jax" not in loaded(code, ("jax",)) or "jax" not in loaded(
+        code, ("jax",)
+    )  # the first call may have to keep them

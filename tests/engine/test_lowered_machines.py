@@ -159,7 +159,7 @@ def test_the_whole_bench_with_its_software_stays_with_xla():
     from mckibben.experiments.read import protocol
 
     bench = prepare(protocol("isotonic-triangle", load="50 N", frequency="5 Hz", cycles=2), muscle="nylon", rig="paper")
-    part, timing = next(iter(bench.parts())), timing_of(bench)
+    part, timing = next(iter(bench.segments())), timing_of(bench)
     software, own = software_of(bench, part, timing), SegmentMachine(bench, 0, part, timing)
     carry = own.carry(software)
     clock = timing.period, timing.inner, timing.latency

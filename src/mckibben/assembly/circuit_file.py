@@ -37,8 +37,8 @@ from typing import Any
 import numpy as np
 
 from .. import schema
-from .._jax import jax, jnp
 from ..components import Environment, paths
+from ..components.module import map_leaves
 from ..documents import parse_toml, read_text, with_own_paths
 from ..engine import STEP, Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
@@ -215,7 +215,7 @@ class CircuitPlan:
         """Fastest rate at the start [1/s], and the method that a run begins with."""
         state, memory = self.initial()
         first = {name: s.at(0, 0.0, self.period) for name, s in self.inputs().items()}
-        lead = jax.tree.map(lambda x: jnp.asarray(x)[None], (state, memory, first))
+        lead = map_leaves(lambda x: np.asarray(x)[None], (state, memory, first))
         rate = fastest_rate(self.circuit, *lead)
         return rate, self.method if self.method != "auto" else "ros2" if rate * self.inner_step > RK4_LIMIT else "rk4"
 

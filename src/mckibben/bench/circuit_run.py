@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import jnp
 from ..analysis.steps import unsettled_at_end
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
+from ..components.module import map_leaves
 from ..components.paths import resolved
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
@@ -108,7 +109,7 @@ def _record(
         name: np.concatenate([*(r.outputs[name][:-1] for r in done), done[-1].outputs[name][-1:]])
         for name in done[0].outputs
     }
-    integrals = jax.tree.map(lambda *parts: float(sum(parts)), *(r.integrals for r in done))
+    integrals = map_leaves(lambda *parts: float(sum(parts)), *(r.integrals for r in done))
     first = {n: s.at(0, 0.0, plan.period) for n, s in signals.items()}
     final = {n: s.at(last - 1, 1.0, plan.period) for n, s in signals.items()}
     closed = balance(plan.circuit, start[0], done[-1].state, first, final, integrals)

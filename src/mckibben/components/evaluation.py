@@ -38,7 +38,7 @@ def evaluated(method: Method) -> Method:
             or a tuple of arrays.
     """
     names = list(inspect.signature(method).parameters)[1:]
-    defaults = method.__defaults__ or ()
+    defaults = getattr(method, "__defaults__", None) or ()  # a function that JAX transforms has none
 
     @functools.wraps(method)
     def call(self: Any, *arguments: Any, **options: Any) -> Any:

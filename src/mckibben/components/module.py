@@ -86,7 +86,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
             if "__check_init__" in kind.__dict__:
                 kind.__dict__["__check_init__"](self)
         if not is_loaded():
-            when_loaded(functools.partial(_convert_again, weakref.ref(self)))
+            _older[id(self)] = self
 
     def __check_init__(self) -> None:
         """Refuse parameters out of their declared bounds."""
@@ -103,8 +103,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
     def __eq__(self, other: object) -> bool:
         if self is other:
             return True
-        mine: Any = jax.tree.flatten(self)
-        theirs: Any = jax.tree.flatten(other)
+        mine, theirs = flatten(self), flatten(other)
         return bool(mine[1] == theirs[1]) and all(map(_same, mine[0], theirs[0]))
 
     # Parameters are arrays, which have no hash; by identity, `jax.jit(law.tension)` works as a newcomer writes it.
@@ -207,13 +206,17 @@ def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:
     return call
 
 
-def _convert_again(owner: weakref.ref[Module]) -> None:
-    """Make the numbers of a value that is older than the loading of JAX arrays of JAX, as those of all later ones are."""
-    value = owner()
-    if value is not None:
+_older: weakref.WeakValueDictionary[int, Module] = weakref.WeakValueDictionary()  # values made before JAX was loaded
+
+
+@when_loaded
+def _convert_older() -> None:
+    """Make the numbers of values that are older than the loading of JAX arrays of JAX, as those of all later ones are."""
+    for value in list(_older.values()):
         for f in dataclasses.fields(value):
             if "converter" in f.metadata:
                 value.__dict__[f.name] = f.metadata["converter"](value.__dict__[f.name])
+    _older.clear()
 
 
 def _is_field(value: Any) -> bool:

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import jax, jnp
+from ..components.module import flatten, map_leaves
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
-from .native import EngineFunction, call_compiled, compile_function
+from .native import EngineFunction, call_compiled, call_in_lanes, compile_function
 from .rates import RK4_LIMIT, fastest_rate
 from .side_by_side import SideBySide, Split
 from .signals import Signal
@@ -106,7 +107,7 @@ def integrate(
     first = _inputs(signals, 0, 0.0, period)
     # As many times as `_along` looks, so that one compilation serves both.
     many = min(samples, PROBES)
-    lead = lambda tree: jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (many, *np.shape(x))), tree)  # noqa: E731
+    lead = lambda tree: map_leaves(lambda x: np.broadcast_to(np.asarray(x), (many, *np.shape(x))), tree)  # noqa: E731
     plan = _plan(fastest_rate(system, lead(state), lead(memory), lead(first)), h, method)
     for _ in range(ATTEMPTS):
         carry, kept = _run(system, state, memory, dict(signals), period, plan.split * inner, samples, plan.stiff)
@@ -294,14 +295,18 @@ def _samples(signals: Mapping[str, Signal], period: float, step_size: float, met
 def _along(system: System, kept: Any, signals: Mapping[str, Signal], period: float, samples: int) -> float:
     """Fastest rate at states spread over the run."""
     at = np.unique(np.linspace(0, samples - 1, min(samples, PROBES)).astype(int))
-    pick = lambda tree: jax.tree.map(lambda x: np.asarray(x)[at], tree)  # noqa: E731
-    inputs = {n: jax.vmap(lambda i, s=s: s.at(i, 0.0, period))(jnp.asarray(at)) for n, s in signals.items()}
-    inputs = jax.tree.map(np.asarray, inputs)
+    pick = lambda tree: map_leaves(lambda x: np.asarray(x)[at], tree)  # noqa: E731
+    inputs = {n: _values_at(s, at, period) for n, s in signals.items()}
     return fastest_rate(system, pick(kept[0]), pick(kept[1]), inputs)
 
 
+def _values_at(signal: Signal, samples: np.ndarray, period: float) -> Any:
+    """Values of a signal at some samples, along the first axis."""
+    return map_leaves(lambda *x: np.stack([np.asarray(v) for v in x]), *(signal.at(i, 0.0, period) for i in samples))
+
+
 def _judge(system: System, carry: Any, kept: Any, fastest: float, h: float, stiff: bool) -> tuple[Result, str]:
-    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((carry, kept[0]))):
+    if not all(np.isfinite(leaf).all() for leaf in flatten((carry, kept[0]))[0]):
         return Result.NOT_FINITE, Result.NOT_FINITE.value
     limit = ROS2_LIMIT if stiff else RK4_LIMIT
     if fastest * h > limit * (1.0 + 1e-9):
@@ -311,9 +316,14 @@ def _judge(system: System, carry: Any, kept: Any, fastest: float, h: float, stif
             Result.TOO_STIFF,
             f"{Result.TOO_STIFF.value} It needs {need:.3g} s or less instead of {h:.3g} s{instead}.",
         )
-    if not bool(np.all(jax.vmap(system.admissible)(kept[0]))):
+    if not np.all(call_in_lanes(_admissible, (system,), (kept[0],))):
         return Result.IMPOSSIBLE, f"{Result.IMPOSSIBLE.value} The step of {h:.3g} s is too long for it."
     return Result.DONE, Result.DONE.value
+
+
+def _admissible(system: System, state: Any) -> Any:
+    """`System.admissible`."""
+    return system.admissible(state)
 
 
 def _compared(outputs: Mapping[str, Any], halved: Mapping[str, Any], h: float) -> tuple[Result, str]:

@@ -21,7 +21,7 @@ import numpy as np
 import lanewise
 
 from ..components import programs
-from ..components.module import flatten, unflatten
+from ..components.module import flatten, map_leaves, unflatten
 from ..errors import EngineError, InputError
 
 ENGINES = ("auto", "native", "gpu", "xla")
@@ -151,6 +151,38 @@ def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "defaul
         mode: mode of the native engine, see `lanewise.Program`.
         **fixed: more arguments, which fix its structure.
     """
+    return _compiled_for(function, trees, fixed)(*trees, mode=mode)
+
+
+def call_in_lanes(
+    function: Callable[..., Any], shared: tuple[Any, ...], varied: tuple[Any, ...], *, mode: str = "default"
+) -> Any:
+    """Call a function that is compiled once for many cases, as `call_compiled` does; each case is a lane.
+
+    Args:
+        function: a module's own, of the shared trees and then the varied ones.
+        shared: trees that all cases have in common.
+        varied: trees whose leaves have the cases along their first axis.
+        mode: mode of the native engine, see `lanewise.Program`.
+
+    Returns:
+        The results, with the cases along the first axis of their leaves.
+    """
+    lanes = len(flatten(varied)[0][0])
+    one = map_leaves(lambda x: np.asarray(x)[0], varied)
+    moved = map_leaves(lambda x: np.moveaxis(np.asarray(x), 0, -1), varied)
+    run = _compiled_for(function, (*shared, *one), {})
+    leaves, structure = flatten(run(*shared, *moved, lanes=lanes, mode=mode))
+    if run.engine != "xla":  # what is the same in all lanes has no axis for them
+        shapes = [(*leaf.shape, lanes) for leaf in run.program.results]
+        leaves = [
+            np.broadcast_to(x[..., None], s) if x.ndim < len(s) else x for x, s in zip(leaves, shapes, strict=True)
+        ]
+    return unflatten(structure, [np.moveaxis(x, -1, 0) for x in leaves])
+
+
+def _compiled_for(function: Callable[..., Any], trees: tuple[Any, ...], fixed: dict[str, Hashable]) -> EngineFunction:
+    """A function compiled for trees of this structure and these shapes, from memory if it was before."""
     leaves, structure = flatten(trees)
     kinds = tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
     key = function, tuple(fixed.items()), kinds
@@ -162,4 +194,4 @@ def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "defaul
         bound = functools.partial(function, **fixed) if fixed else function
         run = compile_function(bound, *trees, title=function.__name__)
         _known[key] = [*alike[1 - MOST_ALIKE :], (structure, run)]
-    return run(*trees, mode=mode)
+    return run

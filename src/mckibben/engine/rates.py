@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import flatten_util, jax, jit
+from .._jax import flatten_util, jax
+from ..components.module import flatten
 from ..components.system import System
+from .native import call_in_lanes
 from .step import rate_of
 
 # The classical Runge-Kutta method damps a real mode of rate r while r h < 2.785.
@@ -26,7 +28,11 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
         memory: the same for the memory.
         inputs: the same for the inputs.
     """
-    matrices, bounds = (np.asarray(x) for x in _examined(system, states, memory, inputs))
+    if flatten(states)[0]:
+        matrices, bounds = call_in_lanes(_examined, (system,), (states, memory, inputs))
+    else:
+        bounds = call_in_lanes(_bound, (system,), (states, memory, inputs))
+        matrices = np.zeros((len(bounds), 0, 0))
     sound = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(bounds)
     if not sound.any():
         return float("inf")
@@ -34,14 +40,13 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
     return max(fastest, float(bounds[sound].max()))
 
 
-@jit
-def _examined(system: System, states: Any, memory: Any, inputs: Any) -> tuple[Any, Any]:
-    """Jacobians of the state equation, and the system's own bounds, at each of several states."""
+def _examined(system: System, state: Any, memory: Any, inputs: Any) -> tuple[Any, Any]:
+    """Jacobian of the state equation, and the system's own bound, at one state."""
+    flat, back = flatten_util.ravel_pytree(state)
+    rates = jax.jacfwd(lambda v: flatten_util.ravel_pytree(rate_of(system, back(v), memory, inputs))[0])(flat)
+    return rates, system.max_rate_bound(state, memory, inputs)
 
-    def one(state: Any, z: Any, u: Any) -> Any:
-        flat, back = flatten_util.ravel_pytree(state)
-        return jax.jacfwd(lambda v: flatten_util.ravel_pytree(rate_of(system, back(v), z, u))[0])(
-            flat
-        ), system.max_rate_bound(state, z, u)
 
-    return jax.vmap(one)(states, memory, inputs)
+def _bound(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+    """The bound of a system without states."""
+    return system.max_rate_bound(state, memory, inputs)

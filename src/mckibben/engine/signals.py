@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._jax import jnp, load
+from .._jax import jnp
 from ..components import Module, Scalar, field
 from ..quantities import as_array
 
@@ -23,7 +23,7 @@ class Signal(Module):
     differentiable by its delay, a held one is not.
     """
 
-    values: Scalar
+    values: Scalar = field(converter=as_array)
     straight: bool = field(static=True, default=False)
     delay: Scalar | None = None
 
@@ -73,11 +73,9 @@ class Signal(Module):
 
 def held(values: Any) -> Signal:
     """A signal that jumps at the samples and is constant between them: a command from a converter."""
-    load()  # a signal is indexed by samples that are traced
-    return Signal(as_array(values))
+    return Signal(values)
 
 
 def ramped(values: Any) -> Signal:
     """A signal that is straight between the samples: a prescribed motion or a measured pressure."""
-    load()
-    return Signal(as_array(values), straight=True)
+    return Signal(values, straight=True)

@@ -119,10 +119,12 @@ class Problem:
         at = known, np.asarray(self.points.length, float), np.asarray(self.points.pressure, float)
 
         def force(scaled: np.ndarray) -> np.ndarray:
-            return np.asarray(run(scaled * self.scale, *at, lanes=n, threads=1))
+            return np.broadcast_to(run(scaled * self.scale, *at, lanes=n, threads=1), (n,))
 
         def slopes(scaled: np.ndarray) -> np.ndarray:
-            return np.asarray(run_slopes(scaled * self.scale, *at, lanes=n, threads=1)).T * self.scale
+            columns = np.asarray(run_slopes(scaled * self.scale, *at, lanes=n, threads=1))
+            columns = columns if columns.ndim == 2 else columns[:, None]  # the same at all points
+            return np.asarray(np.broadcast_to(columns, (len(self.free), n)).T * self.scale)
 
         return force, slopes
 

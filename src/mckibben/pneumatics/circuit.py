@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._jax import jax, jnp
+from .._jax import jnp
 from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
+from ..components.module import flatten
 from ..components.system import Moment, System
 from ..errors import InputError
 from .exergy import ExergyStream, Passing, kind_of, path_name
@@ -90,7 +91,7 @@ class Circuit(System):
         """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
         gases = self._gas_states(state, inputs or {})
         kept = {name: self.elements[name].initial_memory(self._at(name, gases)) for name in self.elements}
-        return {name: memory for name, memory in kept.items() if jax.tree.leaves(memory)}
+        return {name: memory for name, memory in kept.items() if flatten(memory)[0]}
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """Signals, with ``<element>.command`` of every element that has dead time, delayed by it.

@@ -8,6 +8,7 @@ from typing import Any
 
 from .._jax import jax, jit, jnp
 from ..components import AbstractVar, Module, Scalar, field
+from ..components.evaluation import evaluated
 from ..quantities import quantity
 from .heat import HeatModel, Isothermal, VolumeState
 
@@ -89,6 +90,7 @@ class MovingVolume(Chamber):
         return VolumeState(value + self.dead, per_pressure, per_length * velocity)
 
 
+@evaluated
 @jit  # traced once for all that asks for it
 def volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
     """`Chamber.volume`."""

@@ -132,6 +132,7 @@ def cycle_muscle(law: TensionLaw, volume: str = "potential") -> CycleMuscle:
 
 # ---- in numbers
 
+
 class Probe:
     """A muscle in plain arrays; length [m] and gauge pressure [Pa] broadcast."""
 
