@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import jnp
 from ..components import Environment, Scalar
 from ..components.system import IndependentPart, Moment, System
 from ..engine.native import call_compiled
