@@ -166,9 +166,9 @@ def _unflattened(structure: Any, leaves: list[Any]) -> tuple[Any, list[Any]]:
     if kind is dict:
         return dict(zip(static, parts, strict=True)), leaves
     made: Any = object.__new__(kind)
-    static, parts = iter(static), iter(parts)
+    values = iter(static), iter(parts)
     for f in dataclasses.fields(kind):
-        made.__dict__[f.name] = next(static if f.metadata.get("static", False) else parts)
+        made.__dict__[f.name] = next(values[0 if f.metadata.get("static", False) else 1])
     return made, leaves
 
 
