@@ -27,6 +27,8 @@ sys.path.insert(0, str(DOCS))
 
 import examples  # noqa: E402
 import generated  # noqa: E402
+import jobs  # noqa: E402
+import links  # noqa: E402
 import notebooks  # noqa: E402
 import page_cache  # noqa: E402
 
@@ -44,12 +46,26 @@ def stage(*, fresh: bool = False) -> None:
             _write(path.relative_to(DOCS), path.read_bytes())
     texts = {p.relative_to(DOCS).with_suffix(".md").as_posix(): p.read_bytes() for p in sources()}
     texts |= dict.fromkeys(generated.PAGES, b"")
+    measured = {}
     for page in page_cache.build_all(texts, build, fresh=fresh):
         _write(Path(page.name), (page.folder / "page.md").read_bytes())
         for figure in (page.folder / "figures").iterdir():
-            _write(Path("assets", "generated", Path(page.name).stem, figure.name), figure.read_bytes())
+            if figure.name != jobs.FILE:
+                _write(Path("assets", "generated", Path(page.name).stem, figure.name), figure.read_bytes())
+        if job := jobs.load(page.folder / "figures"):
+            measured[page.name] = job
         print(f"  {page.name}" + (f"  {page.seconds:.1f} s" if page.seconds > 0.5 else ""), flush=True)
+    _list_jobs(measured)
     _images_exist()
+
+
+def _list_jobs(measured: dict[str, jobs.Measured]) -> None:
+    """Print what each job takes, and write it to the list of the jobs."""
+    page = STAGE / jobs.FOLDER / "index.md"
+    page.write_text(jobs.with_times(page.read_text(encoding="utf-8"), measured), encoding="utf-8")
+    print("jobs:")
+    for name, job in sorted(measured.items()):
+        print(f"  {name:32} {job.lines:3} lines, {job.first:5.1f} s the first time, {job.later:5.1f} s later", flush=True)
 
 
 def build(name: str, figures: Path) -> str:
@@ -58,7 +74,10 @@ def build(name: str, figures: Path) -> str:
         return generated.PAGES[name](figures)
     if (book := (DOCS / name).with_suffix(".ipynb")).is_file():
         return notebooks.run_notebook(book, name, figures)
-    return examples.run_page((DOCS / name).read_text(encoding="utf-8"), name, figures)
+    text = links.site_page((DOCS / name).read_text(encoding="utf-8"), name)
+    if name == links.INDEX:
+        text = text.replace("<!-- pages of the Python reference -->", generated.list_of_rooms())
+    return examples.run_page(text, name, figures)
 
 
 def site() -> None:

@@ -6,6 +6,7 @@ line that begins with ``$ mckibben`` runs, and its output follows. Options after
     ```console exit=2          the command must end with this exit code; standard error is shown
     ```console lines=12        show at most this many lines of the output, then an ellipsis
     ```python quiet            run without showing the code or its output
+    ```python job              a script of a job, which runs in a process of its own and is timed (see jobs.py)
 
 Each page runs in an empty working directory; figures saved there become assets of the site.
 """
@@ -22,6 +23,8 @@ import sys
 import tempfile
 import traceback
 from pathlib import Path
+
+import jobs
 
 FENCE = re.compile(r"^```(python|console)\b([^\n]*)\n(.*?)^```[ \t]*$", re.M | re.S)
 FIGURES = (".svg", ".png")
@@ -46,12 +49,17 @@ def run_page(text: str, name: str, figures: Path) -> str:
         os.chdir(folder)
         try:
             space: dict[str, object] = {"__name__": "__main__"}
+            job: list[jobs.Job] = []
             shown = FENCE.sub(
                 lambda m: _block(
-                    m[1], m[2].split(), m[3], space, f"{name}, line {text[: m.start()].count(chr(10)) + 1}"
+                    m[1], m[2].split(), m[3], space, job, f"{name}, line {text[: m.start()].count(chr(10)) + 1}"
                 ),
                 text,
             )
+            if job:
+                measured = job[0].finish()
+                jobs.save(measured, figures)
+                shown = shown.replace(jobs.SUMMARY, measured.sentence())
         finally:
             os.chdir(before)
         for path in sorted(Path(folder).iterdir()):
@@ -61,9 +69,13 @@ def run_page(text: str, name: str, figures: Path) -> str:
     return shown
 
 
-def _block(kind: str, words: list[str], body: str, space: dict[str, object], where: str) -> str:
+def _block(kind: str, words: list[str], body: str, space: dict[str, object], job: list[jobs.Job], where: str) -> str:
     options = dict(w.split("=") for w in words if "=" in w)
     most = int(options.get("lines", "0"))
+    if "job" in words:
+        if not job:
+            job.append(jobs.Job(Path.cwd()))
+        return _job_block(kind, body, job[0], options.get("file", ""), int(options.get("exit", "0")), most, where)
     if kind == "console":
         return f"```console\n{_commands(body, int(options.get('exit', '0')), most, where)}```"
     printed = _python(body, space, where)
@@ -71,6 +83,28 @@ def _block(kind: str, words: list[str], body: str, space: dict[str, object], whe
         return ""
     out = f"\n\n```text\n{_shortened(printed, most)}```" if printed.strip() else ""
     return f"```python\n{body}```{out}"
+
+
+def _job_block(kind: str, body: str, job: jobs.Job, file: str, code: int, most: int, where: str) -> str:
+    """Return a block of a job with the output of its script, or of each of its commands."""
+
+    def done(result: tuple[str, int], what: str) -> str:
+        output, ended = result
+        if ended != code:
+            raise ExampleError(f"{where}: {what} ended with {ended} instead of {code}:\n{output}")
+        return _shortened(_plain(output), most)
+
+    if file:
+        job.file(file, body)
+        return f"```python\n{body}```"
+    if kind == "python":
+        output = done(job.script(body), "the script")
+        return f"```python\n{body}```" + (f"\n\n```text\n{output}```" if output.strip() else "")
+    shown = []
+    for line in re.split(r"(?m)^\$ ", body)[1:]:
+        line = line.rstrip("\n")
+        shown.append(f"$ {line}\n{done(job.command(line), f'`{line}`')}".rstrip("\n"))
+    return "```console\n" + "\n".join(shown) + "\n```"
 
 
 def _python(body: str, space: dict[str, object], where: str) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -482,6 +483,15 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
 ELSEWHERE = {"bench": {"console"}, "components": {"element"}, "studies": {"design"}}
 
 
+def list_of_rooms() -> str:
+    """Return the list of the pages of the Python reference, relative to the page of the reference."""
+    return "\n".join(f"* [{title}](api/{name}.md): {_without_links(words)}" for name, (title, words, _) in ROOMS.items())
+
+
+def _without_links(text: str) -> str:
+    return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+
+
 def room(name: str) -> str:
     """Return the page of one package for mkdocstrings."""
     title, words, entries = ROOMS[name]
@@ -507,10 +517,15 @@ def public_names(_: Path) -> str:
     """Return the page of the names of `import mckibben`."""
     import mckibben
 
+    from docstrings import failures
+    from examples import ExampleError
+
     parts = []
     for group, names in mckibben.PUBLIC.items():
         parts.append(f"## {group}")
         for name in names:
+            if wrong := failures(name):
+                raise ExampleError(f"{name}:\n{wrong}")
             options = f'heading: "mckibben.{name}", toc_label: {name}, heading_level: 3, show_root_full_path: false'
             parts.append(f"::: {_place(name)}\n    options: {{{options}}}")
     return _page("mckibben", PUBLIC_WORDS, *parts)

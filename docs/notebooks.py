@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from examples import ExampleError
+from links import site_page
 
 CELL_TIMEOUT = 600  # of one cell, on a busy machine [s]
 FIGURES = {"image/svg+xml": "svg", "image/png": "png"}
@@ -45,7 +46,7 @@ def run_notebook(path: Path, name: str, figures: Path) -> str:
     parts = []
     for number, cell in enumerate(book.cells, 1):
         if cell.cell_type == "markdown":
-            parts.append(cell.source)
+            parts.append(site_page(cell.source, name))
             continue
         parts.append(f"```python\n{cell.source}\n```")
         for place, output in enumerate(_joined(cell.outputs)):

@@ -17,9 +17,11 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from .assembly.check import check as check
+    from .assembly.circuit_file import read_circuit as circuit  # noqa: F401
     from .bench.rig_file import rig as rig
     from .bench.run import prepare as prepare
     from .bench.run import run as run
+    from .bench.session import Session as Session
     from .errors import InputError as InputError
     from .errors import MckibbenError as MckibbenError
     from .experiments.read import protocol as protocol
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from .muscles.build import build_law as law  # noqa: F401
     from .muscles.build import muscle as muscle
     from .quantities import quantity as quantity
+    from .recordings import Channel as Channel
     from .recordings import ForceMap as ForceMap
     from .recordings import Recording as Recording
     from .recordings import read as read
@@ -90,6 +93,9 @@ PUBLIC: dict[str, dict[str, str]] = {
         "rig": "bench.rig_file",
         "prepare": "bench.run",
         "run": "bench.run",
+        "Session": "bench.session",
+        "circuit": "assembly.circuit_file:read_circuit",
+        "Channel": "recordings",
         "Recording": "recordings",
         "read_recording": "recordings",
     },

@@ -77,7 +77,16 @@ def _shown(value: object) -> str:
 
 
 class MckibbenError(Exception):
-    """Base of every error that this package raises on purpose; can be pickled."""
+    """Base of every error that this package raises on purpose; can be pickled.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> try:
+        ...     mk.specimen("nylonn")
+        ... except mk.MckibbenError as error:
+        ...     print(error)
+        Unknown specimen 'nylonn'. Did you mean 'nylon'? Give a .toml file or one of bridgestone, ...
+    """
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (type(self), self.args), self.__dict__
@@ -93,6 +102,14 @@ class InputError(MckibbenError, ValueError):
     The message names where the value comes from, the field, the value and what is allowed: `compose_sentence` makes it of
     these, unless a whole `sentence` is given. `remedy` is what the caller could state to put it right, such as
     ``column pressure``, for an edge that has words of its own for it.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> try:
+        ...     mk.law("ideal", {"thread_length": -0.2, "turns": 3.2})
+        ... except mk.InputError as error:
+        ...     print(error)
+        ideal.thread_length must be between 0.1 cm and 1e+04 cm, got -20 cm
     """
 
     def __init__(

@@ -98,6 +98,14 @@ def quantity(
         symbol: as the field writes it.
         typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
         default: value where none is given [unit].
+
+    Examples:
+        >>> import mckibben as mk
+        >>> from mckibben.components import Module
+        >>> class Pulley(Module):
+        ...     radius = mk.quantity("m", (1e-3, 0.5), "radius of the groove", default=0.02)
+        >>> float(Pulley().radius)
+        0.02
     """
     declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
     options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import pkgutil
 import re
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -26,6 +27,8 @@ PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, tex
 
 
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
+READMES = ["SECURITY.md", "CHANGELOG.md", "firmware/README.md", "benchmarks/README.md", "packages/lanewise/README.md"]
+LINKED = [*WRITTEN, *NOTEBOOKS, *(ROOT / name for name in READMES)]
 # Rooms without a page in the reference of Python: command line and screen have pages of their own.
 NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.web")
 
@@ -77,24 +80,63 @@ def test_the_commands_without_json_are_those_that_the_reference_names() -> None:
         assert "Every command takes `--json`" not in page.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=name_of)
-def test_links_lead_somewhere(page: Path) -> None:
-    made = made_pages()
-    for target in re.findall(r"\]\(([^)\s]+)\)", PLAIN[page]):
-        if re.match(r"https?://", target):
-            continue
+def targets(text: str) -> list[str]:
+    """The places to which the links and pictures of a text lead, without those on other hosts."""
+    return [t for t in re.findall(r"\]\(([^)\s]+)\)", text) if not re.match(r"https?:", t)]
+
+
+def text_of(page: Path) -> str:
+    """The text of a page or notebook, without blocks of code and without comments."""
+    text = page.read_text(encoding="utf-8")
+    if page.suffix == ".ipynb":
+        cells = [c for c in json.loads(text)["cells"] if c["cell_type"] == "markdown"]
+        return "\n\n".join("".join(c["source"]) for c in cells)
+    return re.sub(r"<!--.*?-->", "", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), flags=re.S)
+
+
+@pytest.mark.parametrize("page", LINKED, ids=name_of)
+def test_links_lead_somewhere_in_the_repository(page: Path) -> None:
+    """As GitHub shows it: what only the build makes is not there. `docs/links.py` says how to link to that."""
+    for target in targets(text_of(page)):
         path, _, anchor = target.partition("#")
         place = (page.parent / path).resolve() if path else page
-        if (DOCS / "assets/generated") in place.parents:
-            continue  # a figure that an example draws; the build fails where it is missing
-        assert place in made or place.exists(), target
+        assert place.exists() and (DOCS / "assets/generated") not in place.parents, target
         if anchor:
-            assert anchor in anchors(place), target
+            assert anchor in anchors(place, script("links").github_anchor), target
 
 
-def anchors(page: Path) -> set[str]:
-    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
-    return {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
+@pytest.mark.parametrize("page", [*PAGES, *NOTEBOOKS], ids=name_of)
+def test_links_lead_somewhere_on_the_site(page: Path) -> None:
+    links, made = script("links"), made_pages()
+    stored = text_of(page) + "".join(f"\n{c}\n" for c in links.PICTURE.findall(page.read_text(encoding="utf-8")))
+    for target in targets(links.site_page(stored, page.relative_to(DOCS).as_posix())):
+        path, _, anchor = target.partition("#")
+        place = (page.parent / path).resolve() if path else page
+        if place.parent == DOCS / "assets/generated" / page.stem:
+            continue  # a picture that an example of this page draws; the build fails where it is missing
+        assert DOCS in place.parents, f"{target} is not on the site"
+        assert place in made or place.exists(), target
+        if anchor and place not in made:
+            assert anchor in anchors(place, links.site_anchor), target
+
+
+def anchors(page: Path, anchor_of: Callable[[str], str]) -> set[str]:
+    """The anchors of the headings of a page."""
+    return {anchor_of(head) for head in re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)}
+
+
+def test_every_generated_page_of_the_reference_has_a_heading() -> None:
+    links, build = script("links"), generated()
+    assert set(links.GENERATED) < anchors(DOCS / "reference/index.md", links.github_anchor)
+    assert set(links.GENERATED.values()) == {n for n in build.PAGES if "/api/" not in n} | {"reference/api/mckibben.md"}
+
+
+def test_every_job_has_a_page_that_runs_it_and_a_row_in_the_list() -> None:
+    jobs = {p.name: TEXT[p] for p in (DOCS / "jobs").glob("*.md") if p.name != "index.md"}
+    listed = re.findall(r"^\|.*\]\(([\w-]+\.md)\).*\| \| \| \|$", TEXT[DOCS / "jobs/index.md"], re.M)
+    assert sorted(listed) == sorted(jobs)
+    for name, text in jobs.items():
+        assert re.search(r"^```(python|console) job", text, re.M) and "<!-- job -->" in text, name
 
 
 def test_every_page_is_in_the_navigation() -> None:
@@ -123,8 +165,6 @@ def test_a_notebook_is_kept_without_outputs_and_its_figures_have_words(book: Pat
     assert code
     assert all(c["outputs"] == [] and c["execution_count"] is None for c in code)
     assert all(c["metadata"].get("alt") for c in code if "SVG(" in "".join(c["source"]))
-    for target in re.findall(r"\]\(([^)\s]+\.md)\)", "".join(line for c in cells for line in c["source"])):
-        assert (book.parent / target).resolve() in made_pages() | set(PAGES), target
 
 
 def test_the_architecture_page_agrees_with_the_source() -> None:

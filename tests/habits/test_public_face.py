@@ -1,9 +1,7 @@
 """What users write: pages and examples import nothing private, and the examples of docstrings are right."""
 
-import doctest
-import importlib
+import importlib.util
 import re
-import warnings
 from pathlib import Path
 
 import pytest
@@ -12,8 +10,17 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 TEXTS = sorted([ROOT / "README.md", *DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb"), *(ROOT / "examples").glob("*.py")])
 IMPORT = re.compile(r"(?:from|import) (mckibben[\w.]*)(?: import ([\w, ]+))?")
-# Objects whose examples take less than a second; those of a run or a sizing are the pages of the documentation.
-QUICK = ("muscles.muscle:Muscle", "muscles.build:MuscleFactory")
+
+
+def docstrings():
+    """The script of the documentation's build that runs the examples of docstrings."""
+    spec = importlib.util.spec_from_file_location("docstrings", DOCS / "docstrings.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+EXAMPLES = docstrings()
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
@@ -23,23 +30,24 @@ def test_pages_and_examples_import_nothing_private(path):
     assert not private
 
 
-def test_the_page_of_the_python_interface_needs_one_import():
-    page = (DOCS / "tutorials/python.md").read_text(encoding="utf-8")
-    assert {module for module, _ in IMPORT.findall(page)} == {"mckibben"}
-
-
 def test_no_notebook_types_how_a_figure_becomes_a_picture():
     for book in DOCS.rglob("*.ipynb"):
         assert "to_svg" not in book.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("place", QUICK)
-def test_the_examples_of_docstrings_are_right(place):
-    module, _, name = place.partition(":")
-    found = doctest.DocTestFinder().find(getattr(importlib.import_module(f"mckibben.{module}"), name), name)
-    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for test in found:
-            runner.run(test)
-    assert runner.summarize(verbose=False).failed == 0 and any(test.examples for test in found)
+@pytest.mark.parametrize("name", EXAMPLES.names())
+def test_a_public_name_has_an_example_and_a_quick_one_is_right(name):
+    """Those that take seconds are run by the build of the documentation, on the page of the reference."""
+    if name in EXAMPLES.LONG:
+        assert EXAMPLES.examples(name)
+    else:
+        assert EXAMPLES.failures(name) == ""
+
+
+USERS = sorted([*DOCS.glob("tutorials/*.*"), *DOCS.glob("jobs/*.md"), DOCS / "index.md", ROOT / "README.md"])
+
+
+@pytest.mark.parametrize("path", USERS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_lessons_and_jobs_need_one_import(path):
+    imports = IMPORT.findall(path.read_text(encoding="utf-8"))
+    assert {module for module, _ in imports} <= {"mckibben"}

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..recordings import Recording
+from ..recordings import ForceMap, Recording
 from ._regression import Interval, linear_fit
 from .channels import finite, known, positive
 from .cycles import Cycle, cycle_frequency, find_cycles
+from .segments import segments
 
 _HALF_WINDOW = 0.05
 _LEAST = 5
@@ -354,6 +355,41 @@ def static_points(
     return tuple(
         StaticPoint(float(x), float(p), float(f)) for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True)
     )
+
+
+def force_map(
+    record: Recording,
+    lengths: Sequence[float] | np.ndarray,
+    *,
+    of: str | None = None,
+    length: str = "span",
+    tension: str = "tension",
+    pressure: str = "pressure",
+    skip: int = 0,
+) -> ForceMap:
+    """Force map of slow loops at constant pressures: the mean of both branches, which leaves friction out.
+
+    Args:
+        record: of a protocol such as ``quasi-static``, one loop or more for each pressure.
+        lengths: where to read the branches [m].
+        of: label of the steps with the loops; all recorded ones, or the whole recording, where left out.
+        length: name of the driven channel [m].
+        tension: name of the tension [N].
+        pressure: name of the gauge pressure [Pa].
+        skip: cycles left out at the beginning of each step.
+
+    Raises:
+        InputError: a channel or step is missing, there is no full cycle, or a length is not reached on both branches.
+    """
+    parts = segments(record, of) if of is not None or record.meta.get("steps") else [record]
+    points = [
+        point
+        for part in parts
+        for point in static_points(part, lengths, length=length, tension=tension, pressure=pressure, skip=skip)
+    ]
+    title, rest = str(record.meta.get("title") or "recording"), record.meta.get("rest_length")
+    found = ForceMap(title, *(np.array(column) for column in zip(*points, strict=True)))
+    return found if rest is None else found.with_rest_length(float(rest))
 
 
 class LinearTensionFit(NamedTuple):

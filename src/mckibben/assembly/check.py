@@ -36,6 +36,11 @@ def check(
 
     Raises:
         InputError: there is no such file or class, it is neither law nor friction, or a parameter is unknown.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.check("ideal")
+        []
     """
     subject = what
     if isinstance(subject, str):

@@ -29,14 +29,15 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import schema
+from ..accessors import implementation
 from ..components import Environment, paths
 from ..components.module import map_leaves
 from ..documents import parse_toml, read_text, with_own_paths
@@ -51,6 +52,9 @@ from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
 from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 from .signal_table import read_points
+
+if TYPE_CHECKING:
+    from ..recordings import Recording
 
 SCHEMA = 1
 METHODS = ("auto", "rk4", "ros2")
@@ -118,7 +122,7 @@ class PlannedSignal:
 
 @dataclass(frozen=True)
 class CircuitPlan:
-    """A circuit with its signals and settings, from `read_circuit`; immutable.
+    """A circuit with its signals and settings, from `mckibben.circuit`; immutable.
 
     Attributes:
         title: title of the circuit.
@@ -151,6 +155,21 @@ class CircuitPlan:
     digest: str
     overrides: dict[str, float] = field(default_factory=dict)
     fit: FitTable = field(default_factory=FitTable)
+
+    def run(self, *, progress: Callable[[str], None] | None = None) -> Recording:
+        """Simulate the circuit for its duration.
+
+        Args:
+            progress: called with a few words after each piece of the run.
+
+        Raises:
+            ConvergenceError: the integration stopped; says why and when.
+        """
+        recording: Recording = implementation("bench.circuit_run:run_circuit")(self, progress=progress)
+        return recording
+
+    def __repr__(self) -> str:
+        return f"CircuitPlan({self.title!r}: {', '.join(self.nodes)}; {self.duration:g} s)"
 
     @property
     def samples(self) -> int:
@@ -328,13 +347,20 @@ def _toml(value: Any) -> Any:
 
 
 def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
-    """Read a circuit and what to do with it.
+    """Read a circuit file: a circuit with its signals and settings, ready to be changed and run.
 
     Args:
         path: a TOML file.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> plan = mk.circuit("examples/circuits/muscle-on-a-valve.toml")
+        >>> recording = plan.change({"run.duration": "50 ms"}).run()
+        >>> recording.meta["result"]
+        'done'
     """
     where = os.fspath(path)
     text = read_text(path)

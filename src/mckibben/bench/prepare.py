@@ -180,6 +180,12 @@ def prepare(
 
     Raises:
         InputError: names what is unknown, or cannot be read.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> prepared = mk.prepare("quasi-static", muscle="nylon", rig="paper", pressure="7 bar")
+        >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
+        True
     """
     wanted = _protocol(protocol)
     if values:

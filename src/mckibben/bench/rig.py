@@ -91,6 +91,9 @@ class Rig:
     where: str = ""
     calibration: Calibration | None = None
 
+    def __repr__(self) -> str:
+        return f"Rig({self.name!r}: {self.title})"
+
     def operator_action(self, ask: str) -> OperatorAction | None:
         """Return the operator action for a request of a protocol; None if the rig does not know it."""
         return next((h for h in self.hands if h.ask == ask), None)

@@ -77,6 +77,13 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.rig("modern")
+        Rig('modern': Test machine with 16-bit converters and a cell of 1 kN)
+        >>> float(mk.rig("paper", {"plumbing.direct.tube.length": "1 m"}).plumbing["direct"].tube.length)
+        1.0
     """
     text = os.fspath(name)
     if text.lower().endswith(".toml") or os.sep in text:

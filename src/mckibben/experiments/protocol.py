@@ -227,6 +227,10 @@ class Protocol:
                 if section == "choices" and name in parameters:
                     raise InputError(field, name, "a parameter has that name; choose another one")
 
+    def __repr__(self) -> str:
+        count = len(self.cases())
+        return f"Protocol({self.name!r}: {self.title}; {count} {'case' if count == 1 else 'cases'})"
+
     def variables(self) -> dict[str, tuple[Any, ...]]:
         """The values of every choice and parameter by name; those that choices set are empty."""
         return {c.name: c.values for c in self.choices} | {p.name: p.values for p in self.parameters}

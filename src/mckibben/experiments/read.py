@@ -30,6 +30,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..accessors import implementation
 from ..documents import parse_toml, read_text
 from ..errors import InputError
 from ..quantities import split_values
@@ -181,13 +182,24 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
     return _shipped(name)
 
 
-def protocol(name: str, **values: Any) -> Protocol:
-    """Load a shipped protocol with values of its parameters, such as ``protocol("quasi-static", pressure="5 bar")``.
+def protocol(name: str | os.PathLike[str], **values: Any) -> Protocol:
+    """Load a protocol with values of its parameters.
+
+    Args:
+        name: of a shipped one, or the path of a ``.toml`` file.
+        **values: of its parameters: numbers [SI], text with a unit, or lists of them for one case after another.
 
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.protocol("quasi-static", pressure=["2 bar", "5 bar"], cycles=1)
+        Protocol('quasi-static': Quasi-static triangle at constant pressure; 2 cases)
     """
-    base = shipped(name)
+    path = os.fspath(name)
+    is_file = path.lower().endswith(".toml") or os.sep in path
+    base = implementation("bench.software.waveform_import:read_protocol")(path) if is_file else shipped(path)
     return with_values(base, in_words(base, values))
 
 

@@ -67,6 +67,12 @@ class Fit(ErrorMeasures):
         holdout: prediction of points above the pressures of a separate fit.
         at_bound: parameters that ended at a bound.
         not_contained: parameters without influence on the tension at any point.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> found = mk.fit("DMSP-20-300", law="ideal", schemes=())
+        >>> isinstance(found, mk.Fit), found.converged, sorted(found.parameters)
+        (True, True, ['thread_length', 'turns'])
     """
 
     law: str
@@ -247,6 +253,12 @@ def fit_all(
         known: as for `fit`.
         skipped: filled with reasons by name.
         **options: as for `fit`.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> points = mk.specimen("DMSP-20-300").force_map()
+        >>> [found.law for found in mk.fit_all(points, laws=["ideal", "sarosi"], schemes=())]
+        ['sarosi', 'ideal']
     """
     further = [law_key(law) for law in beside]
     names = [*(name for name in LAWS if name not in further), *further]

@@ -45,6 +45,14 @@ class Ranking:
         fits: one per law, ranked by Akaike's criterion.
         published: laws with printed coefficients: title, and error at the taut points [N].
         skipped: why a law could not be fitted, by its name.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> ranking = mk.fit("DMSP-20-300", law=["ideal", "sarosi"], schemes=())
+        >>> ranking.best.law, len(ranking)
+        ('sarosi', 2)
+        >>> ranking.best.muscle
+        Muscle('fitted', sarosi, 30 cm at rest)
     """
 
     title: str

@@ -49,7 +49,22 @@ def law_from_specimen(
 
 
 def build_law(name: str, parameters: Mapping[str, Any], *, where: str | None = None) -> TensionLaw:
-    """A law from its name and parameters [SI]; missing, unknown and out-of-bounds ones are named."""
+    """A law from its name and parameters [SI].
+
+    Args:
+        name: of a law of the package or of an installed one, or a class in a file such as ``my.py:MyLaw``.
+        parameters: by name [SI].
+        where: what errors name as their place.
+
+    Raises:
+        InputError: a parameter is missing, unknown or out of bounds.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> law = mk.law("ideal", {"thread_length": 0.16, "turns": 3.2})
+        >>> round(float(law.tension(0.13, 3e5)), 2)
+        58.52
+    """
     kind = law_type(name)
     known = declared(kind)
     for key in parameters:

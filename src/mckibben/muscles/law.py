@@ -38,7 +38,26 @@ class LawState(NamedTuple):
 
 
 class TensionLaw(Module):
-    """A static tension law F(L, P') of one muscle; elementwise in length [m] and gauge pressure [Pa]."""
+    """A static tension law F(L, P') of one muscle; elementwise in length [m] and gauge pressure [Pa].
+
+    A law of your own states the tension of its walls and the energy of its gas; tension, volume, stiffness and free
+    length follow from these two.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> class GasSpring(mk.TensionLaw):
+        ...     title, cites, fitted = "gas spring", (), ("gain",)
+        ...     gain = mk.quantity("m", (0.0, 1.0), "force per pressure and length")
+        ...     shortest = mk.quantity("m", (1e-3, 10.0), "length without pull")
+        ...     def elastic_tension(self, length):
+        ...         return 0.0 * length
+        ...     def gas_energy(self, length, pressure):
+        ...         return -0.5 * pressure * self.gain * (length - self.shortest) ** 2
+        ...     def length_range(self):
+        ...         return self.shortest, 2.0 * self.shortest
+        >>> round(float(GasSpring(gain=0.004, shortest=0.1).tension(0.12, 5e5)), 3)
+        40.0
+    """
 
     title: ClassVar[str]
     cites: ClassVar[tuple[str, ...]]

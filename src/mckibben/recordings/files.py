@@ -109,6 +109,13 @@ def read(
 
     Raises:
         InputError: one sentence with file, place and remedy.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> from pathlib import Path
+        >>> _ = Path("map.csv").write_text("Länge;Druck;Kraft\\nmm;bar;N\\n120;3;20,5\\n130;3;35,1\\n", encoding="cp1252")
+        >>> mk.read("map.csv", rest_length="140 mm")
+        ForceMap('map.csv': 2 points, 2 with tension, largest 35.1 N)
     """
     return understand(
         path, columns=columns, units=units, rest_length=rest_length, period=period, branch=branch,
@@ -231,6 +238,13 @@ def read_recording(path: str | Path) -> Recording:
 
     Raises:
         InputError: there is no such file, it is no recording, or a newer version wrote it.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> recording = mk.Recording([0.0, 0.1, 0.2], {"span": mk.Channel([0.12, 0.13, 0.12], "m")})
+        >>> path = recording.save("steps.csv")
+        >>> mk.read_recording(path) == recording
+        True
     """
     path = Path(path)
     if path.suffix.lower() not in RECORDINGS:

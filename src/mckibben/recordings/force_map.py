@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
+from ..extras import library
 from ..quantities import to_si, with_unit
 from .columns import (
     ABSOLUTE,
@@ -30,6 +31,9 @@ from .columns import (
 from .formats import ForeignColumn, ForeignTable, load
 from .text import plain_text
 
+if TYPE_CHECKING:
+    import pandas
+
 
 @dataclass(frozen=True)
 class ForceMap:
@@ -37,6 +41,14 @@ class ForceMap:
 
     `tension` at or below zero means that the muscle hung slack: such a point says where the law must not pull, but not
     how large the tension is, and fits leave it out.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> points = mk.ForceMap("bench", [0.12, 0.13], [3e5, 3e5], [20.0, 35.0])
+        >>> points.largest
+        35.0
+        >>> points.to_dataframe().columns.tolist()
+        ['length', 'pressure', 'tension']
     """
 
     name: str
@@ -48,8 +60,27 @@ class ForceMap:
     diameter: np.ndarray | None = None
     remarks: tuple[str, ...] = ()  # what was left out on reading, in words
 
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, np.asarray(getattr(self, name)))
+
     def __len__(self) -> int:
         return len(self.length)
+
+    def __repr__(self) -> str:
+        taut = f"{int(self.taut.sum())} with tension, largest {self.largest:.4g} N" if len(self) else "none with tension"
+        return f"ForceMap({self.name!r}: {len(self)} points, {taut})"
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The points as a data frame: a column per quantity that is known [SI].
+
+        Raises:
+            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
+        """
+        columns = {name: getattr(self, name) for name in _ARRAYS if getattr(self, name) is not None}
+        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(columns)
+        return frame
 
     @property
     def taut(self) -> np.ndarray:
@@ -147,6 +178,13 @@ def read_force_map(
 
     Raises:
         InputError: names file, column, value and what is allowed.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> from pathlib import Path
+        >>> _ = Path("map.csv").write_text("length [mm],pressure [bar],force [N]\\n120,3,20\\n130,3,35\\n")
+        >>> mk.read_force_map("map.csv", rest_length=0.14).contraction.round(3).tolist()
+        [0.143, 0.071]
     """
     table = table_of(Path(path), **options)
     named = {"rest_length": rest_length, "columns": columns, "units": units, "branch": branch}

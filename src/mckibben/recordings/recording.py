@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     import xarray
 
     from ..analysis.energy_parts import EnergyAccount
+    from ..analysis.loops import TensionLoop
     from ..report.figures.plots import RecordingPlots
+    from .force_map import ForceMap
 
 KINDS = ("true", "measured", "command")
 SAVED = (".nc", ".csv")  # suffixes that `Recording.save` takes: they hold all that a recording has
@@ -75,6 +77,11 @@ class Channel:
 
     Raises:
         InputError: names what is wrong and what is allowed.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.Channel([1e5, 2e5], "Pa", "measured", "gauge pressure at the valve")
+        Channel(2 values, unit='Pa', kind='measured', meaning='gauge pressure at the valve')
     """
 
     values: np.ndarray
@@ -125,7 +132,9 @@ class Recording:
 
     Examples:
         >>> import mckibben as mk
-        >>> recording = mk.run("isometric-step", muscle="nylon", pressure="3 bar")
+        >>> recording = mk.Recording([0.0, 0.1], {"tank.pressure": mk.Channel([1e5, 2e5], "Pa")})
+        >>> recording
+        Recording(2 samples, 0 s to 0.1 s: tank.pressure)
         >>> recording.to_dataframe().index.name
         'time'
     """
@@ -321,6 +330,65 @@ class Recording:
         )
         frame.attrs.update(file_attributes(self.meta))
         return frame
+
+    def segments(self, label: str | None = None, /, **case: Any) -> list[Recording]:
+        """The recorded steps of the protocol that match, each a recording with its step in ``meta["step"]``.
+
+        Args:
+            label: label of the step; any where it is left out.
+            **case: what was varied, such as ``pressure="5 bar"``; a number is in SI.
+
+        Raises:
+            InputError: the recording has no steps, or none that match; names those that it has.
+        """
+        parts: list[Recording] = implementation("analysis.segments:segments")(self, label, **case)
+        return parts
+
+    def loops(
+        self, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
+    ) -> tuple[TensionLoop, ...]:
+        """The loop of tension over length of every full cycle: its work, friction and stiffness.
+
+        Args:
+            length: name of the driven channel [m].
+            tension: name of the other [N].
+            skip: cycles left out at the beginning, such as the first after rest, whose history is another.
+
+        Raises:
+            InputError: a channel is missing or not finite, or there is no full cycle.
+        """
+        each: tuple[TensionLoop, ...] = implementation("analysis.loops:loops")(
+            self, length=length, tension=tension, skip=skip
+        )
+        return each
+
+    def force_map(
+        self,
+        lengths: Iterable[float],
+        *,
+        of: str | None = None,
+        length: str = "span",
+        tension: str = "tension",
+        pressure: str = "pressure",
+        skip: int = 0,
+    ) -> ForceMap:
+        """The force map of slow loops at constant pressures: the mean of both branches, which leaves friction out.
+
+        Args:
+            lengths: where to read the branches [m].
+            of: label of the steps with the loops; all recorded ones where left out.
+            length: name of the driven channel [m].
+            tension: name of the tension [N].
+            pressure: name of the gauge pressure [Pa].
+            skip: cycles left out at the beginning of each step.
+
+        Raises:
+            InputError: a channel or step is missing, there is no full cycle, or a length is not reached on both branches.
+        """
+        points: ForceMap = implementation("analysis.loops:force_map")(
+            self, [*lengths], of=of, length=length, tension=tension, pressure=pressure, skip=skip
+        )
+        return points
 
     def energy(self, **options: Any) -> EnergyAccount:
         """The energy balance: what the supply gave, what became work, and where the rest went [J].

@@ -46,6 +46,11 @@ def reproduce(
         progress: called with each row before it is computed.
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
         recordings: off leaves out the rows that need them.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> {str(outcome.verdict) for outcome in mk.reproduce(rows=["table1.nylon"], recordings=False)}
+        {'holds'}
     """
     outcomes = []
     with told(tell):

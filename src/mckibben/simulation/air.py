@@ -72,6 +72,11 @@ class Air:
         port_volume: between valve and tube [m^3].
         heat: how the gas in ports and muscles exchanges heat: a conductance of the wall [W/K], or a model of heat.
         environment: the room.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.Air(supply="6 bar", valve="mpye-5-1/8", tube=("1 m", "4 mm")).supply
+        '6 bar'
     """
 
     supply: Amount = 6e5

@@ -128,6 +128,11 @@ class Weight(Mechanism):
         start: span of the muscle at the start [m]; nine tenths of its rest length by default.
         damping: viscous loss [N s/m].
         gravity: [m/s^2].
+
+    Examples:
+        >>> import mckibben as mk
+        >>> [drive.command for drive in mk.Weight("nylon", mass="5 kg").drives()]
+        ['force']
     """
 
     muscle: AnyMuscle = "nylon"
@@ -184,6 +189,11 @@ class Spring(Mechanism):
         mass: between muscle and spring [kg].
         start: span of the muscle at the start [m]; its rest length by default.
         damping: viscous loss [N s/m].
+
+    Examples:
+        >>> import mckibben as mk
+        >>> [drive.command for drive in mk.Spring("nylon", stiffness="2 N/mm").drives()]
+        ['force']
     """
 
     muscle: AnyMuscle = "nylon"
@@ -230,6 +240,11 @@ class Plate(Mechanism):
     Args:
         muscle: between its anchor and the plate.
         span: at the start [m]; nine tenths of the rest length by default.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> [drive.command for drive in mk.Plate("nylon", span="13 cm").drives()]
+        ['span']
     """
 
     muscle: AnyMuscle = "nylon"
@@ -278,6 +293,12 @@ class Joint(Mechanism):
         span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
         start: angle at the start [rad].
         stops: smallest and largest angle [rad].
+
+    Examples:
+        >>> import mckibben as mk
+        >>> joint = mk.Joint(flexor="nylon", extensor="nylon", arm="2 cm", inertia=2e-3)
+        >>> sorted(joint.muscles)
+        ['extensor', 'flexor']
     """
 
     flexor: AnyMuscle = "nylon"
@@ -342,6 +363,11 @@ class Link:
         span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
         start: angle of the joint at the start [rad].
         stops: smallest and largest angle of the joint [rad].
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.Link("30 cm", "0.6 kg", flexor="nylon", extensor=None, arm="2 cm").length
+        '30 cm'
     """
 
     length: Amount
@@ -390,6 +416,12 @@ class Chain(Mechanism):
     Args:
         *links: from the ground outwards.
         gravity: [m/s^2], down at angle zero; zero for a chain in a horizontal plane.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> leg = mk.Chain(mk.Link("30 cm", "0.6 kg", arm="2 cm"), mk.Link("25 cm", "0.4 kg", arm="1.5 cm"))
+        >>> sorted(leg.muscles)
+        ['extensor_1', 'extensor_2', 'flexor_1', 'flexor_2']
     """
 
     links: tuple[Link, ...]

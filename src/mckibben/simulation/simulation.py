@@ -55,6 +55,15 @@ class Simulation:
 
     Raises:
         InputError: names what does not fit.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+        >>> seen = sim.reset()
+        >>> for _ in range(20):
+        ...     seen = sim.step(muscle=3e5)
+        >>> seen.pressure > 2e5
+        True
     """
 
     def __init__(

@@ -52,6 +52,11 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
 
     Raises:
         InputError: if it is unknown, or the file is not a valid specimen; names the file, the field and the value.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.specimen("nylon").title
+        'Nylon shell muscle of Chou and Hannaford'
     """
     text = os.fspath(name)
     if text.lower().endswith(".toml") or os.sep in text:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ..accessors import implementation
 from ..errors import InputError
 from ..quantities import to_si
 from ..schema import FileTable, Place, entry, read_table, word, write_table
+
+if TYPE_CHECKING:
+    from ..recordings import ForceMap
 
 SCHEMA = 1
 _ID = r"[A-Za-z0-9][A-Za-z0-9._-]*"
@@ -82,6 +86,14 @@ class Specimen:
     """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it.
 
     A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> nylon = mk.specimen("nylon")
+        >>> nylon.property_si("rest_length", "m")
+        0.14
+        >>> mk.specimen("DMSP-20-300").force_map()
+        ForceMap('DMSP-20-300_force_map.csv': 126 points, 60 with tension, largest 1654 N)
     """
 
     schema: int = SCHEMA
@@ -98,6 +110,10 @@ class Specimen:
     valve: Group = entry(_read_group, default_factory=dict)
     map: str | None = word(default=None)
     where: str = ""
+
+    def __repr__(self) -> str:
+        laws = f", laws {', '.join(self.laws)}" if self.laws else ""
+        return f"Specimen({self.id!r}: {self.title}; {self.kind}{laws})"
 
     def __hash__(self) -> int:
         return hash((self.id, self.law, self.where))  # its tables have no hash
@@ -127,6 +143,18 @@ class Specimen:
         groups |= {f"friction.{name}": group for name, group in self.friction.items()}
         groups["valve"] = self.valve
         return [f"{path}.{name}" for path, group in groups.items() for name, p in group.items() if p.inferred]
+
+    def force_map(self) -> ForceMap:
+        """The measured force map that ships with the specimen.
+
+        Raises:
+            InputError: the specimen ships without one; names those that ship with one.
+        """
+        path = implementation("specimens.load:map_file")(self)
+        points: ForceMap = implementation("recordings.force_map:read_force_map")(
+            path, rest_length=self.property_si("rest_length", "m")
+        )
+        return points
 
     def property_si(self, name: str, unit: str) -> float:
         """A scalar property in an SI unit."""

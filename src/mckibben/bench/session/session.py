@@ -78,6 +78,14 @@ class Session(MachineSession):
 
     Raises:
         InputError: names what is unknown, what the rig does not allow, or that the machine does not fit the rig.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> with mk.Session("paper", "nylon", speed=None) as machine:
+        ...     machine.set(pressure="2 bar", span="13.5 cm")
+        ...     machine.wait(1.5)
+        ...     round(machine.latest()["pressure"] / 1e5, 1)
+        2.0
     """
 
     def __init__(
