@@ -6,13 +6,15 @@ A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gau
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..documents import write_text
 from ..errors import InputError
 from ..extras import library
 from ..quantities import to_si, with_unit
@@ -69,7 +71,9 @@ class ForceMap:
         return len(self.length)
 
     def __repr__(self) -> str:
-        taut = f"{int(self.taut.sum())} with tension, largest {self.largest:.4g} N" if len(self) else "none with tension"
+        taut = (
+            f"{int(self.taut.sum())} with tension, largest {self.largest:.4g} N" if len(self) else "none with tension"
+        )
         return f"ForceMap({self.name!r}: {len(self)} points, {taut})"
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -81,6 +85,37 @@ class ForceMap:
         columns = {name: getattr(self, name) for name in _ARRAYS if getattr(self, name) is not None}
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(columns)
         return frame
+
+    @classmethod
+    def joined(cls, maps: Iterable[ForceMap], name: str = "joined") -> ForceMap:
+        """The points of several maps as one.
+
+        Args:
+            maps: one or more; what not all of them know, such as a rest length, is left out.
+            name: of the map.
+
+        Raises:
+            InputError: there is no map.
+        """
+        each = list(maps)
+        if not each:
+            raise InputError("maps", None, "must be one or more")
+        shared = [key for key in _ARRAYS if all(getattr(one, key) is not None for one in each)]
+        columns = {key: np.concatenate([getattr(one, key) for one in each]) for key in shared}
+        remarks = tuple(f"{one.name}: {remark}" for one in each for remark in one.remarks)
+        return cls(name=name, remarks=remarks, **columns)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the points to a ``.csv`` file that `read` reads back; returns its path."""
+        path = Path(path)
+        if path.suffix.lower() != ".csv":
+            raise InputError("suffix", path.suffix or str(path), known=[".csv"], where=str(path))
+        names = [name for name in _ARRAYS if getattr(self, name) is not None]
+        head = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
+        columns = [getattr(self, name).tolist() for name in names]
+        rows = [",".join(str(value) for value in row) for row in zip(*columns, strict=True)]
+        write_text(path, "\n".join([",".join(head), *rows]) + "\n")
+        return path
 
     @property
     def taut(self) -> np.ndarray:
