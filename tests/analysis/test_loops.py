@@ -19,7 +19,7 @@ from analysis_records import (
 from mckibben.analysis.lag import advanced, channel_lag, corrected_loop, filter_effect, unfiltered
 from mckibben.analysis.loops import closed_area, loop, loop_ratio, loops, path_distance, paths, peak_velocity, variation
 from mckibben.errors import InputError
-from mckibben.recordings import Recording
+from mckibben.recordings import Channel, Recording
 
 WIDTH, HEIGHT, AREA = 2.0 * FRICTION / STIFFNESS, 2.0 * FRICTION, 2.0 * FRICTION * RANGE
 
@@ -186,6 +186,18 @@ def test_variation_and_peak_velocity():
     assert found.mean == pytest.approx(5e5, rel=1e-4)
     # The frequency is timed on straight lines through a third of the range; the cycles are alike, so it is exact.
     assert peak_velocity(run) == pytest.approx(np.pi * 2.0 * RANGE, rel=1e-4)
+
+
+def test_the_force_map_of_a_loop_leaves_friction_out():
+    """The mean of both branches is the spring; straight paths are read exactly. The methods of a recording are the same."""
+    run = coulomb(clock(3.0))
+    run = run.with_channels({"muscle.pressure": Channel(np.full(len(run), 3e5), "Pa")}).with_meta(rest_length=0.14)
+    names = {"length": "muscle.length", "tension": "muscle.tension", "pressure": "muscle.pressure"}
+    lengths = [MIDDLE - RANGE / 4, MIDDLE, MIDDLE + RANGE / 4]
+    points = run.force_map(lengths, **names)
+    assert points.tension == pytest.approx(PULL + STIFFNESS * (np.array(lengths) - MIDDLE), rel=1e-6)
+    assert points.pressure.tolist() == pytest.approx([3e5] * 3) and points.rest_length.tolist() == [0.14] * 3
+    assert run.loops() == loops(run)
 
 
 def test_shoelace_of_a_square():

@@ -81,7 +81,7 @@ def read(
     kind: Literal["map", "recording"] | None = None,
     **options: Any,
 ) -> ForceMap | Recording:
-    """Read a file of any format: a force map, or a recording where the file has a time.
+    r"""Read a file of any format: a force map, or a recording where the file has a time.
 
     Text tables of any dialect, spreadsheets, MATLAB, HDF5, netCDF, TDMS, Parquet, MCAP, bags of ROS, Aurora's ``.ddf``, and
     what mckibben saves. Columns are recognised by name and unit; a contraction stands for a length where the rest length is
@@ -113,7 +113,7 @@ def read(
     Examples:
         >>> import mckibben as mk
         >>> from pathlib import Path
-        >>> _ = Path("map.csv").write_text("Länge;Druck;Kraft\\nmm;bar;N\\n120;3;20,5\\n130;3;35,1\\n", encoding="cp1252")
+        >>> _ = Path("map.csv").write_text("Länge;Druck;Kraft\nmm;bar;N\n120;3;20,5\n130;3;35,1\n", encoding="cp1252")
         >>> mk.read("map.csv", rest_length="140 mm")
         ForceMap('map.csv': 2 points, 2 with tension, largest 35.1 N)
     """

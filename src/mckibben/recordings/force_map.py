@@ -198,7 +198,7 @@ def read_force_map(
     ambient: float = AMBIENT,
     **options: Any,
 ) -> ForceMap:
-    """Read a force map from a file of any format that `read` takes, or from a recording.
+    r"""Read a force map from a file of any format that `read` takes, or from a recording.
 
     Args:
         path: the file; rows with a blank cell in a column that is used are left out, and named in the remarks.
@@ -217,7 +217,7 @@ def read_force_map(
     Examples:
         >>> import mckibben as mk
         >>> from pathlib import Path
-        >>> _ = Path("map.csv").write_text("length [mm],pressure [bar],force [N]\\n120,3,20\\n130,3,35\\n")
+        >>> _ = Path("map.csv").write_text("length [mm],pressure [bar],force [N]\n120,3,20\n130,3,35\n")
         >>> mk.read_force_map("map.csv", rest_length=0.14).contraction.round(3).tolist()
         [0.143, 0.071]
     """

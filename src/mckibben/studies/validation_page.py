@@ -52,9 +52,9 @@ END = """\
 ## What is not here
 
 The measurements of Chou and Hannaford (1996) themselves are not published: their printed coefficients, readings and
-tables are held against this package [number by number](index.md#the-papers-number-by-number). The tube models are held against a
-distributed tube, not against a measurement ([The tube study](../explanation/tube-study.md)). How far two muscles of
-one make differ is told by one row only: numbers of a measured DMSP-20-300 on the maker's curves for that bore. No law
+tables are held against this package [number by number](index.md#the-papers-number-by-number). The tube models are held
+against a distributed tube, not against a measurement ([The tube study](../explanation/tube-study.md)). How far two muscles
+of one make differ is told by one row only: numbers of a measured DMSP-20-300 on the maker's curves for that bore. No law
 was held against a muscle that had worn, or that was warm."""
 
 
