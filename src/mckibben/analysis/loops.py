@@ -388,7 +388,8 @@ def force_map(
         for point in static_points(part, lengths, length=length, tension=tension, pressure=pressure, skip=skip)
     ]
     title, rest = str(record.meta.get("title") or "recording"), record.meta.get("rest_length")
-    found = ForceMap(title, *(np.array(column) for column in zip(*points, strict=True)))
+    at, pressures, tensions = (np.array(column) for column in zip(*points, strict=True))
+    found = ForceMap(title, at, pressures, tensions)
     return found if rest is None else found.with_rest_length(float(rest))
 
 
