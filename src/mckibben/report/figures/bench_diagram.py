@@ -50,7 +50,7 @@ def draw(rig: Rig, *, layout: str | None = None, sample_rate: float = 1000.0, ti
         sample_rate: sample rate of the software [1/s].
         title: stands over it; the rig's own by default.
     """
-    fig = style.figure(WIDE / 72.0, HIGH / 72.0)
+    fig = style.drawing(WIDE / 72.0, HIGH / 72.0)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     ax.set_xlim(0.0, WIDE)

@@ -88,7 +88,7 @@ def draw(
     wide = max(layout.box.x1 - layout.box.x0, *(t.box.x1 - t.box.x0 for t in head), 60.0) + 2.0 * MARGIN
     above = 16.0 + TITLE if title else 0.0
     high = layout.box.y1 - layout.box.y0 + 2.0 * MARGIN + above
-    fig = style.figure(wide / 72.0, high / 72.0)
+    fig = style.drawing(wide / 72.0, high / 72.0)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     left, bottom = layout.box.x0 - MARGIN, layout.box.y0 - MARGIN

@@ -13,7 +13,8 @@ from ...errors import InputError
 from ...identification import CircuitFit, Trial
 from ...quantities import from_si
 from ...recordings.recording import Recording
-from . import style
+from . import formats, style
+from .places import BannerRow, Margins, set_margins
 from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, RULE, SMALL, SUNKEN
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def _short(name: str) -> str:
 
 
 PRESSURE = ".pressure_abs"
-MOST_COLUMNS = 3
+MOST_COLUMNS, LEAST_COLUMN = 3, 3.0  # columns, and the width of one in a narrow figure [inch]
 FINE = 0.1e5  # residuals within this are shown in mbar [Pa]
 # Of the figure [inch]: margins, the key at the right, panels and what stands between them.
 LEFT, KEY, BETWEEN, TOP, FOOT = 0.62, 1.75, 0.3, 1.0, 0.5
@@ -197,6 +198,7 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
         raise InputError("records", None, "must have the pressure of a volume")
     shown = [t for t in trials if any(c in channels for c in t.channels)]
     columns = len(shown) if len(shown) <= MOST_COLUMNS else 2 if len(shown) == 4 else MOST_COLUMNS
+    columns = min(columns, max(int(formats.drawn_width(style.WIDE) / LEAST_COLUMN), 1))
     lines = math.ceil(len(shown) / columns)
     width = style.MIDDLE + 0.6 if columns == 1 else style.WIDE
     each = UPPER + GAP + LOWER
@@ -217,9 +219,9 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
         _heading(upper, trial, found, int(column_width / LETTER))
         if i == columns - 1:
             _key(upper, channels, grey=not all(_fitted(found, t) for t in shown))
-    fig.text(
-        LEFT / width, 1.0 - 0.14 / height, title, fontsize=style.NORMAL + 1.5, fontweight="bold", va="top", color=INK
-    )
+    y = 1.0 - 0.14 / height
+    head = fig.text(LEFT / width, y, title, fontsize=style.NORMAL + 1.5, fontweight="bold", va="top", color=INK)
+    set_margins(fig, Margins(banner=(BannerRow(head),)))
     return fig
 
 

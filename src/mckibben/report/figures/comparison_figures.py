@@ -16,6 +16,7 @@ from ...quantities import from_si
 from ...studies.comparison.match import Match
 from ...studies.comparison.protocols import LOAD, PULSE, STIFF_AT, Trials
 from . import style
+from .places import BannerRow, Margins, set_margins
 from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, number
 
 if TYPE_CHECKING:
@@ -93,10 +94,12 @@ def _lines(muscles: Sequence[Trials]) -> list[_Line]:
 def _key(fig: Figure, muscles: Sequence[Trials], lines: Sequence[_Line], height: float) -> None:
     from matplotlib.lines import Line2D
 
+    rows = []
     for i, (one, line) in enumerate(zip(muscles, lines, strict=True)):
         y = (height - KEY + 0.06 - KEY_LINE * i) / height
         x = np.array([LEFT, LEFT + 0.42]) / WIDTH
-        fig.add_artist(Line2D(x, [y, y], **line.style))
+        sample = Line2D(x, [y, y], **line.style)
+        fig.add_artist(sample)
         title = f"{line.letter}  {one.muscle.spec.title}"
         drive = (
             "full activation" if line.biological else f"full drive {number(from_si(one.muscle.full, 'Pa', 'bar'))} bar"
@@ -107,7 +110,9 @@ def _key(fig: Figure, muscles: Sequence[Trials], lines: Sequence[_Line], height:
         )
         fig.draw_without_rendering()
         end = said.get_window_extent().x1 / fig.dpi
-        fig.text((end + 0.12) / WIDTH, y, f"{drive}, {size}", va="center", fontsize=style.SMALL, color=INK_3)
+        note = fig.text((end + 0.12) / WIDTH, y, f"{drive}, {size}", va="center", fontsize=style.SMALL, color=INK_3)
+        rows.append(BannerRow(said, note, sample))
+    set_margins(fig, Margins(banner=tuple(rows)))
 
 
 def _panel(ax: Axes, panel: Panel, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:

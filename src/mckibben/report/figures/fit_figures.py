@@ -20,7 +20,7 @@ from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
 from ...quantities import declared, from_si
 from ...recordings import ForceMap
-from . import style
+from . import formats, style
 from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 MOST_LINES, MOST_LABELS, MOST_PANELS = 24, 8, 3
 FINE = 61
+NARROW_TABLE, WIDE_TABLE = 5.5, 9.0  # widths of a figure, below which the ranking has fewer columns [inch]
 KEY = "▲ measured\N{EM SPACE}○ measured, slack\N{EM SPACE}— law"
 
 
@@ -311,7 +312,8 @@ def ranking(study: Ranking) -> Figure:
 
     Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
     """
-    fig = style.figure(style.WIDE, 1.13 + 0.315 * (len(study.fits) + len(study.published)))
+    each = 0.42 if formats.drawn_width(style.WIDE) < NARROW_TABLE else 0.315  # [inch]
+    fig = style.figure(style.WIDE, 1.13 + each * (len(study.fits) + len(study.published)), rows=True)
     height = fig.get_figheight()
     ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.13 / height))
     draw_ranking(ax, study, names=0.285 * 72.0 * style.WIDE - 14.0)
@@ -355,7 +357,10 @@ def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False)
         names: how far left of the axes the names begin [pt].
         brief: fewer columns.
     """
-    rows, lanes = _rows(study), (0.17, -0.17)
+    # In a column, names stand above the lanes and the table is reduced to the largest errors.
+    narrow = formats.drawn_width(style.WIDE) < NARROW_TABLE
+    brief = brief or formats.drawn_width(style.WIDE) < WIDE_TABLE
+    rows, lanes = _rows(study), (-0.12, -0.36) if narrow else (0.17, -0.17)
     values = [
         100.0 * v
         for r in rows
@@ -387,28 +392,30 @@ def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False)
             ax.axhline(i - 0.5, color=RULE, lw=style.HAIR, zorder=0)
         pairs = (row.predicted or row.fitted, row.beyond)
         looks = ("fitted" if row.predicted is None else "predicted", "beyond")
-        for lane, pair, look in zip(lanes if row.beyond else (0.0, 0.0), pairs, looks, strict=True):
+        alone = (-0.2, 0.0) if narrow else (0.0, 0.0)
+        for lane, pair, look in zip(lanes if row.beyond else alone, pairs, looks, strict=True):
             if pair:
                 _draw_pair(ax, i - lane, [100.0 * v for v in pair], look, high, converged=row.converged)
         quiet = INK if row.converged else INK_3
         weight = "bold" if i == 0 else "normal"
         style.note(
             ax,
-            row.name,
-            y=_share(ax, i),
-            dx=-names,
+            row.name if row.converged or not narrow else f"{row.name}, {row.remark}",
+            y=_share(ax, i - 0.3 if narrow else i),
+            dx=0.0 if narrow else -names,
             color=quiet,
             fontweight=weight,
             fontsize=style.SMALL if brief else style.NORMAL,
         )
-        if not brief or not row.remark.isdigit():
+        if not narrow and (not brief or not row.remark.isdigit()):
             style.note(ax, row.remark, y=_share(ax, i), dx=-8, ha="right", color=INK_2 if row.converged else CAUTION)
-    style.note(ax, "law", dx=-names, dy=9, va="bottom")
+    if not narrow:
+        style.note(ax, "law", dx=-names, dy=9, va="bottom")
     if brief:
         style.note(ax, "▲ ▷ rms\N{EM SPACE}┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
     else:
         style.note(ax, "parameters", dx=-8, dy=9, ha="right", va="bottom")
-    _columns(ax, rows, _trained(study), brief)
+    _columns(ax, rows, _trained(study), brief, below=0.2 if narrow else 0.0)
 
 
 def _share(ax: Axes, row: float) -> float:
@@ -443,8 +450,8 @@ def _trained(study: Ranking) -> str:
     return next((f.holdout.what for f in study.fits if f.holdout), "")
 
 
-def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
-    """Write numbers at the right of the ranking; their heads are the key to the markers."""
+def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool, *, below: float) -> None:
+    """Write numbers at the right of the ranking, `below` their row [rows]; their heads are the key to the markers."""
     predicted: list[Callable[[_Row], float | None]] = [
         lambda r: r.predicted[0] if r.predicted else None,
         lambda r: r.predicted[1] if r.predicted else None,
@@ -471,7 +478,7 @@ def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
                 ax,
                 "" if share is None else _percent(share),
                 x=1.0,
-                y=_share(ax, i),
+                y=_share(ax, i + below),
                 dx=dx,
                 ha="right",
                 color=INK,
@@ -481,7 +488,7 @@ def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool) -> None:
         if row.remark == "published":
             words = ("■ rms ", " ┃ ") if brief else ("■ fitted by its authors: rms ", ", ┃ largest ")
             text = f"{words[0]}{_percent(row.fitted[0])}{words[1]}{_percent(row.fitted[1])}"
-            style.note(ax, text, x=1.0, y=_share(ax, i), dx=8 if brief else 12, color=INK_2)
+            style.note(ax, text, x=1.0, y=_share(ax, i + below), dx=8 if brief else 12, color=INK_2)
 
 
 def _percent(share: float) -> str:

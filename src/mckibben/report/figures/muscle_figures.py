@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...muscles.braid import BraidShape
 from ...muscles.law import TensionLaw
 from ...quantities import from_si
-from . import style
+from . import formats, style
 from .fit_figures import pulling, tension_grid
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
 
@@ -156,15 +156,16 @@ def muscle_drawing(
     fitting = 0.045 * max(lengths)
     widths = [shape.diameter(v) for v in lengths]
     inch = 72.0 * from_si(1.0, "m", "inch")  # points in a metre
-    room = 72.0 * style.MIDDLE - 70.0
+    across = formats.drawn_width(style.MIDDLE)
+    room = 72.0 * across - 70.0
     scale = next((s for s in SCALES if (max(lengths) + 2.0 * fitting) * inch * s <= room), SCALES[-1])
     gaps, head, foot = 46.0, 44.0, 34.0  # [pt]
     tall = head + foot + sum(w * inch * scale + gaps for w in widths)
-    fig = style.figure(style.MIDDLE, tall / 72.0)
+    fig = style.drawing(across, tall / 72.0)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     per_point = 1.0 / (inch * scale)  # metres on paper
-    ax.set_xlim(0.0, 72.0 * style.MIDDLE * per_point)
+    ax.set_xlim(0.0, 72.0 * across * per_point)
     ax.set_ylim(tall * per_point, 0.0)
     left, y = 14.0 * per_point + fitting, head * per_point
     for value, width, remark in zip(lengths, widths, list(remarks) + [""] * len(lengths), strict=False):
@@ -174,7 +175,9 @@ def muscle_drawing(
     head_text = ax.text(
         14.0 * per_point, 16.0 * per_point, title, fontsize=style.NORMAL, fontweight="bold", va="center"
     )
-    words = f"braid to scale, {_ratio(scale)} on paper; {threads} threads each way drawn"
+    words = f"braid to scale, {_ratio(scale)} on paper"
+    if across >= style.MIDDLE:
+        words += f"; {threads} threads each way drawn"
     ax.annotate(
         words,
         xy=(1, 0),

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...analysis.segments import amount_of, steps_of
-from ...documents import ErrorKeepingFile, write_whole
 from ...errors import InputError
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
-from . import style
+from . import formats, style
 from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 
 if TYPE_CHECKING:
@@ -235,6 +233,7 @@ def _title(title: str, names: list[str]) -> str:
 
 WIDTH = 8.4  # [inch]
 MOST_LABELS = 16
+MOST_LINES = 3  # of a note in a narrow figure
 MOST_LETTERS = 26  # of a key; more would leave the page
 _SAID = ("pressure", "pressure_abs", "mass_flow", "tension", "length")
 _UNITS = {"Pa": "pressure", "N": "tension", "m": "length"}
@@ -325,21 +324,6 @@ def against_figure(
         if len(panel.names) > 1:
             _key(ax, loc="best", bbox_to_anchor=None)
     return fig
-
-
-def write(fig: Figure, file: str | Path) -> None:
-    """Write the figure to an ``.svg``, ``.png`` or ``.pdf`` file, without a date."""
-    if Path(file).suffix != ".pdf":
-        style.save(fig, file, dpi=130.0)
-        return
-    with style.styled():
-        write_whole(file, lambda part: _write_pdf(fig, part))
-
-
-def _write_pdf(fig: Figure, file: Path) -> None:
-    stream: Any
-    with ErrorKeepingFile(file) as stream:
-        fig.savefig(stream, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None})
 
 
 # ---- over time
@@ -512,7 +496,8 @@ def _head(ax: Axes, record: Recording, title: str | None, *, above: float) -> No
     style.heading(ax, head, above=above + (12.0 if note else 0.0))
     if note:
         most = int(ax.figure.bbox.width / ax.figure.dpi * 72.0 * 0.92 / (0.58 * SMALL))
-        style.note(ax, _cut(note, most), dy=above, va="bottom")
+        lines = 1 if formats.current_style().width is None else MOST_LINES
+        style.note(ax, _cut(note, lines * most), dy=above, va="bottom")
 
 
 def _cut(text: str, most: int) -> str:

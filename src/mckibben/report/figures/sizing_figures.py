@@ -12,6 +12,7 @@ from ...studies.sizing import Judged, LineResult, Sizing
 from ...studies.sizing.braid import frontier
 from ...studies.sizing.candidate import VERDICTS, Ends
 from . import style
+from .places import FootRow, Margins, set_margins
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN
 
 if TYPE_CHECKING:
@@ -254,10 +255,12 @@ def design_front(study: DesignStudy) -> Figure:
         style.heading(ax, title, note, above=46.0)
         if number == 0:
             _front_key(ax, study)
+    listed = []
     for i, design in enumerate(study.front[:LISTED]):
         x, y = 0.07 + 0.305 * (i // ROWS), 0.145 - 0.035 * (i % ROWS)
-        fig.text(x, y, f"{i + 1}", fontsize=style.SMALL, fontweight="bold", color=INK)
-        fig.text(x + 0.02, y, _words(design), fontsize=style.SMALL, color=INK_2)
+        number_text = fig.text(x, y, f"{i + 1}", fontsize=style.SMALL, fontweight="bold", color=INK)
+        listed.append(FootRow(number_text, fig.text(x + 0.02, y, _words(design), fontsize=style.SMALL, color=INK_2)))
+    set_margins(fig, Margins(foot=tuple(listed)))
     return fig
 
 

@@ -10,20 +10,25 @@ nothing collides where another one is drawn.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import html
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from ...documents import write_text, write_whole
+from ...documents import ErrorKeepingFile, write_text, write_whole
+from ...errors import InputError
+from . import formats, layout, printing, provenance
 from .colours import LIGHT
+from .places import Place, Sheet, set_place, set_sheet, sheet_of
+from .places import shift as shift
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,68 +58,129 @@ PROPERTIES = {
     **{SUNKEN: "--sunken", CAUTION: "--caution"},
 }
 
-SMALL, NORMAL = 8.0, 9.0  # type [pt]
-LINE, HEAVY, HAIR = 1.3, 1.9, 0.7
+SMALL, NORMAL = formats.SMALL, formats.NORMAL  # type [pt]
+LINE, HEAVY, HAIR = formats.LINE, formats.HEAVY, formats.HAIR
 WIDE, MIDDLE, NARROW = 10.8, 7.2, 3.6  # widths [inch]: a page, two thirds and one third of it
 FONTS = "'DejaVu Sans', Inter, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif"
-SALT = "mckibben"
-
-_RC: dict[str, Any] = {
-    "font.family": ["DejaVu Sans"],
-    "font.size": NORMAL,
-    "text.color": INK,
-    "figure.facecolor": PANEL,
-    "savefig.facecolor": PANEL,
-    "axes.facecolor": "none",
-    "axes.edgecolor": RULE,
-    "axes.linewidth": HAIR,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": NORMAL,
-    "axes.titlelocation": "left",
-    "axes.labelsize": NORMAL,
-    "axes.unicode_minus": True,
-    "grid.color": GRID,
-    "grid.linewidth": HAIR,
-    "xtick.color": RULE,
-    "ytick.color": RULE,
-    "xtick.labelcolor": INK_2,
-    "ytick.labelcolor": INK_2,
-    "xtick.labelsize": SMALL,
-    "ytick.labelsize": SMALL,
-    "xtick.major.size": 3.0,
-    "ytick.major.size": 0.0,
-    "lines.linewidth": LINE,
-    "lines.markersize": 4.5,
-    "svg.fonttype": "none",
-    "svg.hashsalt": SALT,
-    "svg.image_inline": True,
-    "path.simplify_threshold": 0.05,
-}
+Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 
 
-@contextlib.contextmanager
-def styled() -> Iterator[None]:
-    """Apply the settings of all figures, as a context or a decorator; a user's own matplotlib settings are ignored."""
-    import matplotlib
+_DEPTH: ContextVar[int] = ContextVar("depth", default=0)  # of functions that draw, inside each other
 
-    with matplotlib.rc_context(_settings()):
-        yield
+
+class FigureSettings:
+    """The settings of all figures, as a context or a decorator, see `styled`."""
+
+    def __init__(self) -> None:
+        self._settings: list[Any] = []
+
+    def __enter__(self) -> None:
+        """Apply the settings."""
+        import matplotlib
+
+        context = matplotlib.rc_context(_settings(formats.current_style()))
+        context.__enter__()
+        self._settings.append(context)
+        _DEPTH.set(_DEPTH.get() + 1)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Restore the settings."""
+        _DEPTH.set(_DEPTH.get() - 1)
+        self._settings.pop().__exit__(kind, error, trace)
+
+    def __call__(self, draw: Drawing) -> Drawing:
+        """A function that draws with the settings, and finishes its figure."""
+
+        @functools.wraps(draw)
+        def drawn(*args: Any, **options: Any) -> Any:
+            with styled():
+                result = draw(*args, **options)
+                if _DEPTH.get() == 1 and formats.current_style() != formats.FigureStyle():
+                    finish(result)
+            return result
+
+        return drawn  # type: ignore[return-value]
+
+
+def styled() -> FigureSettings:
+    """Apply the settings of all figures, as a context or a decorator; a user's own matplotlib settings are ignored.
+
+    A decorated function may return a figure of `figure`, or its axes. The outermost one lays it out for the width of
+    `formats.figure_style`, and gives it that style.
+    """
+    return FigureSettings()
+
+
+def finish(result: Any) -> None:
+    """Lay out a figure, or that of axes, for the current style; figures that were created elsewhere stay as they are.
+
+    Raises:
+        InputError: if a drawing would be reduced until its text is too small to read.
+    """
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    fig = result.get_figure(root=True) if isinstance(result, Axes) else result
+    if not isinstance(fig, Figure):
+        return
+    sheet, style = sheet_of(fig), formats.current_style()
+    if sheet is None:
+        if isinstance(result, Axes) and style.printed:
+            printing.distinguish(result)
+        return
+    set_sheet(fig, None)
+    printing.restyle(fig, style)
+    if style.width is None:
+        return
+    if sheet.drawing:
+        layout.reduce(fig, sheet.scale)
+    else:
+        layout.fit_width(fig, style.width, sheet.width)
 
 
 @functools.cache
-def _settings() -> Any:
+def _settings(style: formats.FigureStyle) -> Any:
     import matplotlib
 
     left_out = ("backend", "backend_fallback", "toolbar", "interactive", "webagg", "tk.", "savefig.directory", "date.")
     plain = {k: v for k, v in matplotlib.rcParamsDefault.items() if not k.startswith(left_out)}
-    return plain | _RC
+    return plain | formats.settings(style)
 
 
-def figure(width: float, height: float) -> Figure:
-    """Create an empty figure of a width and height [inch]."""
+def figure(width: float, height: float, *, rows: bool = False, least: float = 0.0) -> Figure:
+    """Create an empty figure of a width and height [inch], or of the width of the current style.
+
+    Args:
+        width: that it has on a screen.
+        height: on a screen; a narrower figure is lower.
+        rows: keep the height, since it holds rows of text.
+        least: width, below which the figure cannot be read [inch].
+
+    Raises:
+        InputError: if the current style is narrower.
+    """
+    wanted = formats.current_style().width
+    if wanted is not None and wanted < least:
+        raise layout.too_narrow(least)
+    if wanted is not None and not rows:
+        height *= min(max((wanted / width) ** 0.5, 0.62), 1.0)
+    fig = _empty(wanted or width, height)
+    set_sheet(fig, Sheet(width))
+    return fig
+
+
+def drawing(width: float, height: float) -> Figure:
+    """Create an empty figure for a drawing of a width and height [inch], which another width reduces as a whole."""
+    usual = formats.current_style().width
+    scale = 1.0 if usual is None else min(usual / width, 1.0)
+    fig = _empty(scale * width, scale * height)
+    set_sheet(fig, Sheet(width, scale=scale, drawing=True))
+    return fig
+
+
+def _empty(width: float, height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -146,8 +212,9 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
     """Write a heading over a pair of axes, `above` their top [pt], with a smaller note after it."""
     anchor = ax.transAxes + shift(ax, 0, above)
     head = ax.text(0.0, 1.0, text, transform=anchor, fontsize=NORMAL, fontweight="bold", va="bottom", color=INK)
+    quiet = None
     if note:
-        ax.annotate(
+        quiet = ax.annotate(
             note,
             xy=(1.0, 0.0),
             xycoords=head,
@@ -158,6 +225,7 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
             color=INK_3,
             va="bottom",
         )
+    set_place(head, Place(ax, "heading", dy=above, note=quiet))
 
 
 def colour(quantity: str | None) -> str:
@@ -244,7 +312,7 @@ def end_labels(
     for (x, y, text), at, place in zip(labels, points, places, strict=True):
         moved = abs(place - at[1]) > 2.0
         offset = (right - at[0] + (13 if moved else 5), place - at[1])
-        ax.annotate(
+        label = ax.annotate(
             text,
             xy=(x, y),
             xytext=offset,
@@ -259,6 +327,7 @@ def end_labels(
             if moved
             else None,
         )
+        set_place(label, Place(ax, "end", x, y, 13.0 if moved else 5.0))
 
 
 def graded(count: int, least: float = 0.4) -> list[float]:
@@ -271,7 +340,9 @@ def note(
 ) -> Text:
     """Write a remark at a place of the axes [share of their size], shifted by points."""
     style: dict[str, Any] = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
-    return ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
+    written = ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
+    set_place(written, Place(ax, "note", x, y, dx, dy))
+    return written
 
 
 def rule(ax: Axes, start: float, end: float, above: float) -> None:
@@ -282,14 +353,8 @@ def rule(ax: Axes, start: float, end: float, above: float) -> None:
     scale = ax.figure.dpi / 72.0
     x = [1.0 + start * scale / box.width, 1.0 + end * scale / box.width]
     y = 1.0 + above * scale / box.height
-    ax.add_artist(Line2D(x, [y, y], transform=ax.transAxes, color=RULE, lw=HAIR, clip_on=False))
-
-
-def shift(ax: Axes, x: float, y: float) -> Any:
-    """Transform that moves by points, to add to another."""
-    from matplotlib.transforms import ScaledTranslation
-
-    return ScaledTranslation(x / 72.0, y / 72.0, ax.figure.dpi_scale_trans)
+    line = ax.add_artist(Line2D(x, [y, y], transform=ax.transAxes, color=RULE, lw=HAIR, clip_on=False))
+    set_place(line, Place(ax, "rule", dx=start, dy=end))
 
 
 # ---- to a file
@@ -299,7 +364,8 @@ def to_svg(fig: Figure) -> str:
     """Convert the figure to an SVG document: reproducible, without a date."""
     stream = io.StringIO()
     with styled():
-        fig.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        words = {"Date": None, "Creator": None, "Format": None, "Type": None}
+        fig.savefig(stream, format="svg", facecolor=fig.get_facecolor(), metadata=words)
     text = stream.getvalue().replace("'DejaVu Sans'", FONTS)
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.S)
     text = re.sub(r"(?:<use [^>]*/>\s*)+", _gathered, text)
@@ -348,16 +414,59 @@ def inline_svg(fig: Figure, name: str, label: str) -> str:
     return re.sub(r"\n\s*", "\n", re.sub(r"^<svg[^>]*>", lambda _: opening, text)).strip()
 
 
-def save(fig: Figure, path: str | Path, *, dpi: float = 100.0) -> None:
-    """Write the figure to an ``.svg`` or ``.png`` file, without a date.
+def save(fig: Figure, path: str | Path, *, dpi: float | None = None) -> None:
+    """Write the figure to an ``.svg``, ``.pdf`` or ``.png`` file, with what it shows and without a date.
 
     Args:
         fig: the figure.
         path: the file; its ending says which.
-        dpi: pixels per inch of a PNG file.
+        dpi: pixels per inch of a PNG file; those of the current style where left out.
+
+    Raises:
+        InputError: if the ending is another.
     """
-    if Path(path).suffix == ".svg":
-        write_text(path, to_svg(fig))
+    suffix = Path(path).suffix.lower()
+    if suffix not in formats.SUFFIXES:
+        raise InputError("path", str(path), f"must be a name that ends in {' or '.join(formats.SUFFIXES)}")
+    told = provenance.of(fig)
+    if suffix == ".svg":
+        write_text(path, provenance.in_svg(to_svg(fig), told))
         return
+    resolution = dpi or formats.current_style().dpi
     with styled():
-        write_whole(path, lambda part: fig.savefig(part, dpi=dpi, metadata={"Software": None}))
+        write_whole(path, lambda part: _write(fig, part, suffix, resolution, told))
+
+
+def _write(fig: Figure, file: Path, suffix: str, dpi: float, told: provenance.Provenance) -> None:
+    stream: Any
+    with ErrorKeepingFile(file) as stream:
+        words = provenance.entries(told, suffix)
+        fig.savefig(stream, format=suffix[1:], dpi=dpi, facecolor=fig.get_facecolor(), metadata=words)
+
+
+def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = None) -> Path:
+    """Write a figure, or the figure of axes, to an ``.svg``, ``.pdf`` or ``.png`` file.
+
+    Fonts are embedded in a PDF file, text stays text in an SVG file, and the file says what it shows and which version drew it.
+
+    Args:
+        drawn: figure or axes, such as ``.plot`` returns.
+        path: the file; its ending says which.
+        dpi: pixels per inch of a PNG file; those of the current style where left out.
+
+    Returns:
+        The path.
+
+    Raises:
+        InputError: if the ending is another.
+
+    Example:
+        >>> import mckibben as mk
+        >>> mk.save_figure(mk.muscle("nylon").plot.force_map(), "map.pdf")
+    """
+    from matplotlib.axes import Axes
+
+    fig = drawn.get_figure(root=True) if isinstance(drawn, Axes) else drawn
+    assert fig is not None
+    save(fig, path, dpi=dpi)
+    return Path(path)

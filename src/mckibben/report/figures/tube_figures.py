@@ -37,7 +37,7 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
         accumulator: which one the pressures are shown for; on the small one nothing is refitted.
     """
     thermal = study.thermals[-1]
-    fig = style.figure(style.WIDE, HEIGHT)
+    fig = style.figure(style.WIDE, HEIGHT, rows=True, least=6.5)
     cases = study.cases[thermal, accumulator]
     noise = next(i for i, c in enumerate(cases) if c.record.kind == "noise")
     steps = next(i for i, c in enumerate(cases) if c.record.kind == "steps")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ...errors import InputError
 from ...muscles.laws import law_type
 from ...studies.validation import StaticResult, Validation, ordered_laws
-from . import style
+from . import formats, style
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def errors_figure(found: Validation) -> Figure:
         raise InputError("data sets", None, "must be at least one static data set")
     laws = ordered_laws(found.static)
     height = TOP + FOOT + ROW * len(laws)
-    fig = style.figure(style.WIDE, height)
+    fig = style.figure(style.WIDE, height, rows=True, least=6.5)
     width = (style.WIDE - NAMES - 0.12 - GAP * (len(found.static) - 1)) / len(found.static)
     for i, one in enumerate(found.static):
         left = NAMES + i * (width + GAP)
@@ -120,4 +120,8 @@ def _key(ax: Axes, static: Sequence[StaticResult]) -> None:
     style.note(ax, title, dx=ACROSS, dy=53, color=INK, fontweight="bold", fontsize=style.NORMAL)
     style.note(ax, "\N{EM SPACE}".join(parts), dx=ACROSS, dy=38, color=INK_2)
     if any(one.apart for one in static):
-        style.note(ax, "grey: below half the gap of the two branches", dx=ACROSS + 470.0, dy=38, color=INK_3)
+        words = "grey: below half the gap of the two branches"
+        if formats.current_style().width is None:
+            style.note(ax, words, dx=ACROSS + 470.0, dy=38, color=INK_3)
+        else:
+            style.note(ax, words, dx=ACROSS, dy=26, color=INK_3)

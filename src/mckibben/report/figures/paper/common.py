@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from .... import reproduction
 from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
 from .. import style
+from ..places import Place, set_place
 from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
 if TYPE_CHECKING:
@@ -218,7 +219,7 @@ def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remar
 def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float | None = None) -> None:
     """Draw a key of the lines, right of the axes: at their foot, or a distance below their top [pt]."""
     y, drop = (0.0, 0.0) if below is None else (1.0, below)
-    ax.figure.legend(
+    legend = ax.figure.legend(
         handles=list(handles),
         loc="lower left" if below is None else "upper left",
         bbox_to_anchor=(1.0, y),
@@ -231,6 +232,7 @@ def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float |
         borderpad=0.0,
         borderaxespad=0.0,
     )
+    set_place(legend, Place(ax, "key"))
 
 
 def sample(words: str, **look: Any) -> Line2D:

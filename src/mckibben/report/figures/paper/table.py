@@ -117,7 +117,7 @@ def table(figure: str) -> Figure:
     """Draw the table, our values in bold and the printed ones in brackets."""
     rows = cells()
     high = HEAD + ROW * len(rows) + FOOT
-    fig = style.figure(WIDE, high)
+    fig = style.drawing(WIDE, high)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     ax.set_xlim(0.0, WIDE)
