@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from .recordings import read as read
     from .recordings import read_force_map as read_force_map
     from .recordings import read_recording as read_recording
+    from .report.figures.formats import figure_style as figure_style
+    from .report.figures.style import save_figure as save_figure
     from .reproduction import reproduce as reproduce
     from .simulation import Air as Air
     from .simulation import Chain as Chain
@@ -105,6 +107,10 @@ PUBLIC: dict[str, dict[str, str]] = {
         "size": "studies.sizing.size",
         "compare": "studies.comparison.table",
         "reproduce": "reproduction",
+    },
+    "Figures": {
+        "figure_style": "report.figures.formats",
+        "save_figure": "report.figures.style",
     },
     "Errors": {
         "InputError": "errors",

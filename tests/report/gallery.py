@@ -160,7 +160,9 @@ def tubes() -> Any:
 
     def result(thermal: str, model: str, accumulator: str) -> Any:
         late = 5 + 3 * tube_figures.SHOWN.index(model)
-        compared = [SimpleNamespace(predicted=np.roll(c.vessel, late), rms=2e3 * late, lead=-1e-3 * late) for c in cases]
+        compared = [
+            SimpleNamespace(predicted=np.roll(c.vessel, late), rms=2e3 * late, lead=-1e-3 * late) for c in cases
+        ]
         return SimpleNamespace(comparisons=compared, rms=2e3 * late)
 
     return SimpleNamespace(
@@ -197,7 +199,9 @@ def loop_study() -> Any:
     stroke = 0.02 * np.sqrt(at / 6e5) - 0.001 * branch
     path = SimpleNamespace(pressure=at, stroke=stroke, branch=branch)
     unseen = SimpleNamespace(stroke=stroke + 2e-4 * np.sin(at / 5e4))
-    widths = [SimpleNamespace(pressure=p, measured=2e-3, predicted=2.1e-3, middle=p > 1e5, error=0.05) for p in at[:60:6]]
+    widths = [
+        SimpleNamespace(pressure=p, measured=2e-3, predicted=2.1e-3, middle=p > 1e5, error=0.05) for p in at[:60:6]
+    ]
     time = np.linspace(0.1, 4.0, 40)
 
     def creep(segment: str) -> Any:
@@ -344,7 +348,10 @@ def studied() -> dict[str, Callable[[], Any]]:
         "joint": lambda: joint_figures.joint_figure(joint_record()),
         "energy flow": lambda: energy_figures.energy_flow_figure(account()),
         "cycles": lambda: energy_figures.loops_figure(
-            [cycle_loops(part4.muscle(), name, part4.conditions(accumulator=False)) for name in ("maximal", "isotonic")],
+            [
+                cycle_loops(part4.muscle(), name, part4.conditions(accumulator=False))
+                for name in ("maximal", "isotonic")
+            ],
             title="Nylon muscle",
         ),
         "efficiency": lambda: energy_figures.figure_12(),

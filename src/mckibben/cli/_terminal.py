@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError, not_found
+from ..report.figures import formats
 
 if TYPE_CHECKING:
     from ..specimens import Specimen
@@ -33,6 +34,43 @@ LockStep = Annotated[
         "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
     ),
 ]
+
+
+def _use_style(context: typer.Context, name: str) -> str:
+    """Draw the figures of a command in a style."""
+    context.with_resource(formats.applied(_named(name, None)))
+    return name
+
+
+def _use_width(context: typer.Context, width: str | None) -> str | None:
+    """Draw the figures of a command, in its style, at a width."""
+    if width is not None:
+        context.with_resource(formats.applied(_named(formats.current_style().name, width)))
+    return width
+
+
+def _named(name: str, width: str | None) -> formats.FigureStyle:
+    try:
+        return formats.named_style(name, width=width)
+    except InputError as error:
+        raise error.changed(field=f"--{error.field}") from None
+
+
+PICTURES = formats.SUFFIXES  # endings of the files of figures
+FigureLook = Annotated[
+    str,
+    typer.Option(
+        "--style", metavar="STYLE", is_eager=True, callback=_use_style,
+        help="Style of the figure: screen, print (8 pt type, lines that differ without colour), gray or projector.",
+    ),
+]  # fmt: skip
+FigureWidth = Annotated[
+    str | None,
+    typer.Option(
+        "--width", metavar="WIDTH", callback=_use_width,
+        help="Width of the figure: column (86 mm), page (178 mm), slide (128 mm), or a length such as '120 mm'.",
+    ),
+]  # fmt: skip
 
 
 def print_json(value: dict[str, Any]) -> None:

@@ -18,7 +18,20 @@ from ..errors import InputError
 from ..pneumatics import volume
 from ..quantities import from_si, parse, shown_unit, with_unit
 from ..report.figures import circuit_diagram, circuit_figures, frequency_figures, style
-from ._terminal import Json, caution, options_named, pairs, print_json, progress, table, told, writable
+from ._terminal import (
+    PICTURES,
+    FigureLook,
+    FigureWidth,
+    Json,
+    caution,
+    options_named,
+    pairs,
+    print_json,
+    progress,
+    table,
+    told,
+    writable,
+)
 
 if TYPE_CHECKING:
     from ..assembly.circuit_file import CircuitPlan
@@ -37,12 +50,14 @@ def show(
     file: File,
     change: Change = None,
     svg: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Draw the circuit into this SVG or PNG file.")
+        Path | None, typer.Option(metavar="FILE.svg", help="Draw the circuit into this SVG, PDF or PNG file.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Describe a circuit, its fastest mode, and the method with which a run begins."""
-    writable("--svg", svg, ".svg", ".png")
+    writable("--svg", svg, *PICTURES)
     plan = planned(file, change)
     rate, method = plan.rates()
     if svg is not None:
@@ -86,12 +101,14 @@ def run(
     file: File,
     change: Change = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw the run into this SVG or PNG file.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw the run into this SVG, PDF or PNG file.")] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Run a circuit, close its balances of mass and energy, and save the recording."""
     writable("--out", out, ".nc", ".csv")
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     plan = planned(file, change)
     with progress("running", circuit_run.chunks(plan)) as advance:
         recording = circuit_run.run_circuit(plan, progress=advance)
@@ -246,11 +263,15 @@ def fit(
         list[str] | None, typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none.")
     ] = None,
     change: Change = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw measured and predicted into this SVG or PNG file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw measured and predicted into this SVG, PDF or PNG file.")
+    ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Fit a circuit's parameters to records of its pressures, and predict other records."""
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     plan = planned(file, change)
     wanted = list(free or plan.fit.free)
     if not wanted:
@@ -378,7 +399,11 @@ def frequency(
     lowest: Annotated[str, typer.Option("--from", metavar="FREQUENCY", help="Lowest frequency.")] = "0.1 Hz",
     highest: Annotated[str, typer.Option("--to", metavar="FREQUENCY", help="Highest frequency.")] = "100 Hz",
     change: Change = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw magnitude and phase into this SVG or PNG file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw magnitude and phase into this SVG, PDF or PNG file.")
+    ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Compute the frequency response of a circuit that is linearised at rest.
@@ -386,7 +411,7 @@ def frequency(
     The circuit settles under the values that its signals have at one time; about this operating point it answers to
     small sines of one signal. Friction with memory is held.
     """
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     low, high = parse(lowest, "1/s", field="--from"), parse(highest, "1/s", field="--to")
     if not 0.0 < low < high:
         raise InputError("--from", lowest, f"must be above 0 Hz and below --to, {highest}")

@@ -15,7 +15,7 @@ from ..report import comparison_report, document
 from ..report.figures import comparison_figures, style
 from ..specimens import specimen
 from ..studies import comparison
-from ._terminal import Json, caution, print_json, table, told, writable
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, caution, print_json, table, told, writable
 
 if TYPE_CHECKING:
     from ..studies.comparison import ComparedMuscle
@@ -54,15 +54,17 @@ def compare_muscles(
         typer.Option(metavar="NAME|FILE", help="Rig for the protocols; by default the paper's where its range allows."),
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw what was computed, normalised, .svg or .png.")
+        Path | None, typer.Option(metavar="FILE", help="Draw what was computed, normalised, .svg, .pdf or .png.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write tables and figure into one .html or .pdf file.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Compare muscles with each other, and with published biological muscle."""
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     if report is not None:
         document.checked_place(report, field="--report")
     if rig is not None and not protocols and match is None:
@@ -93,7 +95,7 @@ def compare_muscles(
             matches = _matches(chosen, target, rig, done, tell)
     drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
     if figure is not None:
-        style.save(drawn, figure, dpi=130.0)
+        style.save(drawn, figure)
     if report is not None:
         comparison_report.muscle_comparison(compared, drawn, matches).write(report)
     if as_json:

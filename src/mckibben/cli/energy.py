@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..quantities import from_si, parse, with_unit
 from ..report.figures import energy_figures, style
 from ..specimens import Specimen, specimen
-from ._terminal import Json, Set, caution, chosen_law, print_json, table, writable
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, Set, caution, chosen_law, print_json, table, writable
 from .muscles import parameters
 
 if TYPE_CHECKING:
@@ -73,12 +73,15 @@ def energy(
         typer.Option("--curve", help="Also compute efficiency over pressure, from the threshold to twice --pressure."),
     ] = False,
     figure: Annotated[
-        Path | None, typer.Option("--figure", help="Draw the loops, or with --curve the efficiency: SVG or PNG file.")
+        Path | None,
+        typer.Option("--figure", help="Draw the loops, or with --curve the efficiency: SVG, PDF or PNG file."),
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Compute input, output and efficiency of a muscle's working cycles."""
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     spec, chosen, muscles, which = _muscles(name, law, change, volume)
     between = _conditions(
         spec,

@@ -15,7 +15,21 @@ from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
 from ..report.figures import fit_figures, style
 from ..specimens import Specimen
-from ._terminal import Json, Set, assignments, caution, options_named, pairs, print_json, progress, table, writable
+from ._terminal import (
+    PICTURES,
+    FigureLook,
+    FigureWidth,
+    Json,
+    Set,
+    assignments,
+    caution,
+    options_named,
+    pairs,
+    print_json,
+    progress,
+    table,
+    writable,
+)
 from .read import GearRatio, Sheet, Topic, column_places, format_options
 
 if TYPE_CHECKING:
@@ -62,10 +76,12 @@ def fit(
     report: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a report with figures, .html or .pdf.")
     ] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw laws and ranking into this SVG or PNG file.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw laws and ranking into this SVG, PDF or PNG file.")] = None,
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen file.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Fit tension laws to a measured table of length, pressure and tension, and rank them."""
@@ -75,7 +91,7 @@ def fit(
     if report is not None:
         document.checked_place(report, field="--report")
     writable("--save", save, ".toml")
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
     below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
     if save is not None and len(files) > 1:

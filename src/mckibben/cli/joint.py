@@ -10,7 +10,8 @@ import typer
 
 from ..errors import InputError
 from ..quantities import parse, with_unit
-from ._terminal import Json, caution, pairs, print_json, table, writable
+from ..report.figures import joint_figures, recording_figures, style
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, caution, pairs, print_json, table, writable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,6 +60,11 @@ def run_joint(
     period: Annotated[str, typer.Option(help="Period of the commands, without --angle.")] = "2 ms",
     seed: Annotated[int, typer.Option(help="Random seed for sensor noise, with --angle.")] = 0,
     out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the run into this SVG, PDF or PNG file.")
+    ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.
@@ -67,6 +73,7 @@ def run_joint(
     controller of the rig 'modern' holds angle and stiffness.
     """
     writable("--out", out, ".nc", ".csv")
+    writable("--figure", figure, *PICTURES)
     if angle is not None:
         if play is not None or command:
             raise InputError(
@@ -82,7 +89,12 @@ def run_joint(
     warnings = caution(*_cautions(recording))
     if out is not None:
         recording.save(out)
+    if figure is not None:
+        draw = recording_figures.time_figure if angle is None else joint_figures.joint_figure
+        style.save(draw(recording), figure)
     _show(recording, out, warnings, as_json)
+    if figure is not None and not as_json:
+        typer.echo(f"Written: {figure}")
 
 
 def _held(

@@ -14,7 +14,19 @@ from ..errors import InputError
 from ..quantities import declared, parse, shown_unit, values, with_unit
 from ..report.figures import muscle_figures, style
 from ..specimens import Specimen, SpecimenNumber, specimen, specimens
-from ._terminal import Json, Set, assignments, caution, chosen_law, print_json, table, writable
+from ._terminal import (
+    PICTURES,
+    FigureLook,
+    FigureWidth,
+    Json,
+    Set,
+    assignments,
+    caution,
+    chosen_law,
+    print_json,
+    table,
+    writable,
+)
 
 Name = Annotated[
     str,
@@ -27,12 +39,14 @@ def show(
     name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")],
     law: Law = None,
     figure: Annotated[
-        Path | None, typer.Option("--figure", help="Draw the muscle's curves into this SVG or PNG file.")
+        Path | None, typer.Option("--figure", help="Draw the muscle's curves into this SVG, PDF or PNG file.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Show the parameters of a muscle with their units and sources, and its law."""
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     spec = specimen(name)
     chosen = chosen_law(law, spec)
     built = None if spec.kind == "valve" else _law(spec, chosen, {})

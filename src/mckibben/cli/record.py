@@ -15,8 +15,8 @@ from ..errors import InputError
 from ..experiments import waveforms
 from ..quantities import from_si, parse, shown_unit
 from ..recordings import mcap
-from ..report.figures import recording_figures
-from ._terminal import Json, options_named, pairs, print_json, table, writable
+from ..report.figures import recording_figures, style
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, options_named, pairs, print_json, table, writable
 from .read import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def show(
 
 def plot(
     file: File,
-    out: Annotated[Path, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .png or .pdf).")],
+    out: Annotated[Path, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .pdf or .png).")],
     channels: Annotated[str | None, typer.Option(metavar="A,B", help="Channels to draw, separated by commas.")] = None,
     against: Annotated[
         str | None, typer.Option(metavar="CHANNEL", help="Draw over this channel instead of time, such as span.")
@@ -75,10 +75,12 @@ def plot(
     ] = None,
     end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used.")] = None,
     title: Annotated[str | None, typer.Option(help="Title of the figure; by default the recording's own.")] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Draw a recording over time, or one channel over another."""
-    writable("--out", out, ".svg", ".png", ".pdf")
+    writable("--out", out, *PICTURES)
     known = recordings.read_recording(file)
     parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
     names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
@@ -89,7 +91,7 @@ def plot(
         drawn = recording_figures.time_figure(parts, channels=names, title=title)
     else:
         drawn = recording_figures.against_figure(parts, against, channels=names, title=title)
-    recording_figures.write(drawn, out)
+    style.save(drawn, out)
     if as_json:
         print_json(
             {

@@ -16,8 +16,8 @@ from ..errors import InputError
 from ..quantities import from_si, parse, shown_unit, split_values, with_unit
 from ..report import document
 from ..report import recording_report as reports
-from ..report.figures import energy_figures, frequency_figures, recording_figures
-from ._terminal import Json, print_json, table, writable
+from ..report.figures import energy_figures, frequency_figures, style
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, print_json, table, writable
 from .record import File, between
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up t
 def energy(
     file: File,
     figure: Annotated[
-        Path | None, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .png or .pdf).")
+        Path | None, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .pdf or .png).")
     ] = None,
     start: Start = None,
     end: End = None,
@@ -44,10 +44,12 @@ def energy(
         str | None,
         typer.Option(metavar="PRESSURE", help="Gauge pressure of an exhaust accumulator whose saving is computed."),
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Account for the exergy of a recording: supply, losses and shaft work."""
-    writable("--figure", figure, ".svg", ".png", ".pdf")
+    writable("--figure", figure, *PICTURES)
     first, last = (
         None if t is None else parse(t, "s", field=name, bare=True) for t, name in ((start, "--from"), (end, "--to"))
     )
@@ -60,9 +62,7 @@ def energy(
     saving = None if at is None else account.saved_by_accumulator(at)
     if figure is not None:
         title = record.meta.get("title")
-        recording_figures.write(
-            energy_figures.energy_flow_figure(account, **({"title": str(title)} if title else {})), figure
-        )
+        style.save(energy_figures.energy_flow_figure(account, **({"title": str(title)} if title else {})), figure)
     if as_json:
         content = account.to_dict() | {"file": str(file), "figure": None if figure is None else str(figure)}
         print_json(content | {"saving": None if saving is None else saving._asdict()})
@@ -126,6 +126,8 @@ def _print(account: EnergyAccount) -> None:
 def report(
     file: File,
     out: Annotated[Path, typer.Option(metavar="REPORT", help="Report file to write (.html or .pdf).")],
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Write a report of a recording: figures, balances, parameters, references."""
@@ -154,8 +156,10 @@ def frequency(
     start: Start = None,
     end: End = None,
     figure: Annotated[
-        Path | None, typer.Option(metavar="PICTURE", help="Draw the response, .svg, .png or .pdf.")
+        Path | None, typer.Option(metavar="PICTURE", help="Draw the response, .svg, .pdf or .png.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Estimate the frequency response between two channels.
@@ -163,7 +167,7 @@ def frequency(
     Chirps, noise and many sines are averaged over a band by Welch's method. At known frequencies the response is fitted
     by least squares of sines, without their transient.
     """
-    writable("--figure", figure, ".svg", ".png", ".pdf")
+    writable("--figure", figure, *PICTURES)
     if sines is not None and resolution is not None:
         raise InputError("--resolution", None, "is allowed only without --sines, which states the frequencies")
     recording = between(recordings.read_recording(file), start, end)
@@ -182,7 +186,7 @@ def frequency(
         title = frequency_figures.BodeTitles(
             f"{target} over {source}", str(recording.meta.get("title") or file.name), unit
         )
-        recording_figures.write(frequency_figures.bode_figure(response, title, cutoff=cutoff), figure)
+        style.save(frequency_figures.bode_figure(response, title, cutoff=cutoff), figure)
     if as_json:
         values = {
             name: getattr(response, name) for name in ("frequency", "magnitude", "phase", "coherence", "segments")
@@ -221,15 +225,17 @@ def repeatability(
     start: Start = None,
     end: End = None,
     figure: Annotated[
-        Path | None, typer.Option(metavar="PICTURE", help="Draw all courses, .svg, .png or .pdf.")
+        Path | None, typer.Option(metavar="PICTURE", help="Draw all courses, .svg, .pdf or .png.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Report how well cycles or runs repeat each other.
 
     Cycles are compared at equal phase, runs at equal time. The drift is the slope of a straight line through the peaks.
     """
-    writable("--figure", figure, ".svg", ".png", ".pdf")
+    writable("--figure", figure, *PICTURES)
     records = [between(recordings.read_recording(file), start, end) for file in files]
     if len(records) == 1:
         result, each = repeating.between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
@@ -244,7 +250,7 @@ def repeatability(
         over = "Phase of the cycle" if each == "cycle" else "Time, s"
         name = channel.replace(".", " ").replace("_", " ").capitalize()
         drawn = frequency_figures.repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
-        recording_figures.write(drawn, figure)
+        style.save(drawn, figure)
     peaks = repeating.spread(result.peaks)
     drift = repeating.trend(range(result.repetitions), result.peaks.tolist()).slope if result.repetitions > 2 else None
     if as_json:

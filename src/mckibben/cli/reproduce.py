@@ -16,7 +16,7 @@ from ..report import document_pdf
 from ..report import reproduction_report as papers
 from ..report import words as words_module
 from ..report.figures import style
-from ._terminal import Json, print_json, progress
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, print_json, progress
 
 if TYPE_CHECKING:
     from ..report.paper_figures import PaperFigure
@@ -49,13 +49,20 @@ def reproduce_papers(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Folder for both reports, or with --figure for the figures as SVG files."
+            "--out",
+            metavar="DIR",
+            help="Folder for both reports, or with --figure for the figures as files of --format.",
         ),
     ] = None,
+    format_: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="Format of figures in --out: svg, pdf or png.")
+    ] = "svg",
     pdf: Annotated[bool, typer.Option(help="Write the PDF report beside the HTML one into --out.")] = True,
     recordings: Annotated[
         bool, typer.Option(help="Leave out rows that need recordings of the test machine, which take minutes.")
     ] = True,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Compute the papers' numbers and report whether each value is reproduced.
@@ -64,13 +71,16 @@ def reproduce_papers(
     the simulated machine, which take minutes; --no-recordings leaves them out.
     """
     reproduction.rows.select(part, row)  # refuses a wrong word before anything is loaded
+    ending = f".{format_}"
+    if ending not in PICTURES:
+        raise InputError("--format", format_, known=[one[1:] for one in PICTURES])
     places = _places(report, out, pdf=pdf, figures_only=bool(figure))
     pictures = _pictures(figure, part, row, recordings) if figure or places else []
     rows = _rows(row, pictures) if figure else row
     outcomes, drawn = _done(part, rows, pictures, recordings)
     written = [str(p) for p in _write(places, outcomes, drawn, recordings)]
     if figure:
-        written += _save(drawn, out or Path())
+        written += _save(drawn, out or Path(), ending)
     failed = sum(o.ok is False for o in outcomes)
     if as_json:
         print_json(_document(outcomes, failed) | ({"files": written} if written else {}))
@@ -141,9 +151,8 @@ def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], r
     return [document.write(place) for place in places]
 
 
-def _save(drawn: list[Drawn], folder: Path) -> list[str]:
-
-    files = [folder / f"figure-{one.of.id}.svg" for one in drawn]
+def _save(drawn: list[Drawn], folder: Path, ending: str) -> list[str]:
+    files = [folder / f"figure-{one.of.id}{ending}" for one in drawn]
     for path, one in zip(files, drawn, strict=True):
         style.save(one.picture, path)
     return [str(path) for path in files]

@@ -18,9 +18,22 @@ from ..bench import prepare as preparation
 from ..bench import run as protocol_run
 from ..errors import InputError
 from ..quantities import parse, with_unit
-from ..report.figures import recording_figures
+from ..report.figures import recording_figures, style
 from ..specimens import specimen
-from ._terminal import Json, LockStep, NoiseSeed, Plumbing, pairs, print_json, progress, table, writable
+from ._terminal import (
+    PICTURES,
+    FigureLook,
+    FigureWidth,
+    Json,
+    LockStep,
+    NoiseSeed,
+    Plumbing,
+    pairs,
+    print_json,
+    progress,
+    table,
+    writable,
+)
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
@@ -66,7 +79,9 @@ def run_protocol(
     law: Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")] = None,
     change: Change = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw the measured channels into this SVG, PNG or PDF.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the measured channels into this SVG, PDF or PNG file.")
+    ] = None,
     plumbing: Plumbing = None,
     seed: NoiseSeed = 0,
     step: Annotated[str, typer.Option(metavar="TIME", help="Largest time step of the physics.")] = "50 us",
@@ -85,11 +100,13 @@ def run_protocol(
         ),
     ] = None,
     calibration: CalibrationFile = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Run a protocol on a test machine; nothing moves until the dry run passes."""
     writable("--out", out, ".nc", ".csv")
-    writable("--figure", figure, ".svg", ".png", ".pdf")
+    writable("--figure", figure, *PICTURES)
     writable("--log", log, ".mcap")
     if log is not None and log.exists():
         raise InputError("--log", str(log), "it is there already; a log is never written over")
@@ -130,7 +147,7 @@ def run_protocol(
     else:
         _print(recording)
     if figure is not None:
-        recording_figures.write(recording_figures.time_figure(recording), figure)
+        style.save(recording_figures.time_figure(recording), figure)
     if not as_json:
         for path in (out, log, figure):
             if path is not None:

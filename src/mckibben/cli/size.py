@@ -14,7 +14,7 @@ from ..quantities import parse
 from ..report.figures import sizing_figures, style
 from ..specimens import save_specimen
 from ..studies import sizing as sizing_package
-from ._terminal import Json, caution, print_json, table, told, writable
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, caution, print_json, table, told, writable
 
 if TYPE_CHECKING:
     from ..studies.sizing import Sizing
@@ -87,8 +87,10 @@ def size_muscle(
     ] = None,
     top: Annotated[int, typer.Option(help="Number of rows shown of each table.")] = TOP,
     figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw force over stroke, and the lines, .svg or .png.")
+        Path | None, typer.Option(metavar="FILE", help="Draw force over stroke, and the lines, .svg, .pdf or .png.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Find the muscle, valve, tube and gas source for a force and a stroke.
@@ -97,7 +99,7 @@ def size_muscle(
 
     Example: mckibben size --force "50 N" --stroke "3 cm" --pressure "5 bar" --cycles "1 Hz" --working-time "8 h"
     """
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     writable("--save", save, ".toml")
     writable("--circuit", circuit, ".toml")
     if top < 1:
@@ -131,11 +133,15 @@ def size_muscle(
     except InputError as error:
         raise _named(error, pressure) from None
     if figure is not None:
-        style.save(sizing_figures.design_map(sizing, law=law), figure, dpi=130.0)
+<<<<<<< HEAD
+        style.save(sizing_figures.design_map(sizing, law=law), figure)
     if save is not None:
         save_specimen(sizing.to_specimen(), save, heading=f"sized by mckibben {__version__}; not measured")
     if circuit is not None:
         write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
+=======
+        style.save(sizing_figures.design_map(sizing, law=law), figure)
+>>>>>>> 87422c7 (Offer width and style of every figure on the command line, PDF beside SVG and PNG, and figure_style and save_figure in Python)
     if as_json:
         print_json(sizing.to_dict(top) | {"warnings": warnings})
     else:

@@ -14,7 +14,7 @@ from ..quantities import from_si
 from ..report.figures import circuit_figures, loop_figures, style, tube_figures, validation_figures
 from ..studies import jumping_robot, muscle_loops, tube_models, validation, validation_page
 from ..studies import tube_study as tubes
-from ._terminal import Json, print_json, progress, table, told, writable
+from ._terminal import PICTURES, FigureLook, FigureWidth, Json, print_json, progress, table, told, writable
 from .circuit import circuit_fit_json, show_circuit_fit
 
 if TYPE_CHECKING:
@@ -30,21 +30,23 @@ def study_tube(
         bool, typer.Option("--quick", help="Use one seed, and the reference with wall heat only.")
     ] = False,
     figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the models and their errors, .svg or .png.")
+        Path | None, typer.Option(metavar="FILE", help="Draw the models and their errors, .svg, .pdf or .png.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Compare lumped models of a tube with the distributed one, claim by claim.
 
     The exit code is 1 when a target is missed.
     """
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     options: dict[str, Any] = {"seeds": tubes.QUICK_SEEDS, "thermals": tubes.QUICK_THERMALS} if quick else {}
     with progress("tube study", tubes.stages(**options)) as advance:
         study = tubes.tube_study(**options, progress=advance)
     judged = tubes.claims(study)
     if figure is not None:
-        style.save(tube_figures.tube_figure(study), figure, dpi=130.0)
+        style.save(tube_figures.tube_figure(study), figure)
     if as_json:
         print_json(_as_json(study, judged))
     else:
@@ -64,12 +66,14 @@ def study_robot(
     ] = None,
     evaluations: Annotated[int, typer.Option(help="Largest number of evaluations of the circuit.", min=1)] = 40,
     figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted pressures (.svg or .png).")
+        Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted pressures (.svg, .pdf or .png).")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Fit the air of a jumping robot to some of its jumps, and predict the others."""
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     with told("fitting") as tell:
         result, all_trials = jumping_robot.robot_study(
             trials, predict or [], free=free or (), evaluations=evaluations, progress=tell
@@ -94,15 +98,17 @@ def study_loops(
         ),
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw loop, width and creep, .svg or .png.")
+        Path | None, typer.Option(metavar="FILE", help="Draw loop, width and creep, .svg, .pdf or .png.")
     ] = None,
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
     """Predict half of a muscle's loop and creep from the other half.
 
     The exit code is 1 when the width or the order of the branches is missed.
     """
-    writable("--figure", figure, ".svg", ".png")
+    writable("--figure", figure, *PICTURES)
     with progress("loops", muscle_loops.STAGES) as advance:
         study = muscle_loops.loop_study(
             folder, frictions=friction or identification.hysteresis_fit.SMOOTH, progress=advance

@@ -1,7 +1,7 @@
 """Width, style and file format of figures: for the screen, in print, in gray, and for a projector.
 
-`figure_style` sets them for a block of code. Every figure drawn in it has the width and is laid out for it, so that text keeps
-its size in print.
+`figure_style` sets them for a block of code. Every figure drawn in it has the width and is laid out for it, so that text
+keeps its size in print.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ class FigureStyle(NamedTuple):
         return _DPI[self.name]
 
 
-_STYLE: ContextVar[FigureStyle] = ContextVar("style", default=FigureStyle())
+_SCREEN = FigureStyle()
+_STYLE: ContextVar[FigureStyle] = ContextVar("style", default=_SCREEN)
 
 
 def current_style() -> FigureStyle:
@@ -98,7 +99,8 @@ def figure_style(
     Args:
         name: ``print``: 8 pt type on white, and lines that differ without colour; ``gray``: the same without colours;
             ``projector``: large type and thick lines; ``screen``: as without this context.
-        width: ``"column"`` (86 mm, usual in print), ``"page"`` (178 mm), ``"slide"`` (128 mm), or a length from 70 mm on [m].
+        width: ``"column"`` (86 mm, usual in print), ``"page"`` (178 mm), ``"slide"`` (128 mm),
+            or a length of 70 mm or more [m].
         gray: the style ``gray``.
         font: ``sans`` or ``serif``.
 

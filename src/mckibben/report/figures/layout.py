@@ -1,8 +1,8 @@
 """Layout of a finished figure for a width: panels beside or below each other, keys below them, headings in lines.
 
-The functions that draw know nothing about the width of a page. They place axes for a screen and write texts at distances from
-them in points. `fit_width` measures what stands around each pair of axes, gives the axes the room that is left, stacks panels
-that would become too narrow, moves keys and lists from the right of the axes below them, and breaks long lines.
+The functions that draw know nothing about the width of a page. They place axes for a screen and write texts at distances
+from them in points. `fit_width` measures what stands around each pair of axes, gives the axes the room that is left, stacks
+panels that would become too narrow, moves keys and lists from the right of the axes below them, and breaks long lines.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.legend import Legend
     from matplotlib.text import Text
 
+WORDS = "_mckibben_words"  # attribute of a text whose lines were broken
 EDGE = 0.05  # round the figure [inch]
 APART = 0.12  # between panels [inch]
 LEAST, LEAST_PART = 0.8, 0.4  # width of axes [inch], and share of their usual width, below which panels are stacked
@@ -136,7 +137,9 @@ class _Layout:
     def bands(self) -> list[list[Panel]]:
         """Rows of panels, with as many side by side as have the least width."""
         # Keys can stand below their axes; they do not decide.
-        keys = [one for ax in self.primary for key in self.keys(ax) for one in (key if isinstance(key, list) else [key])]
+        keys = [
+            one for ax in self.primary for key in self.keys(ax) for one in (key if isinstance(key, list) else [key])
+        ]
         for key in keys:
             key.set_in_layout(False)
         bands: list[list[Panel]] = []
@@ -341,9 +344,7 @@ class _Layout:
                 all_around[0][2],
                 all_around[-1][3],
             )
-            panel.gaps = [
-                a[3] + b[2] + 0.05 for a, b in zip(all_around[:-1], all_around[1:], strict=True)
-            ]
+            panel.gaps = [a[3] + b[2] + 0.05 for a, b in zip(all_around[:-1], all_around[1:], strict=True)]
 
     # ---- texts
 
@@ -462,7 +463,6 @@ class _Layout:
                         one.set_position((x / self.width, (at - tall) / height, wide / self.width, tall / height))
                     at -= tall + pause
             y -= body + foot + gap
-
 
     # ---- texts over and under all axes
 
@@ -584,7 +584,9 @@ def _owner(legend: Artist, ax: Axes) -> Axes | None:
 def _beside(text: Text) -> bool:
     """Whether a note is a line of a list right of its axes."""
     place = place_of(text)
-    return place is not None and place.kind == "note" and place.x == 1.0 and place.y == 1.0 and place.dx > 0.0 >= place.dy
+    return (
+        place is not None and place.kind == "note" and place.x == 1.0 and place.y == 1.0 and place.dx > 0.0 >= place.dy
+    )
 
 
 def _move_block(texts: Sequence[Text], ax: Axes, foot: float) -> float:
@@ -639,8 +641,8 @@ def _in_columns(legend: Legend, ax: Axes, foot: float, room: float, renderer: An
 
 def _words(text: Text) -> str:
     """The words of a text as they were before lines were broken."""
-    words = str(getattr(text, "_mckibben_words", text.get_text()))
-    text._mckibben_words = words  # type: ignore[attr-defined]
+    words = str(getattr(text, WORDS, text.get_text()))
+    setattr(text, WORDS, words)
     return words
 
 

@@ -1,7 +1,7 @@
 """Where texts and keys stand relative to their axes, in points, so that a figure of another width can move them.
 
-A heading is written at a distance above its axes, a list of numbers at a distance right of them. Both keep that distance when
-the axes move, but may not fit a narrow figure; `layout` reads the place of each text and finds another one.
+A heading is written at a distance above its axes, a list of numbers at a distance right of them. Both keep that distance
+when the axes move, but may not fit a narrow figure; `layout` reads the place of each text and finds another one.
 """
 
 from __future__ import annotations

