@@ -253,7 +253,8 @@ COMMANDS = {
     }),
     "record show": ("record show @record:record.nc", {}),
     "record plot": ("record plot @record:record.nc --out @picture:f.svg", {
-        "--channels": "name", "--against": "name", "--from": "moment", "--to": "moment",
+        "--channels": "name", "--against": "name", "--from": "moment", "--to": "moment", "--width": "length",
+        "--style": "name",
     }),
     "record convert": ("record convert @source:record.nc @out:r.csv", {
         "--column": "pair", "--unit": "pair", "--period": "time",

@@ -137,7 +137,7 @@ def test_a_bad_record_gives_one_line_and_exit_code_2(run, tmp_path, text, says):
         (("good.csv", "--free", HOLE, "--start", f"{HOLE}=-1e-9"), "must be"),
         (("good.csv", "--column", "tank.pressure=7"), "must be between 1 and 2"),
         (("good.csv", "--unit", "tnak.pressure=kPa"), "tnak.pressure"),
-        (("good.csv", "--figure", "x.pdf"), "--figure"),
+        (("good.csv", "--figure", "x.jpg"), "--figure"),
         (("good.csv", "--set", "elements.hole.lenght=1 m"), "elements.hole.lenght"),
     ],
 )

@@ -78,7 +78,10 @@ REFUSED = {
     "a pressure that moves nothing": (["nylon", "--pressure", "0.2 bar"], "pulls nothing at its rest length"),
     "a target of the wrong kind": (["nylon", "--match", "bridgestone"], "must be a biological muscle"),
     "a match without a McKibben muscle": (["fast-fibre", "--match", "slow-fibre"], "must be a McKibben muscle"),
-    "a figure of another kind": (["nylon", "--figure", "x.pdf"], "--figure must be a name that ends in .svg or .png"),
+    "a figure of another kind": (
+        ["nylon", "--figure", "x.jpg"],
+        "--figure must be a name that ends in .svg or .pdf or .png",
+    ),
     "a recording that is not there": (["nylon", "--recording", "none.nc"], "none.nc"),
     "a rig that is not there": (["nylon", "--protocols", "--rig", "wooden"], "wooden"),
 }

@@ -145,4 +145,4 @@ def test_what_is_no_recording_gives_one_line(run, tmp_path, name, text, says):
 def test_a_picture_that_cannot_be_written_is_refused_before_the_file_is_read(run):
     code, _, err = run("plot", "missing.nc", "--out", "a.gif")
     assert code == 2
-    assert "ends in .svg or .png or .pdf" in err
+    assert "ends in .svg or .pdf or .png" in err

@@ -110,7 +110,7 @@ def test_valves_and_a_figure(run, tmp_path):
         ({"--working-time": "8 h"}, "--working-time needs a frequency"),
         ({"--battery": "100 W"}, "--battery"),
         ({"--tank": "2 l"}, "--tank must be a volume and a gauge pressure"),
-        ({"--figure": "size.pdf"}, "--figure"),
+        ({"--figure": "size.jpg"}, "--figure"),
     ],
 )
 def test_bad_input_is_one_line_and_two(run, change, says):

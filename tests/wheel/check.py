@@ -171,7 +171,10 @@ CALLS: dict[str, list[Call]] = {
     ],
     "circuit fit": [Call(("tank.toml", "tank.nc", "--figure", "fit.svg"), ["fit.svg"])],
     "record show": [Call(("loop.nc",))],
-    "record plot": [Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"])],
+    "record plot": [
+        Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"]),
+        Call(("loop.nc", "--out", "plot.pdf", "--width", "column", "--style", "gray"), ["plot.pdf"]),
+    ],
     "record convert": [
         Call(("loop.nc", "loop.csv"), ["loop.csv"]),
         Call(("loop.nc", "loop.mcap"), ["loop.mcap"]),

@@ -133,15 +133,11 @@ def size_muscle(
     except InputError as error:
         raise _named(error, pressure) from None
     if figure is not None:
-<<<<<<< HEAD
         style.save(sizing_figures.design_map(sizing, law=law), figure)
     if save is not None:
         save_specimen(sizing.to_specimen(), save, heading=f"sized by mckibben {__version__}; not measured")
     if circuit is not None:
         write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
-=======
-        style.save(sizing_figures.design_map(sizing, law=law), figure)
->>>>>>> 87422c7 (Offer width and style of every figure on the command line, PDF beside SVG and PNG, and figure_style and save_figure in Python)
     if as_json:
         print_json(sizing.to_dict(top) | {"warnings": warnings})
     else:
