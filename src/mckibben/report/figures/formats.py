@@ -116,7 +116,8 @@ def figure_style(
     import matplotlib
 
     style = named_style(name, width=width, gray=gray, font=font)
-    with applied(style), matplotlib.rc_context(settings(style)):
+    applicable: Any = settings(style)
+    with applied(style), matplotlib.rc_context(applicable):
         yield style
 
 

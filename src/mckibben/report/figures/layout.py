@@ -82,7 +82,7 @@ def reduce(fig: Figure, scale: float) -> None:
     if SMALL * scale < LEAST_REDUCED:
         raise too_narrow(fig.get_size_inches()[0] * LEAST_REDUCED / (SMALL * scale))
     for text in fig.findobj(Text):
-        text.set_fontsize(max(scale * text.get_fontsize(), LEAST_TYPE))
+        text.set_fontsize(max(scale * _size(text), LEAST_TYPE))
     for line in fig.findobj(Line2D):
         line.set_linewidth(scale * line.get_linewidth())
         line.set_markersize(scale * line.get_markersize())
@@ -359,7 +359,8 @@ class _Layout:
                 lines = max(lines, self.wrap(title, room / len(titles)))
             current += lines * LEADING * 8.5 + 2.0
         if ax.child_axes:
-            top = max(child.get_tightbbox(self.renderer).y1 for child in ax.child_axes)
+            tops = [box.y1 for child in ax.child_axes if (box := child.get_tightbbox(self.renderer)) is not None]
+            top = max(tops, default=0.0)
             current = max(current, (top - ax.get_window_extent().y1) * 72.0 / self.fig.dpi + 4.0)
         groups: dict[float, list[tuple[Text, Place]]] = {}
         for text in ax.texts:
@@ -382,7 +383,7 @@ class _Layout:
         at = max(current, place.dy) if place.dy - current <= 4.0 else current + 3.0
         width = room - place.dx
         note = place.note
-        text.set_va("bottom")
+        text.set_verticalalignment("bottom")
         count = self.wrap(text, width)
         if note is not None:
             if count == 1 and self.points(text) + 7.0 + self.points(note, _words(note)) <= width:
@@ -390,10 +391,10 @@ class _Layout:
             else:
                 lines = self.wrap(note, width)
                 note.xy, note.xyann = (0.0, 0.0), (0.0, -2.0)
-                note.set_va("top")
-                at += lines * LEADING * note.get_fontsize() + 2.0
+                note.set_verticalalignment("top")
+                at += lines * LEADING * _size(note) + 2.0
         text.set_transform(_anchor(place._replace(dy=at)))
-        return at + count * LEADING * text.get_fontsize() + 1.0
+        return at + count * LEADING * _size(text) + 1.0
 
     def points(self, text: Text, words: str | None = None) -> float:
         """Width of a text [pt]."""
@@ -471,9 +472,9 @@ class _Layout:
         high = 0.0
         for row in margins_of(self.fig).banner:
             room = 72.0 * (self.width - 2.0 * EDGE - (0.52 if row.sample else 0.0))
-            high += LEADING * row.words.get_fontsize() * self.wrap(row.words, room)
+            high += LEADING * _size(row.words) * self.wrap(row.words, room)
             if row.note is not None and not self.beside(row, room):
-                high += LEADING * row.note.get_fontsize() * self.wrap(row.note, room)
+                high += LEADING * _size(row.note) * self.wrap(row.note, room)
         return high / 72.0 + (0.12 if high else 0.0)
 
     def beside(self, row: BannerRow, room: float) -> bool:
@@ -499,14 +500,14 @@ class _Layout:
             for text in (row.words, row.note):
                 if text is None:
                     continue
-                step = LEADING * text.get_fontsize() * (text.get_text().count("\n") + 1) / 72.0
+                step = LEADING * _size(text) * (text.get_text().count("\n") + 1) / 72.0
                 if text is row.note and self.beside(row, room):
                     text.set_text(_words(text))
                     text.set_position(((left + (self.points(row.words) + 10.0) / 72.0) / wide, y / height))
                 else:
                     y -= step
                     text.set_position((left / wide, y / height))
-                text.set_va("bottom")
+                text.set_verticalalignment("bottom")
             if row.sample is not None:
                 middle = row.words.get_window_extent(self.renderer)
                 row.sample.set_ydata([0.5 * (middle.y0 + middle.y1) / self.fig.bbox.height] * 2)
@@ -637,6 +638,11 @@ def _in_columns(legend: Legend, ax: Axes, foot: float, room: float, renderer: An
 
 
 # ---- texts
+
+
+def _size(text: Text) -> float:
+    """Size of the type of a text [pt]."""
+    return float(text.get_fontproperties().get_size_in_points())
 
 
 def _words(text: Text) -> str:

@@ -69,7 +69,7 @@ def distinguish(ax: Axes) -> None:
 
 def series(ax: Axes) -> list[Line2D]:
     """Lines and rows of marks that show data: neither rules nor single marks."""
-    return [line for line in ax.get_lines() if line.get_visible() and len(line.get_xdata()) > 2 and _drawn(line)]
+    return [line for line in ax.get_lines() if line.get_visible() and np.size(line.get_xdata()) > 2 and _drawn(line)]
 
 
 def appearance(line: Line2D) -> tuple[Any, str]:
@@ -121,7 +121,7 @@ def _put(line: Line2D, look: tuple[Any, str]) -> None:
         line.set_markerfacecolor(PANEL if hollow else line.get_color())
         line.set_markeredgecolor(line.get_color())
         if dash != "None":
-            line.set_markevery(max(len(line.get_xdata()) // MARKS, 1))
+            line.set_markevery(max(np.size(line.get_xdata()) // MARKS, 1))
 
 
 def _follow(ax: Axes) -> None:
@@ -136,11 +136,10 @@ def _follow(ax: Axes) -> None:
                 named.setdefault(name, line)
     for legend in (child for child in ax.get_children() if isinstance(child, Legend)):
         for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
-            line = named.get(text.get_text())
-            if line is None or not isinstance(handle, Line2D):
-                continue
-            _put(handle, appearance(line))
-            handle.set_markevery(None)
+            owner = named.get(text.get_text())
+            if owner is not None and isinstance(handle, Line2D):
+                _put(handle, appearance(owner))
+                handle.set_markevery(None)
 
 
 # ---- colours and strokes
@@ -157,12 +156,10 @@ def _recolour(fig: Figure, style: FigureStyle) -> None:
         if isinstance(artist, Line2D):
             _change(artist, style, "color", "markerfacecolor", "markeredgecolor")
         elif isinstance(artist, Patch):
-            fill, alpha = artist.get_facecolor(), artist.get_alpha()
-            artist.set_alpha(None)
+            fill, edge = artist.get_facecolor(), artist.get_edgecolor()
+            artist.set_alpha(None)  # it is in both colours
             artist.set_facecolor(_printed(fill, style))
-            artist.set_edgecolor(_printed(artist.get_edgecolor(), style))
-            if alpha is not None and fill[3] != 1.0:
-                artist.set_facecolor((*_printed(fill, style)[:3], fill[3]))
+            artist.set_edgecolor(_printed(edge, style))
         elif isinstance(artist, Collection):
             artist.set_facecolor([_printed(c, style) for c in artist.get_facecolor()])
             artist.set_edgecolor([_printed(c, style) for c in artist.get_edgecolor()])

@@ -60,7 +60,8 @@ def entries(told: Provenance, suffix: str) -> dict[str, str | None]:
     if suffix == ".pdf":
         found: dict[str, str | None] = {"Creator": told.program, "Producer": None, "CreationDate": None}
         return found | {k: v for k, v in (("Title", told.title), ("Subject", told.source)) if v}
-    return {"Software": told.program} | {k: v for k, v in (("Title", told.title), ("Description", told.source)) if v}
+    software: dict[str, str | None] = {"Software": told.program}
+    return software | {k: v for k, v in (("Title", told.title), ("Description", told.source)) if v}
 
 
 def in_svg(text: str, told: Provenance) -> str:

@@ -444,7 +444,7 @@ def _write(fig: Figure, file: Path, suffix: str, dpi: float, told: provenance.Pr
         fig.savefig(stream, format=suffix[1:], dpi=dpi, facecolor=fig.get_facecolor(), metadata=words)
 
 
-def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = None) -> Path:
+def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = None) -> None:
     """Write a figure, or the figure of axes, to an ``.svg``, ``.pdf`` or ``.png`` file.
 
     Fonts are embedded in a PDF file and text stays text in an SVG file. The file says what it shows and the version that
@@ -454,9 +454,6 @@ def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = N
         drawn: figure or axes, such as ``.plot`` returns.
         path: the file; its ending says which.
         dpi: pixels per inch of a PNG file; those of the current style where left out.
-
-    Returns:
-        The path.
 
     Raises:
         InputError: if the ending is another.
@@ -470,4 +467,3 @@ def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = N
     fig = drawn.get_figure(root=True) if isinstance(drawn, Axes) else drawn
     assert fig is not None
     save(fig, path, dpi=dpi)
-    return Path(path)
