@@ -2,8 +2,8 @@
 
 `find_live` works backwards from the results through loops and memory; `find_homes` puts every node as far out of the
 loops as its arguments allow; `make_schedule` orders nodes, loops and stores as a tree of blocks that an emitter walks
-once; `find_divergence` says which values differ from lane to lane. `rewrite` makes the live part of a graph again by a
-rule.
+once; `find_divergence` says which values differ from lane to lane, `find_wide_loops` which loops of a run without lanes do
+several trips at once. `rewrite` makes the live part of a graph again by a rule.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import dataclasses
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ._graph import Buffer, Graph, Loop, Node, Store
+from ._graph import ALTERNATING, Buffer, Graph, Loop, Node, Store
 from .errors import LoweringError
 
 # ---- liveness and rewriting
@@ -479,3 +479,106 @@ def find_divergence(graph: Graph, plan: Schedule, arguments: set[Buffer], *, lan
         if loop.trips in nodes:
             raise LoweringError("a loop", "its number of trips differs from lane to lane")
     return Divergence(nodes, buffers)
+
+
+# ---- loops of a single run
+
+
+FEWEST = 32  # trips from which on a loop does several at once
+IN_ORDER = frozenset({"add", "sub", "mul", "fma", "neg", "max", "min"})  # what may be done with a carried value
+MOST_IN_ORDER = 0.5  # share of the operations of a trip that may be done one trip after the other
+
+
+class WideLoop(NamedTuple):
+    """A loop that does several trips at once.
+
+    Attributes:
+        vectors: its nodes that have a value per trip.
+        steps: by how much its whole numbers grow from trip to trip, of those that grow evenly; they stay single numbers.
+        serial: its nodes that depend on what it carries, in order: they are done trip by trip.
+    """
+
+    vectors: set[Node]
+    steps: dict[Node, int]
+    serial: list[Node]
+
+
+def find_wide_loops(graph: Graph, plan: Schedule) -> dict[Loop, WideLoop]:
+    """Loops whose trips do not wait for each other, but for sums and the like that they carry.
+
+    Such a loop has no other one inside, a known number of trips, and writes side by side what it writes; it reads nothing
+    that it writes. The results have the bits of a loop that does one trip after the other.
+    """
+    if any(s.adds for x in plan.live.loops for s in x.stores):
+        return {}
+    nested = {plan.home[x] for x in plan.live.loops}
+    found = {}
+    for loop in plan.live.loops:
+        if isinstance(loop.trips, int) and loop.trips >= FEWEST and loop not in nested:
+            wide = _wide_loop(loop, plan)
+            if wide is not None:
+                found[loop] = wide
+    return found
+
+
+def _wide_loop(loop: Loop, plan: Schedule) -> WideLoop | None:
+    vectors: set[Node] = set()
+    steps = {loop.index: 1}
+    carried = {loop.phis[k] for k in plan.live.carried[loop]}
+    serial: list[Node] = []
+    depends = set(carried)
+    body = plan.bodies[loop]
+    stores = [entry for entry in body if isinstance(entry, Store)]
+    written = {b for s in stores for b in enclosing_buffers(s.buffer)}
+    for node in body:
+        if isinstance(node, Store):
+            continue
+        if isinstance(node, Loop) or node.op == "table":
+            return None
+        if not depends.isdisjoint(node.args):
+            if node.op not in IN_ORDER or node.kind != "real":
+                return None
+            depends.add(node)
+            serial.append(node)
+            continue
+        if node.op == "load":
+            around = list(enclosing_buffers(node.attr[0]))
+            if any(b.within and b.within[2] is loop for b in around):
+                return None
+            if any(b in written and b.name != ALTERNATING for b in around):
+                return None
+        step = None if node.kind != "int" or node.op == "load" else _step(node, vectors, steps)
+        if step is not None:
+            if step:
+                steps[node] = step
+        elif any(a in vectors or a in steps for a in node.args):
+            vectors.add(node)
+    for store in stores:
+        if store.value in depends or any(b.within and b.within[2] is loop for b in enclosing_buffers(store.buffer)):
+            return None
+        if store.index is None or steps.get(store.index, 0) * store.scale == 0:
+            return None
+        if steps[store.index] * store.scale != 1 and store.value.kind != "real":
+            return None
+    if any(loop.nexts[k] not in depends for k in plan.live.carried[loop]):
+        return None
+    if len(serial) > MOST_IN_ORDER * len(body):
+        return None
+    return WideLoop(vectors, steps, serial)
+
+
+def _step(node: Node, vectors: set[Node], steps: dict[Node, int]) -> int | None:
+    """By how much a whole number grows from trip to trip; None if not evenly, or from values that do not."""
+    if any(a in vectors for a in node.args):
+        return None
+    by = [steps.get(a, 0) for a in node.args]
+    if not any(by):
+        return 0
+    if node.op == "add":
+        return by[0] + by[1]
+    if node.op == "sub":
+        return by[0] - by[1]
+    if node.op == "mul":
+        constant = next((a for a in node.args if a.op == "const"), None)
+        return None if constant is None else sum(by) * int(constant.attr)
+    return None

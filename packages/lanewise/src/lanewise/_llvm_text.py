@@ -34,6 +34,7 @@ class Text:
         self.splats: dict[Node, str] = {}
         self.declared: set[str] = set()
         self.globals: list[str] = []
+        self.steps: dict[Node, int] = {}  # of the loop that does several trips at once, see `WideLoop`
         self.label, self.begun = "block", 0  # the block that grows, and the line after which it began
         self.count = 0
         self.external = [b for b in graph.buffers if b.role in ("argument", "result") and b in plan.live.buffers]
@@ -78,7 +79,11 @@ class Text:
         if not vector or node in self.divergence.nodes:
             return self.names[node]
         if node not in self.splats:
-            self.splats[node] = self.splat(self.names[node], node.kind)
+            name = self.splat(self.names[node], node.kind)
+            if node in self.steps:
+                kind, one = self.type("int", True), "i32" if self.real == "float" else "i64"
+                name = self.emit(f"add {kind} {name}, {counted(self.width, self.steps[node], one)}")
+            self.splats[node] = name
         return self.splats[node]
 
     def splat(self, name: str, kind: str) -> str:
@@ -109,7 +114,9 @@ class Memory(Text):
 
     def place(self, buffer: Buffer, index: Node | None, scale: int, offset: int) -> tuple[Buffer, str, bool]:
         """The buffer that holds an element, its number there, and whether that is a vector."""
-        vector = index is not None and index in self.divergence.nodes
+        vector = index is not None and (
+            index in self.divergence.nodes or (index in self.steps and self.steps[index] * scale != 1)
+        )
         terms: list[str] = []
         if index is not None:
             terms.append(self._times(self._wide(index) if vector else self.name(index, False), scale, vector))
@@ -208,11 +215,12 @@ class Memory(Text):
         if scattered:
             self._scatter(pointer, store)
         else:
-            self.put(pointer, many, store.value, store.adds)
+            self.put(pointer, many or store.index in self.steps, store.value, store.adds)
 
     def _scatter(self, pointers: str, store: Store) -> None:
         """Write to an address per lane; no two lanes share one, since varying values are stored by lanes."""
-        if store.value.kind != "real" or not self.differs(list(enclosing_buffers(store.buffer))[-1]):
+        lanes = store.index in self.steps or self.differs(list(enclosing_buffers(store.buffer))[-1])
+        if store.value.kind != "real" or not lanes:
             raise LoweringError("a store", "its place differs from lane to lane")
         one, name = self.real, self.name(store.value, True)
         size = 4 if one == "float" else 8
@@ -249,9 +257,9 @@ def number(value: float, real: str = "double") -> str:
     return f"0x{struct.unpack('Q', struct.pack('d', value))[0]:016X}"
 
 
-def counted(width: int) -> str:
-    """The vector 0, 1, 2 .."""
-    return "<" + ", ".join(f"i64 {k}" for k in range(width)) + ">"
+def counted(width: int, step: int = 1, one: str = "i64") -> str:
+    """The vector 0, 1, 2 .., each times a step."""
+    return "<" + ", ".join(f"{one} {k * step}" for k in range(width)) + ">"
 
 
 # ---- estimates of reciprocals and roots

@@ -2,13 +2,14 @@
 
 A loop of few trips is written out; a longer one stays a loop. What it carries and leaves unchanged, and whole numbers that
 it counts up, are no carried values but known ones. What it stacks stands in memory, one row per trip. A long array that is
-carried must be known when the loop begins, and is only added to: this is what the derivative of a signal is.
+carried stands in memory in two rows: a trip reads one and writes the other. One that begins as zeros may be only added to,
+which is what the derivative of a signal is; then it has one row, and the additions are made in place.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Sequence
 from typing import Any
 
 import jax
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
-from ._graph import Graph, Loop, Node
+from ._graph import ALTERNATING, Graph, Loop, Node
 from ._rules_arrays import make_array
 from ._trace import (
     RULES,
@@ -42,6 +43,7 @@ from ._trace import (
     store_table,
     subtract_index,
 )
+from .errors import LoweringError
 
 # ---- calls and choices
 
@@ -150,11 +152,23 @@ def find_invariants(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -
     return stays, counts
 
 
-def accumulator_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict[int, AccumulatedArray]:
-    """Memory for long arrays that a loop changes."""
+def replaced_arrays(t: Tracer, inits: Sequence[Any], stays: set[int], added: bool) -> dict[int, TwoRows]:
+    """Memory for long arrays that a trip replaces: those that do not begin as zeros, and where nothing is `added`, all."""
+    memory = {}
+    for k, value in enumerate(inits):
+        if k not in stays and is_long(value) and not (added and is_zero(value)):
+            if not isinstance(value, AccumulatedArray):
+                memory[k] = TwoRows(t.graph, value)
+    return memory
+
+
+def accumulator_memory(
+    t: Tracer, inits: Sequence[Any], stays: set[int], replaced: Container[int] = ()
+) -> dict[int, AccumulatedArray]:
+    """Memory for long arrays that a loop changes by adding to them."""
     g, memory = t.graph, {}
     for k, value in enumerate(inits):
-        if k in stays or not (is_long(value) or isinstance(value, AccumulatedArray)):
+        if k in stays or k in replaced or not (is_long(value) or isinstance(value, AccumulatedArray)):
             continue
         if isinstance(value, AccumulatedArray):
             memory[k] = AccumulatedArray(value.buffer, value.shape)
@@ -177,6 +191,45 @@ def accumulator_memory(t: Tracer, inits: Sequence[Any], stays: set[int]) -> dict
     return memory
 
 
+class TwoRows:
+    """A long array that a loop carries and replaces in every trip: a trip reads one row of its memory and writes the other."""
+
+    def __init__(self, g: Graph, init: Any) -> None:
+        self.g, self.shape, self.kind, self.size = g, tuple(init.shape), init.kind, math.prod(init.shape)
+        self.buffer = g.buffer("scratch", init.kind, (2, self.size), ALTERNATING)
+        self.filled = self._write(init, 0)
+
+    def _write(self, value: Any, row: Any) -> Node:
+        """Write a value to a row; the token of what wrote it."""
+        g = self.g
+        begin = scale_index(g, row, self.size)
+        first = len(g.loops)
+        copy_elements(g, value, lambda place, node: g.store(self.buffer, add_index(g, begin, place), node), pinned=True)
+        return g.done(g.loops[first])
+
+    def read(self, row: Any, tokens: tuple[Node, ...] = ()) -> LazyArray:
+        """The array as it stands in a row."""
+        g, begin = self.g, scale_index(self.g, row, self.size)
+
+        def element(index: tuple[Any, ...]) -> Node:
+            place = add_index(g, begin, flat_index(g, index, self.shape))
+            return g.load(self.buffer, place, tokens=tokens)
+
+        return LazyArray(self.shape, self.kind, element)
+
+    def parity(self, trips: Any) -> Any:
+        """The row that holds the value after a number of trips."""
+        if isinstance(trips, int):
+            return trips % 2
+        return self.g.make("iand", (trips, self.g.const(1, "int")))
+
+    def replace(self, value: Any, loop: Loop) -> None:
+        """Write the value for the next trip of the loop that is open."""
+        if not isinstance(value, LazyArray):
+            value = store_table(self.g, np.asarray(value, object))
+        self._write(value, subtract_index(self.g, 1, self.parity(loop.index)))
+
+
 class LoopCarry:
     """Carried values of a loop: the places in JAX's order, and their nodes."""
 
@@ -188,8 +241,10 @@ class LoopCarry:
         stays: set[int],
         counts: dict[int, int],
         grown: dict[int, AccumulatedArray],
+        replaced: dict[int, TwoRows],
     ) -> None:
         self.g, self.loop, self.inits, self.stays, self.counts, self.grown = g, loop, inits, stays, counts, grown
+        self.replaced = replaced
         self.during: list[Any] = []
         for k, value in enumerate(inits):
             if k in grown:
@@ -197,6 +252,9 @@ class LoopCarry:
                 if token is not None:
                     loop.after.append(token)
                 self.during.append(grown[k])
+            elif k in replaced:
+                loop.after.append(replaced[k].filled)
+                self.during.append(replaced[k].read(replaced[k].parity(loop.index)))
             elif k in stays:
                 self.during.append(value)
             elif k in counts:
@@ -225,6 +283,8 @@ class LoopCarry:
                 continue
             if k in self.grown:
                 self._add(self.grown[k], value)
+            elif k in self.replaced:
+                self.replaced[k].replace(value, loop)
             else:
                 written = materialise(g, value)
                 flattened += [written] if isinstance(written, Node) else list(written.ravel())
@@ -243,6 +303,9 @@ class LoopCarry:
                 rows = BufferArray(g, own.buffer, own.shape, (g.done(loop),))
                 rows.sum_of = own if is_zero(value) else None
                 after.append(value if whole else rows)
+            elif k in self.replaced:
+                last = self.replaced[k].parity(loop.trips)
+                after.append(self.replaced[k].read(last, (g.done(loop),)))
             elif isinstance(self.during[k], Node):
                 after.append(next(ends))
             else:
@@ -307,15 +370,32 @@ def _scan(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     g = t.graph
     xs = tuple(store_table(g, x) if isinstance(x, np.ndarray) else x for x in xs)
     stays, counts = find_invariants(closed.jaxpr, consts, len(inits), inits)
-    starts = accumulator_memory(t, inits, stays)
-    loop = g.open_loop(length)
-    row = subtract_index(g, length - 1, loop.index) if p["reverse"] else loop.index
-    places = LoopCarry(g, loop, inits, stays, counts, starts)
-    rows = [_row(g, x, row) for x in xs]
-    results = t.closed(closed, [*known, *places.during, *rows])
-    stacked = [_stacked(t, v, loop, row, length) for v in results[len(inits) :]]
-    ends = places.close(results[: len(inits)])
-    return [*ends, *(_after(g, v, loop) for v in stacked)]
+
+    def looped(added: bool) -> list[Any]:
+        replaced = replaced_arrays(t, inits, stays, added)
+        starts = accumulator_memory(t, inits, stays, replaced)
+        loop = g.open_loop(length)
+        row = subtract_index(g, length - 1, loop.index) if p["reverse"] else loop.index
+        places = LoopCarry(g, loop, inits, stays, counts, starts, replaced)
+        rows = [_row(g, x, row) for x in xs]
+        results = t.closed(closed, [*known, *places.during, *rows])
+        stacked = [_stacked(t, v, loop, row, length) for v in results[len(inits) :]]
+        ends = places.close(results[: len(inits)])
+        return [*ends, *(_after(g, v, loop) for v in stacked)]
+
+    return _added_or_replaced(t, looped, inits, stays)
+
+
+def _added_or_replaced(t: Tracer, looped: Callable[[bool], list[Any]], inits: list[Any], stays: set[int]) -> list[Any]:
+    """Trace a loop; where a long array that begins as zeros is not only added to, once more with its values replaced."""
+    depth = t.graph.depth
+    try:
+        return looped(True)
+    except (NotImplementedError, LoweringError):
+        if not any(k not in stays and is_long(v) and is_zero(v) for k, v in enumerate(inits)):
+            raise
+        t.graph.unwind(depth)
+        return looped(False)
 
 
 def _unrolled(t: Tracer, eqn: Any, known: Any, carry: list[Any], xs: Any) -> list[Any]:
@@ -412,10 +492,15 @@ def _while(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     body, cond = p["body_jaxpr"], p["cond_jaxpr"].jaxpr
     stays, counts = find_invariants(body.jaxpr, n_body, len(inits), inits)
     trips = _trips(g, cond, cond_consts, inits, stays, counts, p["cond_jaxpr"])
-    starts = accumulator_memory(t, inits, stays)
-    loop = g.open_loop(trips)
-    places = LoopCarry(g, loop, inits, stays, counts, starts)
-    return places.close(t.closed(body, [*known, *places.during]))
+
+    def looped(added: bool) -> list[Any]:
+        replaced = replaced_arrays(t, inits, stays, added)
+        starts = accumulator_memory(t, inits, stays, replaced)
+        loop = g.open_loop(trips)
+        places = LoopCarry(g, loop, inits, stays, counts, starts, replaced)
+        return places.close(t.closed(body, [*known, *places.during]))
+
+    return _added_or_replaced(t, looped, inits, stays)
 
 
 def _trips(

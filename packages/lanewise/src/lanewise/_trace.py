@@ -443,23 +443,28 @@ class Tracer:
             copy_elements(self.graph, value, lambda place, node: self.graph.store(buffer, place, node, offset=offset))
 
 
-def copy_elements(graph: Graph, value: Value, put: Callable[[Place, Node], None]) -> None:
-    """Give every element of a value with its place in C order to `put`, by loops where there are many."""
+def copy_elements(graph: Graph, value: Value, put: Callable[[Place, Node], None], pinned: bool = False) -> None:
+    """Give every element of a value with its place in C order to `put`, by loops where there are many.
+
+    `pinned` ones are run again in every trip of the loops that are open, and are loops however few elements there are.
+    """
 
     def walk(begin: tuple[Any, ...], place: Any, rest: tuple[int, ...]) -> None:
         if not rest:
             put(place, element_at(graph, value, begin))
             return
         size, inner = rest[0], math.prod(rest[1:])
-        if size * inner <= 32:
+        if size * inner <= 32 and not (pinned and not begin):
             for i in range(size):
                 walk((*begin, i), add_index(graph, place, i * inner), rest[1:])
         elif size:
             loop = graph.open_loop(size)
             walk((*begin, loop.index), add_index(graph, place, scale_index(graph, loop.index, inner)), rest[1:])
+            if pinned:
+                graph.pin()
             graph.close_loop(loop, ())
 
-    if is_long(value):
+    if pinned or is_long(value):
         walk((), 0, value.shape)
         return
     value = materialise(graph, value)
