@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jax import jnp
 from ..components import Environment, Scalar
-from ..components.system import IndependentPart, Moment, System
+from ..components.system import Coupling, IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -18,10 +18,11 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
+from .machine_array import ALONE, cut
 from .muscle_unit import MusclePath, MuscleUnit, UnitState, braid_tension
 
 MANY = 8  # muscles from which on independent ones are integrated side by side, each by the same compiled step
-ALONE = "muscle"  # name of the muscle of such a part
+MANY_COUPLED = 16  # muscles from which on those that share a tank or a load are evaluated as arrays
 
 
 class Machine(System):
@@ -217,6 +218,12 @@ class Machine(System):
                 )
             )
         return made
+
+    def coupling(self) -> Coupling | None:
+        """Cells of one muscle each on what they share, if the muscles are many."""
+        if len(self.units) < MANY_COUPLED:
+            return None
+        return cut(self)
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """State and memory at rest, without checks, so that all of it may be traced."""

@@ -35,6 +35,35 @@ class IndependentPart(NamedTuple):
     outputs: dict[str, str]
 
 
+class Coupling(abc.ABC):
+    """A system cut into cells, many of them of one structure, and a core by which they act on each other."""
+
+    @abc.abstractmethod
+    def cells(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
+        """The cells of a system with its state, memory and signals; numbers are taken, none is computed."""
+
+    @abc.abstractmethod
+    def core(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> IndependentPart:
+        """The core of a system with its state, memory and signals."""
+
+    @abc.abstractmethod
+    def assembled(
+        self, core: Any, groups: tuple[Any, ...], weights: tuple[Any, ...], varied: Any, mapped: bool
+    ) -> System:
+        """The system again, with its cells in groups of one structure.
+
+        Its state and memory are tables of those of the core, with the cells' in ``groups``: arrays have the cells as last
+        axis there, and those of more axes are `UnitRows`. Signals of group g are named ``g.<name>``; so are its outputs.
+
+        Args:
+            core: system of the core.
+            groups: systems of the cells of each group, in which what differs has the cells as last axis.
+            weights: 1 for each cell, 0 for those that only fill the arrays; (n,) for each group.
+            varied: by leaf of each group's system, whether it differs.
+            mapped: see `rows.for_each_unit`.
+        """
+
+
 class System(Module):
     """A system of ordinary differential equations with inputs and memory.
 
@@ -75,6 +104,10 @@ class System(Module):
     def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """The parts that can be integrated side by side; empty if each acts on the others, or where they are few."""
         return []
+
+    def coupling(self) -> Coupling | None:
+        """How the system is cut into many cells that act on each other by a core; None if it is not, or into few."""
+        return None
 
     def admissible(self, state: Any) -> Scalar:
         """Whether a state can be at all, such as a pressure above vacuum (bool)."""

@@ -17,6 +17,7 @@ from .._jax import jax, jnp
 from ..components.module import flatten, map_leaves
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
+from .coupled import Coupled, find_groups
 from .native import EngineFunction, call_compiled, call_in_lanes, compile_function
 from .rates import RK4_LIMIT, fastest_rate
 from .side_by_side import SideBySide, Split
@@ -31,6 +32,7 @@ MOST_PARTS = 1024  # into which a wanted step is split for that
 ATTEMPTS = 3  # runs, where a run meets faster modes than its start showed
 COARSE = 1e-4  # longer steps of the Rosenbrock method, which is stable at any, are compared with half the step [s]
 CHANGE = 0.05  # share of a channel's range by which half the step may change it
+MOST_GROUPS = 8  # structures of coupled cells up to which they are evaluated as arrays
 PROBES = 256  # states at which the rates are examined
 
 
@@ -217,11 +219,12 @@ def compile_march(
     stiff: bool = False,
     outputs: Sequence[str] | None = None,
     engine: str = "auto",
-) -> EngineFunction | SideBySide:
+) -> EngineFunction | SideBySide | Coupled:
     """The run of a system, called with (system, state, memory, signals); see `march`.
 
     A system that has many parts of one structure, see `System.parts`, is not compiled as one long step: its parts are the
-    lanes of the run of a single one.
+    lanes of the run of a single one. Where they act on each other by a core, see `System.coupling`, a step evaluates them
+    as arrays.
 
     Args:
         system: an example, as the next three; parameters, states and signals are arguments of the run.
@@ -244,6 +247,10 @@ def compile_march(
     split = Split.of(arguments)
     if split is not None:
         return SideBySide(split, functools.partial(_outputs, **options), wanted, engine)
+    coupling = None if stiff else system.coupling()
+    groups = None if coupling is None else find_groups(coupling, arguments)
+    if coupling is not None and groups is not None and len(groups) <= MOST_GROUPS:
+        return Coupled(coupling, groups, arguments, functools.partial(_outputs, **options), wanted, engine)
     function = functools.partial(_outputs, **options, outputs=wanted)
     return compile_function(function, *arguments, engine=engine, title=type(system).__name__)
 

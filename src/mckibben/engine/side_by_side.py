@@ -115,7 +115,7 @@ class SideBySide:
             chosen = {}
             for part, names in enumerate(self.split.outputs):
                 for inner in results:
-                    prefix = _prefix(inner, names)
+                    prefix = known_prefix(inner, names)
                     chosen.setdefault(
                         inner if prefix is None else names[prefix] + inner[len(prefix) :],
                         (part, inner),
@@ -124,14 +124,14 @@ class SideBySide:
 
     def _part_of(self, name: str) -> tuple[int, str]:
         """The part that an output of the whole belongs to, and its name there."""
-        prefix = _prefix(name, self._place)
+        prefix = known_prefix(name, self._place)
         if prefix is None:
             return 0, name
         part, inner = self._place[prefix]
         return part, inner + name[len(prefix) :]
 
 
-def _prefix(name: str, known: Container[str]) -> str | None:
+def known_prefix(name: str, known: Container[str]) -> str | None:
     """The longest known name that a dotted name begins with."""
     prefix = name
     while prefix not in known:

@@ -20,7 +20,7 @@ from .exergy import ExergyStream, Passing, kind_of, path_name
 from .gas import AIR, Gas
 from .heat import Inflow, VolumeState
 from .topology import check_topology
-from .volume import Chamber, Reservoir, volume_of
+from .volume import Chamber, Junction, Reservoir, volume_of
 
 
 class Branch(NamedTuple):
@@ -89,7 +89,7 @@ class Circuit(System):
 
     def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
         """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
-        gases = self._gas_states(state, inputs or {})
+        gases = self.gas_states(state, inputs or {})
         kept = {name: self.elements[name].initial_memory(self._at(name, gases)) for name in self.elements}
         return {name: memory for name, memory in kept.items() if flatten(memory)[0]}
 
@@ -105,10 +105,19 @@ class Circuit(System):
                 late[f"{name}.command"] = signals[signal].delayed(delay)
         return {**signals, **late}
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
-        """Rates of masses, pressures and the elements' own states."""
-        gases = self._gas_states(state, inputs)
+    def rate(self, state: Any, memory: Any, inputs: Any, entering: Mapping[str, Inflow] | None = None) -> Any:
+        """Rates of masses, pressures and the elements' own states.
+
+        Args:
+            state: state of the circuit.
+            memory: memory of its elements.
+            inputs: values of the signals.
+            entering: what enters nodes from other circuits, see `Junction`.
+        """
+        gases = self.gas_states(state, inputs)
         inflow, _ = self._inflows(self._streams(state, memory, gases, inputs), gases)
+        for name, more in (entering or {}).items():
+            inflow[name] = Inflow(inflow[name].mass + more.mass, inflow[name].enthalpy + more.enthalpy)
         masses, pressures = {}, {}
         for name in self.chambers:
             volume = self._volume(name, state["pressure"][name], inputs)
@@ -151,7 +160,7 @@ class Circuit(System):
 
     def passing(self, state: Any, memory: Any, inputs: Any) -> Passing:
         """Quantities of a moment for the accounts: gas, volumes, flows and heat."""
-        gases, volumes = self._gas_states(state, inputs), self.volumes(state, inputs)
+        gases, volumes = self.gas_states(state, inputs), self.volumes(state, inputs)
         streams = self._streams(state, memory, gases, inputs)
         inflow, added = self._inflows(streams, gases)
         rates = {n: self._chamber(n).heat.rates(self.gas, *gases[n], volumes[n], inflow[n]) for n in volumes}
@@ -166,7 +175,7 @@ class Circuit(System):
         """Advance the memory of every element after the gas at its ports has changed."""
         if not memory:
             return {}
-        before, after = self._gas_states(*start), self._gas_states(*end)
+        before, after = self.gas_states(*start), self.gas_states(*end)
         return {
             name: self.elements[name].advance_memory(kept, self._at(name, before), self._at(name, after))
             for name, kept in memory.items()
@@ -174,7 +183,7 @@ class Circuit(System):
 
     def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
         """Absolute pressures [Pa], temperatures [K] and masses [kg] of all nodes, mass flows of all elements [kg/s]."""
-        gases = self._gas_states(state, inputs)
+        gases = self.gas_states(state, inputs)
         out = {f"{name}.pressure_abs": s.pressure_abs for name, s in gases.items()}
         out |= {f"{name}.temperature": s.temperature for name, s in gases.items()}
         out |= {f"{name}.mass": state["mass"][name] for name in self.chambers}
@@ -197,7 +206,7 @@ class Circuit(System):
         A network of conductances s over capacities has no mode faster than the sum, over the two ends of some path, of what
         the paths at each end amount to.
         """
-        gases = self._gas_states(state, inputs)
+        gases = self.gas_states(state, inputs)
         per_mass = {}  # dP/dm of each node at its stiffest, adiabatic
         for name in self.chambers:
             volume = self._volume(name, gases[name].pressure_abs, inputs)
@@ -225,10 +234,19 @@ class Circuit(System):
             energy += p * self._volume(name, p, inputs).value / (self.gas.heat_ratio - 1.0)
         return mass, energy
 
-    def _gas_states(self, state: Any, inputs: Any) -> dict[str, GasState]:
+    def junction_inflows(self, state: Any, memory: Any, inputs: Any) -> dict[str, Inflow]:
+        """What flows to each junction: mass [kg/s] and enthalpy [W]."""
+        gases = self.gas_states(state, inputs)
+        inflow, _ = self._inflows(self._streams(state, memory, gases, inputs), gases)
+        return {name: inflow[name] for name, node in self.nodes.items() if isinstance(node, Junction)}
+
+    def gas_states(self, state: Any, inputs: Any) -> dict[str, GasState]:
+        """Gas of every node."""
         gases = {}
         for name, node in self.nodes.items():
-            if isinstance(node, Reservoir):
+            if isinstance(node, Junction):
+                gases[name] = inputs[node.signal]
+            elif isinstance(node, Reservoir):
                 pressure = inputs[node.signal].value if node.signal else node.pressure_abs
                 gases[name] = GasState(pressure, node.temperature)
             else:

@@ -22,6 +22,10 @@ class Reservoir(Module):
     signal: str | None = field(static=True, kw_only=True, default=None)
 
 
+class Junction(Reservoir):
+    """A node of another circuit, as seen from this one: the input of its signal is a `GasState`."""
+
+
 class Chamber(Module):
     """A node that stores gas."""
 

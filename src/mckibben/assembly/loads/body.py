@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ..._jax import jnp
 from ...components import Scalar, field
 from ...quantities import quantity
-from .load import Load, SpanState
+from .load import TOGETHER, Load, SpanState
 
 
 class BodyState(NamedTuple):
@@ -45,6 +45,18 @@ class Body(Load):
     def muscles(self) -> tuple[str, ...]:
         """Names of the muscles that carry it."""
         return self.held
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the load with one muscle."""
+        return self.replace(held=(name,))
+
+    def collected(self) -> Load:
+        """Return the load with one muscle, which pulls as all of them do."""
+        return self.replace(held=(TOGETHER,))
+
+    def effort(self, state: Any, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+        """Sum of the tensions [N]."""
+        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 
     def initial(self) -> BodyState:
         """State at rest."""

@@ -19,8 +19,8 @@ from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
-from .joint import MomentArm, elastic_energies, elastic_moment
-from .load import Load, SpanState
+from .joint import MomentArm, elastic_energies, elastic_moment, unit_arm
+from .load import TOGETHER, Load, SpanState
 
 
 class ChainState(NamedTuple):
@@ -81,6 +81,19 @@ class LinkChain(Load):
     def muscles(self) -> tuple[str, ...]:
         """Those around its joints."""
         return tuple(self.arms)
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the chain with one muscle."""
+        return self.replace(arms={name: self.arms[muscle]})
+
+    def collected(self) -> Load:
+        """Return the chain with one muscle of the moment arm 1 m about each joint."""
+        return self.replace(arms={f"{TOGETHER}.{joint}": {joint: unit_arm()} for joint in self.order})
+
+    def effort(self, state: ChainState, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+        """Moment of the muscles about each joint, as a tension at 1 m [N]."""
+        moments = self.muscle_moments(state, tensions)
+        return {f"{TOGETHER}.{joint}": moment for joint, moment in zip(self.order, moments, strict=True)}
 
     def signals(self) -> tuple[str, ...]:
         """The outside moments."""

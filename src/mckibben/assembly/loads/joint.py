@@ -13,10 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from ..._jax import jnp
 from ...components import Module, Scalar, field
 from ...quantities import quantity
-from .load import Load, SpanState
+from .load import TOGETHER, Load, SpanState
 
 
 class MomentArm(Module):
@@ -33,6 +35,11 @@ class MomentArm(Module):
         """Span [m] at an angle [rad]."""
         terms = [self.coefficients[i] / (i + 1.0) for i in range(self.coefficients.shape[0])]
         return self.span - angle * _horner(terms, angle)
+
+
+def unit_arm() -> MomentArm:
+    """A moment arm of 1 m at every angle: what pulls there in N is the moment in N m."""
+    return MomentArm(coefficients=np.ones(1), span=1.0)
 
 
 class Hinge(Protocol):
@@ -88,6 +95,18 @@ class JointLoad(Load):
     def muscles(self) -> tuple[str, ...]:
         """Names of the muscles around the joint."""
         return tuple(self.arms)
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the joint with one muscle."""
+        return self.replace(arms={name: self.arms[muscle]})
+
+    def collected(self) -> Load:
+        """Return the joint with one muscle of the moment arm 1 m."""
+        return self.replace(arms={TOGETHER: unit_arm()})
+
+    def effort(self, state: JointState, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+        """Moment of the muscles, as a tension at 1 m [N]."""
+        return {TOGETHER: self.muscle_moment(state, tensions)}
 
     def initial(self) -> JointState:
         """State at rest."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ...components import Module, Scalar
 
+TOGETHER = "together"  # the muscle that stands for all of a load's
 
 class SpanState(NamedTuple):
     """Span of a muscle, from its fixed anchor to the load [m], and its rate [m/s]."""
@@ -31,6 +32,18 @@ class Load(Module):
     def alone(self, muscle: str, name: str) -> Load | None:
         """Return the load of one muscle under another name, if no other muscle moves it; else None."""
         return None
+
+    def one_of(self, muscle: str, name: str) -> Load | None:
+        """Return the load with one of its muscles only, under another name; None where they cannot be told apart."""
+        return None
+
+    def collected(self) -> Load | None:
+        """Return the load with muscles that pull as all of its own do together, with the tensions that `effort` states."""
+        return None
+
+    def effort(self, state: Any, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+        """Sums over the muscles: tensions of those of `collected` [N]."""
+        return {}
 
     @abc.abstractmethod
     def initial(self) -> Any:

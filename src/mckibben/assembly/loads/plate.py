@@ -8,7 +8,7 @@ from typing import Any
 from ..._jax import jnp
 from ...components import Scalar, field
 from ...quantities import quantity
-from .load import Load, SpanState
+from .load import TOGETHER, Load, SpanState
 
 
 class PlateLoad(Load):
@@ -26,6 +26,18 @@ class PlateLoad(Load):
     def alone(self, muscle: str, name: str) -> Load:
         """Return the same plate, since its position is prescribed."""
         return self.replace(held=(name,))
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the load with one muscle."""
+        return self.replace(held=(name,))
+
+    def collected(self) -> Load:
+        """Return the load with one muscle, which pulls as all of them do."""
+        return self.replace(held=(TOGETHER,))
+
+    def effort(self, state: Any, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+        """Sum of the tensions [N]."""
+        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 
     def initial(self) -> Any:
         """Return no state."""
