@@ -19,7 +19,7 @@ import numpy as np
 from kernel_names import COMMON, PATHS, VALVE_PATHS
 
 from mckibben.assembly.build import AirLine, several, unit_from_specimen
-from mckibben.assembly.loads import PlateLoad
+from mckibben.assembly.loads import Body, JointLoad, MomentArm, PlateLoad
 from mckibben.assembly.machine import Machine
 from mckibben.assembly.muscle_unit import STOP_TRAVEL, MuscleUnit
 from mckibben.components.paths import get, put
@@ -34,7 +34,7 @@ from mckibben.pneumatics.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import InertialTube
-from mckibben.pneumatics.volume import MovingVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
 
 PERIOD, INNER = 1e-3, 10  # outputs and commands at 1 kHz, steps of 100 us [s]
 STEP = PERIOD / INNER
@@ -161,18 +161,44 @@ def valve() -> Case:
     return Case("valve", machine, start, ("m.fill", "m.vent"), OUTPUTS, paths, constants, _slots, wave)
 
 
-def rig(muscles: int) -> tuple[Machine, tuple[Any, Any], str]:
-    """Many muscles of `tube` in one machine, each on its own tube from one supply: system, start, signal."""
+SHARED = ("independent", "tank", "joint", "plate")  # what the muscles of a machine have in common
+
+
+def rig(muscles: int, shared: str = "independent", spread: float = 0.0) -> tuple[Machine, tuple[Any, Any], str]:
+    """Many muscles of `tube` in one machine, each on its own tube: system, start, signal.
+
+    Args:
+        muscles: how many.
+        shared: ``independent``, each on one supply and held still; ``tank``, on a tank behind an orifice from that supply;
+            ``joint``, around one joint, half of them on either side; ``plate``, all on one body that they lift.
+        spread: relative spread of the muscles' end masses, viscosities and lengths of tube.
+    """
     one = unit()
     heat = WallHeat(conductance=0.2, wall_temperature=TEMPERATURE)
     nodes: dict[str, Any] = {"supply": Reservoir(temperature=TEMPERATURE, signal="supply")}
     branches, units = {}, {}
+    source = "supply"
+    if shared == "tank":
+        source = "tank"
+        nodes["tank"] = FixedVolume(size=1e-5 * muscles, heat=heat)
+        branches["feed"] = Branch(Orifice(conductance=1e-9 * muscles), ("supply", "tank"))
     for i in range(muscles):
         name = f"m{i:04d}"
-        units[name] = one
-        branches[f"{name}.tube"] = Branch(_tube(), ("supply", name))
+        more = 1.0 + spread * (i / muscles - 0.5)
+        units[name] = one.replace(end_mass=one.end_mass * more, viscosity=one.viscosity * more) if spread else one
+        tube_there = _tube()
+        branches[f"{name}.tube"] = Branch(tube_there.replace(length=tube_there.length * more), (source, name))
         nodes[name] = MovingVolume(of=one.law.braid_volume, ambient=ROOM, dead=1e-6, signal=f"{name}.length", heat=heat)
-    machine = Machine.of(Circuit.of(nodes, branches), units, PlateLoad(held=tuple(units), span=0.16))
+    load: Any = PlateLoad(held=tuple(units), span=0.16)
+    if shared == "joint":
+        arms = {
+            n: MomentArm(coefficients=np.array([0.02, 0.001]) * (1 - 2 * (k % 2)), span=0.16)
+            for k, n in enumerate(units)
+        }
+        load = JointLoad(arms=arms, inertia=2e-3 * muscles, damping=0.02 * muscles)
+    elif shared == "plate":
+        load = Body(held=tuple(units), start=0.16, mass=1.0 * muscles, weight=10.0 * muscles)
+    machine = Machine.of(Circuit.of(nodes, branches), units, load)
     # one muscle at rest is all of them at rest
     alone = tube()
     state, memory = alone.start
@@ -184,8 +210,13 @@ def rig(muscles: int) -> tuple[Machine, tuple[Any, Any], str]:
             "elements": dict.fromkeys(branches, circuit["elements"]["m.tube"]),
         },
         "muscles": dict.fromkeys(units, state["muscles"]["m"]),
-        "load": state["load"],
+        "load": load.initial(),
     }
+    if shared == "tank":
+        size = float(machine.circuit.nodes["tank"].size + machine.circuit.inner_volume("tank"))
+        start["circuit"]["pressure"]["tank"] = np.asarray(ROOM)
+        start["circuit"]["mass"]["tank"] = np.asarray(machine.circuit.gas.mass(ROOM, size, TEMPERATURE))
+        start["circuit"]["elements"]["feed"] = ()
     return machine, (start, {"circuit": memory["circuit"], "muscles": dict.fromkeys(units, own)}), "supply"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jax import jnp
 from ..components import Environment, Scalar
-from ..components.system import Coupling, IndependentPart, Moment, System
+from ..components.system import IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -18,7 +18,7 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
-from .machine_array import ALONE, cut
+from .machine_array import ALONE, MachineCoupling, at_rest, find_coupling
 from .muscle_unit import MusclePath, MuscleUnit, UnitState, braid_tension
 
 MANY = 8  # muscles from which on independent ones are integrated side by side, each by the same compiled step
@@ -118,8 +118,11 @@ class Machine(System):
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="machine")
         chamber_pressures = {name: np.asarray(pressures[name], float) for name in self.circuit.chambers}
         parts = self.names_by_part()
+        coupling = None if parts else self.coupling()
+        if coupling is not None:
+            return coupling.at_rest(self, chamber_pressures, inputs)
         if not parts:
-            start: tuple[Any, Any] = call_compiled(_at_rest, self, chamber_pressures, dict(inputs))
+            start: tuple[Any, Any] = call_compiled(at_rest, self, chamber_pressures, dict(inputs))
             return start
         state: Any = {
             "circuit": {"mass": {}, "pressure": {}, "elements": {}},
@@ -130,7 +133,7 @@ class Machine(System):
         for muscle, names in parts.items():
             part = self._part(muscle, names)
             chosen = {new: chamber_pressures[old] for new, old in names.items() if old in chamber_pressures}
-            alone, kept = call_compiled(_at_rest, part, chosen, {new: inputs[names[new]] for new in part.signals()})
+            alone, kept = call_compiled(at_rest, part, chosen, {new: inputs[names[new]] for new in part.signals()})
             for whole, piece in (
                 *((state["circuit"][kind], alone["circuit"][kind]) for kind in state["circuit"]),
                 (state["muscles"], alone["muscles"]),
@@ -181,7 +184,7 @@ class Machine(System):
         new = {old: name for name, old in names.items()}
         circuit = self.circuit
         nodes = {
-            name: circuit.nodes[old].replace(signal=new.get(circuit.nodes[old].signal or "", None))
+            name: circuit.nodes[old].with_fields(signal=new.get(circuit.nodes[old].signal or "", None))
             for name, old in names.items()
             if old in circuit.nodes
         }
@@ -219,11 +222,11 @@ class Machine(System):
             )
         return made
 
-    def coupling(self) -> Coupling | None:
+    def coupling(self) -> MachineCoupling | None:
         """Cells of one muscle each on what they share, if the muscles are many."""
         if len(self.units) < MANY_COUPLED:
             return None
-        return cut(self)
+        return find_coupling(self)
 
     def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
         """State and memory at rest, without checks, so that all of it may be traced."""
@@ -363,7 +366,3 @@ class Machine(System):
                 f"{name}.slack": jnp.where(tensions[name] > 0.0, 0.0, 1.0),
             }
         return out | {f"load.{k}": v for k, v in self.load.outputs(state["load"], felt, inputs).items()}
-
-
-def _at_rest(machine: Machine, pressures: Any, inputs: Any) -> tuple[Any, Any]:
-    return machine.at_rest(pressures, inputs)

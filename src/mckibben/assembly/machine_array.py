@@ -11,11 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+import numpy as np
+
 from .._jax import jax, jnp
 from ..components import Environment, Module, Scalar, field
-from ..components.flow import FlowElement, Gases
+from ..components.flow import FlowElement, Gases, GasState
 from ..components.rows import for_each_unit
 from ..components.system import Coupling, IndependentPart, Moment, System
+from ..engine.native import call_compiled
 from ..engine.signals import Signal, Value
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.heat import Inflow
@@ -27,9 +30,10 @@ if TYPE_CHECKING:
     from .machine import Machine
 
 ALONE = "muscle"  # name of the muscle of a cell
+JUNCTION = Junction()
 
 
-class LineEnds(FlowElement):
+class LineVolume(FlowElement):
     """Volume that the lines of all cells add to a shared chamber."""
 
     ports: ClassVar[tuple[str, ...]] = ("a",)
@@ -106,13 +110,14 @@ class MachineArray(System):
 
             for name, volume in self._each(g, added)[1].items():
                 volumes[name] = volumes.get(name, 0.0) + volume
-        return with_line_ends(self.circuit, volumes)
+        return with_line_volumes(self.circuit, volumes)
 
     def _inputs(self, g: int, state: Any, inputs: Mapping[str, Any], gases: Mapping[str, Any]) -> dict[str, Any]:
         """Inputs of the cells of a group."""
         prefix = f"{g}."
         own = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
-        ends = {n.signal: gases[name] for name, n in self.groups[g].circuit.nodes.items() if isinstance(n, Junction)}
+        nodes = self.groups[g].circuit.nodes
+        ends = {str(n.signal): gases[name] for name, n in nodes.items() if isinstance(n, Junction)}
         return {**own, **ends}
 
     def _cells(self, state: Any, inputs: Any, circuit: Circuit) -> list[Any]:
@@ -164,8 +169,8 @@ class MachineArray(System):
                 return cell.advance_memory(kept, Moment(*first), Moment(*last), time), ()
 
             groups.append(self._each(g, one, memory["groups"][g], first, last, duration)[0])
-        moments = (Moment(m.state["circuit"], m.inputs) for m in (start, end))
-        return {"circuit": circuit.advance_memory(memory["circuit"], *moments, duration), "groups": tuple(groups)}
+        first, last = (Moment(moment.state["circuit"], moment.inputs) for moment in (start, end))
+        return {"circuit": circuit.advance_memory(memory["circuit"], first, last, duration), "groups": tuple(groups)}
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
         """Signals with delayed commands, see `Circuit.commands`; those that differ from cell to cell as `SignalArray`."""
@@ -197,15 +202,15 @@ class MachineArray(System):
         return out | {f"load.{k}": v for k, v in self.load.outputs(state["load"], effort, inputs).items()}
 
 
-def with_line_ends(circuit: Circuit, volumes: Mapping[str, Any]) -> Circuit:
+def with_line_volumes(circuit: Circuit, volumes: Mapping[str, Any]) -> Circuit:
     """A circuit with volumes added to some of its chambers [m^3]."""
-    names = {_line_ends(node): node for node in circuit.chambers}
-    elements = {name: LineEnds(volume=jnp.asarray(volumes.get(node, 0.0))) for name, node in names.items()}
+    names = {_line_volume(node): node for node in circuit.chambers}
+    elements = {name: LineVolume(volume=jnp.asarray(volumes.get(node, 0.0))) for name, node in names.items()}
     ends = {name: ((node,), None) for name, node in names.items()}
     return circuit.replace(elements={**circuit.elements, **elements}, ends={**circuit.ends, **ends})
 
 
-def _line_ends(node: str) -> str:
+def _line_volume(node: str) -> str:
     return f"{node}.lines"
 
 
@@ -263,9 +268,11 @@ class MachineCoupling(Coupling):
         for new, old in cell.nodes.items():
             node = circuit.nodes[old]
             if new in cell.shared:
-                nodes[new] = Junction(pressure_abs=room.pressure_abs, temperature=room.temperature, signal=f"{new}.gas")
+                nodes[new] = JUNCTION.with_fields(
+                    pressure_abs=room.pressure_abs, temperature=room.temperature, signal=f"{new}.gas"
+                )
             else:
-                nodes[new] = node if node.signal is None else node.replace(signal=renamed[node.signal])
+                nodes[new] = node if node.signal is None else node.with_fields(signal=renamed[node.signal])
         ends = {}
         for new, old in cell.elements.items():
             ports, command = circuit.ends[old]
@@ -291,20 +298,23 @@ class MachineCoupling(Coupling):
             own,
         )
 
-    def core(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> IndependentPart:
-        """The shared circuit and the load."""
-        machine: Machine = system
-        circuit, load = machine.circuit, machine.load.collected()
-        assert load is not None
-        shared = Circuit(
+    def _shared(self, machine: Machine) -> Circuit:
+        circuit = machine.circuit
+        return Circuit(
             {name: circuit.nodes[name] for name in self._nodes},
             {name: circuit.elements[name] for name in self._elements},
             {name: circuit.ends[name] for name in self._elements},
             circuit.gas,
         )
+
+    def core(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> IndependentPart:
+        """The shared circuit and the load."""
+        machine: Machine = system
+        shared, load = self._shared(machine), machine.load.collected()
+        assert load is not None
         names = {*self._nodes, *self._elements}
         gas = {kind: {n: v for n, v in values.items() if n in names} for kind, values in state["circuit"].items()}
-        gas["elements"] |= {_line_ends(name): () for name in shared.chambers}
+        gas["elements"] |= {_line_volume(name): () for name in shared.chambers}
         kept = {name: value for name, value in memory["circuit"].items() if name in names}
         needed = {shared.nodes[n].signal for n in self._nodes} | {shared.ends[e][1] for e in self._elements}
         needed |= {*load.signals(), *(f"{e}.command" for e in self._elements)}
@@ -316,6 +326,39 @@ class MachineCoupling(Coupling):
             {},
         )
 
+    def at_rest(
+        self, machine: Machine, pressures: Mapping[str, Any], inputs: Mapping[str, Value]
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """State and memory of the machine at rest, see `Machine.at_rest`: cell by cell, by one compiled program."""
+        room = machine.environment.temperature
+        state: dict[str, Any] = {"circuit": {"mass": {}, "pressure": {}, "elements": {}}, "muscles": {}}
+        memory: dict[str, Any] = {"circuit": {}, "muscles": {}}
+        for muscle, cell in self._cells.items():
+            nothing = {"circuit": {}, "muscles": {muscle: ()}}
+            part = self._cell(machine, muscle, cell, nothing, nothing, inputs)
+            own = {
+                new: pressures[old] for new, old in cell.nodes.items() if old in pressures and new not in cell.shared
+            }
+            gas = {f"{name}.gas": GasState(np.asarray(pressures[name]), np.asarray(room)) for name in cell.shared}
+            start, kept = call_compiled(at_rest, part.system, own, {**part.signals, **gas})
+            for place, piece in (
+                *((state["circuit"][kind], start["circuit"][kind]) for kind in state["circuit"]),
+                (memory["circuit"], kept["circuit"]),
+            ):
+                place.update({part.outputs[name]: value for name, value in piece.items()})
+            state["muscles"][muscle], memory["muscles"][muscle] = start["muscles"][ALONE], kept["muscles"][ALONE]
+        circuit = self._shared(machine)
+        lines = {name: machine.circuit.inner_volume(name) - circuit.inner_volume(name) for name in circuit.chambers}
+        whole, given = with_line_volumes(circuit, lines), {name: pressures[name] for name in circuit.chambers}
+        start, kept = call_compiled(_circuit_at_rest, whole, given, dict(inputs), room)
+        for kind, values in start.items():
+            state["circuit"][kind].update(
+                {name: v for name, v in values.items() if name not in whole.elements or name in circuit.elements}
+            )
+        memory["circuit"].update(kept)
+        state["load"] = machine.load.initial()
+        return state, memory
+
     def assembled(
         self, core: Any, groups: tuple[Any, ...], weights: tuple[Any, ...], varied: Any, mapped: bool
     ) -> System:
@@ -324,7 +367,17 @@ class MachineCoupling(Coupling):
         return made
 
 
-def cut(machine: Machine) -> MachineCoupling | None:
+def at_rest(machine: Machine, pressures: Any, inputs: Any) -> tuple[Any, Any]:
+    """`Machine.at_rest`, to be compiled."""
+    return machine.at_rest(pressures, inputs)
+
+
+def _circuit_at_rest(circuit: Circuit, pressures: Any, inputs: Any, temperature: Any) -> tuple[Any, Any]:
+    state = circuit.at_rest(pressures, inputs, temperature)
+    return state, circuit.initial_memory(state, inputs)
+
+
+def find_coupling(machine: Machine) -> MachineCoupling | None:
     """Cut a machine into cells; None if muscles are joined by more than chambers between them and the load."""
     circuit, chambers = machine.circuit, set(machine.circuit.chambers)
     if any(machine.load.one_of(name, ALONE) is None for name in machine.units) or machine.load.collected() is None:
@@ -349,8 +402,10 @@ def cut(machine: Machine) -> MachineCoupling | None:
     cells = {muscle: _cell(machine, joined, muscle, private) for muscle in machine.units}
     used = {element for cell in cells.values() for element in cell.elements.values()}
     elements = [name for name in circuit.elements if name not in used]
-    ports = {port for name in elements for port in circuit.ends[name][0]}
-    nodes = [n for n, node in circuit.nodes.items() if n in ports or (isinstance(node, Chamber) and n not in private)]
+    used_nodes = {port for name in elements for port in circuit.ends[name][0]}
+    nodes = [
+        n for n, node in circuit.nodes.items() if n in used_nodes or (isinstance(node, Chamber) and n not in private)
+    ]
     return MachineCoupling(cells, nodes, elements)
 
 

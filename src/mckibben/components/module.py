@@ -117,6 +117,16 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         """Return a copy with some fields changed, checked like a new one."""
         return dataclasses.replace(self, **changes)
 
+    def with_fields(self, **values: Any) -> Any:
+        """Return a copy with fields that hold these values, which are neither converted nor checked.
+
+        It is for taking a value apart: all its numbers stay the same objects.
+        """
+        made: Any = object.__new__(type(self))
+        made.__dict__.update(self.__dict__)
+        made.__dict__.update(values)
+        return made
+
 
 def flatten(tree: Any) -> tuple[list[Any], Any]:
     """The leaves of a tree in the order of `jax.tree.leaves`, and its structure, which has a hash if all static fields have.

@@ -8,14 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lanewise import Program
+
 from .._jax import jax
 from ..components.rows import as_rows
 from ..components.system import Coupling, System
 from .native import EngineFunction, compile_function
-from .side_by_side import known_prefix
+from .side_by_side import find_places, known_prefix
 
 BLOCK = 16  # cells of a group are filled up to a multiple of it, so that all vectors of cells are full
-SHORTEST = 80  # numbers from which on the compiler keeps an array, and does not write its elements out (it does up to 64)
+SHORTEST = (
+    80  # numbers from which on the compiler keeps an array, and does not write its elements out (it does up to 64)
+)
 
 
 class CellGroup(NamedTuple):
@@ -38,19 +42,17 @@ class CellGroup(NamedTuple):
 
 
 def find_groups(coupling: Coupling, whole: tuple[Any, Any, Any, Any]) -> list[CellGroup] | None:
-    """Group the cells of (system, state, memory, signals) by structure; None if a number of theirs is none of the whole's."""
+    """Group the cells of (system, state, memory, signals) by structure; None if one has a number that the whole has not."""
     outputs: list[dict[str, str]] = []
     structures: list[Any] = []
 
     def taken_apart(*trees: Any) -> list[Any]:
         cells = coupling.cells(*trees)
-        outputs.extend(cell.outputs for cell in cells)
-        structures.extend(jax.tree.structure(cell[:4]) for cell in cells)
-        return [jax.tree.leaves(cell[:4]) for cell in cells]
+        outputs[:] = [cell.outputs for cell in cells]
+        structures[:] = [jax.tree.structure(cell[:4]) for cell in cells]
+        return [leaf for cell in cells for leaf in jax.tree.leaves(cell[:4])]
 
-    traced = jax.make_jaxpr(taken_apart)(*jax.tree.map(np.asarray, whole)).jaxpr
-    number = {var: k for k, var in enumerate(traced.invars)}
-    numbers = iter([-1 if isinstance(v, jax.extend.core.Literal) else number.get(v, -1) for v in traced.outvars])
+    numbers = iter(find_places(taken_apart, whole))
     rows: dict[Any, list[int]] = {}
     for k, structure in enumerate(structures):
         rows.setdefault(structure, []).append(k)
@@ -66,7 +68,7 @@ def find_groups(coupling: Coupling, whole: tuple[Any, Any, Any, Any]) -> list[Ce
     return groups
 
 
-class Coupled:
+class CoupledRun:
     """The run of such a system, called like the `EngineFunction` of any other, but for one whole system at a time.
 
     Args:
@@ -93,11 +95,16 @@ class Coupled:
             for cell, names in enumerate(group.outputs):
                 for inner, name in names.items():
                     self._place.setdefault(name, (g, cell, inner))
-        names = None if wanted is None else tuple(dict.fromkeys(self._inner_of(name)[0] for name in wanted))
-        self._function = functools.partial(function, outputs=names)
+        inner_names = None if wanted is None else tuple(dict.fromkeys(self._inner_of(name)[0] for name in wanted))
+        self._function = functools.partial(function, outputs=inner_names)
         self._runs: dict[Any, EngineFunction] = {}
         self.run = self._run_of(self.arguments(*example))
         self.engine, self.reason = self.run.engine, self.run.reason
+
+    @property
+    def program(self) -> Program:
+        """The program for the example, called with the leaves of `arguments`; see `EngineFunction.program`."""
+        return self.run.program
 
     def arguments(self, *whole: Any) -> tuple[System, Any, Any, Any]:
         """(system, state, memory, signals) with the cells as arrays."""

@@ -17,7 +17,7 @@ from .._jax import jax, jnp
 from ..components.module import flatten, map_leaves
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
-from .coupled import Coupled, find_groups
+from .coupled import CoupledRun, find_groups
 from .native import EngineFunction, call_compiled, call_in_lanes, compile_function
 from .rates import RK4_LIMIT, fastest_rate
 from .side_by_side import SideBySide, Split
@@ -219,7 +219,7 @@ def compile_march(
     stiff: bool = False,
     outputs: Sequence[str] | None = None,
     engine: str = "auto",
-) -> EngineFunction | SideBySide | Coupled:
+) -> EngineFunction | SideBySide | CoupledRun:
     """The run of a system, called with (system, state, memory, signals); see `march`.
 
     A system that has many parts of one structure, see `System.parts`, is not compiled as one long step: its parts are the
@@ -250,7 +250,7 @@ def compile_march(
     coupling = None if stiff else system.coupling()
     groups = None if coupling is None else find_groups(coupling, arguments)
     if coupling is not None and groups is not None and len(groups) <= MOST_GROUPS:
-        return Coupled(coupling, groups, arguments, functools.partial(_outputs, **options), wanted, engine)
+        return CoupledRun(coupling, groups, arguments, functools.partial(_outputs, **options), wanted, engine)
     function = functools.partial(_outputs, **options, outputs=wanted)
     return compile_function(function, *arguments, engine=engine, title=type(system).__name__)
 

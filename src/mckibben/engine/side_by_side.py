@@ -14,6 +14,26 @@ from .._jax import jax
 from .native import EngineFunction, compile_function
 
 
+class LeafPlace(int):
+    """The place of a leaf among those of a tree, in the place of the leaf."""
+
+
+def find_places(taken_apart: Callable[..., Sequence[Any]], trees: tuple[Any, ...]) -> list[int]:
+    """Places among the leaves of trees of the numbers that a function takes from them; -1 for one that it computes."""
+    leaves, structure = jax.tree.flatten(trees)
+    places = [LeafPlace(k) for k in range(len(leaves))]
+    try:
+        taken = taken_apart(*jax.tree.unflatten(structure, places))
+        numbers = [int(n) if type(n) is LeafPlace else -1 for n in taken]
+        if -1 not in numbers:
+            return numbers
+    except (TypeError, ValueError, AttributeError):  # it wants numbers
+        pass
+    traced = jax.make_jaxpr(taken_apart)(*jax.tree.map(np.asarray, trees)).jaxpr
+    number = {var: k for k, var in enumerate(traced.invars)}
+    return [-1 if hasattr(v, "val") else number.get(v, -1) for v in traced.outvars]
+
+
 class Split(NamedTuple):
     """Positions of the numbers of each part among those of the whole.
 
@@ -35,16 +55,12 @@ class Split(NamedTuple):
 
         def taken_apart(system: Any, *rest: Any) -> list[Any]:
             parts = system.parts(*rest)
-            outputs.extend(part.outputs for part in parts)
-            structures.extend(jax.tree.structure(part[:4]) for part in parts)
-            return [jax.tree.leaves(part[:4]) for part in parts]
+            outputs[:] = [part.outputs for part in parts]
+            structures[:] = [jax.tree.structure(part[:4]) for part in parts]
+            return [leaf for part in parts for leaf in jax.tree.leaves(part[:4])]
 
-        traced = jax.make_jaxpr(taken_apart)(*jax.tree.map(np.asarray, whole)).jaxpr
-        if not outputs or any(s != structures[0] for s in structures[1:]):
-            return None
-        number = {var: k for k, var in enumerate(traced.invars)}
-        numbers = [number.get(var, -1) for var in traced.outvars]  # what is computed, and not taken, has no place
-        if -1 in numbers:
+        numbers = find_places(taken_apart, whole)
+        if not outputs or any(s != structures[0] for s in structures[1:]) or -1 in numbers:
             return None
         places = np.array(numbers).reshape(len(outputs), -1).T
         leaves = jax.tree.leaves(whole)

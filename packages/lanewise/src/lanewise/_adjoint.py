@@ -28,7 +28,7 @@ from ._derivatives import (
     product,
     total,
 )
-from ._graph import Buffer, Graph, Loop, Node, Store
+from ._graph import DOUBLE, Buffer, Graph, Loop, Node, Store
 from ._program import Leaf, Program
 from .errors import LoweringError
 
@@ -311,6 +311,13 @@ def side_by_side(graph: Graph) -> None:
 
 
 MOST = 1_000_000  # numbers per lane that are kept of a run
+
+
+def replaces_arrays(graph: Graph) -> bool:
+    """Whether a loop of a program carries a long array and replaces it in every trip."""
+    return any(buffer.name == DOUBLE for buffer in graph.buffers)
+
+
 Bars = dict[Node, Node]  # by old node, the derivative of the weighted sum by it so far
 
 
@@ -328,9 +335,12 @@ def adjoint(program: Program, places: Sequence[int], *, most: int = MOST) -> Pro
 
     Raises:
         ArgumentError: an argument that is no real number.
-        LoweringError: a loop whose trips are counted only when it runs, or a program that adds to memory.
+        LoweringError: a loop whose trips are counted only when it runs, or that replaces a long array; or a program that
+            adds to memory.
     """
     check(program, places)
+    if replaces_arrays(program.graph):
+        raise LoweringError("a loop", "it replaces a long array in every trip, through which there is no way back")
     return _Reverse(program, places, most).program()
 
 

@@ -12,7 +12,7 @@ import dataclasses
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ._graph import ALTERNATING, Buffer, Graph, Loop, Node, Store
+from ._graph import DOUBLE, Buffer, Graph, Loop, Node, Store
 from .errors import LoweringError
 
 # ---- liveness and rewriting
@@ -503,18 +503,23 @@ class WideLoop(NamedTuple):
     serial: list[Node]
 
 
-def find_wide_loops(graph: Graph, plan: Schedule) -> dict[Loop, WideLoop]:
+def find_wide_loops(plan: Schedule, vector: int) -> dict[Loop, WideLoop]:
     """Loops whose trips do not wait for each other, but for sums and the like that they carry.
 
-    Such a loop has no other one inside, a known number of trips, and writes side by side what it writes; it reads nothing
-    that it writes. The results have the bits of a loop that does one trip after the other.
+    Such a loop has no other one inside, fills whole vectors of trips, and reads nothing that it writes. The results have
+    the bits of a loop that does one trip after the other.
+
+    Args:
+        plan: order of a program's entries.
+        vector: trips that one vector holds.
     """
     if any(s.adds for x in plan.live.loops for s in x.stores):
         return {}
     nested = {plan.home[x] for x in plan.live.loops}
     found = {}
     for loop in plan.live.loops:
-        if isinstance(loop.trips, int) and loop.trips >= FEWEST and loop not in nested:
+        whole = isinstance(loop.trips, int) and loop.trips >= FEWEST and loop.trips % vector == 0
+        if whole and loop not in nested:
             wide = _wide_loop(loop, plan)
             if wide is not None:
                 found[loop] = wide
@@ -545,7 +550,7 @@ def _wide_loop(loop: Loop, plan: Schedule) -> WideLoop | None:
             around = list(enclosing_buffers(node.attr[0]))
             if any(b.within and b.within[2] is loop for b in around):
                 return None
-            if any(b in written and b.name != ALTERNATING for b in around):
+            if any(b in written and b.name != DOUBLE for b in around):
                 return None
         step = None if node.kind != "int" or node.op == "load" else _step(node, vectors, steps)
         if step is not None:

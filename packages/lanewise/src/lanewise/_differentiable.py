@@ -21,7 +21,7 @@ import numpy as np
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
-from ._adjoint import adjoint
+from ._adjoint import adjoint, replaces_arrays
 from ._compiled import Lowering, compile
 from ._derivatives import tangents
 from ._lower import Tree
@@ -46,7 +46,8 @@ def differentiable(
     Args:
         function: function of trees, as for `compile`.
         *examples: trees like its arguments.
-        engine: ``native``, ``xla``, or ``auto``: native where the function can be lowered, else the function itself.
+        engine: ``native``, ``xla``, or ``auto``: native where function and derivatives can be lowered, else the function
+            itself.
         title: its name in error messages.
         mode: mode of the kernels, see `Program`.
         threads: threads of the kernels, at most; all cores by default.
@@ -58,11 +59,12 @@ def differentiable(
     Raises:
         ArgumentError: an unknown engine; when called, trees that are not like the examples.
         LoweringError: with ``native``, an operation that no kernel can do; when differentiated, a derivative of a
-            derivative, or backwards through a loop whose trips are counted only when it runs.
+            derivative, or backwards through a loop whose trips are counted only when it runs, or that replaces a
+            long array.
         UnavailableError: with ``native``, if LLVM cannot be loaded.
     """
     compiled = compile(function, *examples, engine=engine, title=title, lower=lower)
-    if compiled.engine == "xla":
+    if compiled.engine == "xla" or (engine == "auto" and replaces_arrays(compiled.program.graph)):
         return jax.jit(function)
     structure: Any = jax.tree.structure(tuple(examples))
     kernels = Derivatives(compiled.program, mode, threads)

@@ -70,7 +70,7 @@ class Node:
         return f"%{self.serial} = {self.op}({inner})"
 
 
-ALTERNATING = "two rows"
+DOUBLE = "double buffer"
 
 
 class Buffer:
@@ -78,7 +78,7 @@ class Buffer:
 
     `role` is ``argument``, ``result``, ``constant`` (`data` holds it) or ``scratch``. A scratch buffer that stands inside
     another has `within`: (buffer, offset of its first element, loop or None, what each trip of that loop adds to it).
-    Scratch with the name `ALTERNATING` has two rows: no loop inside the one that it belongs to reads the row it writes.
+    Scratch with the name `DOUBLE` has two rows: no loop inside the one that it belongs to reads the row it writes.
     """
 
     __slots__ = ("data", "kind", "name", "role", "serial", "shape", "within")

@@ -96,6 +96,7 @@ class Body(Memory):
     def trips_at_once(self, loop: Loop) -> int:
         """Trips of a wide loop that are done at once."""
         longest = len(self.plan.bodies[loop])
+        assert isinstance(loop.trips, int)
         many = next((many for most, many in IN_FLIGHT if longest <= most), 1)
         while many > 1 and loop.trips % (many * self.vector):
             many //= 2
@@ -175,7 +176,7 @@ def emit(
     """
     body = Body(graph, plan, divergence, width=width, real=real, estimates=estimates)
     if vector:
-        wide = {x: w for x, w in find_wide_loops(graph, plan).items() if x.trips % vector == 0}
+        wide = find_wide_loops(plan, vector)
         nodes = divergence.nodes.union(*(w.vectors for w in wide.values()))
         body.divergence, body.wide, body.vector = divergence._replace(nodes=nodes), wide, vector
     head: list[str] = []

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
-from ._graph import ALTERNATING, Graph, Loop, Node
+from ._graph import DOUBLE, Graph, Loop, Node
 from ._rules_arrays import make_array
 from ._trace import (
     RULES,
@@ -152,13 +152,13 @@ def find_invariants(jaxpr: Any, consts: int, count: int, inits: Sequence[Any]) -
     return stays, counts
 
 
-def replaced_arrays(t: Tracer, inits: Sequence[Any], stays: set[int], added: bool) -> dict[int, TwoRows]:
+def replaced_arrays(t: Tracer, inits: Sequence[Any], stays: set[int], added: bool) -> dict[int, DoubleBuffer]:
     """Memory for long arrays that a trip replaces: those that do not begin as zeros, and where nothing is `added`, all."""
     memory = {}
     for k, value in enumerate(inits):
         if k not in stays and is_long(value) and not (added and is_zero(value)):
             if not isinstance(value, AccumulatedArray):
-                memory[k] = TwoRows(t.graph, value)
+                memory[k] = DoubleBuffer(t.graph, value)
     return memory
 
 
@@ -191,12 +191,12 @@ def accumulator_memory(
     return memory
 
 
-class TwoRows:
-    """A long array that a loop carries and replaces in every trip: a trip reads one row of its memory and writes the other."""
+class DoubleBuffer:
+    """A long array that a loop replaces in every trip, which reads one row of its memory and writes the other."""
 
     def __init__(self, g: Graph, init: Any) -> None:
         self.g, self.shape, self.kind, self.size = g, tuple(init.shape), init.kind, math.prod(init.shape)
-        self.buffer = g.buffer("scratch", init.kind, (2, self.size), ALTERNATING)
+        self.buffer = g.buffer("scratch", init.kind, (2, self.size), DOUBLE)
         self.filled = self._write(init, 0)
 
     def _write(self, value: Any, row: Any) -> Node:
@@ -241,7 +241,7 @@ class LoopCarry:
         stays: set[int],
         counts: dict[int, int],
         grown: dict[int, AccumulatedArray],
-        replaced: dict[int, TwoRows],
+        replaced: dict[int, DoubleBuffer],
     ) -> None:
         self.g, self.loop, self.inits, self.stays, self.counts, self.grown = g, loop, inits, stays, counts, grown
         self.replaced = replaced

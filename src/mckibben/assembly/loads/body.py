@@ -48,7 +48,7 @@ class Body(Load):
 
     def one_of(self, muscle: str, name: str) -> Load:
         """Return the load with one muscle."""
-        return self.replace(held=(name,))
+        return self.with_fields(held=(name,))
 
     def collected(self) -> Load:
         """Return the load with one muscle, which pulls as all of them do."""

@@ -84,7 +84,7 @@ class LinkChain(Load):
 
     def one_of(self, muscle: str, name: str) -> Load:
         """Return the chain with one muscle."""
-        return self.replace(arms={name: self.arms[muscle]})
+        return self.with_fields(arms={name: self.arms[muscle]})
 
     def collected(self) -> Load:
         """Return the chain with one muscle of the moment arm 1 m about each joint."""

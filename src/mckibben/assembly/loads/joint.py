@@ -98,7 +98,7 @@ class JointLoad(Load):
 
     def one_of(self, muscle: str, name: str) -> Load:
         """Return the joint with one muscle."""
-        return self.replace(arms={name: self.arms[muscle]})
+        return self.with_fields(arms={name: self.arms[muscle]})
 
     def collected(self) -> Load:
         """Return the joint with one muscle of the moment arm 1 m."""

@@ -10,6 +10,7 @@ from ...components import Module, Scalar
 
 TOGETHER = "together"  # the muscle that stands for all of a load's
 
+
 class SpanState(NamedTuple):
     """Span of a muscle, from its fixed anchor to the load [m], and its rate [m/s]."""
 

@@ -25,11 +25,11 @@ class PlateLoad(Load):
 
     def alone(self, muscle: str, name: str) -> Load:
         """Return the same plate, since its position is prescribed."""
-        return self.replace(held=(name,))
+        return self.with_fields(held=(name,))
 
     def one_of(self, muscle: str, name: str) -> Load:
         """Return the load with one muscle."""
-        return self.replace(held=(name,))
+        return self.with_fields(held=(name,))
 
     def collected(self) -> Load:
         """Return the load with one muscle, which pulls as all of them do."""
