@@ -212,6 +212,10 @@ def in_words(protocol: Protocol, values: Mapping[str, Any]) -> dict[str, Any]:
     pressures = [name for name, unit in units.items() if unit in ("Pa", "bar")]
     if "pressure" in values and len(pressures) == 1 and pressures[0] not in values:
         values = {pressures[0] if name == "pressure" else name: value for name, value in values.items()}
+    known = [*["pressure"] * (len(pressures) == 1), *(n for n in protocol.variables() if n != "pressure"), *SETTINGS]
+    for name in values:
+        if name not in known:
+            raise InputError("field", name, f"{protocol.name} has", known=known)
 
     def word(name: str, value: Any) -> Any:
         if name not in units or isinstance(value, bool | str):

@@ -197,8 +197,13 @@ class MuscleFactory:
         from_braid: Any = implementation("muscles.sleeve:from_braid")
         try:
             inspect.signature(from_braid).bind(**dimensions)
-        except TypeError as error:
-            raise InputError("dimensions", ", ".join(dimensions) or None, str(error)) from None
+        except TypeError:
+            known = inspect.signature(from_braid).parameters
+            for name in dimensions:
+                if name not in known:
+                    raise InputError("dimension", name, known=known) from None
+            missing = [n for n, p in known.items() if p.default is p.empty and n not in dimensions]
+            raise InputError("dimensions", None, f"of a braid are incomplete without {', '.join(missing)}") from None
         return self(from_braid(**dimensions))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import os
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -203,7 +204,7 @@ class Muscle(Module):
     # ---- values in, values out
 
     def _length(self, value: Quantity) -> Any:
-        length = in_si(value, "m", field="length")
+        length = _quantity(value, "m", "length")
         largest = _largest(length)
         if largest is not None and self.longest_length is not None:
             _warn(length_caution(largest, self.longest_length, text=_typed(value, largest)))
@@ -211,8 +212,8 @@ class Muscle(Module):
 
     def _drive(self, value: Quantity) -> Any:
         if self.is_biological:
-            return in_si(value, "1", field="activation")
-        pressure = in_si(value, "Pa", field="pressure")
+            return _quantity(value, "1", "activation")
+        pressure = _quantity(value, "Pa", "pressure")
         largest = _largest(pressure)
         if largest is not None:
             _warn(pressure_caution(largest, self.specimen, text=_typed(value, largest)))
@@ -242,6 +243,13 @@ def _rows(path: str, part: Any, stated: dict[str, SpecimenNumber]) -> list[Param
         rows.append(ParameterRow(f"{path}.{name}", quantity.symbol, values, quantity.unit, quantity.doc, source))
     inside = {name: value for name, value in vars(part).items() if isinstance(value, Module)}
     return rows + [row for name, value in inside.items() for row in _rows(f"{path}.{name}", value, {})]
+
+
+def _quantity(value: Any, unit: str, field: str) -> Any:
+    """A quantity as SI; what is neither number nor text is refused, for NumPy would make a number of it."""
+    if value is None or isinstance(value, bool | Mapping | set):
+        raise InputError(field, None, f"must be a number in {unit}, an array or text with a unit, got {value!r}")
+    return in_si(value, unit, field=field)
 
 
 def _largest(value: Any) -> float | None:

@@ -88,7 +88,8 @@ def map_file(spec: Specimen) -> Path:
     """The measured force map that ships with a specimen."""
     if spec.map is None:
         with_map = [s.id for s in specimens() if s.map]
-        raise InputError("specimen", spec.id, f"it ships without a force map; with one: {', '.join(with_map)}")
+        said = f"{spec.id} ships without a force map; those that ship with one are {', '.join(with_map)}"
+        raise InputError("specimen", spec.id, sentence=said)
     return Path(str(resources.files(__package__) / "maps" / spec.map))
 
 
