@@ -28,6 +28,7 @@ sys.path.insert(0, str(DOCS))
 import examples  # noqa: E402
 import generated  # noqa: E402
 import jobs  # noqa: E402
+import lesson_notebooks  # noqa: E402
 import links  # noqa: E402
 import notebooks  # noqa: E402
 import page_cache  # noqa: E402
@@ -44,6 +45,8 @@ def stage(*, fresh: bool = False) -> None:
     for path in DOCS.rglob("*"):
         if path.is_file() and path.suffix in (".css", ".png", ".svg", ".ipynb"):
             _write(path.relative_to(DOCS), path.read_bytes())
+    for path, book in lesson_notebooks.books().items():
+        _write(Path("tutorials", path.name), book.encode())
     texts = {p.relative_to(DOCS).with_suffix(".md").as_posix(): p.read_bytes() for p in sources()}
     texts |= dict.fromkeys(generated.PAGES, b"")
     measured = {}
@@ -77,6 +80,9 @@ def build(name: str, figures: Path) -> str:
     text = links.site_page((DOCS / name).read_text(encoding="utf-8"), name)
     if name == links.INDEX:
         text = text.replace("<!-- pages of the Python reference -->", generated.list_of_rooms())
+    if name in lesson_notebooks.PAGES:
+        title, _, rest = text.partition("\n")
+        text = f"{title}\n\n{lesson_notebooks.NOTE.format(name=Path(name).stem)}\n{rest}"
     return examples.run_page(text, name, figures)
 
 

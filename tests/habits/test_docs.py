@@ -28,7 +28,7 @@ PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, tex
 
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 READMES = ["SECURITY.md", "CHANGELOG.md", "firmware/README.md", "benchmarks/README.md", "packages/lanewise/README.md"]
-LINKED = [*WRITTEN, *NOTEBOOKS, *(ROOT / name for name in READMES)]
+LINKED = [*WRITTEN, *NOTEBOOKS, *sorted((ROOT / "examples").rglob("*.ipynb")), *(ROOT / name for name in READMES)]
 # Rooms without a page in the reference of Python: command line and screen have pages of their own.
 NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.web")
 
@@ -165,6 +165,13 @@ def test_a_notebook_is_kept_without_outputs_and_its_figures_have_words(book: Pat
     assert code
     assert all(c["outputs"] == [] and c["execution_count"] is None for c in code)
     assert all(c["metadata"].get("alt") for c in code if "SVG(" in "".join(c["source"]))
+
+
+def test_the_notebooks_of_the_lessons_agree_with_their_pages() -> None:
+    made = script("lesson_notebooks").books()
+    assert sorted(made) == sorted((ROOT / "examples/notebooks").glob("*.ipynb"))
+    for path, book in made.items():
+        assert path.read_text(encoding="utf-8") == book, f"{path.name}: run python docs/lesson_notebooks.py"
 
 
 def test_the_architecture_page_agrees_with_the_source() -> None:
