@@ -19,11 +19,14 @@ import sys
 import types
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ._lazy import LazyModule
 
 __all__ = [
+    "Array",
+    "Scalar",
+    "Tree",
     "custom_jvp",
     "flatten_util",
     "is_jax_array",
@@ -35,6 +38,12 @@ __all__ = [
     "load",
     "when_loaded",
 ]
+
+Array: TypeAlias = "np.ndarray | jax.Array"
+Scalar: TypeAlias = "float | np.ndarray | jax.Array"  # a number or an array: formulas are elementwise and broadcast
+Tree: TypeAlias = (
+    Any  # arrays in any structure, as JAX takes them: modules, tables, tuples; only their owner knows which
+)
 
 _waiting: list[Callable[[], None]] | None = []  # what is to be done when JAX is loaded; None as soon as it is
 
@@ -61,12 +70,12 @@ def when_loaded(action: Callable[[], None]) -> None:
         _waiting.append(action)
 
 
-def is_traced(value: Any) -> bool:
+def is_traced(value: object) -> bool:
     """Whether a value is one of JAX's tracers, which stand for numbers while a function is traced."""
     return _waiting is None and isinstance(value, jax.core.Tracer)
 
 
-def is_jax_array(value: Any) -> bool:
+def is_jax_array(value: object) -> bool:
     """Whether a value is an array of JAX, a tracer included."""
     return _waiting is None and isinstance(value, jax.Array)
 
@@ -115,7 +124,7 @@ class _LazyFunction:
             made.defjvp(self._rule)
         return made
 
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
+    def __call__(self, *arguments: Any, **options: object) -> Any:
         return self._transformed(*arguments, **options)
 
     def __getattr__(self, name: str) -> Any:
@@ -124,7 +133,7 @@ class _LazyFunction:
         return getattr(self._transformed, name)
 
 
-def jit(function: Callable[..., Any], **options: Any) -> Any:
+def jit(function: Callable[..., Any], **options: object) -> Any:
     """Compile a function as `jax.jit` does, when it is first called."""
     return _LazyFunction(function, "jit", options)
 
@@ -186,6 +195,7 @@ def _configure() -> None:
 if TYPE_CHECKING:
     import jax as jax
     import jax.numpy as jnp
+    import numpy as np
     from jax import flatten_util as flatten_util
 else:
     jax, flatten_util = map(LazyModule, ("jax", "jax.flatten_util"))

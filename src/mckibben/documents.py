@@ -15,9 +15,12 @@ import secrets
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from .errors import InputError, not_found
+
+# What JSON and TOML hold: tables and lists of texts, numbers and truth values, as `json.loads` gives them. Readers check it.
+JsonValue: TypeAlias = Any
 
 LONGEST = 8 << 20  # of a text of TOML [B]; long tables of numbers stand in files of their own
 DEEPEST = 64  # tables and lists inside of one another

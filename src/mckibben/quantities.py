@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._jax import is_loaded, is_traced, jax, jnp
+from ._jax import Scalar, is_loaded, is_traced, jax, jnp
 from .errors import InputError, shortened
 
 # What a person reads; the SI unit on the left is what the package computes with.
@@ -63,7 +63,7 @@ class Quantity(NamedTuple):
     symbol: str
     typical: tuple[float, float]
 
-    def check(self, name: str, value: Any, *, where: str | None = None) -> None:
+    def check(self, name: str, value: object, *, where: str | None = None) -> None:
         """Raise `InputError` when a concrete value is not finite or out of bounds."""
         number = np.asarray(value, float)
         low, high = self.bounds
@@ -112,7 +112,7 @@ def quantity(
     return dataclasses.field(metadata={"quantity": declared, "converter": as_array}, kw_only=True, **options)
 
 
-def as_array(value: Any) -> Any:
+def as_array(value: object) -> Any:
     """A number or array, which may be traced, as an array of floats: of JAX where that is loaded, else of NumPy.
 
     It compiles nothing, as `jax.numpy.asarray` would.
@@ -260,7 +260,7 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
     return value
 
 
-def in_si(value: Any, si_unit: str, *, field: str) -> Any:
+def in_si(value: Any, si_unit: str, *, field: str) -> Scalar:
     """A quantity as people give it, as SI: text with a unit is converted, numbers and arrays pass as they are.
 
     Args:

@@ -95,7 +95,7 @@ def limit_folders(folders: Iterable[str | os.PathLike[str]] | None) -> None:
     _folders = None if folders is None else tuple(Path(folder).resolve() for folder in folders)
 
 
-def registered_name(kind: Any) -> str | None:
+def registered_name(kind: object) -> str | None:
     """The name under which a class was loaded from a file or a package, or added; None for classes of this package."""
     name: str | None = vars(kind).get("registered_name") if isinstance(kind, type) else None
     return name
@@ -247,7 +247,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self.add(name, kind)
         return name
 
-    def _own_name(self, kind: Any) -> str | None:
+    def _own_name(self, kind: object) -> str | None:
         """The name of a kind of this package that nobody has asked for yet."""
         place = f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"
         return next((name for name, entry in self._known.items() if entry == place), None)

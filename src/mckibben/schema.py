@@ -178,14 +178,14 @@ class FrozenTable(Mapping[str, Any]):
         return {k: thawed(v) for k, v in self._values.items()}
 
 
-def frozen(value: Any) -> Any:
+def frozen(value: object) -> Any:
     """Convert to immutable values: tables to `FrozenTable`, lists to tuples."""
     if isinstance(value, Mapping):
         return FrozenTable(value)
     return tuple(frozen(v) for v in value) if isinstance(value, list | tuple) else value
 
 
-def thawed(value: Any) -> Any:
+def thawed(value: object) -> Any:
     """Convert frozen values to dicts and lists."""
     if isinstance(value, FrozenTable):
         return value.plain()
@@ -276,7 +276,7 @@ def number(
 ) -> Any:
     """Declare a number with unit, within inclusive bounds [unit]; also infinity where it may be endless."""
 
-    def read(raw: Any, place: Place) -> float:
+    def read(raw: object, place: Place) -> float:
         if endless and raw == math.inf:
             return math.inf
         return read_number(raw, place.unit(unit), bounds, place.field, place.where, bare=place.bare)
@@ -289,7 +289,7 @@ def numbers(
 ) -> Any:
     """Declare a list of one or more numbers, each as `number` reads it."""
 
-    def read(raw: Any, place: Place) -> tuple[float, ...]:
+    def read(raw: object, place: Place) -> tuple[float, ...]:
         si = place.unit(unit)
         return tuple(read_number(one, si, bounds, place.field, place.where) for one in _listed(raw, place))
 
@@ -301,7 +301,7 @@ def word(
 ) -> Any:
     """Declare a text, optionally one of a set or of a pattern; `demand` describes the pattern."""
 
-    def read(raw: Any, place: Place) -> str:
+    def read(raw: object, place: Place) -> str:
         if not isinstance(raw, str):
             raise place.fail(raw, "must be a word")
         if among and raw not in among:
@@ -326,7 +326,7 @@ def flag(doc: str = "", *, key: str = "", **options: Any) -> Any:
 def words(doc: str = "", *, among: tuple[str, ...] = (), key: str = "", **options: Any) -> Any:
     """Declare a list of texts, each one of some where these are given."""
 
-    def read(raw: Any, place: Place) -> tuple[str, ...]:
+    def read(raw: object, place: Place) -> tuple[str, ...]:
         if not isinstance(raw, list | tuple) or not all(isinstance(v, str) for v in raw):
             raise place.fail(raw, "must be a list of words")
         for one in raw:
@@ -351,7 +351,7 @@ def verbatim(doc: str = "", *, key: str = "", **options: Any) -> Any:
 def by_name(kinds: tuple[type, ...], demand: str, **options: Any) -> Any:
     """Declare a table of values of some plain types by name; `demand` describes them."""
 
-    def read(raw: Any, place: Place) -> dict[str, Any]:
+    def read(raw: object, place: Place) -> dict[str, Any]:
         values = place.table(raw).values
         for name, value in values.items():
             if not isinstance(value, kinds) or isinstance(value, bool):
@@ -379,7 +379,7 @@ def nested(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any
 def named(kind: Kind, doc: str = "", *, owner: str = "", pattern: str = NAME, **options: Any) -> Any:
     """Declare tables of a type by name; `owner` as for `read_table`."""
 
-    def read(raw: Any, place: Place) -> dict[str, Any]:
+    def read(raw: object, place: Place) -> dict[str, Any]:
         table = place.table(raw)
         for name in table.values:
             if not re.fullmatch(pattern, name):
@@ -394,7 +394,7 @@ def named(kind: Kind, doc: str = "", *, owner: str = "", pattern: str = NAME, **
 def listed(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any:
     """Declare a list of tables of a type, their places counted from 1; `owner` as for `read_table`."""
 
-    def read(raw: Any, place: Place) -> tuple[Any, ...]:
+    def read(raw: object, place: Place) -> tuple[Any, ...]:
         if not isinstance(raw, list | tuple):
             raise place.fail(raw, "must be a list of tables")
         return tuple(read_part(kind, one, place.below(i), owner) for i, one in enumerate(raw, 1))
@@ -501,12 +501,12 @@ def write_table(
     return out
 
 
-def _write_part(value: Any, place: Place) -> dict[str, Any]:
+def _write_part(value: object, place: Place) -> dict[str, Any]:
     return write_table(value, units=place.units, bare=place.bare)
 
 
 def read_number(
-    raw: Any, unit: str, bounds: tuple[float, float], field: str, where: str | None, *, bare: bool = False
+    raw: object, unit: str, bounds: tuple[float, float], field: str, where: str | None, *, bare: bool = False
 ) -> float:
     """Read a number with its unit.
 
@@ -537,7 +537,7 @@ def read_number(
     return value
 
 
-def read_whole(raw: Any, low: int, high: int, field: str, where: str | None) -> int:
+def read_whole(raw: object, low: int, high: int, field: str, where: str | None) -> int:
     """Read a whole number between inclusive bounds; it may be written as a word.
 
     Raises:
@@ -578,31 +578,31 @@ def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
     return FieldType(_read_flag) if f.type in ("bool", bool) else None
 
 
-def _read_quantity(q: Quantity, raw: Any, place: Place) -> float:
+def _read_quantity(q: Quantity, raw: object, place: Place) -> float:
     unit = place.unit(q.unit)
     bounds = q.bounds if unit == q.unit else (-math.inf, math.inf)
     return read_number(raw, unit, bounds, place.field, place.where, bare=place.bare)
 
 
-def _read_integer(raw: Any, place: Place) -> int:
+def _read_integer(raw: object, place: Place) -> int:
     if isinstance(raw, bool) or not isinstance(raw, int):
         raise place.fail(raw, "must be a whole number")
     return raw
 
 
-def _read_word(raw: Any, place: Place) -> str:
+def _read_word(raw: object, place: Place) -> str:
     if not isinstance(raw, str) or not raw.strip():
         raise place.fail(raw, "must be a word")
     return raw
 
 
-def _read_flag(raw: Any, place: Place) -> bool:
+def _read_flag(raw: object, place: Place) -> bool:
     if not isinstance(raw, bool):
         raise place.fail(raw, "must be true or false")
     return raw
 
 
-def read_part(kind: Kind, raw: Any, place: Place, owner: str = "") -> Any:
+def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> Any:
     """Read a value of a type, or of that which the key `kind` names, from what stands at a place; raises as `read_table`."""
     if kind is None:
         return raw
@@ -614,7 +614,7 @@ def read_part(kind: Kind, raw: Any, place: Place, owner: str = "") -> Any:
     return read_table(kind, table, units=place.units, bare=place.bare, files=place.files, owner=owner, beside=beside)
 
 
-def _listed(raw: Any, place: Place) -> list[Any]:
+def _listed(raw: object, place: Place) -> list[Any]:
     if not isinstance(raw, list | tuple) or not raw:
         raise place.fail(raw, "must be a list of one or more")
     return list(raw)

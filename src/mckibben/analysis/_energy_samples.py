@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .._jax import Scalar
 from ..assembly.muscle_unit import UnitState
 from ..errors import InputError
 from ..muscles.stored import stored_along
@@ -33,7 +34,7 @@ def whole_pieces(record: Recording) -> list[slice]:
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False) if b - a > 1]
 
 
-def middle(values: Any) -> np.ndarray:
+def middle(values: Scalar) -> np.ndarray:
     """Means of neighbouring samples (n - 1,)."""
     both = np.asarray(values, float)
     return np.asarray(0.5 * (both[1:] + both[:-1]))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from .._jax import Scalar
 from ..errors import InputError
 from ..recordings import Recording
 
@@ -25,7 +27,7 @@ def known(record: Recording, name: str) -> np.ndarray:
     return finite(values, f"channel {name}")
 
 
-def finite(values: Any, what: str) -> np.ndarray:
+def finite(values: Sequence[float] | Scalar, what: str) -> np.ndarray:
     """An array (n,) of finite numbers, or `InputError` with the first sample that is none."""
     array = np.asarray(values, float)
     if array.ndim != 1 or not array.size:
@@ -53,7 +55,7 @@ def uniform_period(record: Recording) -> float:
     return period
 
 
-def positive(name: str, value: Any, unit: str, *, zero: bool = False) -> float:
+def positive(name: str, value: Scalar, unit: str, *, zero: bool = False) -> float:
     """A finite number above zero, or at least zero."""
     number = float(value)
     if not np.isfinite(number) or number < 0.0 or (number == 0.0 and not zero):

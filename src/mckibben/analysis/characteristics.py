@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from decimal import ROUND_HALF_EVEN, Decimal
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from .._jax import Scalar
 from ..components import derivative
 from ..errors import InputError
 from ..muscles.biological import BiologicalMuscle
@@ -124,7 +125,7 @@ class BiologicalCharacteristics(NamedTuple):
     peak_power_density: float  # [W/m^3]
 
 
-def dynamic_range(curve: Callable[[Any], Any], *, search: tuple[float, float] = (0.0, 3.0)) -> DynamicRange:
+def dynamic_range(curve: Callable[[Scalar], Scalar], *, search: tuple[float, float] = (0.0, 3.0)) -> DynamicRange:
     """The stretch of a tension-length curve that carries tension and does not fall: found, not assumed.
 
     Args:
@@ -177,7 +178,9 @@ def stiffness_intensity(tension_intensity: float, over: DynamicRange) -> float:
     return tension_intensity / over.width
 
 
-def work_density(curve: Callable[[Any], Any], tension_intensity: float, over: DynamicRange | None = None) -> float:
+def work_density(
+    curve: Callable[[Scalar], Scalar], tension_intensity: float, over: DynamicRange | None = None
+) -> float:
     """Work of one slow shortening per volume of muscle [J/m^3]: the integral of tension over the dynamic range.
 
     Args:
@@ -195,7 +198,7 @@ def work_density(curve: Callable[[Any], Any], tension_intensity: float, over: Dy
     return tension_intensity * float(trapezoid(np.asarray(curve(lengths)), lengths))
 
 
-def peak_power(curve: Callable[[Any], Any]) -> PeakPower:
+def peak_power(curve: Callable[[Scalar], Scalar]) -> PeakPower:
     """The largest product of tension and shortening velocity on a tension-velocity curve.
 
     Args:

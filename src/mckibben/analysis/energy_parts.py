@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..accessors import Accessor, implementation
+from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 
@@ -183,10 +184,10 @@ class EnergyAccount:
     def _repr_html_(self) -> str:
         return str(implementation("report.figures.plots:energy_html")(self))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """All parts and cycles as plain values, for JSON: works and exergies in [J], air in [kg]."""
 
-        def told(parts: tuple[EnergyPart, ...]) -> list[dict[str, Any]]:
+        def told(parts: tuple[EnergyPart, ...]) -> list[dict[str, JsonValue]]:
             return [{**p._asdict(), "meaning": p.meaning} for p in parts]
 
         return {

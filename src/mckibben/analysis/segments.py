@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..quantities import to_si
 from ..recordings import Recording
@@ -46,7 +47,7 @@ def segments(record: Recording, /, label: str | None = None, **case: Any) -> lis
     return parts
 
 
-def chosen_steps(record: Recording, label: str | None, case: Mapping[str, Any]) -> list[dict[str, Any]]:
+def chosen_steps(record: Recording, label: str | None, case: Mapping[str, JsonValue]) -> list[dict[str, JsonValue]]:
     """The steps that match, those that were not recorded too; arguments and errors as for `segments`."""
     steps = steps_of(record)
     labels = dict.fromkeys(str(s["label"]) for s in steps)
@@ -100,7 +101,7 @@ def case_values(record: Recording) -> dict[str, list[str]]:
     return {name: list(words) for name, words in values.items()}
 
 
-def steps_of(record: Recording) -> list[dict[str, Any]]:
+def steps_of(record: Recording) -> list[dict[str, JsonValue]]:
     """Steps as listed in the recording, checked; the values of their cases are text.
 
     Raises:
@@ -159,7 +160,7 @@ def _amount(value: Any) -> tuple[float, str | None] | None:
     return (float(match[1]), match[2]) if match else None
 
 
-def _checked(step: Any, field: str) -> dict[str, Any]:
+def _checked(step: Any, field: str) -> dict[str, JsonValue]:
     if not isinstance(step, Mapping):
         raise InputError(field, type(step).__name__, "must be a table with start, end, label and case")
     checked = {"index": 0, "path": "", "label": "", "ended_by": "time", "recorded": True, "sentence": "", **step}
@@ -184,7 +185,7 @@ def _part(record: Recording, step: Mapping[str, Any]) -> Recording | None:
     return Recording(record.time[first:end], some, {**record.meta, "steps": [dict(step)], "step": dict(step)})
 
 
-def _fits(of: Mapping[str, str], case: Mapping[str, Any]) -> bool:
+def _fits(of: Mapping[str, str], case: Mapping[str, JsonValue]) -> bool:
     return all(name in of and same_amount(wanted, of[name]) for name, wanted in case.items())
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._jax import jnp
+from .._jax import Scalar, Tree, jnp
 from ..engine import Run
 from ..engine.native import call_compiled
 from ..muscles.stored import stored_change
@@ -45,7 +45,7 @@ class Accounts(NamedTuple):
 
 
 def accounts(
-    machine: Machine, start: tuple[Any, Any], run: Run, first: Mapping[str, Any], last: Mapping[str, Any]
+    machine: Machine, start: tuple[Tree, Tree], run: Run, first: Mapping[str, Scalar], last: Mapping[str, Scalar]
 ) -> Accounts:
     """The accounts of a run.
 
@@ -122,7 +122,7 @@ class _Held(NamedTuple):
     muscles: Any
 
 
-def _held(machine: Machine, state: Any, memory: Any, inputs: dict[str, Any]) -> _Held:
+def _held(machine: Machine, state: Tree, memory: Tree, inputs: dict[str, Any]) -> _Held:
     circuit, inputs_with_lengths, units = state["circuit"], machine.with_lengths(state, inputs), machine.units
     mass, energy = machine.joined.stored(circuit, inputs_with_lengths)
     spans = machine.load.spans(state["load"], inputs)
@@ -141,7 +141,7 @@ def _held(machine: Machine, state: Any, memory: Any, inputs: dict[str, Any]) -> 
     )
 
 
-def _muscle_energy(machine: Machine, name: str, start: Any, end: Any) -> float:
+def _muscle_energy(machine: Machine, name: str, start: Tree, end: Tree) -> float:
     """Gain of the energy stored in bladder and braid [J]."""
     ambient = float(machine.environment.pressure_abs)
     first, last = (

@@ -188,7 +188,7 @@ def circuit_for(
     room = environment or Environment()
     source = supply
     if not isinstance(source, Reservoir):
-        source = Reservoir(pressure_abs=supply + room.pressure_abs, temperature=room.temperature)
+        source = Reservoir(pressure_abs=source + room.pressure_abs, temperature=room.temperature)
     if (tank is None) != (feed is None):
         missing, other = ("feed", "tank") if feed is None else ("tank", "feed")
         raise InputError(missing, None, f"is missing: it goes together with {other}", where="circuit")

@@ -8,6 +8,7 @@ from typing import Any
 import lanewise
 from lanewise.errors import LanewiseError
 
+from .._jax import Scalar, Tree
 from ..components import Hysteresis
 from ..errors import InputError
 from ..muscles.check import LawFinding, declaration_findings, friction_findings, law_findings, sample
@@ -66,11 +67,11 @@ def check(
     raise InputError("law", str(what), f"must be {DEMAND}", sentence=f"{what} is no law: it must be {DEMAND}")
 
 
-def _tension_and_volume(law: TensionLaw, length: Any, pressure: Any) -> tuple[Any, Any]:
+def _tension_and_volume(law: TensionLaw, length: Scalar, pressure: Scalar) -> tuple[Tree, Tree]:
     return law.braid_tension(length, pressure), law.braid_volume(length, pressure)
 
 
-def _advance(friction: Hysteresis, displacement: Any, pressure: Any) -> tuple[Any, Any]:
+def _advance(friction: Hysteresis, displacement: Scalar, pressure: Scalar) -> tuple[Tree, Tree]:
     out = friction.advance(
         friction.initial(), displacement, start_pressure=pressure, end_pressure=pressure, duration=1e-3
     )

@@ -37,6 +37,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import schema
+from .._jax import Scalar, Tree
 from ..accessors import implementation
 from ..components import Environment, paths
 from ..components.module import map_leaves
@@ -197,7 +198,7 @@ class CircuitPlan:
         return [f"{name}.{ends['m' if node.law is not None else node.unit]}" for name, node in nodes] or [signal]
 
     def inputs(
-        self, times: Any = None, given: Mapping[str, Any] | None = None, sensed: bool = False
+        self, times: np.ndarray | None = None, given: Mapping[str, Scalar] | None = None, sensed: bool = False
     ) -> dict[str, Signal]:
         """Input signals of the circuit, including delayed commands; ready for `integrate`.
 
@@ -222,7 +223,7 @@ class CircuitPlan:
         # The engine reads from its signals how long to run; a circuit without any still takes time.
         return self.circuit.commands(signals or {"time": ramped(times)})
 
-    def initial(self) -> tuple[Any, Any]:
+    def initial(self) -> tuple[Tree, Tree]:
         """State and memory at the start."""
         room = self.environment
         first = {name: s.at(0, 0.0, self.period) for name, s in self.inputs().items()}
@@ -462,7 +463,7 @@ def _signals(
 
 
 def _reader(where: str, name: str) -> Any:
-    def read(file: str, time: str | None, column: str | None, unit: str) -> tuple[Any, Any]:
+    def read(file: str, time: str | None, column: str | None, unit: str) -> tuple[Tree, Tree]:
         return read_points(Path(where).parent / file, time, column, unit, field=f"signals.{name}", where=where)
 
     return read

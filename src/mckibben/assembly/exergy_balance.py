@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._jax import Scalar
+from ..documents import JsonValue
 from ..engine.native import call_compiled
 from ..muscles.law import law_name
 from ..pneumatics.exergy import ROOM, DeadState, kind_of, lines_of, paths_of
@@ -69,7 +71,7 @@ class ExergyLedger(NamedTuple):
         )
         return ExergyLedger(into, out, stored, self.throughput + other.throughput)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, JsonValue]:
         """Ledger as a table of a recording's metadata."""
         return {**self._asdict(), "remainder": self.remainder}
 
@@ -203,13 +205,13 @@ def _supplies(machine: Machine, flow: Mapping[str, float]) -> tuple[float, dict[
     return air, work
 
 
-def _worth(dead: DeadState, pressure_abs: Any, temperature: Any) -> tuple[Any, Any, Any]:
+def _worth(dead: DeadState, pressure_abs: Scalar, temperature: Scalar) -> tuple[Scalar, ...]:
     """Exergy of a supply's gas, and the least work to compress it isothermally and adiabatically [J/kg]."""
     compression = (dead.compression(pressure_abs, cooled=cooled) for cooled in (True, False))
     return dead.flowing(dead.see(pressure_abs, temperature)), *compression
 
 
-def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, Any]:
+def document(machine: Machine, parts: Sequence[ExergyBalance]) -> dict[str, JsonValue]:
     """Balances as tables of a recording's metadata, with what is needed to find the parts again in its channels.
 
     Args:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import flatten_util, jax, jit, jnp
+from .._jax import Scalar, Tree, flatten_util, jax, jit, jnp
 from ..engine.signals import Value
 from ..errors import ConvergenceError, InputError, UnreachableError
 from ..pneumatics.circuit import Circuit
@@ -68,7 +68,7 @@ class LinearModel(NamedTuple):
                 modes.append(Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value)))
         return modes
 
-    def response(self, source: str, target: str, frequency: Any) -> np.ndarray:
+    def response(self, source: str, target: str, frequency: Scalar) -> np.ndarray:
         """Complex response of an output to an input [output/input] at frequencies [Hz], with the input's own rate.
 
         Raises:
@@ -111,8 +111,8 @@ class LinearModel(NamedTuple):
 
 def linearise(
     machine: Machine | Circuit,
-    state: Any,
-    memory: Any,
+    state: Tree,
+    memory: Tree,
     inputs: Mapping[str, Value],
     *,
     inputs_by_name: Sequence[str],
@@ -160,10 +160,10 @@ def linearise(
 @functools.partial(jit, static_argnums=(5, 6, 7))
 def _jacobians(
     machine: Machine | Circuit,
-    state: Any,
-    memory: Any,
-    inputs: Any,
-    values: Any,
+    state: Tree,
+    memory: Tree,
+    inputs: Mapping[str, Value],
+    values: Scalar,
     sources: tuple[str, ...],
     outputs: tuple[str, ...],
     stuck: bool,
@@ -173,7 +173,7 @@ def _jacobians(
     load = machine.load if isinstance(machine, Machine) and stuck else None
     before = {} if load is None else load.spans(state["load"], inputs)
 
-    def both(x: Any, u: Any) -> tuple[Any, Any]:
+    def both(x: jax.Array, u: jax.Array) -> tuple[Tree, Tree]:
         all_inputs = {**inputs, **{n: Value(u[2 * i], u[2 * i + 1]) for i, n in enumerate(sources)}}
         at = back(x)
         now = memory
@@ -191,7 +191,7 @@ def _jacobians(
     return jax.jacfwd(both, argnums=(0, 1))(flat, values)
 
 
-def state_names(state: Any) -> tuple[str, ...]:
+def state_names(state: Tree) -> tuple[str, ...]:
     """Dotted names of the state's numbers in the order of the matrices, such as ``muscles.biceps.length``."""
     names = []
     for path, leaf in jax.tree_util.tree_flatten_with_path(state)[0]:
@@ -210,8 +210,8 @@ class Settled(NamedTuple):
 
 def settle(
     machine: Machine | Circuit,
-    state: Any,
-    memory: Any,
+    state: Tree,
+    memory: Tree,
     inputs: Mapping[str, Value],
     *,
     longest: float = 1e3,
@@ -276,10 +276,10 @@ def settle(
 
 
 @jit
-def _rate_and_slope(machine: Machine | Circuit, state: Any, memory: Any, inputs: Any) -> Any:
+def _rate_and_slope(machine: Machine | Circuit, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Any:
     flat, back = flatten_util.ravel_pytree(state)
 
-    def rate(v: Any) -> Any:
+    def rate(v: Any) -> Tree:
         derivative = flatten_util.ravel_pytree(machine.rate(back(v), memory, inputs))[0]
         return derivative, derivative
 

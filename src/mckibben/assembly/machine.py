@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..components import Environment, Scalar
 from ..components.system import IndependentPart, Moment, System
 from ..engine.native import call_compiled
@@ -92,7 +92,7 @@ class Machine(System):
         """Signals, with delayed commands of elements that have dead time, see `Circuit.commands`."""
         return self.circuit.commands(signals)
 
-    def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Value]) -> tuple[Any, Any]:
+    def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
         """State and memory at rest: every braid balances its tendon, friction and creep are relaxed.
 
         Args:
@@ -197,7 +197,7 @@ class Machine(System):
         assert load is not None
         return Machine(Circuit(nodes, elements, ends, circuit.gas), {ALONE: self.units[muscle]}, load, self.environment)
 
-    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def parts(self, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """Parts for each muscle, if the muscles are independent and many."""
         made = []
         for muscle, names in self.names_by_part().items():
@@ -228,7 +228,7 @@ class Machine(System):
             return None
         return find_coupling(self)
 
-    def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    def at_rest(self, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
         """State and memory at rest, without checks, so that all of it may be traced."""
         load = self.load.initial()
         spans = self.load.spans(load, inputs)
@@ -242,16 +242,16 @@ class Machine(System):
         }
         return {"circuit": circuit, "muscles": states, "load": load}, memory
 
-    def with_lengths(self, state: Any, inputs: Mapping[str, Any]) -> dict[str, Any]:
+    def with_lengths(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, Value]:
         """Inputs, with the lengths of the muscles that the circuit needs."""
         return {**inputs, **{f"{name}.length": Value(*state["muscles"][name]) for name in self.units}}
 
-    def gauge(self, state: Any, name: str) -> Scalar:
+    def gauge(self, state: Tree, name: str) -> Scalar:
         """Gauge pressure in a muscle [Pa]."""
         return state["circuit"]["pressure"][name] - self.environment.pressure_abs
 
     def pulls(
-        self, state: Any, memory: Any, inputs: Any
+        self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
     ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
         """Spans, tensions at the muscles, and tensions at the load."""
         spans = self.load.spans(state["load"], inputs)
@@ -262,7 +262,7 @@ class Machine(System):
             {n: unit.load_tension(memory["muscles"][n], tensions[n]) for n, unit in self.units.items()},
         )
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of gas, muscles and load."""
         _, tensions, felt = self.pulls(state, memory, inputs)
         muscles = {
@@ -272,7 +272,7 @@ class Machine(System):
         gas = self.joined.rate(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
         return {"circuit": gas, "muscles": muscles, "load": self.load.rates(state["load"], felt, inputs)}
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """The circuit's accounts, those of exergy with them, and the powers of the mechanics [W].
 
         ``braid`` goes into the braids by their motion and ``filling`` by the gas, ``exchanged`` is the size of both,
@@ -306,7 +306,7 @@ class Machine(System):
         outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
         return out | powers | outer
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance friction and creep along the path, and the memory of valves."""
         gas = self.joined.advance_memory(
             memory["circuit"],
@@ -332,18 +332,18 @@ class Machine(System):
         }
         return {"circuit": gas, "muscles": muscles}
 
-    def admissible(self, state: Any) -> Scalar:
+    def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""
         return self.joined.admissible(state["circuit"])
 
-    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
         """The circuit's bound, and that of each taut tendon on its end mass [1/s]."""
         with_lengths = self.with_lengths(state, inputs)
         bounds = [self.joined.max_rate_bound(state["circuit"], memory["circuit"], with_lengths)]
         bounds += [jnp.sqrt(unit.tendon.stiffness / unit.end_mass) for unit in self.units.values()]
         return jnp.stack(bounds).max()
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Outputs of the circuit, of each muscle, and of the load.
 
         A muscle has its span, length and their rates, tension at its end and at the load, friction, gauge pressure, volume

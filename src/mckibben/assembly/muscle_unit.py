@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._jax import jax, jit, jnp
+from .._jax import Tree, jax, jit, jnp
 from ..components import Hysteresis, MemoryElement, Module, Scalar
 from ..components.element import Advanced
 from ..muscles.elements import Tendon
@@ -81,34 +81,34 @@ class MuscleUnit(Module):
             states["wrap"] = self.wrap.initial()
         return {name: MuscleLedger(state, zero, zero) for name, state in states.items()}
 
-    def tension(self, state: UnitState, span: Any, span_velocity: Any) -> Scalar:
+    def tension(self, state: UnitState, span: Scalar, span_velocity: Scalar) -> Scalar:
         """Tension of the tendon at the muscle [N], never negative."""
         return self.tendon.force(span - state.length, span_velocity - state.velocity)
 
-    def load_tension(self, memory: dict[str, MuscleLedger], tension: Any) -> Scalar:
+    def load_tension(self, memory: dict[str, MuscleLedger], tension: Scalar) -> Scalar:
         """Tension that acts on the load, behind the bone [N]."""
         return tension if self.wrap is None else tension + self.wrap.force(memory["wrap"].state)
 
-    def memory_force(self, memory: dict[str, MuscleLedger], state: UnitState, pressure: Any) -> Scalar:
+    def memory_force(self, memory: dict[str, MuscleLedger], state: UnitState, pressure: Scalar) -> Scalar:
         """Friction and creep together [N], positive when they oppose lengthening."""
         forces = (part.force(memory[name].state, state.velocity, pressure) for name, part in self.parts.items())
         return sum(forces, start=jnp.zeros(()))
 
-    def damping(self, length: Any) -> Scalar:
+    def damping(self, length: Scalar) -> Scalar:
         """Damping at a length of the braid [N s/m]."""
         beyond = (length - self.law.length_range()[1]) / STOP_TRAVEL
         above = jnp.where(beyond > 0.0, beyond, 0.0)
         share = jnp.where(above < 1.0, above, 1.0)
         return self.viscosity + self.stop_damping * (share * share)
 
-    def rate(self, state: UnitState, memory: dict[str, MuscleLedger], pressure: Any, tension: Any) -> UnitState:
+    def rate(self, state: UnitState, memory: dict[str, MuscleLedger], pressure: Scalar, tension: Scalar) -> UnitState:
         """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""
         inner = braid_tension(self.law, state.length, pressure) + self.memory_force(memory, state, pressure)
         push = tension - inner - self.damping(state.length) * state.velocity
         return UnitState(state.velocity, push / self.end_mass)
 
     def advance_memory(
-        self, memory: dict[str, MuscleLedger], path: MusclePath, duration: Any
+        self, memory: dict[str, MuscleLedger], path: MusclePath, duration: Scalar
     ) -> dict[str, MuscleLedger]:
         """Advance the memory along a part of the motion that lasts a time [s]."""
         done: dict[str, Advanced] = {
@@ -128,18 +128,18 @@ class MuscleUnit(Module):
             for name, new in done.items()
         }
 
-    def kinetic_and_elastic(self, state: UnitState, span: Any) -> Scalar:
+    def kinetic_and_elastic(self, state: UnitState, span: Scalar) -> Scalar:
         """Energy of the end mass and of the tendon [J]."""
         return 0.5 * self.end_mass * state.velocity**2 + self.tendon.stored_energy(span - state.length)
 
-    def lost(self, state: UnitState, span: Any, span_velocity: Any) -> Scalar:
+    def lost(self, state: UnitState, span: Scalar, span_velocity: Scalar) -> Scalar:
         """Power lost in damper and tendon [W], never negative; the friction's loss is in its ledger."""
         stretching = span_velocity - state.velocity
         tension = self.tension(state, span, span_velocity)
         in_tendon = (tension - self.tendon.force(span - state.length)) * stretching
         return self.damping(state.length) * state.velocity**2 + in_tendon
 
-    def equilibrium(self, span: Any, pressure: Any) -> UnitState:
+    def equilibrium(self, span: Scalar, pressure: Scalar) -> UnitState:
         """The length at which braid and tendon balance at rest, without friction and creep; it may be traced.
 
         A slack braid has its free length. Where the law has none, as without pressure or bladder, it lies as long as its
@@ -153,16 +153,16 @@ class MuscleUnit(Module):
 
 
 @jit  # traced once for all that asks for it
-def braid_tension(law: TensionLaw, length: Any, pressure: Any) -> Scalar:
+def braid_tension(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
     """`TensionLaw.braid_tension`."""
     return law.braid_tension(length, pressure)
 
 
 @jit
-def _equilibrium(unit: MuscleUnit, span: Any, pressure: Any) -> UnitState:
+def _equilibrium(unit: MuscleUnit, span: Scalar, pressure: Scalar) -> UnitState:
     """Straight-line, so that thousands of machines are prepared at once."""
 
-    def excess(length: Any) -> Any:
+    def excess(length: Scalar) -> Any:
         """Pull of the braid over that of its tendon [N]."""
         return braid_tension(unit.law, length, pressure) - unit.tendon.force(span - length)
 
@@ -172,7 +172,7 @@ def _equilibrium(unit: MuscleUnit, span: Any, pressure: Any) -> UnitState:
     low = jnp.where(taut, shortest, jnp.maximum(shortest, hanging))
     high = jnp.where(taut, hanging, jnp.maximum(longest, hanging))
 
-    def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+    def halve(_: int, ends: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
         middle = 0.5 * (ends[0] + ends[1])
         above = excess(middle) > 0.0
         return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])

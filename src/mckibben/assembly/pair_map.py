@@ -12,11 +12,12 @@ at 1.4 to 5 bar rests within 2 mrad of the angle. Bones that a muscle lies over 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Array, Tree, jax, jnp
 from ..components import Module, Scalar, jit_arrays
 from ..engine.signals import Value
 from ..errors import InputError
@@ -47,13 +48,13 @@ class PairPoint(NamedTuple):
 class PairMap(Module):
     """A table of points at rest: a row for each angle, of rising stiffness; straight between them."""
 
-    angles: Scalar = quantity("rad", (-10.0, 10.0), "angles of the rows, rising evenly; shape (m,)", symbol="q")
-    stiffness: Scalar = quantity("N*m", (0.0, 1e6), "stiffness per rad, rising along a row; shape (m, n)", symbol="K")
-    common: Scalar = quantity("Pa", (-1e5, 1e8), "mean gauge pressure of the two; shape (m, n)", symbol="c")
-    difference: Scalar = quantity("Pa", (-1e8, 1e8), "flexor's pressure less the mean; shape (m, n)", symbol="d")
-    moment_per_difference: Scalar = quantity("m^3", (-1e3, 1e3), "moment of a difference in Pa; shape (m, n)")
+    angles: Array = quantity("rad", (-10.0, 10.0), "angles of the rows, rising evenly; shape (m,)", symbol="q")
+    stiffness: Array = quantity("N*m", (0.0, 1e6), "stiffness per rad, rising along a row; shape (m, n)", symbol="K")
+    common: Array = quantity("Pa", (-1e5, 1e8), "mean gauge pressure of the two; shape (m, n)", symbol="c")
+    difference: Array = quantity("Pa", (-1e8, 1e8), "flexor's pressure less the mean; shape (m, n)", symbol="d")
+    moment_per_difference: Array = quantity("m^3", (-1e3, 1e3), "moment of a difference in Pa; shape (m, n)")
 
-    def _row(self, table: Scalar, angle: Any) -> Scalar:
+    def _row(self, table: Array, angle: Scalar) -> Array:
         """A row of a table at an angle, (n,)."""
         apart = self.angles[1:2] - self.angles[0:1]
         low, high = self.angles[:1], self.angles[-1:]
@@ -61,18 +62,18 @@ class PairMap(Module):
         near = 1.0 - jnp.abs(inside - self.angles) / apart
         return jnp.sum(jnp.where(near > 0.0, near, 0.0)[:, None] * table, axis=0)
 
-    def stiffness_range(self, angle: Any) -> tuple[Scalar, Scalar]:
+    def stiffness_range(self, angle: Scalar) -> tuple[Scalar, Scalar]:
         """Least and largest stiffness at an angle [N m/rad]."""
         row = self._row(self.stiffness, angle)
         return jnp.min(row), jnp.max(row)
 
-    def at(self, angle: Any, stiffness: Any) -> PairPoint:
+    def at(self, angle: Scalar, stiffness: Scalar) -> PairPoint:
         """The point for an angle [rad] and a stiffness [N m/rad]; of what is out of range, the nearest."""
         row = self._row(self.stiffness, angle)
         share = (stiffness - row[:-1]) / (row[1:] - row[:-1])
         share = jnp.where(share < 0.0, 0.0, jnp.where(share > 1.0, 1.0, share))
 
-        def along(table: Scalar) -> Scalar:
+        def along(table: Array) -> Scalar:
             values = self._row(table, angle)
             return jnp.sum(values[:1]) + jnp.sum(share * (values[1:] - values[:-1]))
 
@@ -138,32 +139,36 @@ class _Found(NamedTuple):
 
 
 @jit_arrays
-def _solved(machine: Machine, start: Any, inputs: Any, angles: Any, common: Any) -> _Found:
+def _solved(
+    machine: Machine, start: tuple[Tree, Tree], inputs: Mapping[str, Value], angles: Scalar, common: Any
+) -> _Found:
     """Points at rest for all angles (m,) and common pressures (n,), each (m, n)."""
 
-    def one(angle: Any, mean: Any) -> _Found:
+    def one(angle: Scalar, mean: Any) -> _Found:
         return _at_rest(machine, start, inputs, angle, mean)
 
     return jax.vmap(jax.vmap(one, in_axes=(None, 0)), in_axes=(0, None))(angles, common)
 
 
-def _at_rest(machine: Machine, start: Any, inputs: Any, angle: Any, mean: Any) -> _Found:
+def _at_rest(
+    machine: Machine, start: tuple[Tree, Tree], inputs: Mapping[str, Value], angle: Scalar, mean: Any
+) -> _Found:
     load: Any = machine.load
     joint = JointState(angle, jnp.zeros(()))
     spans = load.spans(joint, inputs)
 
-    def pressures(x: Any) -> dict[str, Any]:
+    def pressures(x: Array) -> dict[str, Any]:
         return {"flexor": mean + x[2], "extensor": mean - x[2]}
 
-    def felt(x: Any) -> dict[str, Any]:
+    def felt(x: Array) -> dict[str, Any]:
         return {n: machine.units[n].tendon.force(spans[n].span - x[i]) for i, n in enumerate(NAMES)}
 
-    def excess(x: Any) -> Any:
+    def excess(x: Array) -> Any:
         gauge, pull = pressures(x), felt(x)
         residuals = [pull[n] - machine.units[n].law.braid_tension(x[i], gauge[n]) for i, n in enumerate(NAMES)]
         return jnp.stack([*residuals, load.inertia * load.rates(joint, pull, inputs).velocity])
 
-    def closer(_: Any, x: Any) -> Any:
+    def closer(_: Any, x: Array) -> Any:
         step = jnp.linalg.solve(jax.jacfwd(excess)(x), -excess(x))
         most = jnp.array([LONGEST, LONGEST, STEEPEST])
         return x + jnp.where(step > most, most, jnp.where(step < -most, -most, step))

@@ -11,10 +11,12 @@ the tube is shut in; a bone that it lies over is left out.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._jax import jax, jnp
+from .._jax import Tree, jax, jnp
 from ..components import Scalar, derivative
+from ..components.system import Value
 from ..errors import InputError
 from ..pneumatics.heat import Inflow, VolumeState
 from .loads import JointLoad
@@ -31,7 +33,7 @@ class Stiffness(NamedTuple):
     relaxed_at_pressure: Scalar
 
 
-def memory_stiffness(unit: MuscleUnit, pressure: Any) -> Scalar:
+def memory_stiffness(unit: MuscleUnit, pressure: Scalar) -> Scalar:
     """Stiffness of friction and creep while no element slips or relaxes [N/m]; gauge pressure [Pa]."""
     at = {"start_pressure": pressure, "end_pressure": pressure, "duration": 0.0}
 
@@ -42,7 +44,9 @@ def memory_stiffness(unit: MuscleUnit, pressure: Any) -> Scalar:
     return derivative(force, 0.0)
 
 
-def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name: str, *, mass: bool) -> Scalar:
+def braid_stiffness(
+    machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str, *, mass: bool
+) -> Scalar:
     """Stiffness of the braid with its gas [N/m], with the mass of the gas constant or with its pressure."""
     unit = machine.units[name]
     length, gauge = state["muscles"][name].length, machine.gauge(state, name)
@@ -53,7 +57,7 @@ def braid_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name
     return stiff + per_pressure * _pressure_slope(machine, state, memory, inputs, name)
 
 
-def _pressure_slope(machine: Machine, state: Any, memory: Any, inputs: Any, name: str) -> Scalar:
+def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str) -> Scalar:
     """dP/dL of the gas shut into a muscle and stretched quickly, by its heat model [Pa/m]."""
     circuit, with_lengths = machine.joined, machine.with_lengths(state, inputs)
     node: Any = circuit.nodes[name]
@@ -69,7 +73,7 @@ def _pressure_slope(machine: Machine, state: Any, memory: Any, inputs: Any, name
     return rate(moved.moving) - rate(jnp.zeros(()))  # without what a wall's heat does meanwhile
 
 
-def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, name: str) -> Stiffness:
+def muscle_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str) -> Stiffness:
     """Stiffness of a muscle with its tendon at a point [N/m], zero where the tendon is slack.
 
     Raises:
@@ -89,7 +93,7 @@ def muscle_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any, nam
     return _told(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
 
 
-def joint_stiffness(machine: Machine, state: Any, memory: Any, inputs: Any) -> Stiffness:
+def joint_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Stiffness:
     """Stiffness of a joint against turning at a point [N m/rad], with all its muscles and what the joint itself has.
 
     Raises:

@@ -13,8 +13,6 @@ Source of the ratio: L. Euler, 1762 (published 1769), as in any text on belts; s
 
 from __future__ import annotations
 
-from typing import Any
-
 from .._jax import jnp
 from ..components import Module, Scalar
 from ..components.element import Advanced
@@ -39,7 +37,7 @@ class Wrap(Module):
         """Tension of the side that pulls over that of the other while it slides, exp(mu phi) [1]."""
         return jnp.exp(self.friction * self.angle)
 
-    def advance(self, state: Scalar, displacement: Any, tension: Any) -> Advanced:
+    def advance(self, state: Scalar, displacement: Scalar, tension: Scalar) -> Advanced:
         """Move the span by a displacement [m], then limit once with the tension [N] at the end."""
         dx, most = per_contact(displacement), self.ratio()
         pulled = per_contact(tension) / self.stiffness

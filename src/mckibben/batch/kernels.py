@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Scalar, Tree, jax, jnp
 from ..assembly.output_names import CONSTANT
 from ..bench import channels
 from ..bench.hardware.plant import InstrumentedPlant
@@ -28,7 +28,7 @@ SHOWN = ("running", "record", "code", "missed", "step")
 class PlantWithoutAccounts(InstrumentedPlant):
     """A plant without the integrals of the balances, which is three times as fast."""
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Return no integrands."""
         return {}
 
@@ -121,14 +121,14 @@ class LaneKernels:
         self._count = jax.jit(jax.vmap(self._counted_lane, in_axes=(self._leaves, 0, -1, None)))
         self._by_xla = jax.jit(self._all, static_argnums=(6,))
 
-    def begin(self, leaves: Sequence[Any], row: Any, width: int) -> sampled.Carry:
+    def begin(self, leaves: Sequence[Tree], row: Tree, width: int) -> sampled.Carry:
         """Put `width` lanes at the first sample of the part."""
         carry: sampled.Carry = jax.tree.map(np.asarray, self._begin(tuple(leaves), row, np.arange(width)))
         return carry
 
     def march(
-        self, leaves: Sequence[Any], carry: Any, sums: Any, rows: Any, *, period: float, inner: int, stiff: bool
-    ) -> tuple[Any, Any, ChunkResult]:
+        self, leaves: Sequence[Tree], carry: Tree, sums: Tree, rows: Tree, *, period: float, inner: int, stiff: bool
+    ) -> tuple[Tree, Tree, ChunkResult]:
         """Compute a chunk of samples of every lane: the carry and the totals afterwards, and the result."""
         native = self._lowered(leaves, carry, rows, period, inner, stiff)
         if native is None:
@@ -139,12 +139,12 @@ class LaneKernels:
             new, result = self._count(tuple(leaves), sums, done._replace(carry=()), period)
         return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, result)
 
-    def tree(self, leaves: Sequence[Any]) -> dict[str, Any]:
+    def tree(self, leaves: Sequence[Tree]) -> dict[str, Any]:
         """Rebuild the tree of a lane, or of many."""
         return _tree(self.kind, leaves)
 
     def _lowered(
-        self, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int, stiff: bool
+        self, leaves: Sequence[Tree], carry: Tree, rows: Tree, period: float, inner: int, stiff: bool
     ) -> EngineFunction | None:
         """The native kernel; None if there is none, and XLA has to do."""
         if self.kind.engine != "xla" and stiff not in self._native:
@@ -165,7 +165,7 @@ class LaneKernels:
         return kernel if kernel is not None and kernel.engine != "xla" else None
 
     def _called(
-        self, native: EngineFunction, leaves: Sequence[Any], carry: Any, rows: Any, period: float, inner: int
+        self, native: EngineFunction, leaves: Sequence[Tree], carry: Tree, rows: Tree, period: float, inner: int
     ) -> ChunkPhysics:
         """Compute a chunk in native kernels, which have the lanes last."""
         last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
@@ -183,21 +183,23 @@ class LaneKernels:
         )
         return chunk
 
-    def _begin_lane(self, leaves: Any, row: Any, lane: Any) -> Any:
+    def _begin_lane(self, leaves: Tree, row: Tree, lane: Any) -> Any:
         tree = self.tree(leaves)
         return at_rest(tree["plant"], tree["software"], tree["pressure"], self.kind.depth, row)
 
-    def _all(self, leaves: Any, carry: Any, sums: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> Any:
+    def _all(
+        self, leaves: Tree, carry: Tree, sums: Tree, rows: Tree, period: Scalar, inner: Scalar, stiff: bool
+    ) -> Any:
         """Compute physics and outputs of all lanes in one XLA function."""
 
-        def one(own: Any, before: Any, so_far: Any, given: Any) -> Any:
+        def one(own: Any, before: Scalar, so_far: Any, given: Any) -> Any:
             done = physics(self.kind, own, before, given, period, inner, stiff)
             return done.carry, *self._counted_lane(own, so_far, done, period)
 
         return jax.vmap(one, in_axes=(self._leaves, 0, 0, self._rows))(leaves, carry, sums, rows)
 
     def _counted_lane(
-        self, leaves: Any, sums: RunningTotals, done: ChunkPhysics, period: Any
+        self, leaves: Tree, sums: RunningTotals, done: ChunkPhysics, period: Scalar
     ) -> tuple[RunningTotals, ChunkResult]:
         """Update the outputs of one lane by the samples of a chunk."""
         windows, kind, shown = self.tree(leaves)["windows"], self.kind, done.shown
@@ -209,7 +211,9 @@ class LaneKernels:
         return new, ChunkResult(done.fastest, done.sound, done.finite, counted, stop, kept, shown["step"].astype(int))
 
 
-def physics(kind: KernelKey, leaves: Any, carry: Any, rows: Any, period: Any, inner: Any, stiff: bool) -> ChunkPhysics:
+def physics(
+    kind: KernelKey, leaves: Tree, carry: Tree, rows: Tree, period: Scalar, inner: Scalar, stiff: bool
+) -> ChunkPhysics:
     """Compute a chunk of samples of one lane, straight-line but for its counted loops."""
     tree = _tree(kind, leaves)
     sampled_ = (c for o in kind.outputs if o.sampled for c in (o.channel, o.over) if c)
@@ -248,7 +252,7 @@ def physics(kind: KernelKey, leaves: Any, carry: Any, rows: Any, period: Any, in
     return ChunkPhysics(after, results, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
 
 
-def _tree(kind: KernelKey, leaves: Sequence[Any]) -> dict[str, Any]:
+def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Any]:
     tree: dict[str, Any] = jax.tree.unflatten(kind.structure, leaves)
     if not kind.accounts:
         plant = tree["plant"]
@@ -281,7 +285,7 @@ def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
     return by_name | true
 
 
-def at_rest(plant: InstrumentedPlant, software: Any, pressure: Any, depth: int, row: Any) -> sampled.Carry:
+def at_rest(plant: InstrumentedPlant, software: Tree, pressure: Scalar, depth: int, row: Tree) -> sampled.Carry:
     """State at the first sample of a part, after a gauge pressure [Pa] has lasted; as `bench.segment` begins one.
 
     Args:

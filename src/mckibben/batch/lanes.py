@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jit, jnp
+from .._jax import Scalar, Tree, jax, jit, jnp
 from ..assembly.machine import Machine
 from ..bench.hardware.computer import Timing
 from ..bench.hardware.pneumatics import MUSCLE
@@ -418,7 +418,7 @@ def _doubtful(family: VariantFamily, built: BuiltVariant, lanes: Sequence[Varian
 
 @functools.partial(jit, static_argnums=(0, 1))
 def _most_tension(
-    structure: Any, axes: tuple[int | None, ...], leaves: Any, lanes: Any, span: Any, pressure: Any
+    structure: Any, axes: tuple[int | None, ...], leaves: Tree, lanes: Any, span: Any, pressure: Scalar
 ) -> Any:
     """Largest tension of every lane's law at some spans [m] and pressures [Pa]."""
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax
+from .._jax import Tree, jax
 from ..bench.segment import AFTER_STOP, CHUNK, SensorNoise
 from ..engine.sampled import Steps
 from .kernels import ChunkResult, LaneKernels
@@ -59,11 +59,11 @@ class NoiseRows:
     def __init__(self, draws: Sequence[SensorNoise]) -> None:
         self.draws = draws
 
-    def first(self) -> Any:
+    def first(self) -> Tree:
         """Row of a sample without noise."""
         return self.draws[0].first()
 
-    def next(self) -> Any:
+    def next(self) -> Tree:
         """Rows of the next chunk."""
         every = [d.next() for d in self.draws]
         return every[0] if len(every) == 1 else jax.tree.map(lambda *x: np.stack(x), *every)
@@ -122,13 +122,13 @@ def part(
 def _chunk(
     kernels: LaneKernels,
     leaves: Sequence[np.ndarray],
-    carry: Any,
-    sums: Any,
-    row: Any,
+    carry: Tree,
+    sums: Tree,
+    row: Tree,
     period: float,
     inner: int,
     failed: dict[int, LaneFailure],
-) -> tuple[Any, Any, ChunkResult]:
+) -> tuple[Tree, Tree, ChunkResult]:
     """Compute a chunk of all lanes, with shorter steps where needed; failures are added to `failed`."""
     after, new, result_of_chunk = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
     todo = {Steps(): np.flatnonzero(sums.going)}

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Scalar, jax, jnp
 from ..analysis.steps import LAST, settling
 from ..engine.integration import Result
 from ..errors import InputError
@@ -85,7 +85,7 @@ USUAL = tuple(
 )
 
 
-def read_outputs(raw: Any, place: Place) -> tuple[Output, ...]:
+def read_outputs(raw: object, place: Place) -> tuple[Output, ...]:
     """Read the outputs of a sweep file, the usual ones if it names none.
 
     Raises:
@@ -250,7 +250,7 @@ def add_samples(
     look: ChunkSamples,
     windows: Mapping[str, Any],
     kept: Any,
-    period: Any,
+    period: Scalar,
     every: int,
 ) -> RunningTotals:
     """Add the samples of a chunk to the running outputs.

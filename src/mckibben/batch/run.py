@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax
+from .._jax import Tree, jax
 from ..assembly.accounts import accounts
 from ..bench.segment import SensorNoise
 from ..engine import sampled
@@ -177,7 +177,7 @@ class _Piece:
             if kernels.kind.accounts:
                 self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
 
-    def _why(self, kernels: LaneKernels, leaves: Any, part: int, lane: int, found: MarchedPart) -> str:
+    def _why(self, kernels: LaneKernels, leaves: Tree, part: int, lane: int, found: MarchedPart) -> str:
         """Describe why a machine stopped, in the words of `bench.run`."""
         stop = found.stopped[lane]
         if stop["code"] > 0:
@@ -189,7 +189,7 @@ class _Piece:
         waited = step.count * self.period
         return f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
 
-    def _account(self, kernels: LaneKernels, leaves: Any, lane: int, found: MarchedPart) -> None:
+    def _account(self, kernels: LaneKernels, leaves: Tree, lane: int, found: MarchedPart) -> None:
         begun, ended = (jax.tree.map(lambda x: x[lane], c) for c in (found.begun, found.carry))
         for name, value in ended.integrals.items():
             many = self.integrals.setdefault(name, np.zeros(len(self.lanes)))

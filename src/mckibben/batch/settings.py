@@ -38,7 +38,7 @@ class Setting(NamedTuple):
     unit: str = ""
     quantity: Quantity | None = None
 
-    def read(self, raw: Any, *, where: str | None = None) -> float | str:
+    def read(self, raw: object, *, where: str | None = None) -> float | str:
         """Read a value of a file: SI, or the text itself (also for lengths in rest lengths).
 
         Raises:
@@ -57,12 +57,12 @@ class Setting(NamedTuple):
         self.quantity.check(self.path, value, where=where)
         return value
 
-    def text(self, raw: Any, *, where: str | None = None) -> str:
+    def text(self, raw: object, *, where: str | None = None) -> str:
         """Format a value of a file, checked as `read` checks it."""
         self.read(raw, where=where)
         return ", ".join(self._text(one, where) for one in (raw if isinstance(raw, list | tuple) else [raw]))
 
-    def _text(self, raw: Any, where: str | None) -> str:
+    def _text(self, raw: object, where: str | None) -> str:
         if isinstance(raw, bool):
             return "true" if raw else "false"
         if not isinstance(raw, str | int | float) or raw == "":

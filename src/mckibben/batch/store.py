@@ -148,7 +148,7 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
 
     count = len(sweep.variants)
 
-    def array(name: str, kind: Any, fill: Any, **attributes: Any) -> Any:
+    def array(name: str, kind: Any, fill: Any, **attributes: object) -> Any:
         return group.create_array(
             name,
             shape=(count,),

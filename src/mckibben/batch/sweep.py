@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from .._jax import Scalar
 from ..bench.segment import CHUNK
+from ..documents import JsonValue
 from ..errors import InputError
 from .lanes import BuiltVariant, build
 from .outputs import LATER, VariantOutcome, check_channels, document, wanted
@@ -64,7 +66,7 @@ class Sweep:
             digest.update(values.tobytes() if values.dtype == float else "\0".join(values).encode())
         return digest.hexdigest()
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, JsonValue]:
         """Shared properties of the variants as a JSON document."""
         template = self.template
         return {
@@ -130,7 +132,7 @@ class Sweep:
         wished = self.block or max(LEAST_BLOCK, min(LANES, power(-(-len(self.variants) // (2 * workers)))))
         return max(1, min(wished, 1 << (fits.bit_length() - 1), power(len(self.variants))))
 
-    def _built(self, factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
+    def _built(self, factory: RunFactory, values: Mapping[str, Scalar]) -> BuiltVariant:
         try:
             return build(factory, values)
         except InputError as error:

@@ -141,7 +141,7 @@ class SweepRunTable:
     engine: str = word(among=ENGINES, default="auto")
 
 
-def _read_rows(raw: Any, place: Place) -> tuple[Mapping[str, Any], ...]:
+def _read_rows(raw: object, place: Place) -> tuple[Mapping[str, Any], ...]:
     if not isinstance(raw, list):
         raise place.fail(raw, "must be a list of tables, [[list]]")
     return tuple(place.below(i).table(one).values for i, one in enumerate(raw, 1))
@@ -209,7 +209,7 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     return Sweep(template, variants, title=file.title, where=where, **dataclasses.asdict(file.run))
 
 
-def _axis(raw: Any, one: Setting, place: Place) -> list[float | str]:
+def _axis(raw: object, one: Setting, place: Place) -> list[float | str]:
     """The values of a path of the grid."""
     if isinstance(raw, Mapping):
         ends = read_part(GridRange, raw, place, "they have")

@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+from .._jax import Tree
 from ..errors import ConvergenceError, InputError, choice
 from ..extras import library
 from .run import Results, Runner, Tell
@@ -238,7 +239,7 @@ class DaskTeam(WorkerTeam):
             self.client.cancel([future for _, future in at_work.values()])
 
 
-def _dask_libraries() -> tuple[Any, Any]:
+def _dask_libraries() -> tuple[Tree, Tree]:
     use, instead = "Sweeps on Dask need", "--scheduler processes does without it"
     return library("dask", use, instead=instead), library("distributed", use, instead=instead)
 

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..analysis.steps import unsettled_at_end
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
 from ..components.module import map_leaves
 from ..components.paths import resolved
+from ..components.system import Value
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
 from ..pneumatics.balance import balance
@@ -38,11 +39,11 @@ class Window(Module):
     whole: Signal
     first: Any = field(converter=lambda index: jnp.asarray(index))
 
-    def at(self, index: Any, share: Any, period: Any) -> Any:
+    def at(self, index: Scalar, share: Scalar, period: Scalar) -> Value:
         """Value at a sample, as in `signals.Signal`."""
         return self.whole.at(self.first + index, share, period)
 
-    def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Any:
+    def within(self, index: Scalar, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> Value:
         """Times within a step at which the signal changes, as in `signals.Signal`."""
         return self.whole.within(self.first + index, begin, end, share, period)
 
@@ -90,7 +91,7 @@ def _edges(plan: CircuitPlan) -> list[int]:
     return [*range(0, plan.samples, size), plan.samples]
 
 
-def _part(plan: CircuitPlan, state: Any, memory: Any, windows: Mapping[str, Any], part: tuple[int, int]) -> Run:
+def _part(plan: CircuitPlan, state: Tree, memory: Tree, windows: Mapping[str, Any], part: tuple[int, int]) -> Run:
     try:
         return integrate(
             plan.circuit, state, windows, period=plan.period, memory=memory, step_size=plan.step, method=plan.method

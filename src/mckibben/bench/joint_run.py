@@ -20,6 +20,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..assembly.output_names import CONSTANT
 from ..assembly.pair_map import NAMES, pair_map
 from ..components.paths import resolved
+from ..documents import JsonValue
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError
@@ -229,7 +230,7 @@ def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
     return {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
 
 
-def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, Any]:
+def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, JsonValue]:
     """External inputs of every sample up to the end of the last chunk, where the last set-points stay."""
     whole = CHUNK * math.ceil(count / CHUNK)
     names = list(PRESSURES.values())
@@ -275,7 +276,7 @@ def _channels(seen: Any, count: int) -> dict[str, Channel]:
     return channels
 
 
-def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accounts, seed: int) -> dict[str, Any]:
+def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accounts, seed: int) -> dict[str, JsonValue]:
     rig, room = stand.rig, stand.rig.environment
     cites = [key for unit in plant.machine.units.values() for key in unit.law.cites]
     owners = {"machine": plant.machine, "control": stand.control}

@@ -13,6 +13,7 @@ from ..assembly.accounts import CLOSED, Accounts
 from ..assembly.exergy_balance import document
 from ..assembly.machine import Machine
 from ..components.paths import resolved
+from ..documents import JsonValue
 from ..experiments.plan import PlannedStep
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Recording
@@ -61,7 +62,7 @@ class StepTable:
             last["ended_by"] = by
 
 
-def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
+def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
     """Compose the metadata that are known before the run."""
     protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
     room = rig.environment
@@ -98,7 +99,7 @@ def initial_metadata(bench: PreparedRun) -> dict[str, Any]:
 
 def run_metadata(
     bench: PreparedRun, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
-) -> dict[str, Any]:
+) -> dict[str, JsonValue]:
     """Compose the metadata of a recording, without steps, events and result.
 
     Args:
@@ -138,12 +139,12 @@ def _true_ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
     return {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
 
 
-def _calibrated(bench: PreparedRun) -> dict[str, Any]:
+def _calibrated(bench: PreparedRun) -> dict[str, JsonValue]:
     used = bench.rig.calibration
     return {} if used is None else {"calibration": used.plain()}
 
 
-def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, JsonValue]:
     """Describe every measured channel that saturated: share, longest time [s], and a sentence."""
     saturations = {}
     for name, ends in converters.items():

@@ -11,6 +11,7 @@ import numpy as np
 from ..assembly.accounts import Accounts
 from ..assembly.machine import Machine
 from ..assembly.output_names import CONSTANT
+from ..documents import JsonValue
 from ..engine import sampled
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
@@ -49,7 +50,7 @@ class RunState(Protocol):
     events: list[dict[str, Any]]
 
     @property
-    def steps(self) -> list[dict[str, Any]]:
+    def steps(self) -> list[dict[str, JsonValue]]:
         """The steps that have begun."""
 
 
@@ -224,7 +225,7 @@ class ProtocolRun:
         self._mounted: list[list[float]] = []  # from a time on [s], the span at which the encoder was zeroed [m]
 
     @property
-    def steps(self) -> list[dict[str, Any]]:
+    def steps(self) -> list[dict[str, JsonValue]]:
         """The steps that have begun: path, label, start and end [s], period [s]."""
         return self.table.steps
 
@@ -251,7 +252,7 @@ class ProtocolRun:
             self.recorder.close(self.result, self.message, meta)
         return record.with_meta(meta, result=self.result, message=self.message)
 
-    def _metadata(self, record: Recording) -> dict[str, Any]:
+    def _metadata(self, record: Recording) -> dict[str, JsonValue]:
         assert self.machine is not None
         meta = run_metadata(
             self.prepared, self.machine, self.timing, inner=self.finest, closed=self.accounts, record=record
@@ -273,7 +274,7 @@ class ProtocolRun:
             self.ask(text)
         self._event(f"asked to {text}")
 
-    def _event(self, text: str, **more: Any) -> None:
+    def _event(self, text: str, **more: object) -> None:
         self.events.append({"time": self.time, "text": text, **more})
         self.recorder.remark(text, self.time)
 

@@ -10,6 +10,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from .._jax import Scalar
+from ..documents import JsonValue
 from ..errors import InputError
 from ..recordings.live_log import LiveLog
 from ..recordings.recording import Channel, Recording
@@ -42,7 +44,7 @@ class Chunks:
         """Number of samples kept so far."""
         return sum(len(t) for t in self._times)
 
-    def add(self, times: Any, arrays: Mapping[str, Any], keep: Any = True) -> None:
+    def add(self, times: Any, arrays: Mapping[str, Scalar], keep: Any = True) -> None:
         """Take the next samples; they are copied.
 
         Args:
@@ -81,7 +83,7 @@ class Chunks:
         self._times.append(times)
         self._arrays.append(chosen)
 
-    def recording(self, meta: Mapping[str, Any] | None = None) -> Recording:
+    def recording(self, meta: Mapping[str, JsonValue] | None = None) -> Recording:
         """Return the samples kept so far; a channel is NaN if a chunk did not have it.
 
         The meta gets ``gaps``, the times [s] before and after each place where samples were left out, if there are any.
@@ -149,7 +151,7 @@ class RunRecorder:
         """Return the samples as a recording without metadata."""
         return self.chunks.recording()
 
-    def close(self, result: str, message: str, meta: Mapping[str, Any]) -> None:
+    def close(self, result: str, message: str, meta: Mapping[str, JsonValue]) -> None:
         """Close the log."""
         if self.log is not None:
             self.log.close(result, message, meta)

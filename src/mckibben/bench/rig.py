@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .. import schema
-from .._jax import jnp
+from .._jax import Scalar, jnp
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
@@ -190,7 +190,7 @@ class Rig:
                 raise InputError("channel", name, "the rig measures", known=known, where="calibration")
         return dataclasses.replace(self, calibration=calibration)
 
-    def true(self, channel: str, indicated: Any) -> Any:
+    def true(self, channel: str, indicated: Scalar) -> Scalar:
         """Return the calibrated value of a channel for its nominal one [SI]."""
         corrections = {} if self.calibration is None else self.calibration.corrections
         return corrections[channel].true(indicated) if channel in corrections else indicated

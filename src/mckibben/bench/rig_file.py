@@ -29,7 +29,7 @@ from importlib import resources
 from typing import Any, TypeVar, cast
 
 from ..components import Environment, Module
-from ..documents import parse_toml, read_toml, with_own_paths
+from ..documents import JsonValue, parse_toml, read_toml, with_own_paths
 from ..errors import InputError
 from ..pneumatics.build import build_element
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
@@ -99,7 +99,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
     return read_rig(document, where=where)
 
 
-def read_rig(document: Mapping[str, Any], *, where: str = "rig") -> Rig:
+def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
     """Read a rig from the tables of its file.
 
     Raises:

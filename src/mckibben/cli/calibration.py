@@ -9,6 +9,7 @@ import typer
 
 from .. import recordings
 from ..bench import calibrate
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import calibration as calibration_module
@@ -121,7 +122,9 @@ def apply(
         typer.echo(f"Note: {note}")
 
 
-def say_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> dict[str, Any]:
+def say_outcome(
+    whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]
+) -> dict[str, JsonValue]:
     """Convert the result of a session to JSON."""
     now = _now()
     points = {
@@ -179,7 +182,7 @@ def _known(file: Path) -> Calibration:
     return calibration
 
 
-def _told(one: Correction, now: datetime.datetime) -> dict[str, Any]:
+def _told(one: Correction, now: datetime.datetime) -> dict[str, JsonValue]:
     """Convert a correction to JSON: every term with its interval, its origin and whether it has expired."""
     over = one.expired(now)
     out: dict[str, Any] = {

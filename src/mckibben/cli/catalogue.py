@@ -9,6 +9,7 @@ import typer
 
 from ..bench import software
 from ..citations import known_keys, reference
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments import amounts, sentence
 from ..experiments import read as reading
@@ -113,7 +114,7 @@ def _text(name: str, protocol: Protocol, change: list[str] | None) -> str:
     return (resources.files("mckibben.experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _described(protocol: Protocol, text: str) -> dict[str, Any]:
+def _described(protocol: Protocol, text: str) -> dict[str, JsonValue]:
 
     key = protocol.source.split(",")[0]
     return {
@@ -138,7 +139,7 @@ def _described(protocol: Protocol, text: str) -> dict[str, Any]:
     }
 
 
-def _choice(choice: ProtocolChoice) -> dict[str, Any]:
+def _choice(choice: ProtocolChoice) -> dict[str, JsonValue]:
     return {
         "values": list(choice.values),
         "inferred": [v for v in choice.values if v in choice.inferred],
@@ -148,9 +149,9 @@ def _choice(choice: ProtocolChoice) -> dict[str, Any]:
     }
 
 
-def _parameter(protocol: Protocol, p: ProtocolParameter) -> dict[str, Any]:
+def _parameter(protocol: Protocol, p: ProtocolParameter) -> dict[str, JsonValue]:
 
-    def entry(value: Any) -> dict[str, Any]:
+    def entry(value: Any) -> dict[str, JsonValue]:
         if p.unit == "word":
             return {"value": value, "unit": "word", "words": value, "inferred": sentence.is_inferred(p, value)}
         amount = amounts.read_amount(value, p.unit, field=p.name)
@@ -183,7 +184,7 @@ def _by_inferred(protocol: Protocol, p: ProtocolParameter, value: Any) -> bool:
     )
 
 
-def _duration(protocol: Protocol) -> dict[str, Any]:
+def _duration(protocol: Protocol) -> dict[str, JsonValue]:
     """Longest time [s] for a typical muscle; None if it is unknown in advance."""
     about: dict[str, Any] = {"rest_length": REST_LENGTH}
     try:

@@ -14,6 +14,7 @@ from ..assembly import circuit_file
 from ..assembly import linearise as linearisation
 from ..assembly import sentence as sentences_module
 from ..bench import circuit_run
+from ..documents import JsonValue
 from ..errors import InputError
 from ..pneumatics import volume
 from ..quantities import from_si, parse, shown_unit, with_unit
@@ -146,7 +147,7 @@ def planned(file: Path, change: list[str] | None) -> CircuitPlan:
     return plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
 
 
-def _nodes(plan: CircuitPlan) -> dict[str, Any]:
+def _nodes(plan: CircuitPlan) -> dict[str, JsonValue]:
 
     nodes = {}
     for name, n in plan.nodes.items():
@@ -161,7 +162,7 @@ def _nodes(plan: CircuitPlan) -> dict[str, Any]:
     return nodes
 
 
-def _elements(plan: CircuitPlan) -> dict[str, Any]:
+def _elements(plan: CircuitPlan) -> dict[str, JsonValue]:
 
     elements = {}
     for name, element in plan.circuit.elements.items():
@@ -199,7 +200,7 @@ def _summary(recording: Recording) -> dict[str, dict[str, Any]]:
     }
 
 
-def _result(recording: Recording, out: Path | None) -> dict[str, Any]:
+def _result(recording: Recording, out: Path | None) -> dict[str, JsonValue]:
     meta = recording.meta
     return {
         "result": meta["result"],
@@ -299,7 +300,7 @@ def fit(
         typer.echo(f"Written: {figure}")
 
 
-def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None) -> dict[str, Any]:
+def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None) -> dict[str, JsonValue]:
     columns: dict[str, str | int] = dict(plan.fit.columns)
     for name, place in pairs(column, "--column", "tank.pressure=2").items():
         columns[name] = int(place) if place.isdigit() else place
@@ -350,7 +351,7 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
     return starts
 
 
-def circuit_fit_json(found: CircuitFit) -> dict[str, Any]:
+def circuit_fit_json(found: CircuitFit) -> dict[str, JsonValue]:
     """Convert a fit to JSON, in SI units."""
     return {
         "parameters": {name: e._asdict() for name, e in found.parameters.items()},

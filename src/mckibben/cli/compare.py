@@ -9,6 +9,7 @@ import typer
 
 from .. import muscles as muscle_models
 from ..citations import reference
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report import comparison_report, document
@@ -139,7 +140,7 @@ def _drawn(chosen: list[ComparedMuscle], done: list[Trials], matches: list[Match
     )
 
 
-def _as_json(found: comparison.MuscleTable, matches: list[Match]) -> dict[str, Any]:
+def _as_json(found: comparison.MuscleTable, matches: list[Match]) -> dict[str, JsonValue]:
     rows = []
     for row in found.rows():
         one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
@@ -163,7 +164,7 @@ def _as_json(found: comparison.MuscleTable, matches: list[Match]) -> dict[str, A
     return out | ({"match": [_match_json(m) for m in matches]} if matches else {})
 
 
-def _match_json(found: Match) -> dict[str, Any]:
+def _match_json(found: Match) -> dict[str, JsonValue]:
     keys = ("path", "title", "unit", "start", "value", "low", "high", "hit")
     return {
         "muscle": found.muscle.id,

@@ -10,6 +10,7 @@ import typer
 from .. import components
 from .. import muscles as muscle_models
 from ..analysis import energy as cycle_energy
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import from_si, parse, with_unit
 from ..report.figures import energy_figures, style
@@ -214,7 +215,7 @@ def _draw(asked: CycleRequest, curves: dict[str, EnergyCurve], path: Path) -> No
 
 def _json(
     asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]
-) -> dict[str, Any]:
+) -> dict[str, JsonValue]:
 
     c, cycles = asked.conditions, []
     for name, by in found.items():
@@ -244,7 +245,7 @@ def _json(
     } | ({"curves": [_curve_json(v) for v in curves.values()]} if curves else {})
 
 
-def _curve_json(curve: EnergyCurve) -> dict[str, Any]:
+def _curve_json(curve: EnergyCurve) -> dict[str, JsonValue]:
     return {"name": curve.name, "pressure": curve.pressure} | {
         k: getattr(curve.cycles, k) for k in ("input", "output", "efficiency")
     }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import identification, muscles
-from ..documents import read_toml
+from ..documents import JsonValue, read_toml
 from ..errors import InputError
 from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
@@ -309,7 +309,7 @@ def fit_constraints_file(path: Path, *, as_json: bool) -> None:
         print(f"note: {warning}")
 
 
-def _read(path: Path, where: str) -> dict[str, Any]:
+def _read(path: Path, where: str) -> dict[str, JsonValue]:
     data = read_toml(path)
     _only(data, {"law", "known", "constraint"}, "file", where)
     if not data.get("constraint"):

@@ -10,6 +10,7 @@ import typer
 
 from .. import muscles
 from ..citations import reference
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import declared, parse, shown_unit, values, with_unit
 from ..report.figures import muscle_figures, style
@@ -230,7 +231,7 @@ def _value(p: SpecimenNumber) -> str:
     return value if p.unit == "1" else f"{value} {p.unit}"
 
 
-def _entry(p: SpecimenNumber) -> dict[str, Any]:
+def _entry(p: SpecimenNumber) -> dict[str, JsonValue]:
     return {"value": p.value, "unit": p.unit, "source": p.source, "inferred": p.inferred, "note": p.note}
 
 

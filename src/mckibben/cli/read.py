@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import recordings
+from ..documents import JsonValue
 from ..quantities import from_si, parse, shown_unit
 from ._terminal import Json, options_named, pairs, print_json, table
 
@@ -36,7 +37,7 @@ GearRatio = Annotated[
 ]
 
 
-def format_options(sheet: str | None, topic: str | None, gear_ratio: str | None) -> dict[str, Any]:
+def format_options(sheet: str | None, topic: str | None, gear_ratio: str | None) -> dict[str, JsonValue]:
     """The options of a file format that were stated."""
     options = {"sheet": sheet, "topic": topic, "gear_ratio": gear_ratio}
     return {name: value for name, value in options.items() if value is not None}
@@ -87,7 +88,7 @@ def read_file(
         _print(summary)
 
 
-def _summary(file: Path, reading: FileReading) -> dict[str, Any]:
+def _summary(file: Path, reading: FileReading) -> dict[str, JsonValue]:
     data = reading.data
     if isinstance(data, recordings.ForceMap):
         values = {"length": data.length, "pressure": data.pressure, "tension": data.tension}

@@ -11,6 +11,7 @@ import typer
 from .. import recordings
 from ..analysis import segments as cuts
 from ..citations import known_keys, reference
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments import waveforms
 from ..quantities import from_si, parse, shown_unit
@@ -129,7 +130,7 @@ def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: 
     return [known]
 
 
-def _described(file: Path, known: Recording) -> dict[str, Any]:
+def _described(file: Path, known: Recording) -> dict[str, JsonValue]:
     import numpy as np
 
     meta, several = known.meta, len(known) > 1
@@ -163,7 +164,7 @@ def _described(file: Path, known: Recording) -> dict[str, Any]:
     }
 
 
-def _steps(known: Recording) -> list[dict[str, Any]]:
+def _steps(known: Recording) -> list[dict[str, JsonValue]]:
 
     return cuts.steps_of(known) if known.meta.get("steps") else []
 
@@ -288,7 +289,7 @@ def _read(
         return recordings.read_any(file, **_stated(column, unit, period), **options)
 
 
-def _stated(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, Any]:
+def _stated(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, JsonValue]:
     """What the options state of the columns of a file of another program."""
     return {
         "columns": column_places(column),
@@ -355,7 +356,7 @@ def repair(
     )
 
 
-def _written(source: Path, target: Path, known: Recording) -> dict[str, Any]:
+def _written(source: Path, target: Path, known: Recording) -> dict[str, JsonValue]:
     return {
         "file": str(target),
         "source": str(source),

@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .. import reproduction
+from ..documents import JsonValue
 from ..errors import InputError, not_found
 from ..report import document as document_module
 from ..report import document_pdf
@@ -158,7 +159,7 @@ def _save(drawn: list[Drawn], folder: Path, ending: str) -> list[str]:
     return [str(path) for path in files]
 
 
-def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, Any]:
+def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, JsonValue]:
 
     kinds = {
         t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest}
@@ -168,7 +169,7 @@ def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, Any]:
     return {"headline": reproduction.rows.headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
 
 
-def _as_json(o: RowOutcome) -> dict[str, Any]:
+def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
 
     return {
         "id": o.row.id,

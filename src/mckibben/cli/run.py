@@ -16,6 +16,7 @@ from ..bench import calibrate, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import run as protocol_run
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import recording_figures, style
@@ -250,7 +251,7 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
         raise typer.Exit(2)
 
 
-def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, Any]:
+def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, JsonValue]:
     meta = recording.meta
     keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing")
     result = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}

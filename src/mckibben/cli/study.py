@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import __version__, identification
-from ..documents import write_text
+from ..documents import JsonValue, write_text
 from ..quantities import from_si
 from ..report.figures import circuit_figures, loop_figures, style, tube_figures, validation_figures
 from ..studies import jumping_robot, muscle_loops, tube_models, validation, validation_page
@@ -157,7 +157,7 @@ def study_validation(
         typer.echo(f"Written: {path}")
 
 
-def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, Any]:
+def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, JsonValue]:
     rows = []
     for thermal, results in found.results.items():
         for r in results:
@@ -252,7 +252,7 @@ def _word(name: str, value: Any) -> str:
 HALVES = ("first", "second")
 
 
-def loops_json(found: LoopStudy) -> dict[str, Any]:
+def loops_json(found: LoopStudy) -> dict[str, JsonValue]:
     """Convert the study to JSON, in SI units."""
     return {
         "width_holds": found.width_holds,
@@ -394,7 +394,7 @@ def _verdicts(found: LoopStudy) -> list[str]:
     return lines
 
 
-def _width_json(w: Width) -> dict[str, Any]:
+def _width_json(w: Width) -> dict[str, JsonValue]:
     return {**w._asdict(), "error": w.error}
 
 
@@ -406,11 +406,11 @@ def _errors(fit: Any) -> dict[str, float]:
     }
 
 
-def _estimates(parameters: dict[str, Estimate]) -> dict[str, Any]:
+def _estimates(parameters: dict[str, Estimate]) -> dict[str, JsonValue]:
     return {name: e._asdict() for name, e in parameters.items()}
 
 
-def _step_json(s: StepCreep) -> dict[str, Any]:
+def _step_json(s: StepCreep) -> dict[str, JsonValue]:
     inside, count = s.inside
     return {
         "segment": s.segment,
@@ -470,7 +470,7 @@ def write_page(found: Validation, path: Path) -> list[Path]:
     return [path, figure] if found.static else [path]
 
 
-def validation_json(found: Validation) -> dict[str, Any]:
+def validation_json(found: Validation) -> dict[str, JsonValue]:
     """Convert the validation to JSON, in SI units."""
     return {
         "static": [_static_json(r) for r in found.static],
@@ -480,7 +480,7 @@ def validation_json(found: Validation) -> dict[str, Any]:
     }
 
 
-def _static_json(r: StaticResult) -> dict[str, Any]:
+def _static_json(r: StaticResult) -> dict[str, JsonValue]:
 
     return {
         "name": r.of.name,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import batch
+from ..documents import JsonValue
 from ..quantities import with_unit
 from ._terminal import Json, print_json, progress, table
 
@@ -98,7 +99,7 @@ def _range(column: dict[str, Any]) -> str:
     return " to ".join(with_unit(x, column["unit"] or "1") for x in column["range"])
 
 
-def _result(report: SweepReport) -> dict[str, Any]:
+def _result(report: SweepReport) -> dict[str, JsonValue]:
     return {
         "runs": report.runs,
         "failed": report.failed,

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from .._jax import jax, jnp
 from .module import Scalar
 
 
-def derivative(function: Callable[[Any], Any], at: Any) -> Scalar:
+def derivative(function: Callable[[Scalar], Scalar], at: Scalar) -> Scalar:
     """df/dx of an elementwise function, of the shape of ``x`` (no loop and no vmap: one forward tangent)."""
     x = jnp.asarray(at, float)
     return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]

@@ -10,7 +10,7 @@ sequence.
 from __future__ import annotations
 
 import abc
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from .module import Module, Scalar
 
@@ -22,7 +22,7 @@ class ForceElement(Module):
     """
 
     @abc.abstractmethod
-    def force(self, length: Any, velocity: Any = 0.0) -> Scalar:
+    def force(self, length: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Tension [N], shape of the arguments broadcast.
 
         Args:
@@ -32,7 +32,7 @@ class ForceElement(Module):
         """
 
     @abc.abstractmethod
-    def stored_energy(self, length: Any) -> Scalar:
+    def stored_energy(self, length: Scalar) -> Scalar:
         """Elastic energy at a length [J]."""
 
 
@@ -63,7 +63,7 @@ class MemoryElement(Module):
 
     @abc.abstractmethod
     def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any
+        self, state: Scalar, displacement: Scalar, *, start_pressure: Scalar, end_pressure: Scalar, duration: Scalar
     ) -> Advanced:
         """Advance along a straight part of the path.
 
@@ -77,7 +77,7 @@ class MemoryElement(Module):
         """
 
     @abc.abstractmethod
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+    def force(self, state: Scalar, velocity: Scalar = 0.0, pressure: Scalar = 0.0) -> Scalar:
         """Force [N], positive when it opposes lengthening; velocity [m/s] and pressure [Pa] matter to few."""
 
     @abc.abstractmethod
@@ -93,7 +93,7 @@ class Hysteresis(MemoryElement):
     """
 
     @abc.abstractmethod
-    def largest_force(self, pressure: Any) -> Scalar:
+    def largest_force(self, pressure: Scalar) -> Scalar:
         """The friction that a long motion reaches at a gauge pressure [Pa], >= 0 [N]."""
 
     @abc.abstractmethod

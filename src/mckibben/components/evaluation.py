@@ -41,7 +41,7 @@ def evaluated(method: Method) -> Method:
     defaults = getattr(method, "__defaults__", None) or ()  # a function that JAX transforms has none
 
     @functools.wraps(method)
-    def call(self: Any, *arguments: Any, **options: Any) -> Any:
+    def call(self: Any, *arguments: Any, **options: object) -> Any:
         if options:
             return method(self, *arguments, **options)
         missing = len(names) - len(arguments)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from .module import Module, Scalar
 
 
@@ -32,31 +32,31 @@ class FlowElement(Module):
     undriven: ClassVar[float] = 0.0  # the command where no signal does
     symbol: ClassVar[str] = ""  # of ISO 1219-1 in a diagram; a box with the name of the type where it is empty
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """The element's own continuous state at rest: a tree of arrays, empty if it has none."""
         return ()
 
-    def settled(self, command: Any) -> Any:
+    def settled(self, command: Scalar | None) -> Tree:
         """Return the element after a command has lasted; None if it is unknown, such as without a signal."""
         return self.initial()
 
-    def initial_memory(self, gas: Gases) -> Any:
+    def initial_memory(self, gas: Gases) -> Tree:
         """Memory at rest, such as the position of a plunger with friction; empty if there is none."""
         return ()
 
     @abc.abstractmethod
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Mass flow along each path [kg/s]."""
 
-    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+    def rates(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Tree:
         """Time derivative of the element's own state, a tree like it."""
         return ()
 
-    def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
+    def advance_memory(self, memory: Tree, start: Gases, end: Gases) -> Tree:
         """Memory after the gas at its ports has changed from `start` to `end`, at any rate."""
         return memory
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """A bound of each path's slope of mass flow over pressure, anywhere at these pressures [kg/(s Pa)].
 
         The engine needs it: between samples a small volume may cross a steep zone that no sample shows. Zero where the
@@ -64,7 +64,7 @@ class FlowElement(Module):
         """
         return tuple(jnp.zeros(()) for _ in self.paths)
 
-    def heating(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def heating(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Power that each path adds to the gas it delivers [W]; zero but for machines that compress."""
         return tuple(jnp.zeros(()) for _ in self.paths)
 
@@ -72,11 +72,11 @@ class FlowElement(Module):
         """Gas volume inside the element that is counted with the node at each port [m^3]."""
         return tuple(jnp.zeros(()) for _ in self.ports)
 
-    def delay(self) -> Any:
+    def delay(self) -> Scalar | None:
         """Dead time of the command [s]; None if it acts at once."""
         return None
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Further recorded outputs of the element, such as its opening [SI]."""
         return {}
 
@@ -88,10 +88,10 @@ class TwoPort(FlowElement):
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
 
     @abc.abstractmethod
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
 
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
+    def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """Time derivative of the element's own state."""
         return ()
 
@@ -99,11 +99,11 @@ class TwoPort(FlowElement):
         """Gas volume inside the element [m^3]; half of it is assigned to each node."""
         return jnp.zeros(())
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """The one mass flow, from a to b [kg/s]."""
         return (self.mass_flow(gas[0], gas[1], state, command),)
 
-    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+    def rates(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Tree:
         """Time derivative of the element's own state."""
         return self.rate(gas[0], gas[1], state, command)
 

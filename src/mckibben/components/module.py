@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
-from .._jax import is_jax_array, is_loaded, is_traced, jax, jit, when_loaded
+from .._jax import Scalar as Scalar
+from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax, jit, when_loaded
 from ..quantities import check_fields
 
-Scalar = Any  # a number or an array of them: all formulas are elementwise and broadcast
 Result = TypeVar("Result")
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         return made
 
 
-def flatten(tree: Any) -> tuple[list[Any], Any]:
+def flatten(tree: Tree) -> tuple[list[Any], Any]:
     """The leaves of a tree in the order of `jax.tree.leaves`, and its structure, which has a hash if all static fields have.
 
     It does what `jax.tree.flatten` does for modules, tables, lists, tuples and None, and needs no JAX.

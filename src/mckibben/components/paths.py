@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from .._jax import Scalar, Tree
 from ..errors import InputError
 from ..quantities import Quantity
 from .module import Module
 
 
-def parameters(owner: Any, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
+def parameters(owner: Tree, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
     """Iterate over the declared parameters below an object as (dotted path, declaration)."""
     return ((path, q) for path, q, _ in _with_values(owner, prefix))
 
@@ -31,13 +32,13 @@ def _with_values(owner: Any, prefix: str) -> Iterator[tuple[str, Quantity, Any]]
                 yield from _with_values(value, f"{prefix}{f.name}.")
 
 
-def resolved(owner: Any) -> dict[str, dict[str, Any]]:
+def resolved(owner: Tree) -> dict[str, dict[str, Any]]:
     """Return value [SI] and unit of every parameter below an object, by dotted path."""
     known = _with_values(owner, "")
     return {path: {"value": np.asarray(value).tolist(), "unit": q.unit} for path, q, value in known}
 
 
-def declaration(owner: Any, path: str) -> Quantity:
+def declaration(owner: Tree, path: str) -> Quantity:
     """The declaration of the parameter at a path; raises `InputError` with the nearest known paths."""
     known = dict(parameters(owner))
     if path not in known:
@@ -48,7 +49,7 @@ def declaration(owner: Any, path: str) -> Quantity:
     return known[path]
 
 
-def get(owner: Any, path: str) -> Any:
+def get(owner: Tree, path: str) -> Any:
     """The value at a dotted path [SI]; a name in a table may have dots itself."""
     while path:
         head, path = _first(owner, path)
@@ -56,21 +57,21 @@ def get(owner: Any, path: str) -> Any:
     return owner
 
 
-def put(owner: Any, changes: Mapping[str, Any]) -> Any:
+def put(owner: Tree, changes: Mapping[str, Scalar]) -> Any:
     """A copy with the values at some dotted paths replaced [SI]; they may be traced."""
     for path, value in changes.items():
         owner = _put(owner, path, value)
     return owner
 
 
-def _put(owner: Any, path: str, value: Any) -> Any:
+def _put(owner: Tree, path: str, value: Any) -> Any:
     head, rest = _first(owner, path)
     if isinstance(owner, Mapping):
         return {**owner, head: _put(owner[head], rest, value) if rest else value}
     return owner.replace(**{head: _put(getattr(owner, head), rest, value) if rest else value})
 
 
-def _first(owner: Any, path: str) -> tuple[str, str]:
+def _first(owner: Tree, path: str) -> tuple[str, str]:
     """The part of a path that belongs to an object, the longest of its names that fits, and what follows."""
     head, _, rest = path.partition(".")
     if isinstance(owner, Mapping):

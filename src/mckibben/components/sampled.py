@@ -6,15 +6,16 @@ import abc
 from collections.abc import Mapping
 from typing import Any
 
+from .._jax import Tree
 from .module import Module, Scalar
-from .system import System
+from .system import System, Value
 
 
 class Plant(System):
     """A system with converters: software sees its measured channels only, and sets its inputs once per sample."""
 
     @abc.abstractmethod
-    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+    def sense(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
         """Measured channels by name [SI].
 
         Args:
@@ -25,7 +26,7 @@ class Plant(System):
         """
 
     @abc.abstractmethod
-    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+    def convert(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """The inputs that the output converters hold, by signal, for the commands of the software by name [SI]."""
 
     @abc.abstractmethod
@@ -41,11 +42,11 @@ class Software(Module):
     """A pure step on the sample clock: what a controller, a protocol and its interlocks do with measured channels."""
 
     @abc.abstractmethod
-    def initial(self, measured: Mapping[str, Any]) -> Any:
+    def initial(self, measured: Mapping[str, Scalar]) -> Tree:
         """State before the first sample, a tree of arrays."""
 
     @abc.abstractmethod
     def step(
-        self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
-    ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
+        self, state: Tree, measured: Mapping[str, Scalar], row: Tree, dt: Scalar
+    ) -> tuple[Tree, dict[str, Scalar], dict[str, Scalar]]:
         """Compute one sample: the new state, the commands by name [SI], and values to record."""

@@ -6,15 +6,22 @@ import abc
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from .module import Module, Scalar
+
+
+class Value(NamedTuple):
+    """Value of a signal and its rate of change [1/s] (zero while held)."""
+
+    value: Scalar
+    rate: Scalar
 
 
 class Moment(NamedTuple):
     """The continuous state and the inputs at one moment."""
 
-    state: Any
-    inputs: Any
+    state: Tree
+    inputs: Mapping[str, Value]
 
 
 class IndependentPart(NamedTuple):
@@ -39,11 +46,11 @@ class Coupling(abc.ABC):
     """A system cut into cells, many of them of one structure, and a core by which they act on each other."""
 
     @abc.abstractmethod
-    def cells(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def cells(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """The cells of a system with its state, memory and signals; numbers are taken, none is computed."""
 
     @abc.abstractmethod
-    def core(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> IndependentPart:
+    def core(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> IndependentPart:
         """The core of a system with its state, memory and signals."""
 
     @abc.abstractmethod
@@ -72,19 +79,19 @@ class System(Module):
     """
 
     @abc.abstractmethod
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Time derivative of the continuous state, a tree like it [unit/s]."""
 
     @abc.abstractmethod
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of the balances' independent integrals, such as enthalpy flows [W]; an empty tree where there are none."""
 
     @abc.abstractmethod
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Memory after a change from `start` to `end` in a time [s]; unchanged if there is none."""
 
     @abc.abstractmethod
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Recorded outputs, by name [SI]."""
 
     def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,14 +101,14 @@ class System(Module):
         """
         return dict(signals)
 
-    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
         """Upper bound of the fastest rate that the system can have near a state [1/s].
 
         Zero where the modes at the samples tell enough. A run may cross a steep zone between two samples, again and again.
         """
         return jnp.zeros(())
 
-    def parts(self, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def parts(self, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> list[IndependentPart]:
         """The parts that can be integrated side by side; empty if each acts on the others, or where they are few."""
         return []
 
@@ -109,6 +116,6 @@ class System(Module):
         """How the system is cut into many cells that act on each other by a core; None if it is not, or into few."""
         return None
 
-    def admissible(self, state: Any) -> Scalar:
+    def admissible(self, state: Tree) -> Scalar:
         """Whether a state can be at all, such as a pressure above vacuum (bool)."""
         return jnp.asarray(True)

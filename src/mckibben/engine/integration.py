@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Scalar, Tree, jax, jnp
 from ..components.module import flatten, map_leaves
 from ..components.system import System
 from ..errors import ConvergenceError, InputError
@@ -76,11 +76,11 @@ class Run(NamedTuple):
 
 def integrate(
     system: System,
-    state: Any,
+    state: Tree,
     signals: Mapping[str, Signal],
     *,
     period: float,
-    memory: Any = (),
+    memory: Tree = (),
     step_size: float = STEP,
     method: str = "auto",
     raises: bool = True,
@@ -155,7 +155,7 @@ def _plan(rate: float, h: float, method: str) -> _Plan:
 
 
 def _run(
-    system: System, state: Any, memory: Any, signals: Any, period: float, inner: int, samples: int, stiff: bool
+    system: System, state: Tree, memory: Tree, signals: Any, period: float, inner: int, samples: int, stiff: bool
 ) -> Any:
     arguments = system, state, memory, signals, np.float64(period), np.int64(inner)  # the number of steps is tried out
     return call_compiled(march, *arguments, samples=samples, stiff=stiff)
@@ -163,16 +163,16 @@ def _run(
 
 def march(
     system: System,
-    state: Any,
-    memory: Any,
+    state: Tree,
+    memory: Tree,
     signals: Any,
-    period: Any,
+    period: Scalar,
     inner: int,
     samples: int,
     stiff: bool,
     *,
     integrals: bool = True,
-) -> tuple[Any, Any]:
+) -> tuple[Tree, Tree]:
     """The run itself, unchecked: a pure function, to be compiled, mapped and differentiated.
 
     Args:
@@ -192,7 +192,7 @@ def march(
     h, signals = period / inner, system.commands(signals)
     sums = zero_integrals(system, state, memory, _inputs(signals, 0, 0.0, period)) if integrals else ()
 
-    def sample(carry: Any, index: Any) -> tuple[Any, Any]:
+    def sample(carry: Tree, index: Scalar) -> tuple[Tree, Tree]:
         now = _inputs(signals, index, 0.0, period)
         sampled = carry[0], carry[1], outputs_of(system, carry[0], carry[1], now)
 
@@ -209,9 +209,9 @@ def march(
 
 
 def compile_march(
-    system: Any,
-    state: Any,
-    memory: Any,
+    system: Tree,
+    state: Tree,
+    memory: Tree,
     signals: Mapping[str, Any],
     *,
     period: float,
@@ -256,9 +256,9 @@ def compile_march(
 
 
 def _outputs(
-    system: Any,
-    state: Any,
-    memory: Any,
+    system: Tree,
+    state: Tree,
+    memory: Tree,
     signals: Any,
     *,
     period: float,
@@ -276,11 +276,11 @@ def _outputs(
     return {name: kept[2][name] for name in outputs}
 
 
-def _inputs(signals: Any, index: Any, share: Any, period: Any) -> dict[str, Any]:
+def _inputs(signals: Any, index: Scalar, share: Scalar, period: Scalar) -> dict[str, Any]:
     return {name: s.at(index, share, period) for name, s in signals.items()}
 
 
-def _within(signals: Any, index: Any, begin: Any, end: Any, share: Any, period: Any) -> dict[str, Any]:
+def _within(signals: Any, index: Scalar, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> dict[str, Any]:
     return {name: s.within(index, begin, end, share, period) for name, s in signals.items()}
 
 
@@ -312,7 +312,7 @@ def _values_at(signal: Signal, samples: np.ndarray, period: float) -> Any:
     return map_leaves(lambda *x: np.stack([np.asarray(v) for v in x]), *(signal.at(i, 0.0, period) for i in samples))
 
 
-def _judge(system: System, carry: Any, kept: Any, fastest: float, h: float, stiff: bool) -> tuple[Result, str]:
+def _judge(system: System, carry: Tree, kept: Any, fastest: float, h: float, stiff: bool) -> tuple[Result, str]:
     if not all(np.isfinite(leaf).all() for leaf in flatten((carry, kept[0]))[0]):
         return Result.NOT_FINITE, Result.NOT_FINITE.value
     limit = ROS2_LIMIT if stiff else RK4_LIMIT
@@ -328,7 +328,7 @@ def _judge(system: System, carry: Any, kept: Any, fastest: float, h: float, stif
     return Result.DONE, Result.DONE.value
 
 
-def _admissible(system: System, state: Any) -> Any:
+def _admissible(system: System, state: Tree) -> Any:
     """`System.admissible`."""
     return system.admissible(state)
 

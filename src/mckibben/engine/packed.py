@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import flatten_util, jax, jnp
+from .._jax import Tree, flatten_util, jax, jnp
 from ..components.programs import program_key
 from .native import compile_function
 
@@ -46,11 +46,11 @@ class Packed:
         """The results as vectors."""
         return [np.asarray(v) for v in self._call(*vectors)]
 
-    def tree(self, index: int, vector: np.ndarray) -> Any:
+    def tree(self, index: int, vector: np.ndarray) -> Tree:
         """A result as the tree that it is."""
         return self._outs[index](vector)
 
-    def columns(self, index: int, rows: np.ndarray) -> Any:
+    def columns(self, index: int, rows: np.ndarray) -> Tree:
         """Many vectors of a result (n, ..) as a tree of columns (n,); for results whose leaves are single numbers."""
         columns = [rows[:, i] for i in range(rows.shape[1])]
         return jax.tree.unflatten(self._structures[index], columns)
@@ -104,12 +104,12 @@ def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[A
     return known.result()
 
 
-def pack(tree: Any) -> np.ndarray:
+def pack(tree: Tree) -> np.ndarray:
     """Flatten a tree to a vector."""
     return np.asarray(_packed(tree)[0])
 
 
-def _packed(tree: Any) -> tuple[Any, Callable[[Any], Any]]:
+def _packed(tree: Tree) -> tuple[Any, Callable[[Any], Any]]:
     leaves, structure = jax.tree.flatten(tree)
     kinds = [jnp.asarray(leaf).dtype for leaf in leaves]
     vector, back = flatten_util.ravel_pytree([jnp.asarray(leaf, float) for leaf in leaves])

@@ -9,7 +9,7 @@ import numpy as np
 
 import lanewise
 
-from .._jax import jax
+from .._jax import Scalar, Tree, jax
 from .native import compile_function
 
 MOST = 32  # predictions that are remembered
@@ -54,20 +54,20 @@ def prediction(
     )
 
 
-def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> tuple[Any, Any]:
+def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> tuple[Tree, Tree]:
     made = compile_function(function, np.zeros(count), *fixed, engine=engine)
     if made.engine == "xla":
         jacobian = jax.jit(jax.jacfwd(function))
         return (lambda values, fixed: made(values, *fixed)), (lambda values, fixed: jacobian(values, *fixed))
     kernels = lanewise.Derivatives(made.program, "default", None)
 
-    def arrays(values: Any, fixed: Any) -> list[np.ndarray]:
+    def arrays(values: Scalar, fixed: Any) -> list[np.ndarray]:
         return [np.asarray(values, float), *map(np.asarray, jax.tree.leaves(fixed))]
 
-    def predict(values: Any, fixed: Any) -> Any:
+    def predict(values: Scalar, fixed: Any) -> Any:
         return kernels.run(arrays(values, fixed), 0)[0]
 
-    def slopes(values: Any, fixed: Any) -> Any:
+    def slopes(values: Scalar, fixed: Any) -> Any:
         lanes = [x[None] for x in arrays(values, fixed)]
         return np.moveaxis(kernels.jvp([*lanes, np.eye(count)], 1, (0,))[0], 0, -1)
 

@@ -5,13 +5,14 @@ Conservation does not show an unstable step that a saturation hides: the largest
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from .._jax import flatten_util, jax
+from .._jax import Tree, flatten_util, jax
 from ..components.module import flatten
-from ..components.system import System
+from ..components.system import System, Value
 from .native import call_in_lanes
 from .step import rate_of
 
@@ -19,7 +20,7 @@ from .step import rate_of
 RK4_LIMIT = 2.78
 
 
-def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float:
+def fastest_rate(system: System, states: Tree, memory: Tree, inputs: Mapping[str, Value]) -> float:
     """Largest eigenvalue magnitude over several states, and the system's own bound for steeper zones [1/s].
 
     Args:
@@ -40,13 +41,13 @@ def fastest_rate(system: System, states: Any, memory: Any, inputs: Any) -> float
     return max(fastest, float(bounds[sound].max()))
 
 
-def _examined(system: System, state: Any, memory: Any, inputs: Any) -> tuple[Any, Any]:
+def _examined(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
     """Jacobian of the state equation, and the system's own bound, at one state."""
     flat, back = flatten_util.ravel_pytree(state)
     rates = jax.jacfwd(lambda v: flatten_util.ravel_pytree(rate_of(system, back(v), memory, inputs))[0])(flat)
     return rates, system.max_rate_bound(state, memory, inputs)
 
 
-def _bound(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+def _bound(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Any:
     """The bound of a system without states."""
     return system.max_rate_bound(state, memory, inputs)

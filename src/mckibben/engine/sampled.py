@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Scalar, Tree, jax, jnp
 from ..components.module import map_leaves
 from ..components.sampled import Plant, Software
 from ..errors import ConvergenceError
@@ -66,7 +66,7 @@ class SampleResult(NamedTuple):
 
 
 def begin(
-    plant: Plant, software: Software, start: tuple[Any, Any], commands: Mapping[str, float], row: Any, depth: int
+    plant: Plant, software: Software, start: tuple[Tree, Tree], commands: Mapping[str, float], row: Tree, depth: int
 ) -> Carry:
     """State at the first sample.
 
@@ -81,13 +81,13 @@ def begin(
     return with_software(plant, software, rest(plant, start, commands, depth), row)
 
 
-def with_software(plant: Plant, software: Software, carry: Carry, row: Any) -> Carry:
+def with_software(plant: Plant, software: Software, carry: Carry, row: Tree) -> Carry:
     """A machine at rest with the software that is to command it, at the first sample's row."""
     now = _inputs(plant, carry.history, 0.0, 1.0, 1.0)
     return carry._replace(software=software.initial(plant.sense(carry.state, carry.memory, now, row)))
 
 
-def rest(plant: Plant, start: tuple[Any, Any], commands: Mapping[str, float], depth: int) -> Carry:
+def rest(plant: Plant, start: tuple[Tree, Tree], commands: Mapping[str, Scalar], depth: int) -> Carry:
     """State at the first sample of a machine that is commanded from outside; see `begin`."""
     history = {name: jnp.full((depth,), value) for name, value in plant.convert(commands).items()}
     now = _inputs(plant, history, 0.0, 1.0, 1.0)
@@ -103,7 +103,9 @@ class Observation(NamedTuple):
     sound: Any
 
 
-def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) -> tuple[dict[str, Any], Observation]:
+def observe(
+    plant: Plant, carry: Carry, row: Tree, *, period: Scalar, latency: Scalar | None
+) -> tuple[dict[str, Scalar], Observation]:
     """Measure a sample: values for the software, and values of the plant to record."""
     now = _inputs(plant, carry.history, latency, 1.0, period)
     finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
@@ -116,8 +118,15 @@ def observe(plant: Plant, carry: Carry, row: Any, *, period: Any, latency: Any) 
 
 
 def act(
-    plant: Plant, carry: Carry, commands: Mapping[str, Any], *, period: Any, inner: Any, latency: Any, stiff: bool
-) -> tuple[Carry, dict[str, Any]]:
+    plant: Plant,
+    carry: Carry,
+    commands: Mapping[str, Scalar],
+    *,
+    period: Scalar,
+    inner: Scalar,
+    latency: Scalar | None,
+    stiff: bool,
+) -> tuple[Carry, dict[str, Scalar]]:
     """New commands to the converters, and the physics until the next sample: the carry, and what the converters hold."""
     newest = plant.convert(commands)
     history = {name: jnp.append(past[1:], newest[name]) for name, past in carry.history.items()}
@@ -128,7 +137,7 @@ def act(
     def one(i: Any, physics: Any) -> Any:
         first, then = i / inner, (i + 1) / inner
 
-        def inputs(share: Any) -> dict[str, Any]:
+        def inputs(share: Scalar) -> dict[str, Any]:
             return {n: s.within(last, first, then, share, period) for n, s in signals.items()}
 
         return step(plant, physics, inputs, h, stiff)
@@ -138,7 +147,15 @@ def act(
 
 
 def sample(
-    plant: Plant, software: Software, carry: Carry, row: Any, *, period: Any, inner: Any, latency: Any, stiff: bool
+    plant: Plant,
+    software: Software,
+    carry: Carry,
+    row: Tree,
+    *,
+    period: Scalar,
+    inner: Scalar,
+    latency: Scalar | None,
+    stiff: bool,
 ) -> tuple[Carry, SampleResult]:
     """Compute one sample, and the physics until the next one.
 
@@ -161,11 +178,18 @@ def sample(
 
 
 def march(
-    plant: Plant, software: Software, carry: Carry, rows: Any, period: Any, inner: Any, latency: Any, stiff: bool
+    plant: Plant,
+    software: Software,
+    carry: Carry,
+    rows: Tree,
+    period: Scalar,
+    inner: Scalar,
+    latency: Scalar | None,
+    stiff: bool,
 ) -> tuple[Carry, SampleResult]:
     """Compute many samples, one per row: the carry afterwards, and the result of every sample."""
 
-    def one(carry: Carry, row: Any) -> tuple[Carry, SampleResult]:
+    def one(carry: Carry, row: Tree) -> tuple[Carry, SampleResult]:
         return sample(plant, software, carry, row, period=period, inner=inner, latency=latency, stiff=stiff)
 
     return jax.lax.scan(one, carry, rows)
@@ -194,7 +218,7 @@ class Steps(NamedTuple):
 
 
 def advance(
-    plant: Plant, software: Software, carry: Carry, rows: Any, *, period: float, inner: int, latency: float
+    plant: Plant, software: Software, carry: Carry, rows: Tree, *, period: float, inner: int, latency: float
 ) -> tuple[Carry, SampleResult, int]:
     """Many samples with steps that the plant's own rates allow.
 
@@ -226,12 +250,12 @@ def advance(
         steps = shorter
 
 
-def inputs_of(plant: Plant, carry: Carry, latency: Any, period: Any) -> dict[str, Value]:
+def inputs_of(plant: Plant, carry: Carry, latency: Scalar | None, period: Scalar) -> dict[str, Value]:
     """The inputs in force at the end of the sample before."""
     return _inputs(plant, carry.history, latency, 1.0, period)
 
 
-def _signals(plant: Plant, history: Mapping[str, Any], latency: Any) -> dict[str, Signal]:
+def _signals(plant: Plant, history: Mapping[str, Any], latency: Scalar | None) -> dict[str, Signal]:
     straight, signals = plant.straight(), {}
     for name, past in history.items():
         # what goes straight reaches its newest value at the end of the sample
@@ -240,6 +264,8 @@ def _signals(plant: Plant, history: Mapping[str, Any], latency: Any) -> dict[str
     return plant.commands(signals)
 
 
-def _inputs(plant: Plant, history: Mapping[str, Any], latency: Any, share: Any, period: Any) -> dict[str, Value]:
+def _inputs(
+    plant: Plant, history: Mapping[str, Any], latency: Scalar | None, share: Scalar, period: Scalar
+) -> dict[str, Value]:
     last = len(next(iter(history.values()))) - 1
     return {n: s.at(last, share, period) for n, s in _signals(plant, history, latency).items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from lanewise import Program
 
-from .._jax import jax
+from .._jax import Tree, jax
 from .native import EngineFunction, compile_function
 
 
@@ -53,7 +53,7 @@ class Split(NamedTuple):
         outputs: list[dict[str, str]] = []
         structures: list[Any] = []
 
-        def taken_apart(system: Any, *rest: Any) -> list[Any]:
+        def taken_apart(system: Tree, *rest: Any) -> list[Any]:
             parts = system.parts(*rest)
             outputs[:] = [part.outputs for part in parts]
             structures[:] = [jax.tree.structure(part[:4]) for part in parts]
@@ -66,7 +66,7 @@ class Split(NamedTuple):
         leaves = jax.tree.leaves(whole)
         return cls(jax.tree.unflatten(structures[0], [leaves[k] for k in places[:, 0]]), places, outputs)
 
-    def stacked(self, leaves: Sequence[Any]) -> list[np.ndarray]:
+    def stacked(self, leaves: Sequence[Tree]) -> list[np.ndarray]:
         """The leaves of a part, with the parts as last axis of those that are not the same number for all."""
         arrays = [np.asarray(leaf) for leaf in leaves]
         single = np.array([float(array) if array.ndim == 0 else np.nan for array in arrays])

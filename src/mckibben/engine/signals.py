@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
-from .._jax import jnp
+from .._jax import Array, Tree, jnp
 from ..components import Module, Scalar, field
+from ..components.system import Value as Value
 from ..quantities import as_array
-
-
-class Value(NamedTuple):
-    """Value of a signal and its rate of change [1/s] (zero while held)."""
-
-    value: Scalar
-    rate: Scalar
 
 
 class Signal(Module):
@@ -23,11 +17,11 @@ class Signal(Module):
     differentiable by its delay, a held one is not.
     """
 
-    values: Scalar = field(converter=as_array)
+    values: Array = field(converter=as_array)
     straight: bool = field(static=True, default=False)
     delay: Scalar | None = None
 
-    def at(self, index: Any, share: Any, period: Any) -> Value:
+    def at(self, index: Tree, share: Scalar, period: Scalar) -> Value:
         """Value at a share of the sample interval that begins at `index`; period of the samples [s]."""
         if self.delay is None:
             return self._between(index, share, period, True)
@@ -37,7 +31,7 @@ class Signal(Module):
         index = index - whole - jnp.where(before, 1, 0)
         return self._between(jnp.maximum(index, 0), jnp.where(before, share + 1.0, share), period, index >= 0)
 
-    def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Value:
+    def within(self, index: Tree, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> Value:
         """Value at a share of a step from `begin` to `end`, themselves shares of the interval at `index`.
 
         A held signal that is late by a part of a sample may jump inside the step. All stages then see its mean over the
@@ -51,13 +45,13 @@ class Signal(Module):
         mean = after + old * (before - after)
         return Value(mean, jnp.zeros_like(mean))
 
-    def _late(self, period: Any) -> tuple[Any, Any]:
+    def _late(self, period: Scalar) -> tuple[Tree, Tree]:
         """The delay as whole samples and the share that remains; what is nothing but rounding is nothing."""
         late = jnp.asarray(self.delay) / period
         whole = jnp.floor(late + 1e-9)
         return whole.astype(int), jnp.maximum(late - whole, 0.0)
 
-    def _between(self, index: Any, share: Any, period: Any, started: Any) -> Value:
+    def _between(self, index: Tree, share: Scalar, period: Scalar, started: Any) -> Value:
         begin, end = self.values[index], self.values[index + 1]
         if not self.straight:
             return Value(begin, jnp.zeros_like(begin))
@@ -65,17 +59,17 @@ class Signal(Module):
         moved = jnp.where(started, end - begin, 0.0)
         return Value(begin + moved * share, moved / period)
 
-    def delayed(self, delay: Any) -> Signal:
+    def delayed(self, delay: Scalar) -> Signal:
         """Return the signal delayed by a time [s]."""
         before = 0.0 if self.delay is None else self.delay
         return Signal(self.values, self.straight, jnp.asarray(before + delay, float))
 
 
-def held(values: Any) -> Signal:
+def held(values: Scalar) -> Signal:
     """A signal that jumps at the samples and is constant between them: a command from a converter."""
     return Signal(values)
 
 
-def ramped(values: Any) -> Signal:
+def ramped(values: Scalar) -> Signal:
     """A signal that is straight between the samples: a prescribed motion or a measured pressure."""
     return Signal(values, straight=True)

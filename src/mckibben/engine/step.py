@@ -11,11 +11,11 @@ J. G. Blom and W. Hundsdorfer, SIAM J. Scientific Computing 20, 1999, doi:10.113
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from .._jax import flatten_util, jax, jit, jnp
-from ..components.system import Moment, System
+from .._jax import Scalar, Tree, flatten_util, jax, jit, jnp
+from ..components.system import Moment, System, Value
 
 # The classical Runge-Kutta method, a row per stage: how far along the last slope, at which share of the step, its weight.
 TABLEAU = ((0.0, 0.0, 1.0 / 6.0), (0.5, 0.5, 1.0 / 3.0), (0.5, 0.5, 1.0 / 3.0), (1.0, 1.0, 1.0 / 6.0))
@@ -26,41 +26,43 @@ Inputs = Callable[[Any], Any]  # share of the step -> inputs
 
 # Traced once for all stages of a step, for all steps, and for every run of a system of this structure.
 @jit
-def rate_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+def rate_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
     """`System.rate`."""
     return system.rate(state, memory, inputs)
 
 
 @jit
-def integrands_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+def integrands_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
     """`System.integrands`."""
     return system.integrands(state, memory, inputs)
 
 
 @jit
-def outputs_of(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+def outputs_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
     """`System.outputs`."""
     return system.outputs(state, memory, inputs)
 
 
-def zero_integrals(system: System, state: Any, memory: Any, inputs: Any) -> Any:
+def zero_integrals(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
     """Integrals of a system before the first step: zeros."""
     shapes = jax.eval_shape(integrands_of, system, state, memory, inputs)
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
 
 @jit
-def advance_memory_of(system: System, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+def advance_memory_of(system: System, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
     """`System.advance_memory`."""
     return system.advance_memory(memory, start, end, duration)
 
 
-def axpy(a: Any, x: Any, y: Any) -> Any:
+def axpy(a: Scalar, x: Scalar, y: Scalar) -> Tree:
     """Add two trees: y + a x."""
     return jax.tree.map(lambda u, v: v + a * u, x, y)
 
 
-def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, stiff: bool) -> tuple[Any, Any, Any]:
+def step(
+    system: System, carry: tuple[Tree, Tree, Tree], inputs: Inputs, h: Scalar, stiff: bool
+) -> tuple[Tree, Tree, Tree]:
     """Advance (continuous state, memory, integrals) by a time h [s].
 
     Args:
@@ -83,11 +85,11 @@ def step(system: System, carry: tuple[Any, Any, Any], inputs: Inputs, h: Any, st
     return new, memory, sums
 
 
-def _rk4(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> tuple[Any, Any]:
+def _rk4(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scalar) -> tuple[Tree, Tree]:
     """Four stages; of a large system in a loop, which the compiler handles once instead of four times."""
     counted = bool(jax.tree.leaves(sums))
 
-    def stage(carry: Any, tableau: Any) -> tuple[Any, None]:
+    def stage(carry: Tree, tableau: Any) -> tuple[Any, None]:
         k, change, gain = carry
         ahead, share, weight = tableau
         at = axpy(ahead * h, k, y)
@@ -106,11 +108,11 @@ def _rk4(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> t
     return axpy(1.0, carry[1], y), axpy(1.0, carry[2], sums)
 
 
-def _ros2(system: System, y: Any, z: Any, sums: Any, inputs: Inputs, h: Any) -> tuple[Any, Any]:
+def _ros2(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scalar) -> tuple[Tree, Tree]:
     flat, back = flatten_util.ravel_pytree(y)
     total, whole = flatten_util.ravel_pytree(sums)
 
-    def rate(v: Any, share: float) -> Any:
+    def rate(v: Any, share: float) -> Tree:
         return flatten_util.ravel_pytree(rate_of(system, back(v), z, inputs(share)))[0]
 
     def sum_rate(v: Any, share: float) -> Any:

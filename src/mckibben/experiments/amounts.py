@@ -35,7 +35,7 @@ class Amount:
 
 
 def read_amount(
-    raw: Any, unit: str, *, field: str, where: str | None = None, bounds: tuple[float, float] | None = None
+    raw: object, unit: str, *, field: str, where: str | None = None, bounds: tuple[float, float] | None = None
 ) -> Amount:
     """Read a number with its unit; lengths and velocities may be in rest lengths, such as ``0.75 L0``.
 
@@ -67,7 +67,7 @@ def read_amount(
     return amount
 
 
-def relative_unit(entry: Any, unit: str) -> tuple[Any, str]:
+def relative_unit(entry: object, unit: str) -> tuple[Any, str]:
     """Rewrite a waveform's table whose lengths are all in rest lengths, with its unit; else return both unchanged."""
     relative = [text for text in _texts(entry) if _is_relative(text, unit)]
     if not relative or has_both(entry, unit):
@@ -81,14 +81,14 @@ def relative_unit(entry: Any, unit: str) -> tuple[Any, str]:
     return _rewritten(entry, write), own[unit]
 
 
-def has_both(entry: Any, unit: str) -> bool:
+def has_both(entry: object, unit: str) -> bool:
     """Whether some values of a waveform's table are in rest lengths, and others have another unit of the same dimension."""
     texts = _texts(entry)
     relative = [text for text in texts if _is_relative(text, unit)]
     return bool(relative) and any(has_dimension(text, unit) for text in texts if text not in relative)
 
 
-def in_metres(entry: Any, unit: str, rest_length: float) -> Any:
+def in_metres(entry: object, unit: str, rest_length: float) -> Any:
     """A waveform's table with every value in rest lengths as one in `unit`, for a rest length [m]."""
 
     def write(text: str) -> str:
@@ -98,7 +98,7 @@ def in_metres(entry: Any, unit: str, rest_length: float) -> Any:
     return _rewritten(entry, write)
 
 
-def in_si(entry: Any, unit: str) -> Any:
+def in_si(entry: object, unit: str) -> Any:
     """A waveform's table with every value of the dimension of `unit` in it; those in rest lengths stay."""
 
     def write(text: str) -> str:
@@ -119,7 +119,7 @@ def table_words(entry: Any, unit: str) -> str:
     return words(parse(entry, unit, field=""), unit) if has_unit else str(entry)
 
 
-def _texts(entry: Any) -> list[str]:
+def _texts(entry: object) -> list[str]:
     if isinstance(entry, Mapping):
         return [text for value in entry.values() for text in _texts(value)]
     if isinstance(entry, list | tuple):
@@ -132,7 +132,7 @@ def _is_relative(text: str, unit: str) -> bool:
     return match is not None and RELATIVE[match[2]] == unit
 
 
-def _rewritten(entry: Any, write: Callable[[str], str]) -> Any:
+def _rewritten(entry: object, write: Callable[[str], str]) -> Any:
     """Rewrite all texts of a table."""
     if isinstance(entry, Mapping):
         return {key: _rewritten(value, write) for key, value in entry.items()}

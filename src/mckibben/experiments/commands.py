@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .. import schema
+from .._jax import Scalar
 from ..errors import InputError
 from ..registry import Registry
 from ..schema import FileTable, Place, frozen, read_table
@@ -38,7 +39,7 @@ class Deferred:
     to: float | None = None
     seconds: float | None = None
 
-    def at(self, start: Any, times: Any) -> Any:
+    def at(self, start: Scalar, times: Scalar) -> Scalar:
         """Set-points at times [s] from the beginning of the step, for a start [SI]."""
         if self.to is None or self.seconds is None:
             return start + 0.0 * np.asarray(times)
@@ -101,7 +102,7 @@ class Command(abc.ABC):
 
     @classmethod
     @abc.abstractmethod
-    def read(cls, raw: Any, place: Place, channel: str) -> Command:
+    def read(cls, raw: object, place: Place, channel: str) -> Command:
         """Read the command from its entry; raises `InputError` with the dotted path of the error."""
 
     @abc.abstractmethod
@@ -148,7 +149,7 @@ class Follow(Command):
         return not isinstance(raw, Mapping) or "kind" in raw
 
     @classmethod
-    def read(cls, raw: Any, place: Place, channel: str) -> Follow:
+    def read(cls, raw: object, place: Place, channel: str) -> Follow:
         """Make it of a waveform's table, or of a value."""
         unit, where = CHANNELS[channel], place.where
         if has_both(raw, unit):
@@ -349,7 +350,7 @@ class Isolate(Command):
         return channel == "pressure" and raw == "shut"
 
     @classmethod
-    def read(cls, raw: Any, place: Place, channel: str) -> Isolate:
+    def read(cls, raw: object, place: Place, channel: str) -> Isolate:
         """Make it; its word has no parts."""
         return cls()
 
@@ -374,7 +375,7 @@ COMMANDS: Registry[type[Command]] = Registry(
 )
 
 
-def read_command(raw: Any, place: Place, channel: str) -> Command:
+def read_command(raw: object, place: Place, channel: str) -> Command:
     """Read the command of a channel from its entry.
 
     Args:

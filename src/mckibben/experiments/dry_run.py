@@ -391,7 +391,9 @@ def states(step: PlannedStep, limits: Limits, estimate: Estimate | None, dt: flo
     elif step.pressure is None:
         pressures = [np.full(times.shape, x) for x in (step.pressure_reach.low, step.pressure_reach.high)]
     else:
-        pressures = [step.pressure.at(x, times) for x in (step.pressure_before.low, step.pressure_before.high)]
+        pressures = [
+            np.asarray(step.pressure.at(x, times)) for x in (step.pressure_before.low, step.pressure_before.high)
+        ]
     pairs = [(x, p) for x in spans for p in pressures]
     return np.concatenate([x for x, _ in pairs]), np.concatenate([p for _, p in pairs])
 

@@ -55,7 +55,7 @@ def check_options(choice: ProtocolChoice, values: tuple[Any, ...], place: Place)
             raise place.fail(value, known=options)
 
 
-def read_values(raw: Any, place: Place) -> tuple[Any, ...]:
+def read_values(raw: object, place: Place) -> tuple[Any, ...]:
     """Read one value or several."""
     values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
     if not values:
@@ -63,7 +63,7 @@ def read_values(raw: Any, place: Place) -> tuple[Any, ...]:
     return values
 
 
-def _read_inferred(raw: Any, place: Place) -> tuple[Any, ...]:
+def _read_inferred(raw: object, place: Place) -> tuple[Any, ...]:
     return () if raw is False else read_values(raw, place)
 
 
@@ -111,7 +111,7 @@ class ProtocolParameter:
         return (self.low, self.high) if self.low else ()
 
 
-def _read_options(raw: Any, place: Place) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]:
+def _read_options(raw: object, place: Place) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]:
     options = []
     for option, sets in place.table(raw).values.items():
         at = place.below(option)
@@ -149,7 +149,7 @@ class ProtocolChoice:
 
 
 def _read_named(kind: type[T]) -> Callable[[Any, Place], tuple[T, ...]]:
-    def read(raw: Any, place: Place) -> tuple[T, ...]:
+    def read(raw: object, place: Place) -> tuple[T, ...]:
         table = place.table(raw)
         for name in table.values:
             if not re.fullmatch(_NAME, name):
@@ -164,7 +164,7 @@ def _write_named(values: tuple[Any, ...], place: Place) -> dict[str, Any]:
     return {value.name: write_table(value, skip=("name",)) for value in values}
 
 
-def _read_steps(raw: Any, place: Place) -> tuple[FrozenTable, ...]:
+def _read_steps(raw: object, place: Place) -> tuple[FrozenTable, ...]:
     if not isinstance(raw, list | tuple):
         raise place.fail(raw, f"must be a list of steps, [[{place.field}]]")
     return tuple(FrozenTable(place.below(i).table(one).values) for i, one in enumerate(raw, 1))
@@ -174,7 +174,7 @@ def _write_steps(steps: tuple[FrozenTable, ...], place: Place) -> list[dict[str,
     return [step.plain() for step in steps]
 
 
-def _read_needs(raw: Any, place: Place) -> tuple[str, ...]:
+def _read_needs(raw: object, place: Place) -> tuple[str, ...]:
     if not isinstance(raw, list | tuple) or not all(isinstance(need, str) for need in raw):
         raise place.fail(raw, "must be a list of words")
     for need in raw:
@@ -183,7 +183,7 @@ def _read_needs(raw: Any, place: Place) -> tuple[str, ...]:
     return tuple(raw)
 
 
-def _read_rate(raw: Any, place: Place) -> float:
+def _read_rate(raw: object, place: Place) -> float:
     return read_amount(raw, "1/s", field=place.field, where=place.where, bounds=RATES).value
 
 

@@ -102,7 +102,7 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
 
 
 def _read(
-    raw: Any, name: str, owner: T, check: Callable[[T, tuple[Any, ...], Place], None], where: str | None
+    raw: object, name: str, owner: T, check: Callable[[T, tuple[Any, ...], Place], None], where: str | None
 ) -> tuple[Any, ...]:
     place = Place(name, where)
     values = read_values(raw, place)
@@ -182,7 +182,7 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
     return _shipped(name)
 
 
-def protocol(name: str | os.PathLike[str], **values: Any) -> Protocol:
+def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
     """Load a protocol with values of its parameters.
 
     Args:

@@ -58,7 +58,7 @@ def case_words(case: Mapping[str, Any]) -> str:
     return ", ".join(f"{_named(k)} {v}" for k, v in case.items())
 
 
-def is_inferred(p: ProtocolParameter, value: Any) -> bool:
+def is_inferred(p: ProtocolParameter, value: object) -> bool:
     """Whether a value of a parameter is one that no source prints."""
     if p.unit == "word":
         return value in p.inferred

@@ -20,7 +20,7 @@ MOST_STEPS = 200_000
 PARTS = ("valve", "motor", "shut-off", "accumulators", "plate", "person")  # that a protocol can need; and "NAME sensor"
 
 
-def _read_until(raw: Any, place: Place) -> Until:
+def _read_until(raw: object, place: Place) -> Until:
     return read_until(raw, field=place.field, where=place.where)
 
 
@@ -131,7 +131,7 @@ def repeats(entry: FileTable) -> int:
     return entry.whole("repeat", 0, 100_000, 1)
 
 
-def substituted(value: Any, case: Mapping[str, Any], path: str, where: str | None) -> Any:
+def substituted(value: object, case: Mapping[str, Any], path: str, where: str | None) -> Any:
     """Replace ``$names`` by their values; a list of steps is left for later."""
     if isinstance(value, Mapping):
         return {k: v if k == "steps" else substituted(v, case, f"{path}.{k}", where) for k, v in value.items()}
@@ -146,7 +146,7 @@ def substituted(value: Any, case: Mapping[str, Any], path: str, where: str | Non
     return case[match[1]] if match else _NAME.sub(lambda m: str(case[m[1]]), value)
 
 
-def names_in(value: Any) -> set[str]:
+def names_in(value: object) -> set[str]:
     """Names of all parameters that a value refers to."""
     if isinstance(value, Mapping):
         return set().union(*(names_in(v) for v in value.values())) if value else set()

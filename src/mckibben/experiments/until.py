@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .._jax import jnp
+from .._jax import Scalar, Tree, jnp
 from ..components.sensors import SENSORS
 from ..errors import InputError
 from .amounts import CHANNELS, Amount, read_amount
@@ -55,7 +55,7 @@ class Until:
         """The state before the first sample: where the channel was, and for how long it has been true [s]."""
         return START
 
-    def step(self, state: Any, measured: Mapping[str, Any], command: Any, dt: float, rest_length: float) -> Any:
+    def step(self, state: Tree, measured: Mapping[str, Scalar], command: Scalar, dt: float, rest_length: float) -> Any:
         """Advance by one sample; return the new state, and whether the step ends; see `advance`.
 
         Args:
@@ -78,7 +78,7 @@ class Until:
         return f"{self.channel} {self.kind} {self.amount.sentence()}{lasting}"
 
 
-def advance(kind: Any, state: Any, x: Any, limit: Any, lasting: Any, command: Any, dt: Any) -> Any:
+def advance(kind: Any, state: Tree, x: Scalar, limit: Scalar, lasting: Scalar, command: Scalar, dt: Scalar) -> Any:
     """Advance a test by one sample; return the new state, and whether it holds.
 
     Straight-line; for floats, arrays and traces.
@@ -104,7 +104,7 @@ def advance(kind: Any, state: Any, x: Any, limit: Any, lasting: Any, command: An
     return (place, held), true & long_enough
 
 
-def read_until(raw: Any, *, field: str, where: str | None = None) -> Until:
+def read_until(raw: object, *, field: str, where: str | None = None) -> Until:
     """Read a test from text.
 
     Raises:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Scalar, jax, jnp
 from ..errors import ConvergenceError, InputError
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
@@ -44,6 +44,7 @@ class Constraint(NamedTuple):
         formula = {"tension": law.braid_tension, "stiffness": law.braid_stiffness, "volume": law.braid_volume}[
             self.what
         ]
+        assert self.length is not None  # only the free length has none
         return formula(self.length, self.pressure)
 
 
@@ -92,7 +93,7 @@ def fit_constraints(
     printed = np.array([c.value for c in constraints])
     size = np.maximum(np.abs(printed), 1e-12)
 
-    def misfit(values: Any) -> Any:
+    def misfit(values: Scalar) -> Any:
         built = construct(kind, dict(known) | dict(zip(free, values * scale, strict=True)))
         return (jnp.stack([jnp.asarray(c.of(built)) for c in constraints]) - printed) / size
 

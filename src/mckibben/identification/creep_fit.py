@@ -16,10 +16,10 @@ Source: W. N. Findley, J. S. Lai and K. Onaran, Creep and Relaxation of Nonlinea
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from .._jax import Scalar
 from ..errors import InputError, choice
 from ..muscles.creep import KelvinVoigtChain
 from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
@@ -53,7 +53,7 @@ class CreepFit(PartialFit):
         """Akaike's criterion of the training samples with the correction for small samples."""
         return akaike(self.error[self.train], (1 if self.law == "logarithmic" else len(self.amplitudes)) + 2)
 
-    def predict(self, time: Any, pressure_change: Any = 0.0) -> np.ndarray:
+    def predict(self, time: Scalar, pressure_change: Scalar = 0.0) -> np.ndarray:
         """Stroke at times since the first sample [s], with the pressure so much above that of the first sample [Pa]."""
         steps = np.array([a.value for a in self.amplitudes])
         creep = _growth(np.asarray(time, float), self.time_constants) @ steps
@@ -74,15 +74,15 @@ class CreepFit(PartialFit):
 
 
 def fit_creep(
-    time: Any,
-    stroke: Any,
+    time: Scalar,
+    stroke: Scalar,
     *,
     train: np.ndarray | None = None,
     law: str = "free",
     shortest: float | None = None,
     longest: float | None = None,
     per_decade: int = 2,
-    pressure: Any = None,
+    pressure: Scalar | None = None,
     pressure_slope: float = 0.0,
     name: str = "record",
 ) -> CreepFit:
@@ -153,7 +153,7 @@ def fit_creep(
     )
 
 
-def creep_half(time: Any) -> np.ndarray:
+def creep_half(time: Scalar) -> np.ndarray:
     """The samples of the first half of the time, bool (n,)."""
     t = np.asarray(time, float)
     return t <= 0.5 * (t[0] + t[-1])
@@ -183,7 +183,7 @@ def _spread(
 
 
 def _checked(
-    time: Any, stroke: Any, pressure: Any, train: np.ndarray | None, name: str
+    time: Scalar, stroke: Scalar, pressure: Scalar | None, train: np.ndarray | None, name: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
     for field, value in {"time": time, "stroke": stroke, "pressure": pressure}.items():

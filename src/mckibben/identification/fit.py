@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
@@ -123,7 +124,7 @@ class Fit(ErrorMeasures):
             f"Fit({self.law!r}, {len(self.parameters)} parameters, {len(self.points)} points, rmse {self.rmse:.3g} N)"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Parameters with their intervals, errors [N] and warnings as plain values [SI], for JSON."""
         whole = {k: v for k, v in self.known.items() if np.ndim(v) == 0 or len(set(np.ravel(v))) == 1}
         held = self.holdout

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Array, Scalar, Tree, jax, jnp
 from ..components import Hysteresis
 from ..errors import InputError, choice
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
@@ -112,7 +112,7 @@ class LoopFit(PartialFit):
         """Akaike's criterion of the training samples with the correction for small samples."""
         return akaike(self.error[self.train], len(self.parameters) + len(self.curve) + 1)
 
-    def width(self, pressure: Any) -> tuple[np.ndarray, np.ndarray]:
+    def width(self, pressure: Scalar) -> tuple[np.ndarray, np.ndarray]:
         """Width of the loop at gauge pressures [Pa], predicted and measured [m]; negative where the branches swap."""
         return self.record.with_stroke(self.predicted).width(pressure), self.record.width(pressure)
 
@@ -263,23 +263,23 @@ def _predictor(
     place = float(record.stroke.min()) + reach * np.linspace(0.0, 1.0, knots)
     twice = np.concatenate([record.pressure, record.pressure])
 
-    def stroke(x: Any, pressure: Any) -> Any:
+    def stroke(x: Array, pressure: Array) -> Array:
         p = fixed | {n: jnp.exp(x[i]) if f.log else x[i] * _size(f) for i, (n, f) in enumerate(free)}
         friction = make(p)
         origin = p["start_length"] if law is not None else 0.0
         rises = None if law is not None else jnp.cumsum(jnp.stack([p[f"rise_{i}"] for i in range(knots)]))
 
-        def balance(length: Any, at: Any) -> Any:
+        def balance(length: Scalar, at: Scalar) -> Any:
             if law is not None:
                 return law.braid_tension(length, at - p["pressure_zero"]) - p["load"] - p["spring"] * (origin - length)
             return AREA * (at - _curve(-length, place, rises))
 
         start = origin - float(record.stroke[0])
 
-        def step(carry: tuple[Any, Any, Any], at: Any) -> tuple[Any, Any]:
+        def step(carry: tuple[Tree, Tree, Tree], at: Tree) -> tuple[Tree, Tree]:
             before, state, was = carry
 
-            def excess(length: Any, state: Any, before: Any) -> Any:
+            def excess(length: Scalar, state: Tree, before: Scalar) -> Any:
                 moved = friction.advance(state, length - before, start_pressure=was, end_pressure=at, duration=0.0)
                 return balance(length, at) + friction.force(moved.state, pressure=at)
 
@@ -294,11 +294,11 @@ def _predictor(
     return prediction(stroke, len(free), twice)
 
 
-def _root(excess: Any, state: Any, before: Any, low: Any, high: Any) -> Any:
+def _root(excess: Any, state: Tree, before: Scalar, low: Scalar, high: Scalar) -> Any:
     """The length where a rising force passes zero; a Newton step after the halvings carries the derivative."""
     held = jax.lax.stop_gradient((state, before, low + 0.0 * before, high + 0.0 * before))
 
-    def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+    def halve(_: int, ends: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
         middle = 0.5 * (ends[0] + ends[1])
         above = jax.lax.stop_gradient(excess(middle, held[0], held[1])) > 0.0
         return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
@@ -311,7 +311,7 @@ def _root(excess: Any, state: Any, before: Any, low: Any, high: Any) -> Any:
     return middle - jnp.where(inside, excess(middle, state, before) / jnp.where(inside, slope, 1.0), 0.0)
 
 
-def _curve(at: Any, place: np.ndarray, rises: Any) -> Any:
+def _curve(at: Scalar, place: np.ndarray, rises: Any) -> Any:
     """Monotone cubic through the knots (Fritsch and Butland's harmonic slopes), straight beyond them."""
     step = place[1] - place[0]
     chord = (rises[1:] - rises[:-1]) / step

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from .._jax import Scalar
 from ..errors import InputError, choice
 
 # A reversal smaller than this share of the range is noise and no turning point.
@@ -75,7 +75,7 @@ class PathRecord:
             way[a:b] = 1 if self.pressure[b - 1] >= self.pressure[a] else -1
         return way
 
-    def width(self, pressure: Any) -> np.ndarray:
+    def width(self, pressure: Scalar) -> np.ndarray:
         """Stroke while falling minus stroke while rising, at gauge pressures [Pa], of the largest branches [m].
 
         NaN if a branch does not reach; each branch is read by straight lines between samples in order of pressure.

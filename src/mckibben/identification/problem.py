@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax
+from .._jax import Scalar, jax
 from ..engine.native import EngineFunction, compile_function
 from ..errors import InputError
 from ..muscles.build import construct, required_fields
@@ -42,7 +42,7 @@ class Problem:
         law: str,
         points: ForceMap,
         *,
-        known: Mapping[str, Any] | None = None,
+        known: Mapping[str, Scalar] | None = None,
         free: tuple[str, ...] | None = None,
         slack: bool = True,
     ) -> Problem:
@@ -142,7 +142,7 @@ def latin_hypercube(count: int, axes: int, seed: int) -> np.ndarray:
     return np.asarray((parts.T - shares) / count)
 
 
-def _freed(kind: type[TensionLaw], given: Mapping[str, Any], points: ForceMap) -> tuple[str, ...]:
+def _freed(kind: type[TensionLaw], given: Mapping[str, Scalar], points: ForceMap) -> tuple[str, ...]:
     """Parameters of a law that are free by default.
 
     A dimension that nobody gave is freed in place of what it would make redundant; a parameter that so few lengths cannot
@@ -181,15 +181,15 @@ def _tension_at(
     known: tuple[str, ...],
     values: Any,
     fixed: Any,
-    length: Any,
-    pressure: Any,
+    length: Scalar,
+    pressure: Scalar,
 ) -> Any:
     """Signed tension of the braid by a law with free and known parameters [N]."""
     parameters = dict(zip(free, values, strict=True)) | dict(zip(known, fixed, strict=True))
     return construct(kind, parameters).braid_tension(length, pressure)
 
 
-def _slopes_at(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
+def _slopes_at(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Scalar, pressure: Scalar) -> Any:
     """Derivative of `_tension_at` by the free parameters (free,)."""
     return jax.jacfwd(lambda v: _tension_at(kind, free, known, v, fixed, length, pressure))(values)
 
@@ -273,13 +273,16 @@ def _agreeing(found: Sequence[Any]) -> int:
     return sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs)
 
 
+Formula = Callable[[np.ndarray], np.ndarray]
+
+
 class _Descent:
     """Two descents from one start: with the signed force of the braid, whose derivative never vanishes, then as measured.
 
     The second sees what the sensor sees, max(F, 0), so that a law is not blamed for how slack it would be.
     """
 
-    def __init__(self, problem: Problem, force: Any, slopes: Any, weight: np.ndarray) -> None:
+    def __init__(self, problem: Problem, force: Formula, slopes: Formula, weight: np.ndarray) -> None:
         self.problem, self.force, self.slopes, self.weight = problem, force, slopes, weight
         self.size = max(problem.points.largest, 1e-9)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax
+from .._jax import Scalar, Tree, jax
 from ..assembly.circuit_file import CircuitPlan
 from ..components import paths
 from ..engine import STEP, Run, Signal, integrate, march
@@ -110,11 +110,11 @@ class Trial:
             if name not in known:
                 raise InputError("measured", name, "outputs are", known=known, where=self.name)
 
-    def with_parameters(self, changes: Mapping[str, Any]) -> tuple[Circuit, dict[str, Signal]]:
+    def with_parameters(self, changes: Mapping[str, Scalar]) -> tuple[Circuit, dict[str, Signal]]:
         """Circuit and signals with values at dotted paths replaced; ``signals.<name>.delay`` delays an input."""
         return _changed(self.circuit, self.signals, changes, tuple(self.follows.items()))
 
-    def run(self, changes: Mapping[str, Any], *, step: float = STEP, method: str = "auto") -> Run:
+    def run(self, changes: Mapping[str, Scalar], *, step: float = STEP, method: str = "auto") -> Run:
         """The run with parameters at dotted paths replaced, checked like any run."""
         circuit, signals = self.with_parameters(changes)
         state, memory = _start(circuit, signals, self.initial, self.period, self.temperature)
@@ -135,7 +135,7 @@ class Trial:
 
 
 def _changed(
-    circuit: Circuit, signals: Mapping[str, Signal], changes: Mapping[str, Any], follows: tuple[tuple[str, str], ...]
+    circuit: Circuit, signals: Mapping[str, Signal], changes: Mapping[str, Scalar], follows: tuple[tuple[str, str], ...]
 ) -> tuple[Circuit, dict[str, Signal]]:
     changed = paths.put(circuit, {p: v for p, v in changes.items() if not p.startswith("signals.")})
     late = dict(signals)
@@ -147,19 +147,19 @@ def _changed(
     return changed, changed.commands(late)
 
 
-def _start(circuit: Circuit, signals: Mapping[str, Signal], initial: Any, period: Any, temperature: Any) -> Any:
+def _start(circuit: Circuit, signals: Mapping[str, Signal], initial: Any, period: Scalar, temperature: Scalar) -> Any:
     inputs = {name: s.at(0, 0.0, period) for name, s in signals.items()}
     state = circuit.at_rest(initial, inputs, temperature)
     return state, circuit.initial_memory(state, inputs)
 
 
 def _outputs(
-    leaves: Any,
+    leaves: Tree,
     values: Any,
     names: Any,
     channels: Any,
-    period: Any,
-    temperature: Any,
+    period: Scalar,
+    temperature: Scalar,
     inner: int,
     samples: int,
     stiff: bool,

@@ -25,14 +25,14 @@ BLADDER_SHARE = 0.6
 ROUNDING_SHARE = 0.8
 
 
-def ramp(x: Any, width: Any) -> Scalar:
+def ramp(x: Scalar, width: Scalar) -> Scalar:
     """max(x, 0), rounded between -width/2 and width/2 (same unit as x, width > 0)."""
     y = x / width + 0.5
     return width * _rounded(y)
 
 
 @custom_jvp
-def _rounded(y: Any) -> Scalar:
+def _rounded(y: Scalar) -> Scalar:
     """The ramp over its width, of y = x/width + 1/2.
 
     Its slope and its curvature are written out: derived, they would be many times longer, and the pieces that meet at a seam
@@ -46,19 +46,19 @@ def _rounded(y: Any) -> Scalar:
 
 
 @custom_jvp
-def _slope(y: Any) -> Scalar:
+def _slope(y: Scalar) -> Scalar:
     u = _within(y)
     u2 = u * u
     return (u2 * u2) * ((35.0 - 84.0 * u) + u2 * (70.0 - 20.0 * u))
 
 
-def _curvature(y: Any) -> Scalar:
+def _curvature(y: Scalar) -> Scalar:
     u = _within(y)
     bell = u - u * u
     return 140.0 * (bell * bell * bell)
 
 
-def _within(y: Any) -> Scalar:
+def _within(y: Scalar) -> Scalar:
     above = jnp.where(y > 0.0, y, 0.0)
     return jnp.where(above < 1.0, above, 1.0)
 
@@ -78,7 +78,7 @@ _rounded, _slope = jit(_rounded), jit(_slope)
 
 
 def gas_energy(
-    pressure: Any, braid_volume: Any, *, upper_volume: Any, threshold_pressure: Any, threshold_width: Any
+    pressure: Scalar, braid_volume: Scalar, *, upper_volume: Scalar, threshold_pressure: Scalar, threshold_width: Scalar
 ) -> Scalar:
     """The gas energy G(L, P') [J], the integral of the volume over the gauge pressure.
 

@@ -34,28 +34,28 @@ class BraidShape(NamedTuple):
         return float(np.degrees(angle(length, thread_length=self.thread_length)))
 
 
-def sine(length: Any, *, thread_length: Any) -> Scalar:
+def sine(length: Scalar, *, thread_length: Scalar) -> Scalar:
     """sin(theta) of the braid angle, at least ``SMALLEST_SINE`` [1]; lengths [m]."""
     cosine = length / thread_length
     return jnp.sqrt(jnp.maximum(1.0 - cosine * cosine, SMALLEST_SINE**2))
 
 
-def angle(length: Any, *, thread_length: Any) -> Scalar:
+def angle(length: Scalar, *, thread_length: Scalar) -> Scalar:
     """Braid angle theta from the long axis [rad] (eq. 5); for people, no hot formula needs it."""
     return jnp.arccos(jnp.clip(length / thread_length, 0.0, 1.0))
 
 
-def length_at(braid_angle: Any, *, thread_length: Any) -> Scalar:
+def length_at(braid_angle: Scalar, *, thread_length: Scalar) -> Scalar:
     """Length at a braid angle [m] (eq. 5); angle [rad]."""
     return thread_length * jnp.cos(braid_angle)
 
 
-def diameter(length: Any, *, thread_length: Any, turns: Any) -> Scalar:
+def diameter(length: Scalar, *, thread_length: Scalar, turns: Scalar) -> Scalar:
     """Diameter of the braid [m] (eq. 6)."""
     return thread_length * sine(length, thread_length=thread_length) / (turns * jnp.pi)
 
 
-def volume(length: Any, *, thread_length: Any, turns: Any) -> Scalar:
+def volume(length: Scalar, *, thread_length: Scalar, turns: Scalar) -> Scalar:
     """Volume inside a braid without wall [m^3] (eq. 7, as the cubic in L that it is).
 
     It turns negative beyond the thread length, by design: see `bladder`.
@@ -77,7 +77,7 @@ def through(
     return BraidShape(float(np.sqrt(rest_length**2 + slim * turns**2)), float(turns))
 
 
-def wound(*, rest_length: Any, rest_angle: Any, rest_diameter: Any) -> BraidShape:
+def wound(*, rest_length: Scalar, rest_angle: Scalar, rest_diameter: Scalar) -> BraidShape:
     """The braid with an angle [rad] and a diameter at a length [m], elementwise (eqs. 5 and 6)."""
     return BraidShape(rest_length / jnp.cos(rest_angle), rest_length * jnp.tan(rest_angle) / (jnp.pi * rest_diameter))
 
@@ -100,12 +100,12 @@ def braid_of(law: Any) -> BraidShape | None:
 _SHAPE = ("thread_length", "turns", "rest_length", "rest_angle", "angle_correction", "rest_diameter", "rest_radius")
 
 
-def inner_volume(length: Any, *, thread_length: Any, turns: Any, wall_thickness: Any) -> Scalar:
+def inner_volume(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_thickness: Scalar) -> Scalar:
     """Volume inside a wall of constant thickness [m^3] (eq. 9), zero where the wall fills the braid."""
     bore = diameter(length, thread_length=thread_length, turns=turns) - 2.0 * wall_thickness
     return 0.25 * jnp.pi * jnp.maximum(bore, 0.0) ** 2 * length
 
 
-def inner_diameter(length: Any, *, thread_length: Any, turns: Any, wall_thickness: Any) -> Scalar:
+def inner_diameter(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_thickness: Scalar) -> Scalar:
     """Inner diameter [m], zero where the wall fills the braid."""
     return jnp.maximum(diameter(length, thread_length=thread_length, turns=turns) - 2.0 * wall_thickness, 0.0)

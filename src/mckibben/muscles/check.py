@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jit, jnp
+from .._jax import Tree, jax, jit, jnp
 from ..components import Hysteresis, Scalar
 from ..errors import InputError
 from ..quantities import declared, is_unit, with_unit
@@ -84,7 +84,7 @@ def _with_slopes(
 _COMPILED = jit(_with_slopes)
 
 
-def evaluate(law: TensionLaw, span: Any, pressure: Any) -> dict[str, np.ndarray]:
+def evaluate(law: TensionLaw, span: Scalar, pressure: Scalar) -> dict[str, np.ndarray]:
     """F [N], V [m^3] and their derivatives to span (F_L, V_L) and pressure (F_P, V_P), at points of any number."""
     span, pressure = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
     shape, parts = span.shape, []
@@ -423,7 +423,7 @@ class FrictionPath(NamedTuple):
 
 @jit
 def _follow(friction: Hysteresis, displacements: Any, pressures: Any, step: Any) -> Any:
-    def one(state: Any, piece: Any) -> Any:
+    def one(state: Tree, piece: Any) -> Any:
         dx, p0, p1 = piece
         out = friction.advance(state, dx, start_pressure=p0, end_pressure=p1, duration=step)
         forces = friction.force(state, dx / step, p0), friction.force(out.state, dx / step, p1)

@@ -19,8 +19,6 @@ North-Holland 1976, chapter 5 (the generalised models).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from .._jax import jnp
@@ -48,17 +46,23 @@ class MaxwellChain(MemoryElement):
     cites = ("findley1976",)
 
     @classmethod
-    def geometric(cls, *, stiffness: Any, shortest: Any, longest: Any, elements: int = 3) -> MaxwellChain:
+    def geometric(cls, *, stiffness: Scalar, shortest: Scalar, longest: Scalar, elements: int = 3) -> MaxwellChain:
         """Elements of equal stiffness, together `stiffness` [N/m], with times from `shortest` to `longest` [s]."""
         times = _geometric(shortest, longest, elements, where=cls.__name__)
         return cls(stiffness=jnp.asarray(stiffness, float) / elements * np.ones(elements), time_constant=times)
 
     def initial(self) -> Scalar:
         """Fully relaxed state, shape (elements,) [m]."""
-        return jnp.zeros(jnp.broadcast_shapes(self.stiffness.shape, self.time_constant.shape, (1,)))
+        return jnp.zeros(jnp.broadcast_shapes(jnp.shape(self.stiffness), jnp.shape(self.time_constant), (1,)))
 
     def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any = 0.0, end_pressure: Any = 0.0, duration: Any
+        self,
+        state: Scalar,
+        displacement: Scalar,
+        *,
+        start_pressure: Scalar = 0.0,
+        end_pressure: Scalar = 0.0,
+        duration: Scalar,
     ) -> Advanced:
         """Move at constant velocity for a duration [s]; in no time at all the elements are springs."""
         dx = per_contact(displacement)
@@ -72,7 +76,7 @@ class MaxwellChain(MemoryElement):
         gained = jnp.sum(0.5 * self.stiffness * (after - state) * (after + state), axis=-1)
         return Advanced(after, gained + dissipated, dissipated)
 
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+    def force(self, state: Scalar, velocity: Scalar = 0.0, pressure: Scalar = 0.0) -> Scalar:
         """Sum of the springs' forces, positive after lengthening [N]."""
         return contact_force(self.stiffness, state)
 
@@ -95,16 +99,16 @@ class KelvinVoigtChain(Module):
     cites = ("findley1976",)
 
     @classmethod
-    def geometric(cls, *, compliance: Any, shortest: Any, longest: Any, elements: int = 3) -> KelvinVoigtChain:
+    def geometric(cls, *, compliance: Scalar, shortest: Scalar, longest: Scalar, elements: int = 3) -> KelvinVoigtChain:
         """Elements of equal compliance, together `compliance` [m/N], with times from `shortest` to `longest` [s]."""
         times = _geometric(shortest, longest, elements, where=cls.__name__)
         return cls(compliance=jnp.asarray(compliance, float) / elements * np.ones(elements), time_constant=times)
 
     def initial(self) -> Scalar:
         """State without extension, shape (elements,) [m]."""
-        return jnp.zeros(jnp.broadcast_shapes(self.compliance.shape, self.time_constant.shape, (1,)))
+        return jnp.zeros(jnp.broadcast_shapes(jnp.shape(self.compliance), jnp.shape(self.time_constant), (1,)))
 
-    def advance(self, state: Scalar, force: Any, *, duration: Any) -> Advanced:
+    def advance(self, state: Scalar, force: Scalar, *, duration: Scalar) -> Advanced:
         """Pull with a constant force [N] for a duration [s]; the mean of a varying one makes second order."""
         pull = per_contact(force)
         lag = state - self.compliance * pull
@@ -122,7 +126,7 @@ class KelvinVoigtChain(Module):
         return contact_energy(1.0 / self.compliance, state)
 
 
-def _geometric(shortest: Any, longest: Any, elements: int, *, where: str) -> Scalar:
+def _geometric(shortest: Scalar, longest: Scalar, elements: int, *, where: str) -> Scalar:
     if elements < 1:
         raise InputError("elements", elements, "must be 1 or more", where=where)
     place = np.linspace(0.0, 1.0, elements) if elements > 1 else np.array([0.5])

@@ -2,59 +2,58 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from .._jax import Scalar
 from ..quantities import quantity
 
 
-def thread_length() -> Any:
+def thread_length() -> Scalar:
     """Length of one thread b [m]."""
     return quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
 
 
-def turns() -> Any:
+def turns() -> Scalar:
     """Turns of one thread around the braid n [1]."""
     return quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
 
 
-def rest_length() -> Any:
+def rest_length() -> Scalar:
     """Length at rest L0 [m]."""
     return quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
 
 
-def upper_length() -> Any:
+def upper_length() -> Scalar:
     """Upper working length Lu [m]: the end of the range, where a stop begins."""
     return quantity("m", (1e-3, 100.0), "upper working length, where a stop begins", symbol="Lu")
 
 
-def rest_diameter() -> Any:
+def rest_diameter() -> Scalar:
     """Inner diameter at rest D0 [m]."""
     return quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
 
 
-def rubber_wall() -> Any:
+def rubber_wall() -> Scalar:
     """Thickness of the rubber wall h [m]; 1.8 mm is that of Festo muscles."""
     return quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h", default=1.8e-3)
 
 
-def rest_angle(typical: tuple[float, float], **options: Any) -> Any:
+def rest_angle(typical: tuple[float, float], **options: object) -> Scalar:
     """Braid angle at rest theta0 [rad], with the range usual for a law's muscles."""
     meaning = "braid angle at rest, from the long axis"
     return quantity("rad", (0.05, 1.5), meaning, symbol="theta0", typical=typical, **options)
 
 
-def rest_volume() -> Any:
+def rest_volume() -> Scalar:
     """Gas volume at rest length V0 [m^3], needed only for the volume itself and zero where unknown."""
     meaning = "gas volume at rest length; needed only for the volume itself"
     return quantity("m^3", (0.0, 1.0), meaning, symbol="V0", default=0.0)
 
 
-def stop_stiffness() -> Any:
+def stop_stiffness() -> Scalar:
     """Coefficient of the end non-linearity knl [N/m^2], zero where none was inferred."""
     return quantity("N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0)
 
 
-def threshold_width(default: float = 1e4) -> Any:
+def threshold_width(default: float = 1e4) -> Scalar:
     """Range of pressure around the threshold over which the bladder reaches the braid, w [Pa]."""
     meaning = "range of pressure around the threshold in which the bladder fills to the braid"
     return quantity("Pa", (1e2, 1e6), meaning, symbol="w", default=default)

@@ -10,9 +10,9 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from .._jax import jnp
+from .._jax import Array, jnp
 from ..components import ForceElement, Module, Scalar, field
 from ..errors import InputError
 from ..quantities import quantity
@@ -30,12 +30,12 @@ class PassiveSpring(ForceElement):
         "N/m^3", (0.0, 1e15), "coefficient of the cubic term", symbol="k3", typical=(0.0, 1e7), default=0.0
     )
 
-    def force(self, length: Any, velocity: Any = 0.0) -> Scalar:
+    def force(self, length: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Tension [N], negative when compressed."""
         x = length - self.rest_length
         return x * (self.stiffness + self.cubic_stiffness * x * x) + 0.0 * jnp.asarray(velocity)
 
-    def stored_energy(self, length: Any) -> Scalar:
+    def stored_energy(self, length: Scalar) -> Scalar:
         """The energy k x^2/2 + k3 x^4/4 [J]."""
         square = (length - self.rest_length) ** 2
         return square * (0.5 * self.stiffness + 0.25 * self.cubic_stiffness * square)
@@ -46,11 +46,11 @@ class Viscous(ForceElement):
 
     damping: Scalar = quantity("N*s/m", (0.0, 1e7), "force per velocity", symbol="c", typical=(0.1, 1e3))
 
-    def force(self, length: Any, velocity: Any = 0.0) -> Scalar:
+    def force(self, length: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Tension [N], positive while lengthening."""
         return self.damping * jnp.asarray(velocity, float) + 0.0 * jnp.asarray(length)
 
-    def stored_energy(self, length: Any) -> Scalar:
+    def stored_energy(self, length: Scalar) -> Scalar:
         """Stored energy, zero [J]."""
         return 0.0 * jnp.asarray(length, float)
 
@@ -71,14 +71,14 @@ class Tendon(ForceElement):
     toe_length: Scalar = quantity("m", (1e-9, 1.0), "stretch over which it stiffens", symbol="t", default=5e-4)
     loss: Scalar = quantity("s/m", (0.0, 1e3), "loss factor", symbol="c", typical=(0.0, 1.0), default=0.0)
 
-    def force(self, length: Any, velocity: Any = 0.0) -> Scalar:
+    def force(self, length: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Tension [N], never negative."""
         stretch = length - self.slack_length
         toe = jnp.clip(stretch, 0.0, self.toe_length)
         elastic = self.stiffness * (0.5 * toe * toe / self.toe_length + jnp.maximum(stretch - self.toe_length, 0.0))
         return elastic * jnp.maximum(1.0 + self.loss * jnp.asarray(velocity, float), 0.0)
 
-    def stored_energy(self, length: Any) -> Scalar:
+    def stored_energy(self, length: Scalar) -> Scalar:
         """Integral of f over the stretch [J]."""
         stretch = length - self.slack_length
         toe = jnp.clip(stretch, 0.0, self.toe_length)
@@ -91,11 +91,11 @@ class Parallel(ForceElement):
 
     elements: tuple[ForceElement, ...]
 
-    def force(self, length: Any, velocity: Any = 0.0) -> Scalar:
+    def force(self, length: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Sum of the tensions [N]."""
         return sum((e.force(length, velocity) for e in self.elements), start=jnp.zeros(()))
 
-    def stored_energy(self, length: Any) -> Scalar:
+    def stored_energy(self, length: Scalar) -> Scalar:
         """Sum of the energies [J]."""
         return sum((e.stored_energy(length) for e in self.elements), start=jnp.zeros(()))
 
@@ -103,8 +103,8 @@ class Parallel(ForceElement):
 class SeriesState(NamedTuple):
     """The nodes between elements in series: distance from the first end and its rate, shape (..., elements - 1)."""
 
-    position: Scalar  # [m]
-    velocity: Scalar  # [m/s]
+    position: Array  # [m]
+    velocity: Array  # [m/s]
 
 
 class Series(Module):
@@ -117,29 +117,29 @@ class Series(Module):
     elements: tuple[ForceElement, ...]
     mass: Scalar = quantity("kg", (1e-6, 1e3), "mass of each node, shape (elements - 1,)", symbol="m", default=0.02)
 
-    def initial(self, lengths: Any) -> SeriesState:
+    def initial(self, lengths: Scalar) -> SeriesState:
         """State at rest, given the lengths of all elements but the last, shape (..., elements - 1) [m]."""
         position = jnp.cumsum(jnp.asarray(lengths, float), axis=-1)
         return SeriesState(position, jnp.zeros_like(position))
 
-    def forces(self, state: SeriesState, length: Any, velocity: Any = 0.0) -> Scalar:
+    def forces(self, state: SeriesState, length: Scalar, velocity: Scalar = 0.0) -> Array:
         """Tension of each element [N], last axis the elements, for the whole's length [m] and velocity [m/s]."""
         lengths, rates = _pieces(state.position, length), _pieces(state.velocity, velocity)
         return jnp.stack([e.force(lengths[..., i], rates[..., i]) for i, e in enumerate(self.elements)], axis=-1)
 
-    def force(self, state: SeriesState, length: Any, velocity: Any = 0.0) -> Scalar:
+    def force(self, state: SeriesState, length: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Tension at the far end, that of the last element [N]."""
         return self.forces(state, length, velocity)[..., -1]
 
-    def rate(self, state: SeriesState, length: Any, velocity: Any = 0.0) -> SeriesState:
+    def rate(self, state: SeriesState, length: Scalar, velocity: Scalar = 0.0) -> SeriesState:
         """Time derivative of the state [m/s, m/s^2]."""
         pull = self.forces(state, length, velocity)
         return SeriesState(state.velocity, (pull[..., 1:] - pull[..., :-1]) / self.mass)
 
-    def stored_energy(self, state: SeriesState, length: Any) -> Scalar:
+    def stored_energy(self, state: SeriesState, length: Scalar) -> Scalar:
         """Elastic energy of the elements and kinetic energy of the nodes [J]."""
         lengths = _pieces(state.position, length)
-        elastic = sum(e.stored_energy(lengths[..., i]) for i, e in enumerate(self.elements))
+        elastic = sum((e.stored_energy(lengths[..., i]) for i, e in enumerate(self.elements)), start=jnp.zeros(()))
         return elastic + jnp.sum(0.5 * self.mass * state.velocity**2, axis=-1)
 
 
@@ -168,18 +168,18 @@ class Delay(Module):
             )
         return cls(samples)
 
-    def initial(self, value: Any = 0.0) -> Scalar:
+    def initial(self, value: Scalar = 0.0) -> Scalar:
         """Buffer filled with one value."""
         value = jnp.asarray(value, float)
         return jnp.broadcast_to(value, (self.samples, *value.shape))
 
-    def step(self, buffer: Scalar, value: Any) -> tuple[Scalar, Scalar]:
+    def step(self, buffer: Scalar, value: Scalar) -> tuple[Scalar, Scalar]:
         """Advance by one sample; return the buffer and the delayed value."""
         line = jnp.concatenate([buffer, jnp.asarray(value, float)[None]])
         return line[1:], line[0]
 
 
-def _pieces(nodes: Scalar, end: Any) -> Scalar:
+def _pieces(nodes: Array, end: Scalar) -> Array:
     """Differences along 0, the nodes and the end, last axis."""
     whole = jnp.broadcast_to(jnp.asarray(end, float), nodes.shape[:-1])[..., None]
     line = jnp.concatenate([jnp.zeros_like(whole), nodes, whole], axis=-1)

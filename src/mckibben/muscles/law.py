@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Array, jax, jnp
 from ..components import Module, Scalar, derivative
 from ..components.evaluation import evaluated
 from ..errors import InputError, NoVolumeError, UnreachableError
@@ -68,7 +68,7 @@ class TensionLaw(Module):
     # Parameters that stay at their default where tension was measured at fewer lengths than this.
     lengths_needed: ClassVar[dict[str, int]] = {}
 
-    def __init_subclass__(cls, **options: Any) -> None:
+    def __init_subclass__(cls, **options: object) -> None:
         """Refuse parameters that hide what every law has; see `Module`."""
         hidden = [
             name for name in vars(cls) if isinstance(vars(cls)[name], dataclasses.Field) and hasattr(TensionLaw, name)
@@ -81,11 +81,11 @@ class TensionLaw(Module):
         super().__init_subclass__(**options)
 
     @abc.abstractmethod
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Tension of the braid without gas [N]; negative where it resists shortening."""
 
     @abc.abstractmethod
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Integral of the gas volume over the gauge pressure [J]."""
 
     @abc.abstractmethod
@@ -99,25 +99,25 @@ class TensionLaw(Module):
     # ---- the braid: signed forces at its own length
 
     @evaluated
-    def active_tension(self, length: Any, pressure: Any) -> Scalar:
+    def active_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """The part of the braid's force that the gas causes [N]."""
         length, pressure = _together(length, pressure)
         return -derivative(lambda x: self.gas_energy(x, pressure), length)
 
     @evaluated
-    def braid_tension(self, length: Any, pressure: Any) -> Scalar:
+    def braid_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
         length, pressure = _together(length, pressure)
         return self.elastic_tension(length) + self.active_tension(length, pressure)
 
     @evaluated
-    def braid_volume(self, length: Any, pressure: Any) -> Scalar:
+    def braid_volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
         length, pressure = _together(length, pressure)
         return derivative(lambda p: self.gas_energy(length, p), pressure)
 
     @evaluated
-    def braid_stiffness(self, length: Any, pressure: Any) -> Scalar:
+    def braid_stiffness(self, length: Scalar, pressure: Scalar) -> Scalar:
         """D braid_tension / dL at constant pressure [N/m]."""
         length, pressure = _together(length, pressure)
         return derivative(lambda x: self.braid_tension(x, pressure), length)
@@ -125,13 +125,13 @@ class TensionLaw(Module):
     # ---- the muscle between its anchors: unilateral
 
     @evaluated
-    def tension(self, span: Any, pressure: Any) -> Scalar:
+    def tension(self, span: Scalar, pressure: Scalar) -> Scalar:
         """Tension on the anchors [N], never negative."""
         force = self.braid_tension(span, pressure)
         return jnp.where(force > 0.0, force, 0.0)
 
     @evaluated
-    def volume(self, span: Any, pressure: Any) -> Scalar:
+    def volume(self, span: Scalar, pressure: Scalar) -> Scalar:
         """Gas volume [m^3], with the braid at its free length when slack.
 
         Raises:
@@ -143,20 +143,20 @@ class TensionLaw(Module):
         return self.braid_volume(self._braid_length(span, pressure), pressure)
 
     @evaluated
-    def volume_change(self, span: Any, pressure: Any) -> Scalar:
+    def volume_change(self, span: Scalar, pressure: Scalar) -> Scalar:
         """dV/dL at constant pressure [m^2]; known for every law, zero when slack."""
         span, pressure = _together(span, pressure)
         taut = self.braid_tension(span, pressure) > 0.0
         return jnp.where(taut, derivative(lambda x: self.braid_volume(x, pressure), span), 0.0)
 
     @evaluated
-    def stiffness(self, span: Any, pressure: Any) -> Scalar:
+    def stiffness(self, span: Scalar, pressure: Scalar) -> Scalar:
         """dF/dL at constant pressure [N/m], zero when slack."""
         taut = self.braid_tension(span, pressure) > 0.0
         return jnp.where(taut, self.braid_stiffness(span, pressure), 0.0)
 
     @evaluated
-    def state(self, span: Any, pressure: Any) -> LawState:
+    def state(self, span: Scalar, pressure: Scalar) -> LawState:
         """Evaluate the complete state."""
         span, pressure = _together(span, pressure)
         passive, active = self.elastic_tension(span), self.active_tension(span, pressure)
@@ -174,16 +174,16 @@ class TensionLaw(Module):
             overstretched=overstretched,
         )
 
-    def overstretched(self, span: Any) -> Scalar:
+    def overstretched(self, span: Scalar) -> Array:
         """Whether the span lies beyond the longest braid length that the law is made for."""
         return jnp.asarray(span, float) > self.length_range()[1]
 
     @evaluated
-    def free_length(self, pressure: Any) -> Scalar:
+    def free_length(self, pressure: Scalar) -> Scalar:
         """Length at which the unloaded muscle settles [m], within `length_range`."""
         pressure = jnp.asarray(pressure, float)
         low, high = (
-            jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, end.shape)) for end in self.length_range()
+            jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, jnp.shape(end))) for end in self.length_range()
         )
         pressure = jnp.broadcast_to(pressure, low.shape)
 
@@ -244,7 +244,7 @@ def law_name(law: TensionLaw | type[TensionLaw]) -> str:
     return registered_name(kind) or kind.__module__.rsplit(".", 1)[-1]
 
 
-def required_of_law(kind: Any) -> str | None:
+def required_of_law(kind: object) -> str | None:
     """What something must be to be a law; None where it is one."""
     if not (isinstance(kind, type) and issubclass(kind, TensionLaw)):
         return "a class derived from mckibben.TensionLaw"
@@ -253,5 +253,5 @@ def required_of_law(kind: Any) -> str | None:
     return f"complete; missing: {', '.join(missing)}" if missing else None
 
 
-def _together(length: Any, pressure: Any) -> tuple[Scalar, Scalar]:
+def _together(length: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:
     return tuple(jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float)))  # type: ignore[return-value]

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from .._jax import is_jax_array, is_traced, jnp
 from ..accessors import Accessor, implementation
 from ..components import Hysteresis, MemoryElement, Module, Scalar, field
+from ..documents import JsonValue
 from ..errors import InputError, PlausibilityWarning
 from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
@@ -116,7 +117,7 @@ class Muscle(Module):
             return float(self.law.pressure_for(force, span))
         return self.law.pressure_for(force, span, highest=float(in_si(highest, "Pa", field="highest")))
 
-    def quasi_static_tension(self, span: Quantity, pressure: Quantity, direction: ArrayLike) -> Scalar:
+    def quasi_static_tension(self, span: Quantity, pressure: Quantity, direction: Scalar) -> Scalar:
         """Tension while the muscle is moved slowly one way [N], the law with constant friction.
 
         Args:
@@ -127,10 +128,10 @@ class Muscle(Module):
         Returns:
             max(F + direction Fc(P'), 0): the paper's suggestion where a simple friction is enough (eqs. 12, 13).
         """
-        span, pressure = in_si(span, "m", field="span"), in_si(pressure, "Pa", field="pressure")
-        force = self.law.braid_tension(span, pressure)
+        length, gauge = in_si(span, "m", field="span"), in_si(pressure, "Pa", field="pressure")
+        force = self.law.braid_tension(length, gauge)
         if self.friction is not None:
-            force = force + direction * self.friction.largest_force(pressure)
+            force = force + direction * self.friction.largest_force(gauge)
         return jnp.maximum(force, 0.0)
 
     # ---- what it is
@@ -173,7 +174,7 @@ class Muscle(Module):
             rows += _rows(name, getattr(self, name), {})
         return rows
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Id, law and parameters [SI] as plain values, for JSON."""
         return {
             "specimen": None if self.specimen is None else self.specimen.id,

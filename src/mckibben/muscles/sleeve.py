@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jit, jnp
+from .._jax import Scalar, Tree, jit, jnp
 from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit
 from ..specimens import Specimen, SpecimenNumber
@@ -103,7 +103,7 @@ TRUST = (
 )
 
 
-def youngs_modulus(shore: Any) -> Any:
+def youngs_modulus(shore: Scalar) -> Scalar:
     """Young's modulus of rubber of a Shore A hardness [Pa].
 
     E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)) MPa. Range: 20-80; its author finds it valid above
@@ -117,7 +117,7 @@ def youngs_modulus(shore: Any) -> Any:
     return 0.0981e6 * (56.0 + 7.62336 * shore) / (0.137505 * (254.0 - 2.54 * shore))
 
 
-def straight_line(law: TensionLaw, longest: Any, shortest: Any) -> tuple[Any, Any]:
+def straight_line(law: TensionLaw, longest: Scalar, shortest: Scalar) -> tuple[Tree, Tree]:
     """Least-squares slope of the force per pressure over five lengths of the stroke, Kg [m], and its zero, Lmin [m].
 
     Args:
@@ -134,7 +134,7 @@ def straight_line(law: TensionLaw, longest: Any, shortest: Any) -> tuple[Any, An
     return slope, middle - mean / slope
 
 
-def braid_laws(dimensions: Mapping[str, Any], *, upper_length: Any = None) -> dict[str, TensionLaw]:
+def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None = None) -> dict[str, TensionLaw]:
     """The laws of a braid, by name; dimensions may be arrays of one shape.
 
     Args:
@@ -295,7 +295,7 @@ def _group(law: str, built: TensionLaw) -> dict[str, SpecimenNumber]:
     return {key: _parameter(law, key, q.unit, getattr(built, key)) for key, q in declared(built).items()}
 
 
-def _parameter(law: str, key: str, unit: str, values: Any) -> SpecimenNumber:
+def _parameter(law: str, key: str, unit: str, values: Scalar) -> SpecimenNumber:
     values = np.broadcast_to(np.asarray(values, float), (1 + 2 * len(DIMENSIONS),))
     value, off = float(values[0]), values[1:] - values[0]
     # Readings are independent: their effects to either side add as squares.

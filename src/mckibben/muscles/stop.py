@@ -6,12 +6,10 @@ inside the working range, so that no printed value changes, and stiffening beyon
 
 from __future__ import annotations
 
-from typing import Any
-
 from .._jax import jnp
 from ..components import Scalar
 
 
-def stop_tension(length: Any, *, begins_at: Any, stiffness: Any) -> Scalar:
+def stop_tension(length: Scalar, *, begins_at: Scalar, stiffness: Scalar) -> Scalar:
     """nl(L) = knl max(L - Lnl, 0)^2 [N]; lengths [m], stiffness knl [N/m^2]."""
     return stiffness * jnp.maximum(length - begins_at, 0.0) ** 2

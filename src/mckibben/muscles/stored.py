@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .._jax import Scalar
 from ..components.evaluation import evaluated
 from .law import TensionLaw
 
@@ -49,10 +50,10 @@ def _elastic(law: TensionLaw, edges: np.ndarray) -> np.ndarray:
 
 
 @evaluated
-def _without_gas(law: TensionLaw, length: Any) -> Any:
+def _without_gas(law: TensionLaw, length: Scalar) -> Any:
     return law.elastic_tension(length)
 
 
 @evaluated
-def _of_gas(law: TensionLaw, length: Any, pressure: Any) -> Any:
+def _of_gas(law: TensionLaw, length: Scalar, pressure: Scalar) -> Any:
     return pressure * law.braid_volume(length, pressure) - law.gas_energy(length, pressure)

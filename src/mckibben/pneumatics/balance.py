@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from .._jax import Scalar
 from .circuit import Circuit
 
 LEAST = 1e-6  # of what is stored
@@ -21,7 +22,9 @@ class RunBalance(NamedTuple):
     energy: float
 
 
-def balance(circuit: Circuit, start: Any, end: Any, first: Any, last: Any, integrals: Mapping[str, Any]) -> RunBalance:
+def balance(
+    circuit: Circuit, start: Scalar, end: Scalar, first: Any, last: Any, integrals: Mapping[str, Scalar]
+) -> RunBalance:
     """Compare stored mass and energy of the end states with independent integrals over the border.
 
     Args:

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..components.module import flatten
-from ..components.system import Moment, System
+from ..components.system import Moment, System, Value
 from ..errors import InputError
 from .exergy import ExergyStream, Passing, kind_of, path_name
 from .gas import AIR, Gas
@@ -62,8 +62,8 @@ class Circuit(System):
         return [name for name, node in self.nodes.items() if isinstance(node, Chamber)]
 
     def initial(
-        self, pressures: Mapping[str, float], inputs: Mapping[str, Any] | None = None, temperature: float = 293.15
-    ) -> Any:
+        self, pressures: Mapping[str, float], inputs: Mapping[str, Scalar] | None = None, temperature: float = 293.15
+    ) -> Tree:
         """The state with given absolute pressures [Pa] and one temperature [K]; lengths of moving volumes from `inputs`."""
         for name in self.chambers:
             if name not in pressures:
@@ -73,7 +73,9 @@ class Circuit(System):
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="circuit")
         return self.at_rest(pressures, _Fixed(inputs or {}), temperature)
 
-    def at_rest(self, pressures: Mapping[str, Any], inputs: Mapping[str, Any], temperature: Any = 293.15) -> Any:
+    def at_rest(
+        self, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value], temperature: Scalar = 293.15
+    ) -> Tree:
         """State and memory at rest, without checks, so that pressures may be traced; inputs as the engine gives them."""
         values = {name: jnp.asarray(pressures[name], float) for name in self.chambers}
         masses = {
@@ -82,12 +84,12 @@ class Circuit(System):
         elements = {name: element.settled(self._driven(name, inputs)) for name, element in self.elements.items()}
         return {"mass": masses, "pressure": values, "elements": elements}
 
-    def _driven(self, name: str, inputs: Mapping[str, Any]) -> Any:
+    def _driven(self, name: str, inputs: Mapping[str, Value]) -> Scalar | None:
         """The command of an element at the start, or None if it is not known."""
         signal = self.ends[name][1]
         return None if signal is None or signal not in inputs else self._command(name, inputs)
 
-    def initial_memory(self, state: Any, inputs: Mapping[str, Any] | None = None) -> Any:
+    def initial_memory(self, state: Tree, inputs: Mapping[str, Value] | None = None) -> Tree:
         """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
         gases = self.gas_states(state, inputs or {})
         kept = {name: self.elements[name].initial_memory(self._at(name, gases)) for name in self.elements}
@@ -105,7 +107,9 @@ class Circuit(System):
                 late[f"{name}.command"] = signals[signal].delayed(delay)
         return {**signals, **late}
 
-    def rate(self, state: Any, memory: Any, inputs: Any, entering: Mapping[str, Inflow] | None = None) -> Any:
+    def rate(
+        self, state: Tree, memory: Tree, inputs: Mapping[str, Value], entering: Mapping[str, Inflow] | None = None
+    ) -> Tree:
         """Rates of masses, pressures and the elements' own states.
 
         Args:
@@ -131,7 +135,7 @@ class Circuit(System):
         }
         return {"mass": masses, "pressure": pressures, "elements": elements}
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Flows across the boundary: mass [kg/s], enthalpy, heat, work on moving walls, and of machines on the gas [W]."""
         return self.crossing(self.passing(state, memory, inputs))
 
@@ -158,7 +162,7 @@ class Circuit(System):
             out["work"] += now.gas[name].pressure_abs * now.swelling(name)
         return {name: jnp.asarray(value) for name, value in out.items()}
 
-    def passing(self, state: Any, memory: Any, inputs: Any) -> Passing:
+    def passing(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Passing:
         """Quantities of a moment for the accounts: gas, volumes, flows and heat."""
         gases, volumes = self.gas_states(state, inputs), self.volumes(state, inputs)
         streams = self._streams(state, memory, gases, inputs)
@@ -167,11 +171,11 @@ class Circuit(System):
         pressure_rates, heat = ({n: r[i] for n, r in rates.items()} for i in (0, 1))
         return Passing(gases, volumes, streams, inflow, added, pressure_rates, heat)
 
-    def volumes(self, state: Any, inputs: Any) -> dict[str, VolumeState]:
+    def volumes(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, VolumeState]:
         """Volumes of the chambers."""
         return {name: self._volume(name, state["pressure"][name], inputs) for name in self.chambers}
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the memory of every element after the gas at its ports has changed."""
         if not memory:
             return {}
@@ -181,7 +185,7 @@ class Circuit(System):
             for name, kept in memory.items()
         }
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Absolute pressures [Pa], temperatures [K] and masses [kg] of all nodes, mass flows of all elements [kg/s]."""
         gases = self.gas_states(state, inputs)
         out = {f"{name}.pressure_abs": s.pressure_abs for name, s in gases.items()}
@@ -195,12 +199,12 @@ class Circuit(System):
             out |= {f"{name}.{key}": value for key, value in element.outputs(self._at(name, gases), *arguments).items()}
         return out
 
-    def admissible(self, state: Any) -> Any:
+    def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas at a pressure above vacuum."""
         held = [state[quantity][name] > 0.0 for quantity in ("mass", "pressure") for name in self.chambers]
         return jnp.stack(held).all()
 
-    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
         """Bound from the steepest slope of each restriction and the capacity of the nodes it joins [1/s].
 
         A network of conductances s over capacities has no mode faster than the sum, over the two ends of some path, of what
@@ -224,7 +228,7 @@ class Circuit(System):
                     load[end] = load[end] + slope * per_mass.get(end, 0.0)
         return jnp.stack([load[a] + load[b] for a, b in paths]).max()
 
-    def stored(self, state: Any, inputs: Any) -> tuple[Scalar, Scalar]:
+    def stored(self, state: Tree, inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Mass [kg] and internal energy [J] of all stored gas."""
         mass: Any = 0.0
         energy: Any = 0.0
@@ -234,18 +238,19 @@ class Circuit(System):
             energy += p * self._volume(name, p, inputs).value / (self.gas.heat_ratio - 1.0)
         return mass, energy
 
-    def junction_inflows(self, state: Any, memory: Any, inputs: Any) -> dict[str, Inflow]:
+    def junction_inflows(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Inflow]:
         """What flows to each junction: mass [kg/s] and enthalpy [W]."""
         gases = self.gas_states(state, inputs)
         inflow, _ = self._inflows(self._streams(state, memory, gases, inputs), gases)
         return {name: inflow[name] for name, node in self.nodes.items() if isinstance(node, Junction)}
 
-    def gas_states(self, state: Any, inputs: Any) -> dict[str, GasState]:
+    def gas_states(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, GasState]:
         """Gas of every node."""
         gases = {}
         for name, node in self.nodes.items():
             if isinstance(node, Junction):
-                gases[name] = inputs[node.signal]
+                junction: Tree = inputs[node.signal]  # its gas, as the circuits that share it have it
+                gases[name] = junction
             elif isinstance(node, Reservoir):
                 pressure = inputs[node.signal].value if node.signal else node.pressure_abs
                 gases[name] = GasState(pressure, node.temperature)
@@ -264,14 +269,14 @@ class Circuit(System):
         """The gas at the ports of an element."""
         return tuple(seen[end] for end in self.ends[name][0])
 
-    def _command(self, name: str, inputs: Any) -> Any:
+    def _command(self, name: str, inputs: Mapping[str, Value]) -> Scalar:
         signal = self.ends[name][1]
         if signal is None:
             return jnp.asarray(self.elements[name].undriven)
         late = f"{name}.command"
         return inputs[late if late in inputs else signal].value
 
-    def _volume(self, name: str, pressure_abs: Any, inputs: Any) -> VolumeState:
+    def _volume(self, name: str, pressure_abs: Scalar, inputs: Mapping[str, Value]) -> VolumeState:
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
         volume = volume_of(node, pressure_abs, length, velocity)
@@ -289,7 +294,9 @@ class Circuit(System):
         ]
         return sum(volumes, start=jnp.zeros(()))
 
-    def _flows(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, tuple[Scalar, ...]]:
+    def _flows(
+        self, state: Tree, memory: Tree, seen: dict[str, GasState], inputs: Mapping[str, Value]
+    ) -> dict[str, tuple[Scalar, ...]]:
         return {
             name: element.flows(
                 self._at(name, seen), state["elements"][name], _kept(memory, name), self._command(name, inputs)
@@ -297,7 +304,9 @@ class Circuit(System):
             for name, element in self.elements.items()
         }
 
-    def _streams(self, state: Any, memory: Any, seen: dict[str, GasState], inputs: Any) -> dict[str, ExergyStream]:
+    def _streams(
+        self, state: Tree, memory: Tree, seen: dict[str, GasState], inputs: Mapping[str, Value]
+    ) -> dict[str, ExergyStream]:
         """The gas on every path."""
         streams = {}
         for name, flows in self._flows(state, memory, seen, inputs).items():
@@ -329,9 +338,9 @@ class Circuit(System):
 class _Fixed(dict[str, Any]):
     """Plain lengths as inputs at rest."""
 
-    def __getitem__(self, name: str) -> Any:
-        return jnp.asarray(super().__getitem__(name), float), jnp.zeros(())
+    def __getitem__(self, name: str) -> Value:
+        return Value(jnp.asarray(super().__getitem__(name), float), jnp.zeros(()))
 
 
-def _kept(memory: Any, name: str) -> Any:
+def _kept(memory: Tree, name: str) -> Any:
     return memory[name] if name in memory else ()

@@ -14,11 +14,11 @@ any textbook of thermodynamics.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..components import Scalar
 from ..components.flow import FlowElement, Gases
 from ..errors import InputError
@@ -72,7 +72,7 @@ class Compressor(FlowElement):
         """Pressure ratio at which delivery ends [1]; infinite without clearance."""
         return (1.0 + 1.0 / self.clearance) ** self.exponent
 
-    def running(self, memory: Any, command: Any) -> Scalar:
+    def running(self, memory: Tree, command: Scalar) -> Scalar:
         """State of the switch: 1 while it runs, else 0."""
         if isinstance(memory, tuple):
             raise InputError(
@@ -80,34 +80,34 @@ class Compressor(FlowElement):
             )
         return memory * jnp.where(jnp.asarray(command) > 0.5, 1.0, 0.0)
 
-    def initial_memory(self, gas: Gases) -> Any:
+    def initial_memory(self, gas: Gases) -> Tree:
         """Closed where the tank is below the start pressure."""
         return jnp.where(gas[1].pressure_abs - gas[0].pressure_abs < self.start_pressure, 1.0, 0.0)
 
-    def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
+    def advance_memory(self, memory: Tree, start: Gases, end: Gases) -> Tree:
         """The switch after the tank's pressure has changed."""
         above = end[1].pressure_abs - end[0].pressure_abs
         return jnp.where(above < self.start_pressure, 1.0, jnp.where(above > self.stop_pressure, 0.0, memory))
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Mass flow into the tank [kg/s], never negative."""
         intake, _ = gas
         left = 1.0 + self.clearance * (1.0 - jnp.exp(jnp.log(_ratio(gas)) / self.exponent))
         swept = self.displacement * self.speed / (2.0 * math.pi) * self.running(memory, command)
         return (swept * jnp.where(left > 0.0, left, 0.0) * self.gas.density(intake.pressure_abs, intake.temperature),)
 
-    def shaft_power(self, gas: Gases, state: Any, memory: Any, command: Any) -> Scalar:
+    def shaft_power(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Scalar:
         """Power of the shaft [W]."""
         gamma = self.gas.heat_ratio
         rise = jnp.exp(jnp.log(_ratio(gas)) * (gamma - 1.0) / gamma) - 1.0
         (flow,) = self.flows(gas, state, memory, command)
         return flow * self.gas.cp * gas[0].temperature * jnp.where(rise > 0.0, rise, 0.0) / self.efficiency
 
-    def heating(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def heating(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Part of the shaft's power that heats the gas [W]."""
         return ((1.0 - self.aftercooling) * self.shaft_power(gas, state, memory, command),)
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Power of the shaft [W], and whether it runs [1]."""
         return {
             "shaft_power": self.shaft_power(gas, state, memory, command),

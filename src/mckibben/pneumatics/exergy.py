@@ -19,9 +19,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..components import Environment, Scalar
 from ..components.flow import FlowElement, GasState
+from ..components.system import Value
 from .gas import Gas
 from .heat import Inflow, VolumeState
 from .leak import Leak
@@ -98,7 +99,7 @@ class DeadState(NamedTuple):
         """Return the dead state of a gas in an environment."""
         return cls(gas, room.pressure_abs, room.temperature)
 
-    def see(self, pressure_abs: Any, temperature: Any) -> Seen:
+    def see(self, pressure_abs: Scalar, temperature: Scalar) -> Seen:
         """Gas at an absolute pressure [Pa] and a temperature [K]."""
         squeeze, warmth = jnp.log(pressure_abs / self.pressure_abs), jnp.log(temperature / self.temperature)
         return Seen(pressure_abs, temperature, squeeze, warmth)
@@ -108,34 +109,34 @@ class DeadState(NamedTuple):
         entropy = self.gas.cp * at.warmth - self.gas.gas_constant * at.squeeze
         return self.gas.cp * (at.temperature - self.temperature) - self.temperature * entropy
 
-    def compression(self, pressure_abs: Any, *, cooled: bool) -> Scalar:
+    def compression(self, pressure_abs: Scalar, *, cooled: bool) -> Scalar:
         """Least work to compress ambient air in one stage, isothermally or without heat exchange [J/kg]."""
         if cooled:
             return self.flowing(self.see(pressure_abs, self.temperature))
         share = (self.gas.heat_ratio - 1.0) / self.gas.heat_ratio
         return self.gas.cp * self.temperature * ((pressure_abs / self.pressure_abs) ** share - 1.0)
 
-    def stored(self, pressure_abs: Any, volume: Any, mass: Any) -> Scalar:
+    def stored(self, pressure_abs: Scalar, volume: Scalar, mass: Scalar) -> Scalar:
         """Exergy of gas in a volume, A [J]; volume [m^3], mass [kg]."""
         temperature = self.gas.temperature(pressure_abs, volume, mass)
         rest = self.flowing(self.see(pressure_abs, temperature)) - self.gas.cp * temperature  # -(T0 s + cp T0)
         return volume * (pressure_abs / (self.gas.heat_ratio - 1.0) + self.pressure_abs) + mass * rest
 
-    def throttled(self, flow: Any, first: Seen, second: Seen) -> Scalar:
+    def throttled(self, flow: Scalar, first: Seen, second: Seen) -> Scalar:
         """Destroyed by a flow [kg/s] from a first place to a second, or back where it is negative [W]."""
         return self.temperature * self.gas.gas_constant * flow * (first.squeeze - second.squeeze)
 
-    def mixed(self, flow: Any, arriving: Seen, there: Seen) -> Scalar:
+    def mixed(self, flow: Scalar, arriving: Seen, there: Seen) -> Scalar:
         """Destroyed where a flow [kg/s] of one temperature enters gas of another [W], never negative."""
         excess = arriving.temperature / there.temperature - 1.0 - (arriving.warmth - there.warmth)
         return self.temperature * self.gas.cp * flow * excess
 
-    def by_heat(self, heat: Any, temperature: Any, wall: Any) -> Scalar:
+    def by_heat(self, heat: Scalar, temperature: Scalar, wall: Scalar) -> Scalar:
         """Destroyed by heat [W] into gas of a temperature from a wall of another [W]."""
         return self.temperature * heat * (1.0 / temperature - 1.0 / wall)
 
 
-def stored_exergy(circuit: Circuit, state: Any, inputs: Any, room: Environment) -> Scalar:
+def stored_exergy(circuit: Circuit, state: Tree, inputs: Mapping[str, Value], room: Environment) -> Scalar:
     """Exergy of all stored gas, A [J]."""
     dead, volumes = DeadState.of(circuit.gas, room), circuit.volumes(state, inputs)
     return jnp.asarray(sum(dead.stored(state["pressure"][n], v.value, state["mass"][n]) for n, v in volumes.items()))
@@ -153,7 +154,7 @@ def exergies(circuit: Circuit, now: Passing, room: Environment) -> dict[str, Sca
     names = list(now.gas)
     # all logarithms at once, which is faster than one by one
     together = dead.see(*(jnp.stack([jnp.asarray(now.gas[n][i]) for n in names]) for i in (0, 1)))
-    states = {n: Seen(*(values[i] for values in together)) for i, n in enumerate(names)}
+    states = {n: Seen(*(jnp.asarray(values)[i] for values in together)) for i, n in enumerate(names)}
     out: dict[str, Any] = dict.fromkeys(("mixed", "heat_worth"), 0.0)
     for stream in now.streams.values():
         role = role_of(circuit, stream.element, stream.ends)

@@ -12,8 +12,6 @@ of F. M. White, Viscous Fluid Flow.
 
 from __future__ import annotations
 
-from typing import Any
-
 from .._jax import jnp
 from ..components import Module, Scalar
 from ..quantities import quantity
@@ -45,23 +43,23 @@ class Gas(Module):
         """Specific heat at constant volume [J/(kg K)]."""
         return self.gas_constant / (self.heat_ratio - 1.0)
 
-    def density(self, pressure_abs: Any, temperature: Any) -> Scalar:
+    def density(self, pressure_abs: Scalar, temperature: Scalar) -> Scalar:
         """Density [kg/m^3] at an absolute pressure [Pa] and a temperature [K]."""
         return pressure_abs / (self.gas_constant * temperature)
 
-    def temperature(self, pressure_abs: Any, volume: Any, mass: Any) -> Scalar:
+    def temperature(self, pressure_abs: Scalar, volume: Scalar, mass: Scalar) -> Scalar:
         """Temperature [K] of a mass [kg] in a volume [m^3] at an absolute pressure [Pa]."""
         return pressure_abs * volume / (mass * self.gas_constant)
 
-    def mass(self, pressure_abs: Any, volume: Any, temperature: Any) -> Scalar:
+    def mass(self, pressure_abs: Scalar, volume: Scalar, temperature: Scalar) -> Scalar:
         """Mass [kg] in a volume [m^3] at an absolute pressure [Pa] and a temperature [K]."""
         return pressure_abs * volume / (self.gas_constant * temperature)
 
-    def sound_speed(self, temperature: Any) -> Scalar:
+    def sound_speed(self, temperature: Scalar) -> Scalar:
         """Speed of sound [m/s] at a temperature [K]."""
         return jnp.sqrt(self.heat_ratio * self.gas_constant * temperature)
 
-    def viscosity(self, temperature: Any) -> Scalar:
+    def viscosity(self, temperature: Scalar) -> Scalar:
         """Dynamic viscosity [Pa s] at a temperature [K]."""
         relative = temperature / 273.15
         return (
@@ -72,7 +70,7 @@ class Gas(Module):
             / (temperature + self.sutherland_temperature)
         )
 
-    def conductivity(self, temperature: Any) -> Scalar:
+    def conductivity(self, temperature: Scalar) -> Scalar:
         """Thermal conductivity [W/(m K)], from the viscosity with a Prandtl number of 0.71."""
         return self.viscosity(temperature) * self.cp / 0.71
 

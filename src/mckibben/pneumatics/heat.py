@@ -42,7 +42,7 @@ class HeatModel(Module):
 
     @abc.abstractmethod
     def rates(
-        self, gas: Gas, pressure_abs: Any, temperature: Any, volume: VolumeState, inflow: Inflow
+        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
     ) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
 
@@ -58,7 +58,7 @@ class Isothermal(HeatModel):
     """The gas stays at the temperature it has."""
 
     def rates(
-        self, gas: Gas, pressure_abs: Any, temperature: Any, volume: VolumeState, inflow: Inflow
+        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
     ) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
         drive = gas.gas_constant * temperature * inflow.mass - pressure_abs * volume.moving
@@ -72,7 +72,7 @@ class Polytropic(HeatModel):
     exponent: Scalar = quantity("1", (1.0, 1.67), "polytropic exponent", symbol="n", default=1.2)
 
     def rates(
-        self, gas: Gas, pressure_abs: Any, temperature: Any, volume: VolumeState, inflow: Inflow
+        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
     ) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
         drive = gas.gas_constant * temperature * inflow.mass - pressure_abs * volume.moving
@@ -87,7 +87,7 @@ class WallHeat(HeatModel):
     wall_temperature: Scalar = quantity("K", (200.0, 500.0), "temperature of the wall", symbol="Tw", default=293.15)
 
     def rates(
-        self, gas: Gas, pressure_abs: Any, temperature: Any, volume: VolumeState, inflow: Inflow
+        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
     ) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
         heat = self.conductance * (self.wall_temperature - temperature)

@@ -11,9 +11,9 @@ an ideal gas.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..components import Scalar
 from ..components.flow import GasState, TwoPort
 from ..errors import InputError
@@ -69,7 +69,7 @@ class Leak(TwoPort):
         per_squares /= float(AIR.gas_constant * REFERENCE_TEMPERATURE)
         return cls(conductance=per_squares * 2.0 * REFERENCE_PRESSURE / REFERENCE_DENSITY)
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
         warm = REFERENCE_TEMPERATURE * self.gas.viscosity(REFERENCE_TEMPERATURE)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..components import Scalar
 from ..components.evaluation import evaluated
 from ..components.flow import Gases, GasState, TwoPort
@@ -33,7 +33,7 @@ GALLON_PER_MINUTE = 3.785411784e-3 / 60.0  # US gallon [m^3/s]
 
 
 def conductance_flow(
-    p1: Any, temperature1: Any, p2: Any, *, conductance: Any, critical_ratio: Any, linear_band: Any
+    p1: Scalar, temperature1: Scalar, p2: Scalar, *, conductance: Scalar, critical_ratio: Scalar, linear_band: Scalar
 ) -> Scalar:
     """Mass flow from upstream to downstream [kg/s], zero or positive; p1 >= p2.
 
@@ -55,7 +55,7 @@ def conductance_flow(
     return conductance * REFERENCE_DENSITY / (1.0 - critical_ratio) * root
 
 
-def smooth_root(square: Any, start: Any, factor: Any = 1.0) -> Scalar:
+def smooth_root(square: Scalar, start: Scalar, factor: Scalar = 1.0) -> Scalar:
     """sqrt(factor square) from `start` on; below, the parabola in `square` that meets it with value and slope.
 
     Range: start > 0.
@@ -150,11 +150,11 @@ class Orifice(TwoPort):
         )
         return cls(conductance=float(area * choked / REFERENCE_DENSITY), **options)
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 1.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 1.0) -> Scalar:
         """Signed mass flow from a to b [kg/s]; the command is the share of the conductance that is open, 0 to 1."""
         return opening_flow(self, a, b, command)
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slope at equal pressures, where the flow is steepest [kg/(s Pa)]."""
         return (steepest_slope(self, gas[0], gas[1]) * command,)
 
@@ -162,10 +162,12 @@ class Orifice(TwoPort):
 @evaluated
 def _flow_of(orifice: Orifice, inlet: Any, outlet: Any) -> Scalar:
     """Mass flow [kg/s] at the reference temperature between two absolute pressures [Pa]."""
-    return orifice.mass_flow(*(GasState(p, REFERENCE_TEMPERATURE) for p in (inlet, outlet)))
+    return orifice.mass_flow(GasState(inlet, REFERENCE_TEMPERATURE), GasState(outlet, REFERENCE_TEMPERATURE))
 
 
-def opening_flow(orifice: Any, a: GasState, b: GasState, opening: Any = 1.0, *, conductance: Any = None) -> Scalar:
+def opening_flow(
+    orifice: Any, a: GasState, b: GasState, opening: Scalar = 1.0, *, conductance: Scalar | None = None
+) -> Scalar:
     """Signed mass flow through any restriction by ISO 6358 [kg/s].
 
     Args:
@@ -188,7 +190,7 @@ def opening_flow(orifice: Any, a: GasState, b: GasState, opening: Any = 1.0, *, 
     return jnp.where(forward, flow, -flow)
 
 
-def steepest_slope(orifice: Any, a: GasState, b: GasState, *, conductance: Any = None) -> Scalar:
+def steepest_slope(orifice: Any, a: GasState, b: GasState, *, conductance: Scalar | None = None) -> Scalar:
     """Largest dw/dp of a restriction between the pressures at its ends [kg/(s Pa)]: what makes a small volume stiff."""
     upstream = jnp.maximum(a.pressure_abs, b.pressure_abs)
     x = jnp.minimum(orifice.linear_band / (upstream * (1.0 - orifice.critical_ratio)), 0.5)

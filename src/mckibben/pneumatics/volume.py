@@ -34,7 +34,7 @@ class Chamber(Module):
     signal: AbstractVar[str | None]
 
     @abc.abstractmethod
-    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """The volume at an absolute pressure [Pa], a length [m] and its rate [m/s]."""
 
 
@@ -45,7 +45,7 @@ class FixedVolume(Chamber):
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default=None)
 
-    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """Constant."""
         zero = jnp.zeros_like(pressure_abs * 1.0)
         return VolumeState(self.size + zero, zero, zero)
@@ -65,7 +65,7 @@ class CompliantVolume(Chamber):
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default=None)
 
-    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """A plane, with a floor."""
         value = self.size + self.compliance * (pressure_abs - self.ambient) + self.swept * length
         low = value < 0.1 * self.size
@@ -85,7 +85,7 @@ class MovingVolume(Chamber):
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default="length")
 
-    def volume(self, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """Value and derivatives by one forward tangent each."""
         gauge = pressure_abs - self.ambient
         length, gauge = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(gauge, float))
@@ -96,6 +96,6 @@ class MovingVolume(Chamber):
 
 @evaluated
 @jit  # traced once for all that asks for it
-def volume_of(node: Chamber, pressure_abs: Any, length: Any, velocity: Any) -> VolumeState:
+def volume_of(node: Chamber, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
     """`Chamber.volume`."""
     return node.volume(pressure_abs, length, velocity)

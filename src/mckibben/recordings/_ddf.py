@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 from .formats import FileFormat, ForeignColumn, ForeignTable
 from .text import to_numbers
@@ -78,7 +78,7 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
     return ForeignTable(columns, notes, remarks)
 
 
-def _parts(lines: list[str], where: str) -> dict[str, Any]:
+def _parts(lines: list[str], where: str) -> dict[str, JsonValue]:
     """Head, calibration by channel, protocol lines, and the rows of data with the number of their header's line."""
     at: dict[str, int] = {}
     for name in ("Calibration Data", "Protocol Array", "Test Data"):

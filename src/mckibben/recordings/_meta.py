@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
-from ..documents import parse_json
+from ..documents import JsonValue, parse_json
 from ..errors import InputError
 
 # {"$float": "nan"} stands for a number that JSON has no word for; keys that begin with $ are kept for this.
@@ -18,7 +18,7 @@ SCHEMA = 1  # of recordings in files
 class Frozen(dict[str, Any]):
     """A dict that cannot be changed in place; JSON, equality, copies and pickles work as for any dict."""
 
-    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+    def _refuse(self, *_: Any, **__: object) -> NoReturn:
         raise TypeError("a recording cannot be changed in place; with_meta and with_channels make another")
 
     __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
@@ -27,7 +27,7 @@ class Frozen(dict[str, Any]):
         return type(self), (dict(self),)
 
 
-def freeze(meta: Mapping[str, Any]) -> Frozen:
+def freeze(meta: Mapping[str, JsonValue]) -> Frozen:
     """A deep copy of a mapping in JSON's own types; arrays become lists, their scalars plain numbers.
 
     Raises:
@@ -67,7 +67,7 @@ def _text(value: str, path: str) -> str:
     return str.__str__(value)
 
 
-def to_json(meta: Mapping[str, Any], *, ascii_only: bool = False) -> str:
+def to_json(meta: Mapping[str, JsonValue], *, ascii_only: bool = False) -> str:
     """Format the metadata as one line of standard JSON."""
     return json.dumps(_marked(meta), ensure_ascii=ascii_only, allow_nan=False)
 
@@ -77,7 +77,7 @@ def from_json(text: str) -> Any:
     return parse_json(text, object_hook=lambda table: float(table[_MARK]) if _MARK in table else table)
 
 
-def file_attributes(meta: Mapping[str, Any]) -> dict[str, Any]:
+def file_attributes(meta: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
     """The global attributes of a netCDF file: the metadata as JSON, and title and date once more for other programs."""
     plain = {key: meta[key] for key in ("title", "created") if _is_line(meta.get(key))}
     return {**plain, "schema": SCHEMA, "meta": to_json(meta)}

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ._meta import SCHEMA, from_json, to_json
 from .recording import Channel, Recording
@@ -48,7 +49,7 @@ class Sidecar(NamedTuple):
             raise error.at(where) from None
 
 
-def dumps(channels: Mapping[str, Channel], meta: Mapping[str, Any], samples: int | None = None) -> str:
+def dumps(channels: Mapping[str, Channel], meta: Mapping[str, JsonValue], samples: int | None = None) -> str:
     """Write channels and meta as the line of JSON, in ASCII, for not every program reads other letters."""
     listed = [{"name": n, "unit": c.unit, "kind": c.kind, "meaning": c.meaning} for n, c in channels.items()]
     more = {} if samples is None else {"samples": samples}

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .. import schema
+from .._jax import Scalar
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity
 from ..schema import FileTable, Place, read_table
@@ -146,15 +148,15 @@ class Correction:
         """Time by which the channel lags the first one [s]."""
         return self.term("skew").value
 
-    def true(self, indicated: Any) -> Any:
+    def true(self, indicated: Scalar) -> Scalar:
         """Convert indicated values to true ones [unit]."""
         return self.gain * (indicated - self.zero)
 
-    def indicated(self, true: Any) -> Any:
+    def indicated(self, true: Scalar) -> Scalar:
         """Indicated values of true ones [unit]; the inverse of `true` to rounding."""
         return true / self.gain + self.zero
 
-    def uncertainty(self, indicated: Any) -> Any:
+    def uncertainty(self, indicated: Scalar) -> Scalar:
         """Standard uncertainty of the true values [unit], of gain, zero and their correlation; NaN without both."""
         gain, zero = self.term("gain"), self.term("zero")
         by_gain, by_zero = gain.uncertainty * (indicated - self.zero), -self.gain * zero.uncertainty
@@ -204,11 +206,11 @@ class Calibration:
             raise InputError("channel", channel, f"calibrated are {known}")
         return self.corrections[channel]
 
-    def apply(self, channel: str, indicated: Any) -> Any:
+    def apply(self, channel: str, indicated: Scalar) -> Scalar:
         """Convert indicated values of a channel to true ones [its unit]."""
         return self.correction(channel).true(indicated)
 
-    def indicated(self, channel: str, true: Any) -> Any:
+    def indicated(self, channel: str, true: Scalar) -> Scalar:
         """Indicated values of a channel for true ones [its unit]."""
         return self.correction(channel).indicated(true)
 
@@ -234,7 +236,7 @@ class Calibration:
                 )
         return tuple(said)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, JsonValue]:
         """Return the calibration as a table of JSON's own types, in SI, which `read_plain` takes."""
         channels = {name: correction_table(one, bare=True) for name, one in self.corrections.items()}
         return {"schema": SCHEMA, "rig": self.rig, "created": self.created, "channels": channels}
@@ -248,7 +250,7 @@ def coverage(degrees: float, confidence: float = 0.95) -> float:
     return float(stats.norm.ppf(share) if math.isinf(degrees) else stats.t.ppf(share, degrees))
 
 
-def correction_table(one: Correction, *, bare: bool) -> dict[str, Any]:
+def correction_table(one: Correction, *, bare: bool) -> dict[str, JsonValue]:
     """Table of a correction that `read_plain` reads: SI numbers if `bare`, else text with units."""
     units = {"channel": one.unit}
     out = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation} if bare else {}

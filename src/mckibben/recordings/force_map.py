@@ -196,7 +196,7 @@ def read_force_map(
     branch: str | None = None,
     pressure_zero: float = 0.0,
     ambient: float = AMBIENT,
-    **options: Any,
+    **options: object,
 ) -> ForceMap:
     r"""Read a force map from a file of any format that `read` takes, or from a recording.
 
@@ -282,7 +282,7 @@ def map_of_table(
     return points
 
 
-def table_of(path: Path, **options: Any) -> ForeignTable:
+def table_of(path: Path, **options: object) -> ForeignTable:
     """The table in a file; of a recording of mckibben evenly some of its samples, at most `MOST_ROWS`.
 
     Of columns of numbers those whose length differs from that of most are left out.

@@ -147,7 +147,7 @@ def writer_of(path: Path) -> FileFormat:
     return found
 
 
-def load(path: Path, **options: Any) -> ImportResult | ForeignTable:
+def load(path: Path, **options: object) -> ImportResult | ForeignTable:
     """Read a file as its format does: as a recording of mckibben, or as the columns of another program's table.
 
     Args:

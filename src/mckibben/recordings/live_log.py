@@ -23,6 +23,7 @@ from typing import Any, BinaryIO, Self
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ._meta import freeze
 from ._sidecar import dumps
@@ -58,7 +59,7 @@ class LiveLog:
         self,
         path: str | Path,
         channels: Mapping[str, Channel],
-        meta: Mapping[str, Any] | None = None,
+        meta: Mapping[str, JsonValue] | None = None,
         *,
         flush: float = FLUSH,
         sync: float | None = SYNC,
@@ -158,7 +159,7 @@ class LiveLog:
                 self._pending, self._since = float(time), clock.monotonic()
 
     def close(
-        self, result: str | None = None, message: str | None = None, meta: Mapping[str, Any] | None = None
+        self, result: str | None = None, message: str | None = None, meta: Mapping[str, JsonValue] | None = None
     ) -> Path:
         """End the log; a second call does nothing.
 

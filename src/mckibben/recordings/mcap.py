@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..documents import parse_json
+from ..documents import JsonValue, parse_json
 from ..errors import InputError, MissingLibraryError, not_found
 from ._mcap_records import (
     ATTACHMENT,
@@ -180,7 +180,7 @@ def _samples(chunk: memoryview, first: McapRecord) -> tuple[np.ndarray, int]:
     return np.column_stack([table["count"][:count], table["row"][:count]]), first.at + size * max(count, 1)
 
 
-def _read_event(data: bytes) -> list[dict[str, Any]]:
+def _read_event(data: bytes) -> list[dict[str, JsonValue]]:
     try:
         if data.startswith(CDR):
             time, length = struct.unpack_from("<dI", data, len(CDR))

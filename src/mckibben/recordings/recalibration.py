@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 from .calibration import Calibration, Correction, read_plain
 from .recording import Channel, Recording
@@ -69,7 +70,7 @@ def indicated(recording: Recording, channel: str) -> Indicated:
     values = recording[held if raw else channel]
     base, low, q, low_end, last = _grid(recording, channel)
     if correction is not None:
-        values = correction.indicated(values - base)
+        values = np.asarray(correction.indicated(values - base))
     elif not raw:
         values = values - base
     if q is None:
@@ -143,7 +144,7 @@ def recalibrate(recording: Recording, calibration: Calibration | None, *, skew: 
 
 def _meta(
     recording: Recording, calibration: Calibration | None, shifted: list[str], remarks: list[str]
-) -> dict[str, Any]:
+) -> dict[str, JsonValue]:
     old, meta = recording.meta.get("calibration"), dict(recording.meta)
     if old:
         meta["calibration_history"] = [*(meta.get("calibration_history") or []), old]

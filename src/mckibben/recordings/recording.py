@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..accessors import Accessor, implementation
-from ..documents import write_whole
+from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..extras import library
 from ._meta import Frozen, file_attributes, freeze
@@ -49,7 +49,7 @@ class Note(NamedTuple):
     text: str
 
 
-def notes_of(meta: Mapping[str, Any]) -> list[Note]:
+def notes_of(meta: Mapping[str, JsonValue]) -> list[Note]:
     """The notes of a recording's meta by time; what is none is passed over."""
     listed = meta.get("notes")
     notes = []
@@ -243,7 +243,7 @@ class Recording:
         """Return a copy with channels added or replaced."""
         return Recording(self.time, {**self.channels, **channels}, self.meta)
 
-    def with_meta(self, meta: Mapping[str, Any] | None = None, /, **more: Any) -> Recording:
+    def with_meta(self, meta: Mapping[str, JsonValue] | None = None, /, **more: object) -> Recording:
         """Return a copy with metadata added or replaced."""
         return Recording(self.time, self.channels, {**self.meta, **(meta or {}), **more})
 
@@ -331,7 +331,7 @@ class Recording:
         frame.attrs.update(file_attributes(self.meta))
         return frame
 
-    def segments(self, label: str | None = None, /, **case: Any) -> list[Recording]:
+    def segments(self, label: str | None = None, /, **case: object) -> list[Recording]:
         """The recorded steps of the protocol that match, each a recording with its step in ``meta["step"]``.
 
         Args:
@@ -390,7 +390,7 @@ class Recording:
         )
         return points
 
-    def energy(self, **options: Any) -> EnergyAccount:
+    def energy(self, **options: object) -> EnergyAccount:
         """The energy balance: what the supply gave, what became work, and where the rest went [J].
 
         Args:
@@ -460,7 +460,7 @@ def _check_clock(time: np.ndarray) -> None:
         )
 
 
-def _comparable(meta: Mapping[str, Any]) -> str:
+def _comparable(meta: Mapping[str, JsonValue]) -> str:
     # As text, in which one NaN equals another.
     return json.dumps(meta, sort_keys=True)
 

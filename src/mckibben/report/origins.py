@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ..assembly.build import INFERRED
+from ..documents import JsonValue
 from ..errors import InputError
 from ..specimens import Specimen, SpecimenNumber, specimen
 from .words import amount, flat, is_number, mapping, minus, significant, tied, unit_text
@@ -47,7 +48,7 @@ class InferredInput(NamedTuple):
     note: str
 
 
-def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
+def known_specimen(meta: Mapping[str, JsonValue]) -> Specimen | None:
     """Specimen that a recording names, if this installation knows it."""
     try:
         return specimen(str(meta["specimen"]))
@@ -55,7 +56,7 @@ def known_specimen(meta: Mapping[str, Any]) -> Specimen | None:
         return None
 
 
-def parameters(meta: Mapping[str, Any]) -> list[ResolvedParameters]:
+def parameters(meta: Mapping[str, JsonValue]) -> list[ResolvedParameters]:
     """All resolved parameters of a recording, in order; the gas of a circuit appears once, not at each of its parts."""
     spec, resolved = known_specimen(meta), []
     for path, entry in mapping(meta.get("parameters")).items():
@@ -68,7 +69,7 @@ def parameters(meta: Mapping[str, Any]) -> list[ResolvedParameters]:
     return resolved
 
 
-def inferred_inputs(meta: Mapping[str, Any]) -> list[InferredInput]:
+def inferred_inputs(meta: Mapping[str, JsonValue]) -> list[InferredInput]:
     """Inferred values of the files of rig and specimen, as far as this run used them."""
     spec, rig = known_specimen(meta), mapping(meta.get("rig_document"))
     listed, inputs = meta.get("inferred"), []
@@ -99,7 +100,7 @@ def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
     return bool(inside) and f"circuit.gas.{last}" != path and all_of_them.get(f"circuit.gas.{last}") == entry
 
 
-def _names(path: str, meta: Mapping[str, Any]) -> Iterator[str]:
+def _names(path: str, meta: Mapping[str, JsonValue]) -> Iterator[str]:
     """Possible names of a parameter in the files of rig and specimen."""
     head, _, rest = path.partition(".")
     layout = f"plumbing.{meta.get('plumbing', '')}"
@@ -127,7 +128,7 @@ def _names(path: str, meta: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _origin(
-    names: list[str], value: Any, unit: str, meta: Mapping[str, Any], spec: Specimen | None
+    names: list[str], value: Any, unit: str, meta: Mapping[str, JsonValue], spec: Specimen | None
 ) -> tuple[str, bool]:
     listed = meta.get("inferred")
     guessed = {str(n) for n in listed} if isinstance(listed, list) else set()
@@ -158,7 +159,7 @@ def _differs(printed: SpecimenNumber, value: Any, unit: str) -> bool:
     return abs(value - stated) > SAME * max(abs(value), abs(stated))
 
 
-def _laws(meta: Mapping[str, Any], spec: Specimen | None) -> list[str]:
+def _laws(meta: Mapping[str, JsonValue], spec: Specimen | None) -> list[str]:
     stated = mapping(mapping(meta.get("energy")).get("laws")).values()
     return [str(law) for law in stated] or ([spec.law] if spec else [])
 

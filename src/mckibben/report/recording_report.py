@@ -13,6 +13,7 @@ from ..analysis.cycles import find_cycles
 from ..analysis.loops import loop
 from ..analysis.segments import segments, steps_of, varied
 from ..citations import bibtex, known_keys
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.waveforms import time_words
 from ..quantities import from_si
@@ -103,7 +104,7 @@ def channels(record: Recording) -> ReportTable:
     return ReportTable(columns, tuple(rows))
 
 
-def saturation(meta: Mapping[str, Any]) -> list[str]:
+def saturation(meta: Mapping[str, JsonValue]) -> list[str]:
     """One sentence for each saturated channel."""
     sentences = []
     for name, said in mapping(meta.get("saturation")).items():
@@ -146,7 +147,7 @@ def steps(record: Recording) -> list[Block]:
     return [ReportTable(columns, tuple(rows), head=1), *more]
 
 
-def events(meta: Mapping[str, Any]) -> list[Block]:
+def events(meta: Mapping[str, JsonValue]) -> list[Block]:
     """List the events by time."""
     entries = meta.get("events")
     told = [mapping(e) for e in entries] if isinstance(entries, list) else []
@@ -163,7 +164,7 @@ def events(meta: Mapping[str, Any]) -> list[Block]:
     return [Heading("Events"), ReportTable(columns, tuple(rows[:MOST_EVENTS]), head=1), *more]
 
 
-def balances(meta: Mapping[str, Any]) -> list[Block]:
+def balances(meta: Mapping[str, JsonValue]) -> list[Block]:
     """Show the errors of the balances."""
     closed = [(k, float(v)) for k, v in mapping(meta.get("balance")).items() if is_number(v)]
     if not closed:
@@ -187,7 +188,7 @@ def balances(meta: Mapping[str, Any]) -> list[Block]:
 # ---- energy
 
 
-def energy(meta: Mapping[str, Any]) -> list[Block]:
+def energy(meta: Mapping[str, JsonValue]) -> list[Block]:
     """Show every ledger of the account, part by part, and its other numbers."""
     account = mapping(meta.get("energy"))
     ledgers = {str(k): mapping(v) for k, v in account.items() if "into" in mapping(v) and "out" in mapping(v)}
@@ -233,7 +234,7 @@ def _part(name: str, words: str, joule: float, whole: float) -> TableRow:
 # ---- a real machine
 
 
-def calibration(meta: Mapping[str, Any]) -> list[Block]:
+def calibration(meta: Mapping[str, JsonValue]) -> list[Block]:
     """Show the corrections of every channel with uncertainty, method and dates."""
     if not meta.get("calibration"):
         return []
@@ -281,7 +282,7 @@ def _whence(term: CorrectionTerm, expired: bool) -> tuple[str, str, str | TableC
     return words, origin.date[:10], TableCell(until, "caution") if expired else until
 
 
-def deadlines(meta: Mapping[str, Any]) -> list[Block]:
+def deadlines(meta: Mapping[str, JsonValue]) -> list[Block]:
     """Show how a run in real time kept its deadlines."""
     timing = mapping(meta.get("deadlines"))
     count = timing.get("samples")
@@ -465,7 +466,7 @@ def write_recording_report(file: str | os.PathLike[str], out: str | Path) -> Pat
     return recording_report(read_recording(Path(file)), name=Path(file).name).write(place)
 
 
-def _sentence(meta: Mapping[str, Any]) -> str:
+def _sentence(meta: Mapping[str, JsonValue]) -> str:
     said = str(meta.get("sentence") or "").removeprefix(f"{meta.get('title')}.").strip()
     return said or ", ".join(str(meta[k]) for k in ("circuit", "run") if meta.get(k))
 
@@ -485,7 +486,7 @@ def _done(record: Recording, name: str) -> list[Block]:
     return [*blocks, KeyValues(tuple(_facts(record, name)))]
 
 
-def _warnings(meta: Mapping[str, Any]) -> list[str]:
+def _warnings(meta: Mapping[str, JsonValue]) -> list[str]:
     warnings = meta.get("warnings")
     return [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
 
@@ -525,7 +526,7 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
     return facts
 
 
-def _room(meta: Mapping[str, Any]) -> list[str]:
+def _room(meta: Mapping[str, JsonValue]) -> list[str]:
     room = mapping(meta.get("environment"))
     lines = []
     if is_number(room.get("pressure_abs")):
@@ -570,7 +571,7 @@ def _sections(record: Recording) -> list[Section]:
     return [Section(title, tuple(blocks), anchor) for title, anchor, blocks in sections if blocks]
 
 
-def _parameters(meta: Mapping[str, Any]) -> list[Block]:
+def _parameters(meta: Mapping[str, JsonValue]) -> list[Block]:
     blocks: list[Block] = []
     guessed = inferred_inputs(meta)
     if guessed:
@@ -599,7 +600,7 @@ def _parameters(meta: Mapping[str, Any]) -> list[Block]:
     return blocks
 
 
-def _rests(meta: Mapping[str, Any]) -> list[Section]:
+def _rests(meta: Mapping[str, JsonValue]) -> list[Section]:
     """Papers and versions."""
     cited = meta.get("citations")
     keys = dict.fromkeys(str(k) for k in cited) if isinstance(cited, list) else {}

@@ -74,17 +74,17 @@ def listed(words: Iterable[str]) -> str:
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + f" and {items[-1]}" if items else ""
 
 
-def mapping(value: Any) -> Mapping[str, Any]:
+def mapping(value: object) -> Mapping[str, Any]:
     """Return the value if it is a table, else an empty one, since recordings may contain anything."""
     return value if isinstance(value, Mapping) else {}
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """Whether the value is a number, and not a truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+def flat(value: object, name: str = "") -> Iterator[tuple[str, str]]:
     """Iterate over the leaves of nested tables and lists: dotted name and text; a list of plain values is one leaf."""
     if isinstance(value, Mapping):
         for key, inner in value.items():

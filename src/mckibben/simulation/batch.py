@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._jax import Scalar, Tree
 from ..components import paths
 from ..errors import InputError
 from ..recordings.recording import Recording
 from .kernel import SampleKernel
+from .mechanisms import StartPressure
 from .stepping import SimulationState
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ class SimulationBatch:
         InputError: names what does not fit.
     """
 
-    def __init__(self, simulation: Simulation, lanes: int, changes: Mapping[str, Any]) -> None:
+    def __init__(self, simulation: Simulation, lanes: int, changes: Mapping[str, Scalar]) -> None:
         if not (isinstance(lanes, int) and lanes >= 1):
             raise InputError("lanes", lanes, "must be 1 or more")
         self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
@@ -84,7 +86,7 @@ class SimulationBatch:
         """Since the reset [s]."""
         return self._sample * self.period
 
-    def _checked(self, path: str, values: Any) -> np.ndarray:
+    def _checked(self, path: str, values: Scalar) -> np.ndarray:
         stated = paths.declaration(self.simulation.machine, path)
         array = np.asarray(values, float)
         if array.shape[-1:] != (self.lanes,):
@@ -98,7 +100,7 @@ class SimulationBatch:
             return self.simulation
         return self.simulation.with_arrays({path: values[..., lane] for path, values in self._changes.items()})
 
-    def reset(self, seed: int = 0, *, pressure: Any = None) -> Any:
+    def reset(self, seed: int = 0, *, pressure: StartPressure | None = None) -> Any:
         """Begin at rest in all lanes; see `Simulation.reset`.
 
         Args:
@@ -119,7 +121,7 @@ class SimulationBatch:
         noise = self._random.bit_generator.state
         return self._go_on_from(BatchState(0, carry, observed, shown, held, noise, self.simulation.fingerprint))
 
-    def step(self, **commands: Any) -> Any:
+    def step(self, **commands: object) -> Tree:
         """Hold commands for one period in all lanes; a command that is left out stays as it was.
 
         Args:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax
+from .._jax import Tree, jax
 from ..engine.native import EngineFunction, compile_function
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
@@ -32,7 +32,7 @@ class Programs:
         commands: names of the commands.
     """
 
-    def __init__(self, plant: CommandedMachine, carry: Any, commands: Sequence[str]) -> None:
+    def __init__(self, plant: CommandedMachine, carry: Tree, commands: Sequence[str]) -> None:
         self.layouts = Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
         self.fields = [name for name, _ in plant.shown]
         self.examples = (

@@ -23,6 +23,7 @@ from ..specimens import Specimen, specimen
 from .stepping import CommandInput
 
 Amount = float | str
+StartPressure = Amount | Mapping[str, Amount]  # of all muscles, or by muscle
 """A number in the SI unit, or words with a unit."""
 
 AnyMuscle = Any

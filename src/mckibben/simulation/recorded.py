@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .._jax import Scalar, Tree
 from ..assembly.accounts import CLOSED, Accounts, accounts
 from ..assembly.exergy_balance import document
 from ..assembly.output_names import CONSTANT, output_meaning
@@ -76,7 +77,7 @@ def record(
     return Recording(time, channels, _meta(simulation, closed, start))
 
 
-def _accounts(simulation: Simulation, begin: Any, end: Any, sums: dict[str, float]) -> Accounts:
+def _accounts(simulation: Simulation, begin: Tree, end: Tree, sums: dict[str, float]) -> Accounts:
     """The accounts of mass and energy over all samples."""
     plant = simulation.plant
     first, last = (
@@ -86,7 +87,7 @@ def _accounts(simulation: Simulation, begin: Any, end: Any, sums: dict[str, floa
     return accounts(simulation.machine, begin[:2], ended, first, last)
 
 
-def _inputs(plant: Any, history: Any, period: Any) -> dict[str, Any]:
+def _inputs(plant: Tree, history: Any, period: Scalar) -> dict[str, Any]:
     return sampled.inputs_of(plant, sampled.Carry((), (), (), (), history), None, period)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Scalar, Tree, jax, jnp
 from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
 from ..errors import ConvergenceError, InputError
@@ -86,7 +86,7 @@ class Rollout:
         self._check(bounds)
         return float(value), jax.tree.map(np.asarray, slopes)
 
-    def trajectory(self, parameters: Any) -> tuple[Any, dict[str, np.ndarray]]:
+    def trajectory(self, parameters: Any) -> tuple[Tree, dict[str, np.ndarray]]:
         """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
         seen, commands, _, bounds = self._run(parameters, *self._start())
         self._check(bounds)
@@ -102,10 +102,10 @@ class Rollout:
         state = self.simulation.save_state()
         return state.carry, state.observed, state.commands, np.float64(state.sample)
 
-    def _trajectory(self, parameters: Any, carry: Any, observed: Any, held: Any, sample: Any) -> Any:
+    def _trajectory(self, parameters: Any, carry: Tree, observed: Any, held: Any, sample: Any) -> Any:
         simulation, plant = self.simulation, jnp.asarray(self.simulation.parameters)
 
-        def one(now: Any, index: Any) -> tuple[Any, Any]:
+        def one(now: Any, index: Scalar) -> tuple[Tree, Tree]:
             carry, observed, held = now
             seen = self._observation(observed, (sample + index) * simulation.period)
             decided = self.policy(parameters, seen)
@@ -123,14 +123,14 @@ class Rollout:
         _, kept = jax.lax.scan(one, begin, jnp.arange(float(self.steps)))
         return kept
 
-    def _mean_cost(self, parameters: Any, *start: Any) -> tuple[Any, Any]:
+    def _mean_cost(self, parameters: Any, *start: Any) -> tuple[Tree, Tree]:
         _, _, costs, bounds = self._trajectory(parameters, *start)
         return jnp.mean(costs), bounds
 
-    def _observation(self, observed: Any, time: Any) -> Any:
+    def _observation(self, observed: Any, time: Scalar) -> Any:
         return self.simulation.Observation(time, *(observed[k] for k in range(self._fields)))
 
-    def _held(self, held: Any, commands: Mapping[str, Any]) -> Any:
+    def _held(self, held: Any, commands: Mapping[str, Scalar]) -> Any:
         known = self.simulation.commands
         for name in commands:
             if name not in known:

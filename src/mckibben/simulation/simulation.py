@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._jax import Scalar, Tree
 from ..assembly.machine import Machine
 from ..components import paths
 from ..errors import InputError
@@ -27,7 +28,7 @@ from ..recordings.recording import Recording
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
 from .kernel import Programs, SampleKernel
-from .mechanisms import Amount, Mechanism, in_si, muscle_unit
+from .mechanisms import Amount, Mechanism, StartPressure, in_si, muscle_unit
 from .stepping import CommandedMachine, CommandInput, SimulationState, rest_carry
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class Simulation:
         """Since the reset [s]."""
         return self._sample * self.period
 
-    def reset(self, seed: int = 0, *, pressure: Any = None, **commands: float) -> Any:
+    def reset(self, seed: int = 0, *, pressure: StartPressure | None = None, **commands: float) -> Any:
         """Begin at rest: friction relaxed, every braid in balance with its tendon, commands as they lasted before.
 
         Args:
@@ -147,7 +148,7 @@ class Simulation:
         noise = self._random.bit_generator.state
         return self._go_on_from(SimulationState(0, carry, observed, tuple(shown), vector, noise, self.fingerprint))
 
-    def step(self, **commands: float) -> Any:
+    def step(self, **commands: float) -> Tree:
         """Hold commands for one period and go on to its end; a command that is left out stays as it was.
 
         Args:
@@ -246,7 +247,7 @@ class Simulation:
 
         return record(self, start, commands, sensed)
 
-    def batch(self, lanes: int, changes: Mapping[str, Any] | None = None) -> SimulationBatch:
+    def batch(self, lanes: int, changes: Mapping[str, Scalar] | None = None) -> SimulationBatch:
         """Many such simulations side by side, each with its own state and commands.
 
         Args:
@@ -270,12 +271,12 @@ class Simulation:
 
     # ---- details
 
-    def start_commands(self, pressure: Any = None) -> dict[str, float]:
+    def start_commands(self, pressure: StartPressure | None = None) -> dict[str, float]:
         """Commands at the start [SI]; see `reset`."""
         starts = self._pressures(pressure)
         return self._start_commands | {c: starts[muscle] for c, muscle in self.air.settles.items()}
 
-    def rest_state(self, pressure: Any = None) -> tuple[np.ndarray, np.ndarray]:
+    def rest_state(self, pressure: StartPressure | None = None) -> tuple[np.ndarray, np.ndarray]:
         """What goes into the first sample, and the observation there, as vectors; see `reset`."""
         return self._rest(self._pressures(pressure), self.start_commands(pressure))
 
@@ -293,7 +294,7 @@ class Simulation:
         ambient = float(self.machine.environment.pressure_abs)
         return ambient + starts.get(self.air.feeding.get(node, node), self.air.starts.get(node, 0.0))
 
-    def _pressures(self, pressure: Any) -> dict[str, float]:
+    def _pressures(self, pressure: StartPressure | None) -> dict[str, float]:
         starts = dict(self._start_pressures)
         if pressure is None:
             return starts

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Tree, jax, jnp
 from ..assembly.machine import Machine
 from ..components import Scalar, field
 from ..components.sampled import Plant
@@ -73,12 +73,12 @@ class CommandedMachine(Plant):
     # Fields of the observation, each with the output of the machine that it shows.
     shown: tuple[tuple[str, str], ...] = field(static=True, kw_only=True)
 
-    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+    def sense(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
         """The fields of the observation."""
         outputs = self.machine.outputs(state, memory, inputs)
         return {name: outputs[output] for name, output in self.shown}
 
-    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+    def convert(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """The signals that the commands set."""
         ambient = self.machine.environment.pressure_abs
         return {d.signal: commands[d.command] + (ambient if d.gauge else 0.0) for d in self.drives}
@@ -91,27 +91,27 @@ class CommandedMachine(Plant):
         """As the machine has it."""
         return self.machine.commands(signals)
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Of the machine."""
         return self.machine.rate(state, memory, inputs)
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Of the machine."""
         return self.machine.integrands(state, memory, inputs)
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Of the machine."""
         return self.machine.advance_memory(memory, start, end, duration)
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Of the machine."""
         return self.machine.outputs(state, memory, inputs)
 
-    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
         """Of the machine [1/s]."""
         return self.machine.max_rate_bound(state, memory, inputs)
 
-    def admissible(self, state: Any) -> Scalar:
+    def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""
         return self.machine.admissible(state)
 
@@ -124,7 +124,7 @@ class Layout(NamedTuple):
     kinds: tuple[str, ...]
 
     @classmethod
-    def of(cls, tree: Any) -> Layout:
+    def of(cls, tree: Tree) -> Layout:
         """The layout of trees like this one."""
         leaves, structure = jax.tree.flatten(tree)
         kinds = tuple(np.dtype(getattr(leaf, "dtype", type(leaf))).str for leaf in leaves)
@@ -135,17 +135,17 @@ class Layout(NamedTuple):
         """Numbers in the vector."""
         return sum(int(np.prod(shape)) for shape in self.shapes)
 
-    def pack(self, tree: Any) -> np.ndarray:
+    def pack(self, tree: Tree) -> np.ndarray:
         """The vector of a tree of concrete arrays; whole numbers and truth values become floats, exactly."""
         parts = [np.asarray(leaf, float).reshape(-1) for leaf in jax.tree.leaves(tree)]
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def packed(self, tree: Any) -> Any:
+    def packed(self, tree: Tree) -> Tree:
         """The same of a tree that may be traced."""
         parts = [jnp.reshape(jnp.asarray(leaf, float), (-1,)) for leaf in jax.tree.leaves(tree)]
         return jnp.concatenate(parts) if parts else jnp.zeros(0)
 
-    def unpack(self, vector: Any) -> Any:
+    def unpack(self, vector: Tree) -> Tree:
         """The tree of a vector, which may be traced."""
         leaves, at = [], 0
         make: Any = np if isinstance(vector, np.ndarray) else jnp
@@ -166,7 +166,7 @@ class Layouts(NamedTuple):
 
 def rest_carry(
     plant: CommandedMachine, pressures: Mapping[str, float], commands: Mapping[str, float], depth: int
-) -> tuple[Any, Any, dict[str, np.ndarray]]:
+) -> tuple[Tree, Tree, dict[str, np.ndarray]]:
     """State, memory and past commands of a machine at rest.
 
     Args:
@@ -204,10 +204,10 @@ class StepResult(NamedTuple):
 
 def advance_sample(
     plant: CommandedMachine,
-    carry: Any,
-    commands: Mapping[str, Any],
-    period: Any,
-    inner: Any,
+    carry: Tree,
+    commands: Mapping[str, Scalar],
+    period: Scalar,
+    inner: Scalar,
     *,
     stiff: bool,
     integrals: bool = False,
@@ -238,15 +238,17 @@ def advance_sample(
     )
 
 
-def _seen(plant: CommandedMachine, state: Any, memory: Any, inputs: Any) -> tuple[dict[str, Scalar], Scalar, Any]:
+def _seen(
+    plant: CommandedMachine, state: Tree, memory: Tree, inputs: Mapping[str, Value]
+) -> tuple[dict[str, Scalar], Scalar, Any]:
     finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((state, memory))]).all()
     bound = plant.max_rate_bound(state, memory, inputs)
     return plant.sense(state, memory, inputs, {}), bound, plant.admissible(state) & finite
 
 
 def step_vectors(
-    layouts: Layouts, stiff: bool, plant: Any, carry: Any, commands: Any, period: Any, inner: Any
-) -> tuple[Any, Any]:
+    layouts: Layouts, stiff: bool, plant: Tree, carry: Tree, commands: Tree, period: Scalar, inner: Scalar
+) -> tuple[Tree, Tree]:
     """One sample of vectors: (parameters, carry, commands) to (carry, observation with rate bound and soundness)."""
     machine = layouts.plant.unpack(plant)
     named = {name: commands[i] for i, name in enumerate(layouts.commands)}
@@ -254,12 +256,12 @@ def step_vectors(
     return layouts.carry.packed(end.carry), _observed(machine, end.observation, end.rate_bound, end.sound)
 
 
-def _observed(plant: CommandedMachine, observation: Mapping[str, Any], bound: Any, sound: Any) -> Any:
+def _observed(plant: CommandedMachine, observation: Mapping[str, Scalar], bound: Any, sound: Any) -> Any:
     numbers = [observation[name] for name, _ in plant.shown]
     return jnp.stack([jnp.asarray(x, float) for x in (*numbers, bound, sound)])
 
 
-def observe_vectors(layouts: Layouts, plant: Any, carry: Any) -> Any:
+def observe_vectors(layouts: Layouts, plant: Tree, carry: Tree) -> Tree:
     """The observation in a carry, with its rate bound and soundness."""
     machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
     inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)
@@ -267,8 +269,8 @@ def observe_vectors(layouts: Layouts, plant: Any, carry: Any) -> Any:
 
 
 def recorded_vectors(
-    layouts: Layouts, stiff: bool, plant: Any, carry: Any, commands: Any, period: Any, inner: Any
-) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    layouts: Layouts, stiff: bool, plant: Tree, carry: Tree, commands: Tree, period: Scalar, inner: Scalar
+) -> tuple[Tree, dict[str, Scalar], dict[str, Scalar]]:
     """One sample for a recording: the carry, the integrals of the balances, and all outputs at its end."""
     machine = layouts.plant.unpack(plant)
     named = {name: commands[i] for i, name in enumerate(layouts.commands)}
@@ -277,7 +279,7 @@ def recorded_vectors(
     return layouts.carry.packed(end.carry), end.integrals, machine.outputs(state, memory, end.inputs)
 
 
-def outputs_at(layouts: Layouts, plant: Any, carry: Any) -> dict[str, Any]:
+def outputs_at(layouts: Layouts, plant: Tree, carry: Tree) -> dict[str, Any]:
     """All outputs in a carry."""
     machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
     inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)

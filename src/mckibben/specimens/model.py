@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..accessors import implementation
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import to_si
 from ..schema import FileTable, Place, entry, read_table, word, write_table
@@ -51,7 +52,7 @@ class SpecimenNumber:
     note: str = word("beside it", default="")
     range: tuple[float, float] | None = entry(_read_range, write=lambda ends, _: list(ends), default=None)
 
-    def stated(self) -> dict[str, Any]:
+    def stated(self) -> dict[str, JsonValue]:
         """Return the stated fields only."""
         return write_table(self) | ({} if self.range is None else {"range": self.range})
 
@@ -127,7 +128,7 @@ class Specimen:
         """
         return read_table(cls, FileTable(raw, "", where), owner="a specimen has", where=where)
 
-    def stated(self) -> dict[str, Any]:
+    def stated(self) -> dict[str, JsonValue]:
         """Return the stated fields as plain tables."""
         return dataclasses.asdict(self)
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..accessors import implementation
 from ..citations import known_keys, reference
+from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 from ..muscles.biological import BiologicalMuscle
@@ -116,7 +117,7 @@ class Part:
         known = set(known_keys())
         return [reference(key) if key in known else key for key in keys]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """The part as plain values, numbers in SI."""
         numbers = [n._asdict() for n in self.numbers]
         return {**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, "numbers": numbers}
@@ -136,7 +137,9 @@ class Part:
         return str(implementation("report.figures.plots:part_html")(self))
 
 
-def list_parts(kind: str | None = None, *, min_flow: Any = None, max_mass: Any = None) -> tuple[Part, ...]:
+def list_parts(
+    kind: str | None = None, *, min_flow: float | None = None, max_mass: float | None = None
+) -> tuple[Part, ...]:
     """List the parts of the catalogue.
 
     Args:
@@ -151,9 +154,9 @@ def list_parts(kind: str | None = None, *, min_flow: Any = None, max_mass: Any =
         raise InputError("kind", kind, known=KINDS)
     found = [part for name in KINDS if kind in (None, name) for part in _OF_KIND[name]()]
     if min_flow is not None:
-        found = _compared(found, "min_flow", FLOWS, in_si(min_flow, "m^3/s", field="min_flow"), 1.0)
+        found = _compared(found, "min_flow", FLOWS, float(in_si(min_flow, "m^3/s", field="min_flow")), 1.0)
     if max_mass is not None:
-        found = _compared(found, "max_mass", ("mass",), in_si(max_mass, "kg", field="max_mass"), -1.0)
+        found = _compared(found, "max_mass", ("mass",), float(in_si(max_mass, "kg", field="max_mass")), -1.0)
     return tuple(found)
 
 
@@ -164,7 +167,7 @@ def _compared(some: Iterable[Part], field: str, names: tuple[str, ...], limit: f
     return [part for part, value in values if value is not None and side * value >= side * limit * (1.0 - side * 1e-9)]
 
 
-def parts(kind: str | None = None, *, min_flow: Any = None, max_mass: Any = None) -> pandas.DataFrame:
+def parts(kind: str | None = None, *, min_flow: float | None = None, max_mass: float | None = None) -> pandas.DataFrame:
     """List valves, tubes, gas sources, laws and muscles with their numbers, units and sources.
 
     Args:
@@ -225,7 +228,7 @@ def frame_of(some: Iterable[Part]) -> pandas.DataFrame:
 COLUMNS = ("part", "kind", "title", "number", "value", "unit", "low", "high", "source", "inferred", "note")
 
 
-def rows_of(some: Iterable[Part]) -> list[dict[str, Any]]:
+def rows_of(some: Iterable[Part]) -> list[dict[str, JsonValue]]:
     """One row of `COLUMNS` per number of some parts."""
     rows = []
     for one in some:

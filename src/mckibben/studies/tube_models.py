@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -321,5 +321,5 @@ def compare(case: Case, predicted: np.ndarray) -> RecordError:
     return RecordError(case.record.name, rms, lead, predicted)
 
 
-def _vessel(heat: Any) -> str:
+def _vessel(heat: HeatModel) -> str:
     return "wall_heat" if isinstance(heat, WallHeat) else "isothermal"

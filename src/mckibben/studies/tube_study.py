@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax
+from .._jax import Tree, jax
 from ..engine import STEP, march
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from .tube_models import (
@@ -211,7 +211,7 @@ def _runner(case: Case, key: str, heat: HeatModel, changes: Mapping[str, float])
     state = circuit.at_rest(trial.initial, {name: s.at(0, 0.0, PERIOD) for name, s in signals.items()})
 
     @functools.partial(jax.jit)
-    def run(circuit: Any, state: Any, signals: Any) -> Any:
+    def run(circuit: Any, state: Tree, signals: Any) -> Any:
         _, kept = march(circuit, state, {}, signals, PERIOD, round(PERIOD / STEP), trial.samples, False)
         return kept[2][CHANNEL]
 

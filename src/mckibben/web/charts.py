@@ -12,10 +12,10 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from .elements import Element
 
 QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
@@ -103,7 +103,7 @@ class Chart:
     marks: Sequence[Mark] = field(default_factory=tuple)
     height: int = 280
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, JsonValue]:
         """JSON document for the browser; long lines are thinned, their extremes kept."""
         lines = []
         for line in self.lines:

@@ -20,9 +20,12 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Coroutine
 from contextvars import ContextVar
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from ..documents import parse_json
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
 
 LOGGER = logging.getLogger(__name__)
 AWAY = 30.0  # time for which a page that lost its line finds its document again [s]
@@ -317,7 +320,7 @@ class PageDocument:
         self._flush_soon()  # calls that were made meanwhile
         return text
 
-    async def serve(self, socket: Any) -> None:
+    async def serve(self, socket: WebSocket) -> None:
         """Serve an accepted socket of the page until it closes."""
         from starlette.websockets import WebSocketDisconnect
 
@@ -342,7 +345,7 @@ class PageDocument:
                 if isinstance(result, Exception) and not isinstance(result, WebSocketDisconnect | RuntimeError):
                     LOGGER.error("a page lost its line", exc_info=result)
 
-    async def _tell(self, socket: Any, seen: int) -> None:
+    async def _tell(self, socket: WebSocket, seen: int) -> None:
         while not self.closed:
             self._news.clear()
             for number, text in [*self._batches]:
@@ -351,7 +354,7 @@ class PageDocument:
                     seen = number
             await self._news.wait()
 
-    async def _hear(self, socket: Any) -> None:
+    async def _hear(self, socket: WebSocket) -> None:
         while True:
             text = await socket.receive_text()
             try:
@@ -453,7 +456,7 @@ class Documents:
         """Document of a key."""
         return self._documents.get(key) if re.fullmatch(r"[\w-]{1,64}", key) else None
 
-    async def serve(self, document: PageDocument, socket: Any) -> None:
+    async def serve(self, document: PageDocument, socket: WebSocket) -> None:
         """Serve a socket of a document until it closes, then wait for another one."""
         self._ends.pop(document.key).cancel() if document.key in self._ends else None
         try:

@@ -54,7 +54,7 @@ def shown(value: float, quantity: Quantity) -> str:
     return f"{from_si(value, quantity.unit, shown_unit(quantity.unit)) if quantity.unit != '1' else value:.6g}"
 
 
-def fields(owner: Any, names: Mapping[str, str] | None = None) -> dict[str, Quantity]:
+def fields(owner: object, names: Mapping[str, str] | None = None) -> dict[str, Quantity]:
     """Declared parameters of a type or an instance, or those of some names."""
     known = declared(owner)
     return known if names is None else {n: known[n] for n in names}
@@ -112,7 +112,10 @@ def field(
 
 
 def form(
-    owner: Any, values: Mapping[str, float], change: Callable[[str, float], Any], names: Mapping[str, str] | None = None
+    owner: object,
+    values: Mapping[str, float],
+    change: Callable[[str, float], Any],
+    names: Mapping[str, str] | None = None,
 ) -> Element:
     """Build fields for all declared parameters of a type or an instance.
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..documents import JsonValue
 from ..errors import InputError, MckibbenError
 from ..recordings.formats import readable
 from .control import Control
@@ -34,13 +35,13 @@ class PageMachine(Protocol):
     def begin(self) -> None:
         """Prepare the machine, in separate threads."""
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> dict[str, JsonValue]:
         """State, reason and times for the state block."""
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, JsonValue]:
         """Rarely changing properties: muscle, rig, protocol, limits, dry run."""
 
-    def log(self, after: int) -> list[dict[str, Any]]:
+    def log(self, after: int) -> list[dict[str, JsonValue]]:
         """Messages after the one with a number."""
 
     def actions(self) -> Mapping[str, Callable[..., Any]]:
@@ -123,7 +124,7 @@ class Laboratory:
         with self._lock:
             self._version += 1
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> dict[str, JsonValue]:
         """Status shown on every page: state, time, who is in control."""
         control = self.control
         return {
@@ -143,7 +144,7 @@ class Laboratory:
             self._told = made
         return made[2]
 
-    def act(self, page: str, action: str, words: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def act(self, page: str, action: str, words: Mapping[str, Any] | None = None) -> dict[str, JsonValue]:
         """Perform an action for a page; errors of the user are returned, not raised.
 
         Returns:

@@ -8,11 +8,14 @@ import json
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..documents import parse_json
+from ..documents import JsonValue, parse_json
 from .identity import PageRegistry
 from .laboratory import Laboratory
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
 
 LOGGER = logging.getLogger(__name__)
 TICK = 1.0 / 60.0  # time between two looks at what is new [s]
@@ -40,7 +43,7 @@ class Lines:
         self._open: dict[str, PageConnection] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
-    async def run(self, socket: Any) -> None:
+    async def run(self, socket: WebSocket) -> None:
         """Serve an accepted socket until it closes."""
         from starlette.websockets import WebSocketDisconnect
 
@@ -82,7 +85,9 @@ class PageConnection:
         confirmed: called when the page has its new secret.
     """
 
-    def __init__(self, socket: Any, lab: Laboratory, page: str, confirmed: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, socket: WebSocket, lab: Laboratory, page: str, confirmed: Callable[[], None] = lambda: None
+    ) -> None:
         self.socket, self.lab, self.page, self._confirmed = socket, lab, page, confirmed
         self.stream = False
         self._seen, self._told = (0, 0), 0
@@ -211,7 +216,7 @@ def _key(toasts: list[dict[str, Any]]) -> list[Any]:
     return [(t["number"], t["waits"]) for t in toasts]
 
 
-def _read(text: str) -> dict[str, Any]:
+def _read(text: str) -> dict[str, JsonValue]:
     """An object of JSON; nothing if it is something else."""
     try:
         message = parse_json(text[:LONGEST])

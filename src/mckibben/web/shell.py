@@ -6,10 +6,13 @@ import functools
 import html
 from collections.abc import Mapping
 from importlib import resources
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..report.figures.colours import style_sheet
 from .elements import PageDocument, page_document
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
 
 TITLE = "McKibben muscle laboratory"
 
@@ -104,7 +107,7 @@ def _around(page: Page) -> str:
     return piece("head.html").replace("{tabs}", "".join(tabs))
 
 
-def asked(request: Any, *names: str) -> dict[str, str]:
+def asked(request: Request, *names: str) -> dict[str, str]:
     """Parameters of a page's address, those of the given names only."""
     query: Mapping[str, str] = request.query_params
     return {n: query[n][:400] for n in names if n in query}

@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
+
 CHANNELS = ("pressure", "tension", "length", "flow", "valve", "set_pressure", "set_length")
 HEAD = struct.Struct("<8sIIII")
 KEPT = 60_000  # samples that a page which lost the line gets again
@@ -61,7 +63,7 @@ class Stream:
             self._ring[:, at] = block
             self.count += n
 
-    def head(self) -> dict[str, Any]:
+    def head(self) -> dict[str, JsonValue]:
         """Properties of the epoch that a page needs."""
         with self._lock:
             return {"epoch": self.epoch, "period": self.period, **self.about}

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..documents import JsonValue
 from ..errors import InputError
 
 LASTS = 20.0  # time for which a thing can be undone [s]
@@ -109,7 +110,7 @@ class Toasts:
         for number in list(self._kept):
             self.close(number)
 
-    def plain(self) -> list[dict[str, Any]]:
+    def plain(self) -> list[dict[str, JsonValue]]:
         """Notices for JSON, the oldest first; ``left`` is the remaining time [s]."""
         now = self._clock()
         with self._lock:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,9 @@ class EnergyCurve(NamedTuple):
     cycles: EnergyCycle
 
 
-def energy_curve(muscle: CycleMuscle, name: str, pressures: Any, conditions: Conditions) -> EnergyCurve:
+def energy_curve(
+    muscle: CycleMuscle, name: str, pressures: Sequence[float] | np.ndarray, conditions: Conditions
+) -> EnergyCurve:
     """A cycle at many pressures.
 
     Args:

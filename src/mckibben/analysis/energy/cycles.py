@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..._jax import Scalar
 from ...components import Environment
 from ...errors import InputError
 from ...muscles.build import law_from_specimen
@@ -164,7 +165,7 @@ def _check_length(c: Conditions, muscle: CycleMuscle) -> None:
         longest = with_unit(float(thread), "m")
         raise InputError("stretched_length", shown, f"must be below {longest}, the length of its threads")
     probe = Probe(muscle)
-    full, empty = probe.tension(c.stretched_length, [c.pressure, 0.0])
+    full, empty = probe.tension(c.stretched_length, np.array([c.pressure, 0.0]))
     if probe.volume(c.stretched_length, c.pressure) <= 0.0 or full <= empty:
         raise InputError("stretched_length", shown, "must be shorter; the braid holds no gas there that pulls")
     if full <= c.friction:
@@ -185,7 +186,7 @@ def computed(muscle: CycleMuscle, name: str, c: Conditions, pressure: np.ndarray
     short, rest = probe.volume(end, high), probe.volume(long, low)
     fill = _filling(probe, long, low, start)
 
-    def along(function: Callable[[Any], np.ndarray], a: Any, b: Any) -> np.ndarray:
+    def along(function: Callable[[np.ndarray], np.ndarray], a: Scalar, b: Any) -> np.ndarray:
         return _integral(function, a, b, most)
 
     if name == "maximal":
@@ -239,13 +240,13 @@ def _start(probe: Probe, name: str, c: Conditions, high: np.ndarray) -> tuple[np
     return at, inside, inside - c.friction
 
 
-def isotonic_pressure(probe: Probe, length: np.ndarray, inside: Any, low: Any, high: Any) -> np.ndarray:
+def isotonic_pressure(probe: Probe, length: np.ndarray, inside: Any, low: Scalar, high: Scalar) -> np.ndarray:
     """Gauge pressure from low to high at which the braid pulls with a tension [N] at a length [m] [Pa]."""
     ends = (np.broadcast_to(np.asarray(v, float), length.shape) for v in (low, high))
     return rising_root(lambda p: probe.tension(length, p) - inside, *ends)
 
 
-def _isotonic_power(probe: Probe, length: np.ndarray, inside: Any, low: Any, high: Any) -> np.ndarray:
+def _isotonic_power(probe: Probe, length: np.ndarray, inside: Any, low: Scalar, high: Scalar) -> np.ndarray:
     """Piston work per length of an isotonic shortening, (P' - P'x) times -dV/dL along it [N]."""
     p = isotonic_pressure(probe, length, inside, low, high)
     tension_by_length, tension_by_pressure, volume_by_length, volume_by_pressure = probe.slopes(length, p)
@@ -260,18 +261,18 @@ def _exergy(c: Conditions, high: np.ndarray, volume: np.ndarray) -> np.ndarray:
     return np.asarray(top * volume * (np.log(top / bottom) - 1.0 + bottom / top))
 
 
-def _filling(probe: Probe, length: Any, low: Any, high: Any) -> np.ndarray:
+def _filling(probe: Probe, length: Scalar, low: Scalar, high: Scalar) -> np.ndarray:
     """Integral of (P' - low) dV at one length while the pressure goes from low to high [J]."""
     stored = probe.gas_energy(length, high) - probe.gas_energy(length, low)
     return np.asarray((high - low) * probe.volume(length, high) - stored)
 
 
-def _wide(value: Any) -> np.ndarray:
+def _wide(value: Scalar) -> np.ndarray:
     """An array with an axis more, along which the nodes of an integral lie."""
     return np.asarray(value, float)[..., None]
 
 
-def _integral(function: Callable[[Any], np.ndarray], low: Any, high: Any, cut: float) -> np.ndarray:
+def _integral(function: Callable[[np.ndarray], np.ndarray], low: Scalar, high: Scalar, cut: float) -> np.ndarray:
     """Integral over length, in two pieces where the law's range ends between."""
     low, high = np.broadcast_arrays(np.asarray(low, float), np.asarray(high, float))
     middle, total = np.clip(cut, low, high), np.zeros(low.shape)
@@ -281,7 +282,7 @@ def _integral(function: Callable[[Any], np.ndarray], low: Any, high: Any, cut: f
     return total
 
 
-def rising_root(function: Callable[[Any], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def rising_root(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Zero of a rising function, or the nearer end of the interval if there is none."""
     for _ in range(54):
         middle = 0.5 * (low + high)

@@ -34,15 +34,15 @@ class CycleMuscle(Module):
     law: TensionLaw
 
     @abc.abstractmethod
-    def tension(self, length: Any, pressure: Any) -> Scalar:
+    def tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Tension inside the braid, without friction [N]."""
 
     @abc.abstractmethod
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Integral of the volume over the gauge pressure, up to a function of the length [J]."""
 
     @abc.abstractmethod
-    def volume(self, length: Any, pressure: Any) -> Scalar:
+    def volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas volume [m^3]."""
 
     def threshold(self) -> Scalar:
@@ -57,21 +57,21 @@ class CycleMuscle(Module):
 class PaperMuscle(CycleMuscle):
     """Eq. 12 with the volume of eq. 38b, as printed."""
 
-    def volume(self, length: Any, pressure: Any) -> Scalar:
+    def volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Eq. 38b, whatever the pressure [m^3]."""
         return self._line(length) + 0.0 * pressure
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Pressure times volume [J]."""
         return self._line(length) * pressure
 
-    def tension(self, length: Any, pressure: Any) -> Scalar:
+    def tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Eqs. 12a and 12b, the slope of the volume taken from eq. 38b (eq. 36) [N]."""
         length, pressure = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float))
         above = jnp.where(pressure > self.threshold(), pressure - self.threshold(), 0.0)
         return self.law.elastic_tension(length) - above * derivative(self._line, length)
 
-    def _line(self, length: Any) -> Scalar:
+    def _line(self, length: Scalar) -> Scalar:
         law: Any = self.law
         return spring_volume(
             length,
@@ -85,16 +85,16 @@ class PaperMuscle(CycleMuscle):
 class PotentialMuscle(CycleMuscle):
     """Any law with its own volume."""
 
-    def volume(self, length: Any, pressure: Any) -> Scalar:
+    def volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Volume of the law [m^3]."""
         return self.law.braid_volume(length, pressure)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy of the law [J]."""
         length, pressure = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float))
         return self.law.gas_energy(length, pressure)
 
-    def tension(self, length: Any, pressure: Any) -> Scalar:
+    def tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Tension of the law [N]."""
         return self.law.braid_tension(length, pressure)
 
@@ -139,41 +139,41 @@ class Probe:
     def __init__(self, muscle: CycleMuscle) -> None:
         self.muscle = muscle
 
-    def tension(self, length: Any, pressure: Any) -> np.ndarray:
+    def tension(self, length: Scalar, pressure: Scalar) -> np.ndarray:
         """Tension inside the braid, without friction [N]."""
         return np.asarray(self._ask(_tension, length, pressure))
 
-    def volume(self, length: Any, pressure: Any) -> np.ndarray:
+    def volume(self, length: Scalar, pressure: Scalar) -> np.ndarray:
         """Gas volume [m^3]."""
         return np.asarray(self._ask(_gas, length, pressure)[0])
 
-    def gas_energy(self, length: Any, pressure: Any) -> np.ndarray:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> np.ndarray:
         """Integral of the volume over the gauge pressure [J]."""
         return np.asarray(self._ask(_gas, length, pressure)[1])
 
-    def slopes(self, length: Any, pressure: Any) -> list[np.ndarray]:
+    def slopes(self, length: Scalar, pressure: Scalar) -> list[np.ndarray]:
         """Slope of the tension by length and by pressure, and of the volume by length and by pressure [SI]."""
         return list(map(np.asarray, self._ask(_slopes, length, pressure)))
 
-    def _ask(self, function: Callable[..., Any], length: Any, pressure: Any) -> Any:
+    def _ask(self, function: Callable[..., Any], length: Scalar, pressure: Scalar) -> Any:
         return function(self.muscle, np.asarray(length, float), np.asarray(pressure, float))
 
 
 @evaluated
 @jit_arrays
-def _tension(muscle: CycleMuscle, length: Any, pressure: Any) -> Scalar:
+def _tension(muscle: CycleMuscle, length: Scalar, pressure: Scalar) -> Scalar:
     return muscle.tension(length, pressure)
 
 
 @evaluated
 @jit_arrays
-def _gas(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, Scalar]:
+def _gas(muscle: CycleMuscle, length: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:
     return muscle.volume(length, pressure), muscle.gas_energy(length, pressure)
 
 
 @evaluated
 @jit_arrays
-def _slopes(muscle: CycleMuscle, length: Any, pressure: Any) -> tuple[Scalar, ...]:
+def _slopes(muscle: CycleMuscle, length: Scalar, pressure: Scalar) -> tuple[Scalar, ...]:
     by_length = [derivative(lambda x: f(x, pressure), length) for f in (muscle.tension, muscle.volume)]  # noqa: B023
     by_pressure = [derivative(lambda p: f(length, p), pressure) for f in (muscle.tension, muscle.volume)]  # noqa: B023
     return by_length[0], by_pressure[0], by_length[1], by_pressure[1]

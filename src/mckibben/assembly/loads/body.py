@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import jnp
 from ...components import Scalar, field
+from ...components.system import Value
 from ...quantities import quantity
 from .load import TOGETHER, Load, SpanState
 
@@ -62,14 +63,14 @@ class Body(Load):
         """State at rest."""
         return BodyState(self.start, jnp.zeros(()))
 
-    def spans(self, state: BodyState, inputs: Any) -> dict[str, SpanState]:
+    def spans(self, state: BodyState, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Equal spans of all muscles."""
         return {name: SpanState(state.position, state.velocity) for name in self.held}
 
-    def _outside(self, inputs: Any) -> Scalar:
+    def _outside(self, inputs: Mapping[str, Value]) -> Scalar:
         return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
 
-    def rates(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> BodyState:
+    def rates(self, state: BodyState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> BodyState:
         """Velocity and acceleration."""
         pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
         inner = self.stiffness * (state.position - self.spring_rest) + self.damping * state.velocity
@@ -80,10 +81,14 @@ class Body(Load):
         elastic = 0.5 * self.stiffness * (state.position - self.spring_rest) ** 2
         return 0.5 * self.mass * state.velocity**2 + elastic - self.weight * state.position
 
-    def powers(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+    def powers(
+        self, state: BodyState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar]:
         """Power of the signal's force, and power lost in the damper [W]."""
         return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
 
-    def outputs(self, state: BodyState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+    def outputs(
+        self, state: BodyState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> dict[str, Scalar]:
         """Position [m] and velocity [m/s]."""
         return {"position": state.position, "velocity": state.velocity}

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import jnp
 from ...components import Module, Scalar, field
+from ...components.system import Value
 from ...errors import InputError
 from ...quantities import quantity
 from .joint import MomentArm, elastic_energies, elastic_moment, unit_arm
@@ -103,7 +104,7 @@ class LinkChain(Load):
         """At rest."""
         return ChainState(tuple(link.start for link in self._ordered), tuple(jnp.zeros(()) for _ in self.order))
 
-    def spans(self, state: ChainState, inputs: Any) -> dict[str, SpanState]:
+    def spans(self, state: ChainState, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """From the moment arms about all joints that each muscle crosses."""
         spans = {}
         for name, about in self.arms.items():
@@ -115,7 +116,7 @@ class LinkChain(Load):
             spans[name] = SpanState(span, rate)
         return spans
 
-    def muscle_moments(self, state: ChainState, tensions: Mapping[str, Any]) -> list[Scalar]:
+    def muscle_moments(self, state: ChainState, tensions: Mapping[str, Scalar]) -> list[Scalar]:
         """Moment of the muscles about each joint [N m]."""
         moments: list[Scalar] = [jnp.zeros(()) for _ in self.order]
         for name, about in self.arms.items():
@@ -124,7 +125,7 @@ class LinkChain(Load):
                 moments[j] = moments[j] + arm.arm(state.angle[j]) * tensions[name]
         return moments
 
-    def _outside(self, link: ChainLink, inputs: Any) -> Scalar:
+    def _outside(self, link: ChainLink, inputs: Mapping[str, Value]) -> Scalar:
         return jnp.zeros(()) if link.signal is None else inputs[link.signal].value
 
     def _couplings(self) -> tuple[list[list[Scalar]], list[Scalar]]:
@@ -133,12 +134,14 @@ class LinkChain(Load):
         number = len(links)
         beyond = [sum((link.mass for link in links[i + 1 :]), start=jnp.zeros(())) for i in range(number)]
         weights = [link.mass * link.centre + beyond[i] * link.length for i, link in enumerate(links)]
-        factors = [[weights[max(i, j)] * links[min(i, j)].length for j in range(number)] for i in range(number)]
+        factors: list[list[Scalar]] = [
+            [weights[max(i, j)] * links[min(i, j)].length for j in range(number)] for i in range(number)
+        ]
         for i, link in enumerate(links):
             factors[i][i] = link.inertia + link.mass * link.centre**2 + beyond[i] * link.length**2
         return factors, weights
 
-    def rates(self, state: ChainState, tensions: Mapping[str, Any], inputs: Any) -> ChainState:
+    def rates(self, state: ChainState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> ChainState:
         """Angular velocities and accelerations of the joints."""
         moments = self.muscle_moments(state, tensions)
         for i, link in enumerate(self._ordered):
@@ -149,8 +152,8 @@ class LinkChain(Load):
         factors, weights = self._couplings()
         directions, turning = _running_sums(state.angle), _running_sums(state.velocity)
         number = len(self.order)
-        matrix = [[jnp.zeros(()) for _ in range(number)] for _ in range(number)]
-        loads = []
+        matrix: list[list[Scalar]] = [[jnp.zeros(()) for _ in range(number)] for _ in range(number)]
+        loads: list[Scalar] = []
         for i in range(number):
             load = moments[i] - (moments[i + 1] if i + 1 < number else 0.0)
             load = load - self.gravity * weights[i] * jnp.sin(directions[i])
@@ -177,7 +180,9 @@ class LinkChain(Load):
             energy = energy + self.gravity * weights[i] * (1.0 - jnp.cos(directions[i]))
         return energy
 
-    def powers(self, state: ChainState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+    def powers(
+        self, state: ChainState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar]:
         """Of the outside moments, and lost in the hinges [W]."""
         entered = lost = jnp.zeros(())
         for link, velocity in zip(self._ordered, state.velocity, strict=True):
@@ -185,7 +190,9 @@ class LinkChain(Load):
             lost = lost + link.damping * velocity**2
         return entered, lost
 
-    def outputs(self, state: ChainState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+    def outputs(
+        self, state: ChainState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> dict[str, Scalar]:
         """Angle [rad], its rate [rad/s], and the muscles' moment [N m] of each joint, by the name of its link."""
         found: dict[str, Scalar] = {}
         moments = self.muscle_moments(state, tensions)

@@ -15,8 +15,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..._jax import jnp
+from ..._jax import Array, jnp
 from ...components import Module, Scalar, field
+from ...components.system import Value
 from ...quantities import quantity
 from .load import TOGETHER, Load, SpanState
 
@@ -24,14 +25,14 @@ from .load import TOGETHER, Load, SpanState
 class MomentArm(Module):
     """Moment arm of a muscle over the joint's angle, and its span where the angle is zero."""
 
-    coefficients: Scalar = quantity("m", (-1.0, 1.0), "a_0, a_1, .. of the curve, per rad^i; shape (n,)", symbol="a")
+    coefficients: Array = quantity("m", (-1.0, 1.0), "a_0, a_1, .. of the curve, per rad^i; shape (n,)", symbol="a")
     span: Scalar = quantity("m", (1e-3, 100.0), "span at angle zero", symbol="X0")
 
-    def arm(self, angle: Any) -> Scalar:
+    def arm(self, angle: Scalar) -> Scalar:
         """Moment arm [m] at an angle [rad]."""
         return _horner([self.coefficients[i] for i in range(self.coefficients.shape[0])], angle)
 
-    def at(self, angle: Any) -> Scalar:
+    def at(self, angle: Scalar) -> Scalar:
         """Span [m] at an angle [rad]."""
         terms = [self.coefficients[i] / (i + 1.0) for i in range(self.coefficients.shape[0])]
         return self.span - angle * _horner(terms, angle)
@@ -52,18 +53,18 @@ class Hinge(Protocol):
     stop_stiffness: Scalar
 
 
-def _beyond(hinge: Hinge, angle: Any) -> Scalar:
+def _beyond(hinge: Hinge, angle: Scalar) -> Scalar:
     """Angle beyond a stop, signed [rad]."""
     above, below = angle - hinge.upper_stop, angle - hinge.lower_stop
     return jnp.where(above > 0.0, above, jnp.where(below < 0.0, below, 0.0))
 
 
-def elastic_moment(hinge: Hinge, angle: Any) -> Scalar:
+def elastic_moment(hinge: Hinge, angle: Scalar) -> Scalar:
     """Moment of spring and stops against an angle [N m]; angle [rad]."""
     return hinge.stiffness * (angle - hinge.spring_rest) + hinge.stop_stiffness * _beyond(hinge, angle)
 
 
-def elastic_energies(hinge: Hinge, angle: Any) -> tuple[Scalar, Scalar]:
+def elastic_energies(hinge: Hinge, angle: Scalar) -> tuple[Scalar, Scalar]:
     """Energy of the spring, and of the stops [J]; angle [rad]."""
     spring = 0.5 * hinge.stiffness * (angle - hinge.spring_rest) ** 2
     return spring, 0.5 * hinge.stop_stiffness * _beyond(hinge, angle) ** 2
@@ -104,7 +105,7 @@ class JointLoad(Load):
         """Return the joint with one muscle of the moment arm 1 m."""
         return self.replace(arms={TOGETHER: unit_arm()})
 
-    def effort(self, state: JointState, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+    def effort(self, state: JointState, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Moment of the muscles, as a tension at 1 m [N]."""
         return {TOGETHER: self.muscle_moment(state, tensions)}
 
@@ -112,18 +113,18 @@ class JointLoad(Load):
         """State at rest."""
         return JointState(self.start, jnp.zeros(()))
 
-    def spans(self, state: JointState, inputs: Any) -> dict[str, SpanState]:
+    def spans(self, state: JointState, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Spans from the moment arms."""
         return {n: SpanState(a.at(state.angle), -a.arm(state.angle) * state.velocity) for n, a in self.arms.items()}
 
-    def _outside(self, inputs: Any) -> Scalar:
+    def _outside(self, inputs: Mapping[str, Value]) -> Scalar:
         return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
 
-    def muscle_moment(self, state: JointState, tensions: Mapping[str, Any]) -> Scalar:
+    def muscle_moment(self, state: JointState, tensions: Mapping[str, Scalar]) -> Scalar:
         """Moment of the muscles [N m]."""
         return sum((a.arm(state.angle) * tensions[n] for n, a in self.arms.items()), start=jnp.zeros(()))
 
-    def rates(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> JointState:
+    def rates(self, state: JointState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> JointState:
         """Angular velocity and acceleration."""
         held = (
             elastic_moment(self, state.angle)
@@ -139,17 +140,21 @@ class JointLoad(Load):
         height = self.gravity_moment * (1.0 - jnp.cos(state.angle))
         return 0.5 * self.inertia * state.velocity**2 + elastic + stops + height
 
-    def powers(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+    def powers(
+        self, state: JointState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar]:
         """Power of the external moment, and power lost in the damper [W]."""
         return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
 
-    def outputs(self, state: JointState, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+    def outputs(
+        self, state: JointState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> dict[str, Scalar]:
         """Angle [rad], its rate [rad/s], and the muscles' moment [N m]."""
         moment = self.muscle_moment(state, tensions)
         return {"angle": state.angle, "angular_velocity": state.velocity, "moment": moment}
 
 
-def _horner(terms: list[Any], x: Any) -> Any:
+def _horner(terms: list[Any], x: Scalar) -> Any:
     value = terms[-1]
     for term in reversed(terms[:-1]):
         value = value * x + term

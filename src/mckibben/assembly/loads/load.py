@@ -6,7 +6,9 @@ import abc
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from ..._jax import Tree
 from ...components import Module, Scalar
+from ...components.system import Value
 
 TOGETHER = "together"  # the muscle that stands for all of a load's
 
@@ -47,25 +49,25 @@ class Load(Module):
         return {}
 
     @abc.abstractmethod
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """The continuous state at the start, a tree of arrays; empty if the motion is given."""
 
     @abc.abstractmethod
-    def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
+    def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Span of every muscle."""
 
     @abc.abstractmethod
-    def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
+    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
         """Rate of the state under the tensions [N], which pull every span shorter."""
 
     @abc.abstractmethod
-    def stored_energy(self, state: Any) -> Scalar:
+    def stored_energy(self, state: Tree) -> Scalar:
         """Kinetic, elastic and potential energy [J]."""
 
     @abc.abstractmethod
-    def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Power that enters from outside, and power that is lost [W]."""
 
     @abc.abstractmethod
-    def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Recorded outputs of the load [SI]."""

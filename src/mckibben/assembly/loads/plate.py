@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
+from ...components.system import Value
 from ...quantities import quantity
 from .load import TOGETHER, Load, SpanState
 
@@ -39,28 +40,28 @@ class PlateLoad(Load):
         """Sum of the tensions [N]."""
         return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """Return no state."""
         return ()
 
-    def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
+    def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Equal spans of all muscles."""
         at = (self.span, jnp.zeros(())) if self.signal is None else inputs[self.signal]
         return {name: SpanState(*at) for name in self.held}
 
-    def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
+    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
         """Return no rates."""
         return ()
 
-    def stored_energy(self, state: Any) -> Scalar:
+    def stored_energy(self, state: Tree) -> Scalar:
         """Stored energy, zero [J]."""
         return jnp.zeros(())
 
-    def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Power that moves the plate against the tensions; the loss is zero [W]."""
         spans = self.spans(state, inputs)
         return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
 
-    def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Return no outputs beside the spans."""
         return {}

@@ -68,7 +68,7 @@ class DeviceContext:
         """Return the key of a channel, or of something else with a name."""
         return self.prefix + channel.replace(".", "-")
 
-    def described(self, channel: str, **more: Any) -> DataKey:
+    def described(self, channel: str, **more: object) -> DataKey:
         """Describe the values of a channel for documents."""
         unit, kind, meaning = self.kinds[channel]
         fine = self.session.setup.limits.resolution.get(channel.removeprefix("command."))
@@ -126,7 +126,7 @@ class ChannelBackend(SignalBackend[float]):
         more: what else describes its values, such as their limits.
     """
 
-    def __init__(self, context: DeviceContext, channel: str, over: float = 0.0, **more: Any) -> None:
+    def __init__(self, context: DeviceContext, channel: str, over: float = 0.0, **more: object) -> None:
         super().__init__(float)
         self.context, self.channel, self.over, self.more = context, channel, over, more
         self._follower: asyncio.Task[None] | None = None

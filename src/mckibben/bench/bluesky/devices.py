@@ -12,6 +12,7 @@ from bluesky.protocols import Checkable, Locatable, Location, Reading, Stoppable
 from event_model import DataKey
 from ophyd_async.core import AsyncStatus, SignalR, StandardReadable, StandardReadableFormat
 
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError, UnreachableError
 from ...experiments.amounts import CHANNELS
 from ...experiments.protocol import Protocol
@@ -243,7 +244,7 @@ class Devices:
         """Return a flyer of a protocol, with the options of `ProtocolFlyer`."""
         return ProtocolFlyer(self.context, protocol, **options)
 
-    def guard(self, name: str, document: Mapping[str, Any]) -> None:
+    def guard(self, name: str, document: Mapping[str, JsonValue]) -> None:
         """Subscriber for ``RE.subscribe``: after an aborted or failed run, stop the machine, or vent."""
         if name == "stop" and document.get("exit_status") != "success":
             why = document.get("reason") or document.get("exit_status")

@@ -23,6 +23,7 @@ from bluesky.protocols import (
 from event_model import DataKey
 from ophyd_async.core import AsyncStatus, Device
 
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import check
 from ...experiments.protocol import Protocol
@@ -210,7 +211,7 @@ class ProtocolFlyer(
         self._stopped = why
         self.context.session.emergency_stop(f"{self.name}: {why}")
 
-    def _settings(self) -> dict[str, Any]:
+    def _settings(self) -> dict[str, JsonValue]:
         about = initial_metadata(self.prepared)
         rate = {"sample_rate": self.prepared.protocol.sample_rate}
         return {n: about[n] for n in ("title", "sentence", "digest", "plumbing")} | rate

@@ -28,9 +28,8 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from ...documents import read_toml, write_text
+from ...documents import JsonValue, read_toml, write_text
 from ...errors import InputError
 from ...recordings.calibration import DAY, TERMS, Calibration, Correction, correction_table, read_plain
 
@@ -68,7 +67,7 @@ def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> 
     return before.updated(found, date)
 
 
-def document(calibration: Calibration) -> dict[str, Any]:
+def document(calibration: Calibration) -> dict[str, JsonValue]:
     """Tables of a calibration file."""
     channels = {name: correction_table(one, bare=False) for name, one in calibration.corrections.items()}
     for table in channels.values():

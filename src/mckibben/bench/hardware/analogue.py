@@ -15,7 +15,6 @@ Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -59,18 +58,18 @@ class Scale(Module):
         return self.value(self.counts - 1.0)
 
     @evaluated
-    def code(self, value: Any) -> Scalar:
+    def code(self, value: Scalar) -> Scalar:
         """Nearest count to a value, a whole number as a float, limited to the range. NaN stays NaN."""
         count = jnp.floor((value - self.low) / self.resolution + 0.5)
         last = self.counts - 1.0
         return jnp.where(count < 0.0, 0.0, jnp.where(count > last, last, count))
 
     @evaluated
-    def value(self, code: Any) -> Scalar:
+    def value(self, code: Scalar) -> Scalar:
         """Convert a count to the value of the channel [unit of the channel]."""
         return self.low + code * self.resolution
 
-    def at_rail(self, code: Any) -> tuple[Scalar, Scalar]:
+    def at_rail(self, code: Scalar) -> tuple[Scalar, Scalar]:
         """Whether a count is the lowest, and whether it is the highest."""
         return code <= 0.0, code >= self.counts - 1.0
 
@@ -85,11 +84,11 @@ class AnalogOut(Scale):
     """Digital-to-analogue converter, which holds its value until the next one."""
 
     @evaluated
-    def count(self, command: Any) -> Scalar:
+    def count(self, command: Scalar) -> Scalar:
         """Count for a command [unit of the channel]; for NaN the count nearest to zero."""
         return self.code(jnp.where(jnp.isfinite(command), command, 0.0))
 
-    def output(self, command: Any) -> Scalar:
+    def output(self, command: Scalar) -> Scalar:
         """Held value for a command [unit of the channel]."""
         return self.value(self.count(command))
 
@@ -122,19 +121,19 @@ class Sensor(Module):
         """One count [unit of the channel]."""
         return self.converter.resolution
 
-    def seen(self, x: Any) -> Scalar:
+    def seen(self, x: Scalar) -> Scalar:
         """Output of the transducer for a true value, saturated at the ends of its range."""
         return jnp.where(x < self.low, self.low, jnp.where(x > self.high, self.high, x))
 
-    def initial(self, x: Any) -> Scalar:
+    def initial(self, x: Scalar) -> Scalar:
         """Filtered signal, settled at a true value."""
         return self.seen(x)
 
-    def rate(self, y: Any, x: Any) -> Scalar:
+    def rate(self, y: Scalar, x: Scalar) -> Scalar:
         """Rate of the filtered signal y at a true value x [unit of the channel/s]."""
         return 2.0 * math.pi * self.cutoff * (self.seen(x) - y)
 
-    def reading(self, y: Any, x: Any, draw: Any = 0.0, lost: Any = 0.0) -> tuple[Scalar, Scalar]:
+    def reading(self, y: Scalar, x: Scalar, draw: Scalar = 0.0, lost: Scalar = 0.0) -> tuple[Scalar, Scalar]:
         """Reading of the computer, and its count.
 
         Args:
@@ -150,7 +149,7 @@ class Sensor(Module):
         return self.converter.value(code), code
 
 
-def _rising(low: Any, high: Any, where: str) -> None:
+def _rising(low: Scalar, high: Scalar, where: str) -> None:
     if is_traced(low) or is_traced(high) or not hasattr(low, "shape"):
         return
     if not np.all(np.asarray(low) < np.asarray(high)):

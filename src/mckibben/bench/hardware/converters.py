@@ -9,7 +9,6 @@ One for every machine, simulated or real: where the counts are the same, so are 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from ..._jax import jnp
 from ...components import Module, Scalar
@@ -46,7 +45,7 @@ class Converters(Module):
         """Analogue channels in the order of their counts."""
         return tuple(sorted(self.analog))
 
-    def read(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
+    def read(self, counts: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Convert counts by channel to measured channels [SI]."""
         values = {n: self.true(n, self.analog[n].value(counts[n])) for n in self.names if n in counts}
         if self.encoder is not None and SPAN in counts:
@@ -54,13 +53,13 @@ class Converters(Module):
             values[SPAN] = self.mounted + self.true(SPAN, travel)
         return values
 
-    def true(self, name: str, indicated: Any) -> Scalar:
+    def true(self, name: str, indicated: Scalar) -> Scalar:
         """Apply the calibration of a channel, if any, to a nominal value [SI]."""
         if name not in self.gain:
             return indicated
         return self.gain[name] * (indicated - self.zero[name])
 
-    def write(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+    def write(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Convert commands [SI] to counts of the outputs; ``open`` is 1 or 0."""
         motor = commands["motor"]
         return {
@@ -69,7 +68,7 @@ class Converters(Module):
             "open": jnp.where(commands["open"] > 0.5, 1.0, 0.0),
         }
 
-    def held(self, counts: Mapping[str, Any]) -> dict[str, Scalar]:
+    def held(self, counts: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Convert counts to the held values of the outputs [SI]."""
         motor = counts["motor"]
         return {

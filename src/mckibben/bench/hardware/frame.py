@@ -10,11 +10,12 @@ mode of the frame; the cord between pulley and muscle is the muscle's tendon.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...assembly.loads import Load, SpanState
 from ...components import Module, Scalar, field
+from ...components.system import Value
 from ...errors import InputError
 from ...quantities import quantity
 from .motor import Motor
@@ -79,23 +80,23 @@ class TestStand(Load):
             return FrameState(zero, zero)
         return StandState(self.start, zero, zero, zero, zero)
 
-    def position(self, state: Any) -> Scalar:
+    def position(self, state: Tree) -> Scalar:
         """Position of the end that the motor moves, as the encoder measures it [m]."""
         return self.start if self.motor is None else state.position
 
-    def spans(self, state: Any, inputs: Any) -> dict[str, SpanState]:
+    def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Span of the muscle, reduced by the frame's deflection."""
         velocity = jnp.zeros(()) if self.motor is None else state.velocity
         span = SpanState(self.position(state) - state.deflection, velocity - state.deflection_velocity)
         return {name: span for name in self.held}
 
-    def asked_current(self, inputs: Any) -> Scalar:
+    def asked_current(self, inputs: Mapping[str, Value]) -> Scalar:
         """Set-point of the motor's current loop [A]; empty without a motor."""
         if self.motor is None or self.signal is None:
             return jnp.zeros(())
         return self.motor.force_to_current(inputs[self.signal].value)
 
-    def rates(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> Any:
+    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
         """Rates of change of the states of frame and motor."""
         pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
         own = self.frame
@@ -107,7 +108,7 @@ class TestStand(Load):
         current = self.motor.rates(state.current, state.velocity, self.asked_current(inputs))
         return StandState(state.velocity, push, current, *frame)
 
-    def stored_energy(self, state: Any) -> Scalar:
+    def stored_energy(self, state: Tree) -> Scalar:
         """Kinetic energy of frame and motor, elastic energy of the frame [J].
 
         That of the coil is excluded, see `powers`.
@@ -116,7 +117,7 @@ class TestStand(Load):
         frame = 0.5 * own.mass * state.deflection_velocity**2 + 0.5 * own.stiffness * state.deflection**2
         return frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2
 
-    def powers(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> tuple[Scalar, Scalar]:
+    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Electrical power of the motor, k i w, and the power lost by its friction and the frame [W]."""
         lost = self.frame.damping * state.deflection_velocity**2
         if self.motor is None:
@@ -124,7 +125,7 @@ class TestStand(Load):
         motor = self.motor.powers(state.current, state.velocity, self.asked_current(inputs))
         return motor.mechanical, lost + motor.friction
 
-    def outputs(self, state: Any, tensions: Mapping[str, Any], inputs: Any) -> dict[str, Scalar]:
+    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Deflection of the frame [m]; with a motor position [m], velocity [m/s] and current [A] too."""
         if self.motor is None:
             return {"deflection": state.deflection}

@@ -8,11 +8,12 @@ passes unconverted: it comes from the world and not from a computer.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
+from ..._jax import Tree
 from ...assembly.pair_map import NAMES
 from ...assembly.stiffness import joint_stiffness
 from ...components import Scalar
+from ...components.system import Value
 from .analogue import AnalogOut
 from .motor import Encoder
 from .plant import MeasuredPlant
@@ -31,21 +32,21 @@ class RiggedJoint(MeasuredPlant):
     encoder: Encoder
     valve_out: AnalogOut
 
-    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+    def convert(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Values held by the output converters, and the external moment."""
         held = {f"{n}.valve": self.valve_out.output(commands[n]) for n in NAMES}
         return {**held, MOMENT: commands[MOMENT]}
 
-    def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+    def seen(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Gauge pressures in the muscles [Pa]."""
         return {channel: self.machine.gauge(state, name) for name, channel in PRESSURES.items()}
 
-    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+    def sense(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
         """Measured channels, and for each pressure ``<channel>.code``, the count of its converter."""
         count = self.encoder.count(state["machine"]["load"].angle, 0.0)
         return {**self.analogue(state, memory, inputs, row), "angle": self.encoder.span(count, 0.0)}
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Outputs of the machine, and two stiffnesses of the joint [N m/rad]: for slow and for quick displacements."""
         stiffness = joint_stiffness(self.machine, state["machine"], memory, inputs)
         stiffnesses = {

@@ -61,13 +61,13 @@ class Encoder(Module):
         """Largest travel from the zero, in either direction, before the counter wraps [m]."""
         return 2.0 ** (self.counter_bits - 1) * self.resolution
 
-    def count(self, position: Any, zero: Any) -> Scalar:
+    def count(self, position: Scalar, zero: Scalar) -> Scalar:
         """Counter at a position, zeroed at another [m]: signed whole number, two's complement, as a float."""
         counted = jnp.floor((position - zero) / self.resolution + 0.5)
         size = 2.0**self.counter_bits
         return counted - size * jnp.floor(counted / size + 0.5)
 
-    def span(self, count: Any, zero: Any) -> Scalar:
+    def span(self, count: Scalar, zero: Scalar) -> Scalar:
         """Position of a count [m], within half the resolution."""
         return zero + count * self.resolution
 
@@ -136,11 +136,11 @@ class Motor(Module):
         free = self.no_load_speed
         return jnp.where(free < self.speed_limit, free, self.speed_limit)
 
-    def force_to_current(self, force: Any) -> Scalar:
+    def force_to_current(self, force: Scalar) -> Scalar:
         """Current for a force at the pulley [A], within the amplifier's limit; friction is not compensated."""
         return _within(force / self.force_per_current, self.current_limit)
 
-    def allowed_current(self, velocity: Any, asked_current: Any) -> Scalar:
+    def allowed_current(self, velocity: Scalar, asked_current: Scalar) -> Scalar:
         """Current that the speed limiter permits at a velocity [m/s] [A]."""
         slope = self.current_limit / (SPEED_BAND * self.speed_limit)
         asked = _within(asked_current, self.current_limit)
@@ -148,13 +148,13 @@ class Motor(Module):
         least = _within(-slope * (self.speed_limit + velocity), self.current_limit)
         return jnp.where(asked > most, most, jnp.where(asked < least, least, asked))
 
-    def voltage(self, current: Any, velocity: Any, asked_current: Any) -> Scalar:
+    def voltage(self, current: Scalar, velocity: Scalar, asked_current: Scalar) -> Scalar:
         """Voltage at the coil, within the supply [V]."""
         missing = self.allowed_current(velocity, asked_current) - current
         wanted = 2.0 * math.pi * self.current_bandwidth * self.inductance * missing
         return _within(wanted + self._standing(current, velocity), self.supply_voltage)
 
-    def rates(self, current: Any, velocity: Any, asked_current: Any) -> Scalar:
+    def rates(self, current: Scalar, velocity: Scalar, asked_current: Scalar) -> Scalar:
         """Rate of the current, di/dt [A/s].
 
         Args:
@@ -165,20 +165,20 @@ class Motor(Module):
         spare = self.voltage(current, velocity, asked_current) - self._standing(current, velocity)
         return spare / self.inductance
 
-    def _standing(self, current: Any, velocity: Any) -> Scalar:
+    def _standing(self, current: Scalar, velocity: Scalar) -> Scalar:
         """Voltage for a constant current [V]: k w is (k/r) v."""
         return self.resistance * current + self.force_per_current * velocity
 
-    def friction(self, velocity: Any) -> Scalar:
+    def friction(self, velocity: Scalar) -> Scalar:
         """Friction force at the pulley, against the motion [N]."""
         dry = velocity / jnp.sqrt(velocity * velocity + self.friction_speed**2)
         return self.viscous * velocity + self.coulomb * dry
 
-    def pull(self, current: Any, velocity: Any) -> Scalar:
+    def pull(self, current: Scalar, velocity: Scalar) -> Scalar:
         """Force of the pulley on its cord and its own inertia, minus friction [N]."""
         return self.force_per_current * current - self.friction(velocity)
 
-    def powers(self, current: Any, velocity: Any, asked_current: Any) -> MotorPowers:
+    def powers(self, current: Scalar, velocity: Scalar, asked_current: Scalar) -> MotorPowers:
         """Power drawn from the amplifier, and its division."""
         return MotorPowers(
             electrical=self.voltage(current, velocity, asked_current) * current,
@@ -187,10 +187,10 @@ class Motor(Module):
             friction=self.friction(velocity) * velocity,
         )
 
-    def magnetic_energy(self, current: Any) -> Scalar:
+    def magnetic_energy(self, current: Scalar) -> Scalar:
         """Magnetic energy of the coil [J]."""
         return 0.5 * self.inductance * current * current
 
 
-def _within(value: Any, limit: Any) -> Scalar:
+def _within(value: Scalar, limit: Scalar) -> Scalar:
     return jnp.where(value > limit, limit, jnp.where(value < -limit, -limit, value))

@@ -11,7 +11,7 @@ import abc
 from collections.abc import Mapping
 from typing import Any
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...assembly.machine import Machine
 from ...components import Scalar, field
 from ...components.sampled import Plant
@@ -34,16 +34,16 @@ class MeasuredPlant(Plant):
     sensors: dict[str, Sensor]
 
     @abc.abstractmethod
-    def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+    def seen(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Physical values at the analogue sensors, from the machine's state [SI]."""
 
-    def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
         """State and memory at rest, at absolute pressures [Pa]."""
         state, memory = self.machine.initial(pressures, inputs)
         signals = self.seen(state, memory, inputs)
         return {"machine": state, "sensors": {n: s.initial(signals[n]) for n, s in self.sensors.items()}}, memory
 
-    def at_rest(self, commands: Mapping[str, float], pressures: Mapping[str, float]) -> tuple[Any, Any]:
+    def at_rest(self, commands: Mapping[str, float], pressures: Mapping[str, float]) -> tuple[Tree, Tree]:
         """State and memory at rest after commands [SI] have lasted, at gauge pressures of all volumes [Pa]."""
         held = {n: Signal(jnp.full((2,), v)) for n, v in self.convert(commands).items()}
         inputs = {n: Value(s.values[0], jnp.zeros(())) for n, s in self.commands(held).items()}
@@ -54,7 +54,7 @@ class MeasuredPlant(Plant):
         """Commands of the machine."""
         return self.machine.commands(signals)
 
-    def analogue(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+    def analogue(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
         """Analogue channels, and for each ``<channel>.code``, the count of its converter."""
         signals = self.seen(state["machine"], memory, inputs)
         lost = row.get("lost", {})
@@ -65,7 +65,7 @@ class MeasuredPlant(Plant):
             channels |= {name: value, f"{name}.code": code}
         return channels
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of change of the machine's state and of the filters before the converters."""
         signals = self.seen(state["machine"], memory, inputs)
         return {
@@ -73,27 +73,27 @@ class MeasuredPlant(Plant):
             "sensors": {n: s.rate(state["sensors"][n], signals[n]) for n, s in self.sensors.items()},
         }
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Integrands of the machine's accounts."""
         return self.machine.integrands(state["machine"], memory, inputs)
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the memory of the machine."""
         return self.machine.advance_memory(
             memory, Moment(start.state["machine"], start.inputs), Moment(end.state["machine"], end.inputs), duration
         )
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Outputs of the machine."""
         return self.machine.outputs(state["machine"], memory, inputs)
 
-    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
         """Upper bound of the fastest rate of the machine and the sensors' filters [1/s]."""
         bounds = [self.machine.max_rate_bound(state["machine"], memory, inputs)]
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
 
-    def admissible(self, state: Any) -> Scalar:
+    def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""
         return self.machine.admissible(state["machine"])
 
@@ -108,17 +108,17 @@ class InstrumentedPlant(MeasuredPlant):
         assert isinstance(self.machine.load, TestStand)
         return self.machine.load
 
-    def convert(self, commands: Mapping[str, Any]) -> dict[str, Scalar]:
+    def convert(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Values held by the output converters, for the signals of the machine."""
         held = self.converters.held(self.converters.write(commands))
         needed = self.machine.signals()
         return {n: v for n, v in held.items() if n == "valve" or n in needed}
 
-    def seen(self, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+    def seen(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Physical values at the sensors, as `bench.sensors` declares them [SI]."""
         return {name: SENSORS[name].true_value(self, state, memory, inputs) for name in self.sensors}
 
-    def sense(self, state: Any, memory: Any, inputs: Any, row: Any) -> dict[str, Scalar]:
+    def sense(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
         """Measured channels, and for each ``<channel>.code``, its count."""
         analogue = self.analogue(state, memory, inputs, row)
         counts = {name: analogue[f"{name}.code"] for name in self.sensors}
@@ -130,7 +130,7 @@ class InstrumentedPlant(MeasuredPlant):
             counts["span"] = jnp.where(row["lost"]["span"] > 0.5, 0.0, count)
         return self.converters.read(counts) | {f"{n}.code": c for n, c in counts.items()}
 
-    def max_rate_bound(self, state: Any, memory: Any, inputs: Any) -> Scalar:
+    def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
         """Upper bound of the fastest rate of the machine, the filters and the motor's current loop [1/s]."""
         bound, motor = super().max_rate_bound(state, memory, inputs), self._stand().motor
         return bound if motor is None else jnp.maximum(bound, 2.0 * jnp.pi * motor.current_bandwidth)

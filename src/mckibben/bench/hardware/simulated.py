@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..._jax import jax
+from ..._jax import Tree, jax
 from ...engine import sampled
 from ...engine.packed import compile_once, pack
 from ...errors import LineLostError
@@ -124,7 +124,7 @@ class SimulatedMachine:
 
 
 def _observe(
-    plant: InstrumentedPlant, period: float, latency: float, carry: sampled.Carry, row: Any
+    plant: InstrumentedPlant, period: float, latency: float, carry: sampled.Carry, row: Tree
 ) -> tuple[Any, ...]:
     """Compute counts of the inputs, and true values at a sample."""
     return sampled.observe(plant, carry, row, period=period, latency=latency)

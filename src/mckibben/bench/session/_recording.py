@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...assembly.accounts import Accounts
 from ...assembly.machine import Machine
+from ...documents import JsonValue
 from ...errors import InputError
 from ...recordings.recording import Recording
 from ..hardware.computer import Timing
@@ -39,7 +39,8 @@ class ManualRecording:
         self.recorder = RunRecorder(prepared, timing.period, log)
         self.first: int | None = None
         self.last: int | None = None
-        self.taken, self.events = 0, []  # type: int, list[dict[str, Any]]
+        self.taken = 0
+        self.events: list[dict[str, JsonValue]] = []
         self._lateness: list[np.ndarray] = []
         self._begun: np.ndarray | None = None
         self._ended: np.ndarray | None = None
@@ -114,7 +115,7 @@ class ManualRecording:
     def _state(self) -> np.ndarray | None:
         return self.machine.hardware.state()
 
-    def _step(self) -> list[dict[str, Any]]:
+    def _step(self) -> list[dict[str, JsonValue]]:
         """Describe the whole recording as one step."""
         sentence = self.prepared.protocol.sentence()
         return [

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..._jax import jnp
 from ...assembly.accounts import Accounts
+from ...documents import JsonValue
 from ...errors import InputError
 from ...experiments.amounts import CHANNELS, read_amount
 from ...experiments.dry_run import check
@@ -33,7 +32,7 @@ def session_rate(rig: Rig) -> float:
     return min(max(RATE, float(rig.computer.lowest_rate)), float(rig.computer.highest_rate))
 
 
-def prepare_for_session(protocol: Protocol, rig: Rig, **options: Any) -> PreparedRun:
+def prepare_for_session(protocol: Protocol, rig: Rig, **options: object) -> PreparedRun:
     """Make the dry run of a protocol for a session that is not open yet, as `Session.prepare` will.
 
     Args:
@@ -62,7 +61,7 @@ class ManualSetup:
         InputError: names what is unknown, or that the machine may not even stand there.
     """
 
-    def __init__(self, rig: Rig, span: float | str | None, rate: float | None, hold: float, **options: Any) -> None:
+    def __init__(self, rig: Rig, span: float | str | None, rate: float | None, hold: float, **options: object) -> None:
         self.rig, self.rate = rig, session_rate(rig) if rate is None else rate
         place = "1 L0" if span is None else span if isinstance(span, str) else f"{span!r} m"
         operation = build_protocol(_manual_operation(place, self.rate), where="session")
@@ -130,7 +129,7 @@ class ManualSetup:
         return self._own.closed(machine.carry(end), machine.carry(begin))
 
 
-def _manual_operation(span: str, rate: float) -> dict[str, Any]:
+def _manual_operation(span: str, rate: float) -> dict[str, JsonValue]:
     """Return the protocol document of manual operation, vented at a span."""
     return {
         "schema": 1, "name": "manual", "title": "Manual operation", "sample_rate": f"{rate!r} Hz",

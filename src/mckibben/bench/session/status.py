@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...documents import JsonValue
 from ...experiments.waveforms import time_words
 from ...quantities import with_unit
 from .. import channels
@@ -160,7 +161,7 @@ class Status:
         found.append(f"{self.time:.3f} s; {late.samples} samples by hand{told}")
         return found
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, JsonValue]:
         """Return the status as plain data for JSON."""
         return {
             "state": self.state, "why": self.why, "time": self.time, "measured": dict(self.measured),

@@ -8,7 +8,7 @@ of an inactive controller means nothing.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import jnp
 from ...components import Module, Scalar
@@ -21,18 +21,26 @@ class TrimState(NamedTuple):
     trim: Scalar
 
 
-def first_trim(trim: Any = 0.0) -> TrimState:
+def first_trim(trim: Scalar = 0.0) -> TrimState:
     """Initial integral state of a controller [unit of the output]."""
     return TrimState(jnp.asarray(trim, float))
 
 
-def bounded(x: Any, low: Any, high: Any) -> Scalar:
+def bounded(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
     """Limit a value to low..high."""
     return jnp.where(x > high, high, jnp.where(x < low, low, x))
 
 
 def next_trim(
-    state: TrimState, growth: Any, active: Any, *, wanted: Any, low: Any, high: Any, limit: Any, rest: Any = 0.0
+    state: TrimState,
+    growth: Scalar,
+    active: Scalar,
+    *,
+    wanted: Scalar,
+    low: Scalar,
+    high: Scalar,
+    limit: Scalar,
+    rest: Scalar = 0.0,
 ) -> TrimState:
     """Compute the trim at the next sample.
 
@@ -69,12 +77,12 @@ class MotionEstimate(Module):
 
     cutoff: Scalar = quantity("1/s", (0.1, 1e5), "corner of the velocity filter", symbol="f", default=200.0)
 
-    def initial(self, span: Any) -> MotionState:
+    def initial(self, span: Scalar) -> MotionState:
         """State at rest at a span [m]."""
         start = jnp.asarray(span, float)
         return MotionState(start, jnp.zeros_like(start))
 
-    def step(self, state: MotionState, span: Any, dt: Any) -> tuple[MotionState, Scalar]:
+    def step(self, state: MotionState, span: Scalar, dt: Scalar) -> tuple[MotionState, Scalar]:
         """Advance by one sample; return the new state and the velocity [m/s], positive lengthening.
 
         Args:
@@ -108,7 +116,7 @@ class PressureControl(Module):
         return first_trim()
 
     def step(
-        self, state: TrimState, set_point: Any, pressure: Any, dt: Any, active: Any = 1.0
+        self, state: TrimState, set_point: Scalar, pressure: Scalar, dt: Scalar, active: Scalar = 1.0
     ) -> tuple[TrimState, Scalar]:
         """Compute one sample: the new state and the commanded pressure of the valve [Pa].
 
@@ -146,21 +154,21 @@ class PositionControl(Module):
     mass: Scalar = quantity("kg", (0.0, 1e3), "inertia that is fed forward", default=0.075)
     force_limit: Scalar = quantity("N", (1e-3, 1e6), "largest force asked of the motor", default=264.0)
 
-    def initial(self, tension: Any = 0.0) -> TrimState:
+    def initial(self, tension: Scalar = 0.0) -> TrimState:
         """Initial integral state, with the share of a tension [N] that is not fed forward, so that it holds the muscle."""
         return first_trim((1.0 - self.tension_share) * tension)
 
     def step(
         self,
         state: TrimState,
-        set_point: Any,
-        set_velocity: Any,
-        set_acceleration: Any,
-        span: Any,
-        velocity: Any,
-        tension: Any,
-        dt: Any,
-        active: Any = 1.0,
+        set_point: Scalar,
+        set_velocity: Scalar,
+        set_acceleration: Scalar,
+        span: Scalar,
+        velocity: Scalar,
+        tension: Scalar,
+        dt: Scalar,
+        active: Scalar = 1.0,
     ) -> tuple[TrimState, Scalar]:
         """Compute one sample: the new state and the commanded force of the motor [N], positive lengthening.
 
@@ -209,7 +217,7 @@ class ForceControl(Module):
         return first_trim()
 
     def step(
-        self, state: TrimState, set_point: Any, tension: Any, velocity: Any, dt: Any, active: Any = 1.0
+        self, state: TrimState, set_point: Scalar, tension: Scalar, velocity: Scalar, dt: Scalar, active: Scalar = 1.0
     ) -> tuple[TrimState, Scalar]:
         """Compute one sample: the new state and the commanded force of the motor [N], positive lengthening.
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Module, Scalar, field
 from ...components.sensors import SENSORS
 from ...quantities import quantity, with_unit
@@ -85,9 +85,14 @@ class Interlocks(Module):
         return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
 
     def step(
-        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any,
-        pressed: Any = 0.0,
-    ) -> tuple[InterlockState, Any]:  # fmt: skip
+        self,
+        state: InterlockState,
+        measured: Mapping[str, Scalar],
+        asked: Mapping[str, Scalar],
+        velocity: Scalar,
+        dt: Scalar,
+        pressed: Scalar = 0.0,
+    ) -> tuple[InterlockState, Scalar]:
         """Compute one sample: the new state and the code of `Trip`, which stays, int32.
 
         Args:
@@ -110,7 +115,7 @@ class Interlocks(Module):
         return InterlockState(code, *pressure_times, tension_time, *span_state), code
 
     def _pressure(
-        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], dt: Any
+        self, state: InterlockState, measured: Mapping[str, Scalar], asked: Mapping[str, Scalar], dt: Scalar
     ) -> tuple[tuple[Any, Any], dict[Trip, Any]]:
         x = _pressure_of(measured)
         if x is None:
@@ -127,7 +132,9 @@ class Interlocks(Module):
         }
         return (lost_for, silent_for), trips
 
-    def _tension(self, state: InterlockState, measured: Mapping[str, Any], dt: Any) -> tuple[Any, dict[Trip, Any]]:
+    def _tension(
+        self, state: InterlockState, measured: Mapping[str, Scalar], dt: Scalar
+    ) -> tuple[Any, dict[Trip, Any]]:
         if "tension" not in measured:
             return state.tension_lost, {}
         x = measured["tension"]
@@ -139,7 +146,12 @@ class Interlocks(Module):
         return lost_for, trips
 
     def _span(
-        self, state: InterlockState, measured: Mapping[str, Any], asked: Mapping[str, Any], velocity: Any, dt: Any
+        self,
+        state: InterlockState,
+        measured: Mapping[str, Scalar],
+        asked: Mapping[str, Scalar],
+        velocity: Scalar,
+        dt: Scalar,
     ) -> tuple[tuple[Any, Any], dict[Trip, Any]]:
         if "span" not in measured:
             return (state.span_still, state.span), {}
@@ -159,7 +171,7 @@ class Interlocks(Module):
         }
         return (still_for, x), trips
 
-    def _sensors(self, measured: Mapping[str, Any]) -> dict[Trip, Any]:
+    def _sensors(self, measured: Mapping[str, Scalar]) -> dict[Trip, Any]:
         within = [
             (measured[n] >= low) & (measured[n] <= high) for n, (low, high) in self.sensors.items() if n in measured
         ]
@@ -225,7 +237,7 @@ class Interlocks(Module):
         )
 
 
-def _pressure_of(measured: Mapping[str, Any]) -> Any:
+def _pressure_of(measured: Mapping[str, Scalar]) -> Any:
     """Pressure at the muscle, or at the valve if there is no sensor at the muscle."""
     return measured.get("pressure", measured.get("valve_pressure"))
 
@@ -235,13 +247,13 @@ def _at(x: Any, rail: Any) -> Any:
     return x >= rail * (1.0 - 1e-9)
 
 
-def _lasting(true: Any, held: Any, dt: Any, limit: Any) -> tuple[Any, Any]:
+def _lasting(true: Scalar, held: Any, dt: Scalar, limit: Scalar) -> tuple[Tree, Tree]:
     """Duration of a condition [s], and whether it is `limit` [s] or longer."""
     held = jnp.where(true, held + dt, 0.0)
     return held, true & (held > limit - 0.5 * dt)
 
 
-def _value(x: float | None, unit: str) -> str:
+def _value(x: Scalar | None, unit: str) -> str:
     return "unknown" if x is None else with_unit(float(x), unit)
 
 
@@ -249,7 +261,7 @@ def _size(x: float | None) -> float | None:
     return None if x is None else abs(float(x))
 
 
-def _over(what: str, x: float | None, unit: str, limit: Any, side: str = "or less") -> str:
+def _over(what: str, x: Scalar | None, unit: str, limit: Scalar, side: str = "or less") -> str:
     return f"the {what} is {_value(x, unit)}; it must be {with_unit(float(limit), unit)} {side}"
 
 

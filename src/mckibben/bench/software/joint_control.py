@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...assembly.pair_map import PairMap
 from ...components import Module, Scalar
 from ...components.sampled import Software
@@ -67,7 +67,7 @@ class JointControl(Module):
     lag: Scalar = quantity("s", (1e-3, 10.0), "of each of the two through which set-points go", default=0.04)
     trim_limit: Scalar = quantity("N*m", (0.0, 1e5), "largest correction by the integral", default=1.0)
 
-    def initial(self, angle: Any = 0.0, stiffness: Any = 0.0) -> JointControlState:
+    def initial(self, angle: Scalar = 0.0, stiffness: Scalar = 0.0) -> JointControlState:
         """State at rest at an angle [rad], with a stiffness [N m/rad]."""
         at, stiff = (Approach(jnp.asarray(x, float), jnp.zeros(())) for x in (angle, stiffness))
         pressure = self.valve.initial()
@@ -76,13 +76,13 @@ class JointControl(Module):
     def step(
         self,
         state: JointControlState,
-        set_angle: Any,
-        set_stiffness: Any,
-        angle: Any,
-        flexor: Any,
-        extensor: Any,
-        dt: Any,
-        active: Any = 1.0,
+        set_angle: Scalar,
+        set_stiffness: Scalar,
+        angle: Scalar,
+        flexor: Scalar,
+        extensor: Scalar,
+        dt: Scalar,
+        active: Scalar = 1.0,
     ) -> tuple[JointControlState, JointCommands]:
         """Compute one sample: the new state and the commands of the valves.
 
@@ -130,7 +130,7 @@ class JointControl(Module):
         )
 
 
-def _approached(state: Approach, target: Any, lag: Any, dt: Any) -> tuple[Approach, Scalar]:
+def _approached(state: Approach, target: Any, lag: Any, dt: Scalar) -> tuple[Approach, Scalar]:
     """Set-point at the next sample, and its second rate [per s^2]; exact for a constant target."""
     away = state.value - target
     slope = state.rate + away / lag
@@ -150,13 +150,13 @@ class JointSoftware(Software):
     start_angle: Any = 0.0
     start_stiffness: Any = 0.0
 
-    def initial(self, measured: Mapping[str, Any]) -> Any:
+    def initial(self, measured: Mapping[str, Scalar]) -> Tree:
         """State at rest at the first set-points."""
         return self.control.initial(self.start_angle, self.start_stiffness)
 
     def step(
-        self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
-    ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
+        self, state: Tree, measured: Mapping[str, Scalar], row: Tree, dt: Scalar
+    ) -> tuple[Tree, dict[str, Scalar], dict[str, Scalar]]:
         """Compute one sample: commands ``flexor`` and ``extensor`` [Pa] and the row's ``moment``.
 
         All set-points are reported.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.sampled import Software
 from ...quantities import quantity
@@ -36,7 +36,7 @@ class BenchSoftware(Software):
     has_motor: bool = field(static=True, kw_only=True, default=True)
     brake: Scalar = quantity("N*s/m", (0.0, 1e4), "damping by the motor once it is stopped", default=50.0)
 
-    def initial(self, measured: Mapping[str, Any]) -> Any:
+    def initial(self, measured: Mapping[str, Scalar]) -> Tree:
         """State at the first sample of the protocol."""
         span = measured.get("span", jnp.zeros(()))
         return {
@@ -53,8 +53,8 @@ class BenchSoftware(Software):
         }
 
     def step(
-        self, state: Any, measured: Mapping[str, Any], row: Any, dt: Any
-    ) -> tuple[Any, dict[str, Scalar], dict[str, Scalar]]:
+        self, state: Tree, measured: Mapping[str, Scalar], row: Tree, dt: Scalar
+    ) -> tuple[Tree, dict[str, Scalar], dict[str, Scalar]]:
         """Compute one sample: commands ``valve`` [Pa], ``motor`` [N], ``open``; set-points, place and code are reported.
 
         A row may have ``stop``, 1 while the emergency stop is pressed, and has what `manual.ROW` names in manual mode.
@@ -115,7 +115,9 @@ class BenchSoftware(Software):
         }
         return new, commands, self._shown(asked, velocity, code, at.missed, stopped)
 
-    def _shown(self, asked: SampleSetpoints, velocity: Any, code: Any, missed: Any, stopped: Any) -> dict[str, Scalar]:
+    def _shown(
+        self, asked: SampleSetpoints, velocity: Scalar, code: Scalar, missed: Any, stopped: Any
+    ) -> dict[str, Scalar]:
         mode = asked.mode
         return {
             "command.pressure": asked.pressure,

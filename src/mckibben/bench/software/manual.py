@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Module, Scalar
 from ...experiments.dry_run import Limits
 from ...quantities import quantity
@@ -103,7 +103,7 @@ class Manual(Module):
             hold=hold,
         )
 
-    def initial(self, pressure: Any, motor: Any) -> ManualPlace:
+    def initial(self, pressure: Scalar, motor: Scalar) -> ManualPlace:
         """Set-points at a pressure [Pa] and a span [m], at rest, with nothing requested."""
         zero, pressure, span = jnp.zeros(()), jnp.asarray(pressure, float), jnp.asarray(motor, float)
         mode = jnp.zeros((), int)
@@ -134,7 +134,12 @@ class Manual(Module):
         )
 
     def advance(
-        self, place: ManualPlace, _: SampleSetpoints, measured: Mapping[str, Any], motor_at: Sequence[Any], dt: Any
+        self,
+        place: ManualPlace,
+        _: SampleSetpoints,
+        measured: Mapping[str, Scalar],
+        motor_at: Sequence[Scalar],
+        dt: Scalar,
     ) -> ManualPlace:
         """Advance to the next sample.
 
@@ -171,7 +176,9 @@ class Manual(Module):
             asked=asked,
         )
 
-    def _span(self, place: ManualPlace, mode: Any, to: Any, motor_at: Sequence[Any], dt: Any) -> tuple[Any, Any, Any]:
+    def _span(
+        self, place: ManualPlace, mode: Any, to: Any, motor_at: Sequence[Scalar], dt: Scalar
+    ) -> tuple[Tree, Tree, Tree]:
         """Set-point of the span at the next sample, its velocity and acceleration."""
         fresh = place.mode == TENSION
         x = jnp.where(fresh, motor_at[SPAN], place.span)
@@ -185,7 +192,7 @@ class Manual(Module):
         change = _within(wanted - v, self.acceleration * dt)
         return x + (v + change) * dt, v + change, change / dt
 
-    def _stopping(self, way: Any, dt: Any) -> Any:
+    def _stopping(self, way: Any, dt: Scalar) -> Any:
         """Speed from which the motor stops within a distance [m], in whole samples of deceleration."""
         slower = self.acceleration * dt
         samples = jnp.ceil(jnp.sqrt(0.25 + 2.0 * way / (slower * dt)) - 0.5)
@@ -193,5 +200,5 @@ class Manual(Module):
         return way / (samples * dt) + 0.5 * slower * (samples - 1.0)
 
 
-def _within(x: Any, most: Any) -> Any:
+def _within(x: Scalar, most: Any) -> Any:
     return jnp.where(x > most, most, jnp.where(x < -most, -most, x))

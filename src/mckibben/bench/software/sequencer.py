@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._jax import jnp
+from ..._jax import Scalar, Tree, jnp
 from ...components import Module, field
 from ...experiments import until
 from ...experiments.commands import MODES, Deferred
@@ -154,7 +154,7 @@ class Sequencer(Module):
             table={name: jnp.asarray(values) for name, values in table.items()}, sensors=sensors,
         )  # fmt: skip
 
-    def initial(self, pressure: Any, motor: Any) -> SequencePlace:
+    def initial(self, pressure: Scalar, motor: Scalar) -> SequencePlace:
         """State before the first sample, at given set-points [Pa; unit of the first step's mode]."""
         zero = jnp.zeros((), int)
         return SequencePlace(
@@ -162,7 +162,7 @@ class Sequencer(Module):
             jnp.asarray(False),
         )  # fmt: skip
 
-    def set_points(self, place: SequencePlace, period: Any) -> SampleSetpoints:
+    def set_points(self, place: SequencePlace, period: Scalar) -> SampleSetpoints:
         """Set-points of a sample; after the end those of the last step."""
         running = place.step < self.total
         j = jnp.where(running, place.step, self.total - 1)
@@ -183,7 +183,7 @@ class Sequencer(Module):
             fresh=jnp.logical_and(place.sample == 0, running),
         )  # fmt: skip
 
-    def _value(self, line: StepLines, name: str, j: Any, at: Any, start: Any, seconds: Any) -> Any:
+    def _value(self, line: StepLines, name: str, j: Any, at: Scalar, start: Scalar, seconds: Any) -> Any:
         share = jnp.clip(seconds / line.seconds[j], 0.0, 1.0)
         return jnp.where(line.tabled[j], self.table[name][at], start + (line.to[j] - start) * share)
 
@@ -191,9 +191,9 @@ class Sequencer(Module):
         self,
         place: SequencePlace,
         asked: SampleSetpoints,
-        measured: Mapping[str, Any],
-        motor_at: Sequence[Any],
-        period: Any,
+        measured: Mapping[str, Scalar],
+        motor_at: Sequence[Scalar],
+        period: Scalar,
     ) -> SequencePlace:
         """Advance to the next sample.
 
@@ -225,7 +225,7 @@ class Sequencer(Module):
         )  # fmt: skip
 
 
-def _fresh() -> tuple[Any, Any]:
+def _fresh() -> tuple[Tree, Tree]:
     """State of a test before its first sample."""
     place, held = until.START
     return jnp.asarray(place), jnp.asarray(held)

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ... import schema
+from ..._jax import Scalar
 from ...errors import InputError
 from ...quantities import Quantity
 from ...schema import FileTable
@@ -44,7 +45,7 @@ class Constant(Waveform):
     straight: ClassVar[bool] = False
     value: float = schema.number(VALUE)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The value."""
         return np.full(np.shape(times), float(self.value))
 
@@ -67,7 +68,7 @@ class Staircase(Waveform):
     def __post_init__(self) -> None:
         check_rising(self.times, self.values)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The last value that has begun."""
         begun = np.searchsorted(np.asarray(self.times), np.asarray(times, float) + JUMP, side="right") - 1
         return np.asarray(self.values, float)[np.maximum(begun, 0)]
@@ -92,7 +93,7 @@ class Pulse(Waveform):
     low: float = schema.number(VALUE, default=0.0)
     high: float = schema.number(VALUE)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """Low, high, low."""
         t = np.asarray(times, float) + JUMP
         return np.where((t >= self.start) & (t < self.start + self.width), float(self.high), float(self.low))
@@ -114,7 +115,7 @@ class Square(Waveform):
     frequency: float = schema.number("1/s", (1e-9, math.inf))
     duty: float = schema.number("1", (0.0, 1.0), default=0.5)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """High from 0 s on."""
         phase = np.mod((np.asarray(times, float) + JUMP) * self.frequency, 1.0)
         return np.where(phase < self.duty, float(self.high), float(self.low))
@@ -144,7 +145,7 @@ class PulseWidth(Waveform):
     low: float = schema.number(VALUE, default=0.0)
     high: float = schema.number(VALUE, default=1.0)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """High first in every cycle."""
         place = (np.asarray(times, float) + JUMP) * self.frequency
         cycle = np.floor(place)
@@ -176,7 +177,7 @@ class Binary(Waveform):
     order: int = schema.whole(min(TAPS), max(TAPS), default=9)
     seed: int = schema.whole(0, 2**32 - 1, default=0)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The sequence, from a place in it that the seed chooses."""
         bits = _sequence(self.order)
         place = np.floor((np.asarray(times, float) + JUMP) / self.hold).astype(np.int64)
@@ -214,7 +215,7 @@ class Ramp(Waveform):
     start: float = schema.number("s", (0.0, math.inf), default=0.0)
     duration: float = schema.number("s", (1e-9, math.inf))
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The line between its ends."""
         share = np.clip((np.asarray(times, float) - self.start) / self.duration, 0.0, 1.0)
         return self.begin + (self.end - self.begin) * share
@@ -237,7 +238,7 @@ class Triangle(Waveform):
     frequency: float = schema.number("1/s", (1e-9, math.inf))
     rising: float = schema.number("1", (0.001, 0.999), default=0.5)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The zigzag, from low at 0 s."""
         phase = np.mod(np.asarray(times, float) * self.frequency, 1.0)
         share = np.where(phase < self.rising, phase / self.rising, (1.0 - phase) / (1.0 - self.rising))
@@ -266,7 +267,7 @@ class Sine(Waveform):
     frequency: float = schema.number("1/s", (1e-9, math.inf))
     phase: float = schema.number("rad", default=0.0)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The sine."""
         return self.mean + self.amplitude * np.sin(2.0 * np.pi * self.frequency * np.asarray(times, float) + self.phase)
 
@@ -299,7 +300,7 @@ class Chirp(Waveform):
         if self.sweep not in ("linear", "log"):
             raise InputError("sweep", self.sweep, "must be linear or log")
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The sine of the frequency's integral."""
         t = np.asarray(times, float)
         inside, after = np.minimum(t, self.duration), np.maximum(t - self.duration, 0.0)
@@ -342,7 +343,7 @@ class MultiSine(Waveform):
         if self.phases and len(self.phases) != len(self.frequencies):
             raise InputError("phases", len(self.phases), f"must be {len(self.frequencies)}, one per frequency")
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The sum."""
         t, n = np.asarray(times, float), len(self.frequencies)
         phases = self.phases or tuple(-math.pi * k * (k + 1) / n for k in range(n))
@@ -378,7 +379,7 @@ class Noise(Waveform):
     cutoff: float = schema.number("1/s", (1e-9, math.inf))
     seed: int = schema.whole(0, 2**32 - 1, default=0)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The spline at times from 0 s on."""
         place = np.asarray(times, float) * (self.cutoff * KNOTS)
         knot = np.floor(place)
@@ -440,7 +441,7 @@ class PointTable(Waveform):
         """Whether values between the points are interpolated linearly."""
         return self.between == "straight"
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """Interpolated, or the last point."""
         t, values = np.asarray(times, float), np.asarray(self.values, float)
         if self.straight:
@@ -467,7 +468,7 @@ class Sum(Waveform):
         """Whether one of the parts is interpolated linearly."""
         return any(p.straight for p in self.parts)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """The sum."""
         return sum((p.at(times) for p in self.parts), np.zeros(np.shape(times)))
 
@@ -506,7 +507,7 @@ class Sequence(Waveform):
         """Whether one of the parts is interpolated linearly."""
         return any(p.straight for p in self.parts)
 
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """Each in its turn."""
         t = np.asarray(times, float)
         starts = np.concatenate([[0.0], np.cumsum(self.lasting[:-1])])

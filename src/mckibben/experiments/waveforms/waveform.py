@@ -9,6 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from ..._jax import Scalar
 from ...errors import InputError
 from ...quantities import with_unit
 from ...schema import FileTable, Place, read_table
@@ -41,7 +42,7 @@ class Waveform(abc.ABC):
         """Whether values between samples are interpolated linearly; else each sample is held."""
 
     @abc.abstractmethod
-    def at(self, times: Any) -> np.ndarray:
+    def at(self, times: Scalar) -> np.ndarray:
         """Values at times [s], in the unit of the signal; shape of the times."""
 
     @abc.abstractmethod
@@ -60,7 +61,7 @@ class Waveform(abc.ABC):
 
 
 def read_waveform(
-    entry: Any, unit: str, *, field: str, where: str | None = None, table: ReadTable | None = None
+    entry: object, unit: str, *, field: str, where: str | None = None, table: ReadTable | None = None
 ) -> Waveform:
     """Read a waveform from its table, or a constant from a value alone.
 
@@ -81,19 +82,19 @@ def read_waveform(
     return read_table(kind, prepared, units={VALUE: unit}, files=table, owner=f"{kind.kind} has", **fields)
 
 
-def read_parts(raw: Any, place: Place) -> tuple[Waveform, ...]:
+def read_parts(raw: object, place: Place) -> tuple[Waveform, ...]:
     """Read a list of waveforms in the unit of the signal, their places counted from 1."""
     if not isinstance(raw, list | tuple) or not raw:
         raise place.fail(raw, "must be a list of one or more")
     return tuple(_read_below(one, place.unit(VALUE), place.below(i)) for i, one in enumerate(raw, 1))
 
 
-def read_share(raw: Any, place: Place) -> Waveform:
+def read_share(raw: object, place: Place) -> Waveform:
     """Read a waveform that is a pure number."""
     return _read_below(raw, "1", place)
 
 
-def _read_below(raw: Any, unit: str, place: Place) -> Waveform:
+def _read_below(raw: object, unit: str, place: Place) -> Waveform:
     files: Any = place.files
     return read_waveform(raw, unit, field=place.field, where=place.where, table=files)
 

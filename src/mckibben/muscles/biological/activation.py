@@ -12,13 +12,11 @@ inferred.
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 
 
-def rate(activation: Any, excitation: Any, *, rise_time: Any, fall_time: Any) -> Scalar:
+def rate(activation: Scalar, excitation: Scalar, *, rise_time: Scalar, fall_time: Scalar) -> Scalar:
     """da/dt [1/s], the shape of the arguments broadcast.
 
     Args:
@@ -31,7 +29,7 @@ def rate(activation: Any, excitation: Any, *, rise_time: Any, fall_time: Any) ->
     return missing / jnp.where(missing > 0.0, rise_time, fall_time)
 
 
-def advance(activation: Any, excitation: Any, dt: Any, *, rise_time: Any, fall_time: Any) -> Scalar:
+def advance(activation: Scalar, excitation: Scalar, dt: Scalar, *, rise_time: Scalar, fall_time: Scalar) -> Scalar:
     """The activation after `dt` [s] at constant excitation [1]: the exact solution, for any step >= 0.
 
     Arguments as in `rate`. The sign of u - a does not change along the exponential, so one time constant holds for the

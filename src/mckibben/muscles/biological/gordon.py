@@ -14,8 +14,6 @@ doi:10.1113/jphysiol.1966.sp007909.
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 
@@ -28,13 +26,13 @@ KNEE_TENSION = 0.84
 
 
 def active_curve(
-    relative_length: Any,
+    relative_length: Scalar,
     *,
-    shortest: Any = SHORTEST,
-    knee: Any = KNEE,
-    knee_tension: Any = KNEE_TENSION,
-    plateau_end: Any = PLATEAU_END,
-    longest: Any = LONGEST,
+    shortest: Scalar = SHORTEST,
+    knee: Scalar = KNEE,
+    knee_tension: Scalar = KNEE_TENSION,
+    plateau_end: Scalar = PLATEAU_END,
+    longest: Scalar = LONGEST,
 ) -> Scalar:
     """Isometric active tension at full activation over its largest value [1], 0 to 1.
 

@@ -15,13 +15,11 @@ young adults from D. G. Thelen, Journal of Biomechanical Engineering 125(1), 200
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 
 
-def velocity_curve(relative_velocity: Any, *, curvature: Any = 0.25, lengthening_tension: Any = 1.4) -> Scalar:
+def velocity_curve(relative_velocity: Scalar, *, curvature: Scalar = 0.25, lengthening_tension: Scalar = 1.4) -> Scalar:
     """Tension over the isometric tension at the same length and activation [1], 0 up to `lengthening_tension`.
 
     Args:

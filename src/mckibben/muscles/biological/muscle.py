@@ -79,7 +79,7 @@ class BiologicalMuscle(Module):
 
     # ---- relative curves
 
-    def active_curve(self, relative_length: Any) -> Scalar:
+    def active_curve(self, relative_length: Scalar) -> Scalar:
         """Isometric active tension over Fmax at full activation [1], against L/L0 [1]."""
         return gordon.active_curve(
             relative_length,
@@ -90,11 +90,11 @@ class BiologicalMuscle(Module):
             longest=self.longest_active_length,
         )
 
-    def passive_curve(self, relative_length: Any) -> Scalar:
+    def passive_curve(self, relative_length: Scalar) -> Scalar:
         """Passive tension over Fmax [1], against L/L0 [1]."""
         return passive.passive_curve(relative_length, onset=self.passive_onset, strain=self.passive_strain)
 
-    def velocity_curve(self, relative_velocity: Any) -> Scalar:
+    def velocity_curve(self, relative_velocity: Scalar) -> Scalar:
         """Active tension over the isometric one [1], against velocity over vmax [1], positive while lengthening."""
         return hill.velocity_curve(
             relative_velocity, curvature=self.curvature, lengthening_tension=self.lengthening_tension
@@ -107,12 +107,12 @@ class BiologicalMuscle(Module):
         """Fmax, the largest isometric active tension [N]."""
         return self.maximum_tension_intensity * self.section_area
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Passive tension [N], the total without activation."""
         return self.maximum_tension * self.passive_curve(jnp.asarray(length, float) / self.rest_length)
 
     @evaluated
-    def active_tension(self, length: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
+    def active_tension(self, length: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Active part of the tension [N] at a velocity [m/s]."""
         length, activation, velocity = _together(length, activation, velocity)
         isometric = jnp.clip(activation, 0.0, 1.0) * self.active_curve(length / self.rest_length)
@@ -120,33 +120,33 @@ class BiologicalMuscle(Module):
         return self.maximum_tension * isometric * self.velocity_curve(relative_velocity)
 
     @evaluated
-    def tension(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
+    def tension(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """Tension on the anchors [N], never negative."""
         span, activation, velocity = _together(span, activation, velocity)
         return self.elastic_tension(span) + self.active_tension(span, activation, velocity)
 
     @evaluated
-    def stiffness(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
+    def stiffness(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """dF/dL at constant activation and velocity [N/m]; negative on the descending limb, zero when slack."""
         span, activation, velocity = _together(span, activation, velocity)
         taut = self.tension(span, activation, velocity) > 0.0
         return jnp.where(taut, derivative(lambda x: self.tension(x, activation, velocity), span), 0.0)
 
     @evaluated
-    def damping(self, span: Any, activation: Any, velocity: Any = 0.0) -> Scalar:
+    def damping(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """dF/dv at constant length and activation [N s/m], never negative; largest at small velocities."""
         span, activation, velocity = _together(span, activation, velocity)
         return derivative(lambda v: self.tension(span, activation, v), velocity)
 
     @evaluated
-    def free_length(self, activation: Any) -> Scalar:
+    def free_length(self, activation: Scalar) -> Scalar:
         """The longest length at which the muscle carries no tension at rest [m]; below it hangs slack."""
         activation = jnp.asarray(activation, float)
         excited = jnp.minimum(self.shortest_active_length, self.passive_onset)
         return self.rest_length * jnp.where(activation > 0.0, excited, self.passive_onset)
 
     @evaluated
-    def state(self, span: Any, activation: Any, velocity: Any = 0.0) -> LawState:
+    def state(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> LawState:
         """Evaluate the complete state; `volume` is NaN, and `braid_length` the length of the fibres."""
         span, activation, velocity = _together(span, activation, velocity)
         passive_part, active = self.elastic_tension(span), self.active_tension(span, activation, velocity)
@@ -165,7 +165,7 @@ class BiologicalMuscle(Module):
         """Shortest and longest length with active tension [m]; beyond the longest it is overstretched."""
         return self.shortest_active_length * self.rest_length, self.longest_active_length * self.rest_length
 
-    def overstretched(self, span: Any) -> Scalar:
+    def overstretched(self, span: Scalar) -> Scalar:
         """Whether the filaments no longer overlap."""
         return jnp.asarray(span, float) > self.length_range()[1]
 
@@ -173,7 +173,7 @@ class BiologicalMuscle(Module):
         """Return False, since there is no gas."""
         return False
 
-    def volume(self, span: Any, activation: Any) -> NoReturn:
+    def volume(self, span: Scalar, activation: Scalar) -> NoReturn:
         """Raise an error: a biological muscle has no gas volume.
 
         Raises:
@@ -200,11 +200,11 @@ class BiologicalMuscle(Module):
 
     # ---- the way from excitation to activation
 
-    def activation_rate(self, activation: Any, excitation: Any) -> Scalar:
+    def activation_rate(self, activation: Scalar, excitation: Scalar) -> Scalar:
         """da/dt [1/s] at an excitation [1]."""
         return activation_dynamics.rate(activation, excitation, rise_time=self.rise_time, fall_time=self.fall_time)
 
-    def advance_activation(self, activation: Any, excitation: Any, dt: Any) -> Scalar:
+    def advance_activation(self, activation: Scalar, excitation: Scalar, dt: Scalar) -> Scalar:
         """The activation [1] after a time [s] at constant excitation [1], exactly."""
         times = {"rise_time": self.rise_time, "fall_time": self.fall_time}
         return activation_dynamics.advance(activation, excitation, dt, **times)

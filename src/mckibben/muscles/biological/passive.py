@@ -11,13 +11,11 @@ Source of the ends: D. G. Thelen, Journal of Biomechanical Engineering 125(1), 2
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 
 
-def passive_curve(relative_length: Any, *, onset: Any = 1.0, strain: Any = 0.6) -> Scalar:
+def passive_curve(relative_length: Scalar, *, onset: Scalar = 1.0, strain: Scalar = 0.6) -> Scalar:
     """Passive tension over the largest isometric tension [1], never negative.
 
     Args:

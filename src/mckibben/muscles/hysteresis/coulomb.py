@@ -36,7 +36,13 @@ class Coulomb(Hysteresis):
         return jnp.zeros(0)
 
     def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+        self,
+        state: Scalar,
+        displacement: Scalar,
+        *,
+        start_pressure: Scalar,
+        end_pressure: Scalar,
+        duration: Scalar = 0.0,
     ) -> Advanced:
         """Dissipate the work of the friction at the mean velocity dx/duration, of full friction in no time at all."""
         moved = jnp.asarray(displacement, float)
@@ -44,7 +50,7 @@ class Coulomb(Hysteresis):
         work = largest * _direction(moved, self.smoothing_velocity * duration) * moved
         return Advanced(state, work, work)
 
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+    def force(self, state: Scalar, velocity: Scalar = 0.0, pressure: Scalar = 0.0) -> Scalar:
         """Friction force at a velocity [m/s] and gauge pressure [Pa] [N]."""
         return self.limit.force(pressure) * _direction(jnp.asarray(velocity, float), self.smoothing_velocity)
 
@@ -52,7 +58,7 @@ class Coulomb(Hysteresis):
         """Zero: nothing is elastic [J]."""
         return jnp.sum(state, axis=-1)
 
-    def largest_force(self, pressure: Any) -> Scalar:
+    def largest_force(self, pressure: Scalar) -> Scalar:
         """Fc(P') [N]."""
         return self.limit.force(pressure)
 
@@ -61,7 +67,7 @@ class Coulomb(Hysteresis):
         return self.replace(limit=self.limit.scaled(factor))
 
 
-def _direction(motion: Any, width: Any) -> Scalar:
+def _direction(motion: Any, width: Scalar) -> Scalar:
     """The sign of a motion, rounded within +-width; the width and the motion share a unit."""
     sharp = jnp.where(motion > 0.0, 1.0, jnp.where(motion < 0.0, -1.0, 0.0))
     rounded = width > 0.0

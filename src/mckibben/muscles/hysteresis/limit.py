@@ -23,10 +23,10 @@ class FrictionLimit(Module):
         "m^2", (0.0, 1.0), "friction per gauge pressure", symbol="c", typical=(0.0, 5e-5), default=0.0
     )
 
-    def force(self, pressure: Any, xp: Any = jnp) -> Scalar:
+    def force(self, pressure: Scalar, xp: Any = jnp) -> Scalar:
         """Fc(P') [N] at a gauge pressure [Pa]; by `xp`, NumPy or JAX's."""
         return self.constant + self.per_pressure * xp.maximum(pressure, 0.0)
 
-    def scaled(self, factor: Any) -> FrictionLimit:
+    def scaled(self, factor: Scalar) -> FrictionLimit:
         """Return the limit multiplied by a factor >= 0."""
         return FrictionLimit(constant=factor * self.constant, per_pressure=factor * self.per_pressure)

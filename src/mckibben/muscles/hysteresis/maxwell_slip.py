@@ -44,9 +44,9 @@ class MaxwellSlip(Contacts):
         limit: FrictionLimit,
         *,
         elements: int = 8,
-        shortest: Any = 0.2e-3,
-        longest: Any = 8e-3,
-        at_pressure: Any = 5e5,
+        shortest: Scalar = 0.2e-3,
+        longest: Scalar = 8e-3,
+        at_pressure: Scalar = 5e5,
     ) -> MaxwellSlip:
         """Elements of equal force whose yield travels are spread geometrically.
 
@@ -72,7 +72,13 @@ class MaxwellSlip(Contacts):
         return cls(limit=whole.scaled(np.full(elements, 1.0 / elements)), stiffness=stiffness)
 
     def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+        self,
+        state: Scalar,
+        displacement: Scalar,
+        *,
+        start_pressure: Scalar,
+        end_pressure: Scalar,
+        duration: Scalar = 0.0,
     ) -> Advanced:
         """Move along a straight piece of path, then limit once with the yield at its end."""
         dx = per_contact(displacement)

@@ -17,8 +17,6 @@ doi:10.1007/978-3-642-61302-9; K. Kuhnen, European Journal of Control 9(4), 2003
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Module, Scalar
 from ...components.element import Advanced, Hysteresis
@@ -49,16 +47,22 @@ class PrandtlIshlinskii(Hysteresis):
 
     def initial(self) -> Scalar:
         """State without deflections, shape (stops,) [m]."""
-        return jnp.zeros(jnp.broadcast_shapes(self.weight.shape, self.threshold.shape, (1,)))
+        return jnp.zeros(jnp.broadcast_shapes(jnp.shape(self.weight), jnp.shape(self.threshold), (1,)))
 
     def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+        self,
+        state: Scalar,
+        displacement: Scalar,
+        *,
+        start_pressure: Scalar,
+        end_pressure: Scalar,
+        duration: Scalar = 0.0,
     ) -> Advanced:
         """Move along a straight piece of path, then limit once with the thresholds at its end."""
         dx = per_contact(displacement)
         return advanced(self.weight, state, dx, slip(state, dx, self.travel(end_pressure)))
 
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+    def force(self, state: Scalar, velocity: Scalar = 0.0, pressure: Scalar = 0.0) -> Scalar:
         """Weighted sum of the stops [N]."""
         return contact_force(self.weight, state)
 
@@ -66,11 +70,11 @@ class PrandtlIshlinskii(Hysteresis):
         """Elastic energy of the stops [J]."""
         return contact_energy(self.weight, state)
 
-    def travel(self, pressure: Any) -> Scalar:
+    def travel(self, pressure: Scalar) -> Scalar:
         """Threshold of each stop at a gauge pressure [Pa] [m]."""
         return self.threshold + self.threshold_per_pressure * jnp.maximum(per_contact(pressure), 0.0)
 
-    def largest_force(self, pressure: Any) -> Scalar:
+    def largest_force(self, pressure: Scalar) -> Scalar:
         """Weighted sum of the thresholds [N]."""
         return contact_force(self.weight, self.travel(pressure))
 
@@ -114,23 +118,23 @@ class PlayMap(Module):
         default=(),
     )
 
-    def initial(self, pressure: Any = 0.0) -> Scalar:
+    def initial(self, pressure: Scalar = 0.0) -> Scalar:
         """State after a long fall to a gauge pressure [Pa]: every play at its lower side; the output lags above."""
         return -jnp.broadcast_to(
             self.width(pressure),
-            jnp.shape(pressure) + jnp.broadcast_shapes(self.weight.shape, self.threshold.shape, (1,)),
+            jnp.shape(pressure) + jnp.broadcast_shapes(jnp.shape(self.weight), jnp.shape(self.threshold), (1,)),
         )
 
-    def advance(self, state: Scalar, *, start_pressure: Any, end_pressure: Any) -> Scalar:
+    def advance(self, state: Scalar, *, start_pressure: Scalar, end_pressure: Scalar) -> Scalar:
         """The stops after a monotone change of the gauge pressure [Pa]."""
         start, end = jnp.asarray(start_pressure, float), jnp.asarray(end_pressure, float)
         return slip(state, per_contact(end - start), self.width(end))
 
-    def output(self, state: Scalar, pressure: Any) -> Scalar:
+    def output(self, state: Scalar, pressure: Scalar) -> Scalar:
         """Stroke [m] at a gauge pressure [Pa]."""
         plays = jnp.sum(self.weight * (per_contact(pressure) - state), axis=-1)
         return plays + jnp.sum(self.bend * jnp.maximum(plays[..., None] - self.hinge, 0.0), axis=-1)
 
-    def width(self, pressure: Any) -> Scalar:
+    def width(self, pressure: Scalar) -> Scalar:
         """Half the width of each play at a gauge pressure [Pa] [Pa]."""
         return self.threshold * (1.0 + self.widening * jnp.maximum(per_contact(pressure), 0.0))

@@ -8,7 +8,6 @@ stiffness: a force Fc(P') z/d would give energy back when the pressure rises.
 from __future__ import annotations
 
 import abc
-from typing import Any
 
 from ..._jax import jnp
 from ...components import AbstractVar, Scalar
@@ -19,22 +18,22 @@ from .limit import FrictionLimit
 LEAST_TRAVEL = 1e-12
 
 
-def slip(deflection: Any, displacement: Any, travel: Any) -> Scalar:
+def slip(deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
     """The stop operator: deflection after a displacement, held within the yield travel of the end (all one unit)."""
     return jnp.minimum(jnp.maximum(deflection + displacement, -travel), travel)
 
 
-def contact_force(stiffness: Any, deflection: Any) -> Scalar:
+def contact_force(stiffness: Scalar, deflection: Scalar) -> Scalar:
     """Sum of the contacts' forces over the last axis [N]."""
     return jnp.sum(stiffness * deflection, axis=-1)
 
 
-def contact_energy(stiffness: Any, deflection: Any) -> Scalar:
+def contact_energy(stiffness: Scalar, deflection: Scalar) -> Scalar:
     """Elastic energy of the contacts, summed over the last axis [J]."""
     return jnp.sum(0.5 * stiffness * deflection * deflection, axis=-1)
 
 
-def advanced(stiffness: Any, before: Any, displacement: Any, after: Any) -> Advanced:
+def advanced(stiffness: Scalar, before: Scalar, displacement: Scalar, after: Scalar) -> Advanced:
     """The state after a straight piece of path, with its ledger.
 
         W = k (z + z')/2 dx,   D = k (z + z')/2 (z + dx - z') >= 0,   so that W = U' - U + D with U = k z^2/2
@@ -55,7 +54,7 @@ def advanced(stiffness: Any, before: Any, displacement: Any, after: Any) -> Adva
     return Advanced(after, jnp.sum(mean * (after - before), axis=-1) + dissipated, dissipated)
 
 
-def per_contact(value: Any) -> Scalar:
+def per_contact(value: Scalar) -> Scalar:
     """A number per muscle as one per contact: with a last axis of one."""
     return jnp.asarray(value, float)[..., None]
 
@@ -68,9 +67,9 @@ class Contacts(Hysteresis):
 
     def initial(self) -> Scalar:
         """State without deflections, shape (contacts,) [m]."""
-        return jnp.zeros(jnp.broadcast_shapes(self.limit.constant.shape, self.stiffness.shape, (1,)))
+        return jnp.zeros(jnp.broadcast_shapes(jnp.shape(self.limit.constant), jnp.shape(self.stiffness), (1,)))
 
-    def force(self, state: Scalar, velocity: Any = 0.0, pressure: Any = 0.0) -> Scalar:
+    def force(self, state: Scalar, velocity: Scalar = 0.0, pressure: Scalar = 0.0) -> Scalar:
         """Sum of the contacts' forces [N]."""
         return contact_force(self.stiffness, state)
 
@@ -78,13 +77,15 @@ class Contacts(Hysteresis):
         """Elastic energy of the contacts [J]."""
         return contact_energy(self.stiffness, state)
 
-    def travel(self, pressure: Any) -> Scalar:
+    def travel(self, pressure: Scalar) -> Scalar:
         """Yield travel d(P') of each contact [m]."""
         return self.limit.force(per_contact(pressure)) / self.stiffness
 
-    def largest_force(self, pressure: Any) -> Scalar:
+    def largest_force(self, pressure: Scalar) -> Scalar:
         """Sum of the contacts' limits [N]."""
-        return jnp.sum(jnp.broadcast_to(self.limit.force(per_contact(pressure)), self.travel(pressure).shape), axis=-1)
+        return jnp.sum(
+            jnp.broadcast_to(self.limit.force(per_contact(pressure)), jnp.shape(self.travel(pressure))), axis=-1
+        )
 
     def lubricated(self, factor: float = 0.9) -> Hysteresis:
         """Return the friction with every limit scaled."""
@@ -103,7 +104,13 @@ class RelaxingContacts(Contacts):
         """Deflection after a displacement with one yield travel, not yet limited, shape (..., contacts) [m]."""
 
     def advance(
-        self, state: Scalar, displacement: Any, *, start_pressure: Any, end_pressure: Any, duration: Any = 0.0
+        self,
+        state: Scalar,
+        displacement: Scalar,
+        *,
+        start_pressure: Scalar,
+        end_pressure: Scalar,
+        duration: Scalar = 0.0,
     ) -> Advanced:
         """Move along a straight piece of path."""
         dx = per_contact(displacement)

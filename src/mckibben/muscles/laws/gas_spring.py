@@ -9,8 +9,6 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import AbstractVar, Scalar, field
 from ...quantities import quantity
@@ -19,7 +17,7 @@ from ..law import TensionLaw
 
 
 def spring_volume(
-    length: Any, *, rest_length: Any, rest_volume: Any, shortest_length: Any, per_pressure: Any
+    length: Scalar, *, rest_length: Scalar, rest_volume: Scalar, shortest_length: Scalar, per_pressure: Scalar
 ) -> Scalar:
     """Volume whose derivative is that of a gas spring [m^3] (eq. 38b); lengths [m], Kg [m].
 
@@ -28,7 +26,9 @@ def spring_volume(
     return rest_volume - 0.5 * per_pressure * ((length - shortest_length) ** 2 - (rest_length - shortest_length) ** 2)
 
 
-def volume_when_unknown(*, rest_length: Any, upper_length: Any, shortest_length: Any, per_pressure: Any) -> Scalar:
+def volume_when_unknown(
+    *, rest_length: Scalar, upper_length: Scalar, shortest_length: Scalar, per_pressure: Scalar
+) -> Scalar:
     """Rest volume, large enough for the gas up to the upper working length, if none was measured [m^3].
 
     It only keeps the formulas in their domain; a law that uses it says that it has no volume. The factor is that of the
@@ -53,7 +53,7 @@ class SpringVolume(TensionLaw):
         """Gauge pressure at which the bladder reaches the braid [Pa]; none by default."""
         return 0.0
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of eq. 38b above the threshold [J]."""
         line = {
             "rest_length": self.rest_length,
@@ -98,6 +98,6 @@ class GasSpring(SpringVolume):
     cites = ("chou1996",)
     fitted = ("stiffness_per_pressure", "shortest_length")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Zero: eq. 11 has no passive part [N]."""
         return jnp.zeros_like(length)

@@ -30,8 +30,6 @@ B. Hannaford, 1996, doi:10.1109/70.481753. The combination and the two constants
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar, derivative, field
 from ...quantities import quantity
@@ -78,15 +76,15 @@ class HyperelasticBraid(TensionLaw):
     lengths_needed = {"thread_compliance": 3}
     fitted = ("thread_depth", "rest_angle", "length_factor", "shear_modulus", "thread_compliance")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Force of the rubber wall without gas [N]."""
         return derivative(lambda x: self.wall_energy(x, 0.0), length)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy [J]; the strain of the threads compensates the volume of the wall."""
         return self.wall_energy(length, 0.0) - self.potential(length, pressure)
 
-    def potential(self, length: Any, pressure: Any) -> Scalar:
+    def potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Psi(L, P') [J]: F = dPsi/dL, V = -dPsi/dP'."""
         strain = self.thread_compliance * bladder.ramp(pressure, self.threshold_width)
         return self.wall_energy(length, strain) - bladder.gas_energy(
@@ -97,7 +95,7 @@ class HyperelasticBraid(TensionLaw):
             threshold_width=self.threshold_width,
         )
 
-    def wall_energy(self, length: Any, thread_strain: Any) -> Scalar:
+    def wall_energy(self, length: Scalar, thread_strain: Scalar) -> Scalar:
         """Elastic energy of the rubber [J]."""
         x, hoop = self._stretches(length, thread_strain)
         half = self.ogden_exponent // 2
@@ -111,14 +109,14 @@ class HyperelasticBraid(TensionLaw):
     def _active(self) -> Scalar:
         return self.length_factor * self.rest_length - self._inactive()
 
-    def _stretches(self, length: Any, thread_strain: Any) -> tuple[Scalar, Scalar]:
+    def _stretches(self, length: Scalar, thread_strain: Scalar) -> tuple[Scalar, Scalar]:
         x = (length - self._inactive()) / self._active()
         x = SHORTEST_STRETCH + bladder.ramp(x - SHORTEST_STRETCH, SHORT_WIDTH)
         sine2 = jnp.sin(self.rest_angle) ** 2
         hoop = (1.0 + 2.0 * thread_strain - x * x * (1.0 - sine2)) / sine2
         return x, SMALLEST_HOOP + bladder.ramp(hoop - SMALLEST_HOOP, HOOP_WIDTH)
 
-    def _bore_volume(self, length: Any, thread_strain: Any) -> Scalar:
+    def _bore_volume(self, length: Scalar, thread_strain: Scalar) -> Scalar:
         x, _ = self._stretches(length, thread_strain)
         sine2 = jnp.sin(self.rest_angle) ** 2
         layer = self.rest_diameter + 2.0 * self.thread_depth * self.wall_thickness

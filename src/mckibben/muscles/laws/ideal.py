@@ -10,8 +10,6 @@ B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.48
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 from .. import bladder, braid, dimensions
@@ -32,11 +30,11 @@ class Ideal(TensionLaw):
     cites = ("gaylord1958", "schulte1961", "chou1996")
     fitted = ("thread_length", "turns")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Zero: the ideal bladder has no stiffness [N]."""
         return jnp.zeros_like(length)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of eq. 7 [J]."""
         shape = {"thread_length": self.thread_length, "turns": self.turns}
         return bladder.gas_energy(

@@ -13,8 +13,6 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 
 from __future__ import annotations
 
-from typing import Any
-
 from ...components import Scalar, field
 from ...quantities import quantity
 from .. import dimensions
@@ -48,7 +46,7 @@ class LinearThreshold(SpringVolume):
     cites = ("chou1996",)
     fitted = ("stiffness_per_pressure", "shortest_length", "threshold_pressure", "passive_stiffness")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Passive spring and stop, eq. 12b [N]."""
         spring = self.passive_stiffness * (length - self.rest_length)
         return spring + stop_tension(length, begins_at=self.upper_length, stiffness=self.stop_stiffness)

@@ -42,7 +42,7 @@ class MartensBoblan(TensionLaw):
     fitted_if_unknown = {"rest_diameter": ()}
     fitted = ("angle_correction", "modulus_0", "modulus_1", "modulus_2", "modulus_3")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Force of the rubber wall, along and around [N]."""
         shape = self._shape()
         diameter = braid.diameter(length, **shape)
@@ -53,7 +53,7 @@ class MartensBoblan(TensionLaw):
         along = (length / self.rest_length - 1.0) * diameter
         return jnp.pi * self.wall_thickness * modulus * (around - along)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of eq. 7 [J]."""
         shape = self._shape()
         return bladder.gas_energy(

@@ -11,8 +11,6 @@ doi:10.1016/j.mechmachtheory.2014.11.006.
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar, field
 from ...quantities import quantity
@@ -54,12 +52,12 @@ class Sarosi(TensionLaw):
         "force_constant",
     )
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """The terms without pressure [N]."""
         exponent = jnp.minimum(self.decay * (1.0 - length / self.rest_length), LARGEST_EXPONENT)
         return self.force_exponential * jnp.exp(exponent) + self.force_constant
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Pressure times the volume whose virtual work the terms with pressure are [J]."""
         eps = 1.0 - length / self.rest_length
         exponential = jnp.expm1(jnp.minimum(self.decay * eps, LARGEST_EXPONENT)) / self.decay

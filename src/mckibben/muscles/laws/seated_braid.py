@@ -19,8 +19,6 @@ Source of the parts: the law `hyperelastic_braid`; the seat is this project's.
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jax, jnp
 from ...components import Scalar, derivative
 from ...quantities import quantity
@@ -50,15 +48,15 @@ class SeatedBraid(TensionLaw):
     fitted_if_unknown = {"rest_diameter": ()}
     fitted = ("rest_angle", "shear_modulus", "seat_compliance")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Force of the rubber wall without gas [N]."""
         return derivative(lambda x: self._potential(x, jnp.zeros_like(x)), length)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy [J]: what the potential loses by the pressure."""
         return self._potential(length, jnp.zeros_like(pressure)) - self._potential(length, pressure)
 
-    def _potential(self, length: Any, pressure: Any) -> Scalar:
+    def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         braid = self._braid()
         u = self._take_up(braid, length, pressure)
         return braid.potential(length - u, pressure) + u * (u / self.seat_compliance) ** 2 / 3.0
@@ -78,7 +76,7 @@ class SeatedBraid(TensionLaw):
             ogden_exponent=2,
         )
 
-    def _take_up(self, braid: HyperelasticBraid, length: Any, pressure: Any) -> Scalar:
+    def _take_up(self, braid: HyperelasticBraid, length: Scalar, pressure: Scalar) -> Scalar:
         """Take-up u of the seats [m]; only the last step of the iteration is differentiated."""
         held_braid, held_q, held_length, held_pressure = jax.lax.stop_gradient(
             (braid, self.seat_compliance, length, pressure)

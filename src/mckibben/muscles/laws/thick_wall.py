@@ -9,8 +9,6 @@ Source: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 from ...quantities import quantity
@@ -35,11 +33,11 @@ class ThickWall(TensionLaw):
     cites = ("chou1996",)
     fitted = ("thread_length", "turns", "wall_thickness")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Zero up to the upper working length, then the stop [N]."""
         return stop_tension(length, begins_at=self.upper_length, stiffness=self.stop_stiffness)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of eq. 9 [J]."""
         shape = {"thread_length": self.thread_length, "turns": self.turns, "wall_thickness": self.wall_thickness}
         # A guard for wild trial values of a fit: the upper volume may not vanish.

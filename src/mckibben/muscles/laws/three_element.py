@@ -12,8 +12,6 @@ doi:10.1114/1.1554921.
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar, field
 from ...quantities import quantity
@@ -47,16 +45,16 @@ class ThreeElement(TensionLaw):
     cites = ("reynolds2003",)
     fitted = ("force_constant", "force_per_pressure", "stiffness_constant", "stiffness_per_pressure")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """The terms without pressure [N]."""
         return self.force_constant - self.stiffness_constant * (self.rest_length - length)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Pressure times the volume whose virtual work the terms with pressure are [J]."""
         x = self.rest_length - length
         return pressure * (self.rest_volume + x * (self.force_per_pressure - 0.5 * self.stiffness_per_pressure * x))
 
-    def viscous_tension(self, velocity: Any, pressure: Any) -> Scalar:
+    def viscous_tension(self, velocity: Scalar, pressure: Scalar) -> Scalar:
         """Force of the damper [N], positive while lengthening; never a source of energy."""
         damping = jnp.maximum(self.damping_constant + self.damping_per_pressure * pressure, 0.0)
         return damping * velocity

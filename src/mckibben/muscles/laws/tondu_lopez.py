@@ -41,11 +41,11 @@ class TonduLopez(TensionLaw):
     cites = ("tondu2000",)
     fitted = ("rest_radius", "rest_angle", "end_factor", "end_factor_gain")
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Zero: the law has no passive part [N]."""
         return jnp.zeros_like(length)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of which the law is the virtual work [J]."""
         k = self.end_factor_at(pressure)
         return bladder.gas_energy(
@@ -56,12 +56,12 @@ class TonduLopez(TensionLaw):
             threshold_width=self.threshold_width,
         )
 
-    def end_factor_at(self, pressure: Any) -> Scalar:
+    def end_factor_at(self, pressure: Scalar) -> Scalar:
         """The factor k at a gauge pressure [1], at least a twentieth; in vacuum its value at zero."""
         k = self.end_factor + self.end_factor_gain * jnp.exp(-jnp.maximum(pressure, 0.0) / self.end_factor_pressure)
         return jnp.maximum(k, 0.05)
 
-    def _volume(self, length: Any, k: Any) -> Scalar:
+    def _volume(self, length: Scalar, k: Any) -> Scalar:
         eps = 1.0 - length / self.rest_length
         tangent2 = jnp.tan(self.rest_angle) ** 2
         a, c = 3.0 / tangent2, 1.0 + 1.0 / tangent2

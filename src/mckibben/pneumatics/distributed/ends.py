@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..._jax import jnp
+from ..._jax import Array, jnp
 from ...components import Module, Scalar
 from ...errors import InputError
 from ...quantities import quantity
@@ -33,18 +33,18 @@ class End(Module):
         """State at the start."""
 
     @abc.abstractmethod
-    def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
+    def outside(self, gas: Gas, state: EndState, time: Scalar) -> Primitive:
         """State of the gas behind the end, at rest."""
 
     @abc.abstractmethod
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Scalar, area: Scalar) -> TubeFace:
         """Flux out of the tube; ``inside`` has its velocity outward, ``area`` is the tube's section [m^2]."""
 
-    def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Any) -> EndState:
+    def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Scalar) -> EndState:
         """Time derivative of the state: flow through the end."""
         return EndState(face.mass * area, face.energy * area, jnp.zeros_like(face.mass))
 
-    def least_volume(self) -> Any:
+    def least_volume(self) -> Scalar:
         """Volume that bounds the time step [m^3]."""
         return jnp.inf
 
@@ -60,11 +60,11 @@ class ClosedEnd(End):
         """Return an empty state."""
         return EndState(jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
 
-    def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
+    def outside(self, gas: Gas, state: EndState, time: Scalar) -> Primitive:
         """Return zeros, since there is no outside."""
         return Primitive(jnp.full((), jnp.nan), jnp.zeros(()), jnp.full((), jnp.nan))
 
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Scalar, area: Scalar) -> TubeFace:
         """State at the closed face, without flow."""
         return closed_face(medium, inside)
 
@@ -78,7 +78,7 @@ class ReservoirEnd(End):
 
     pressure_abs: Scalar = quantity("Pa", (1.0, 1e8), "absolute pressure, one value or one per time", symbol="P")
     temperature: Scalar = quantity("K", (100.0, 2000.0), "temperature, one value or one per time", default=293.15)
-    times: Scalar = quantity("s", (-1e9, 1e9), "times of the values, rising", default=0.0)
+    times: Array = quantity("s", (-1e9, 1e9), "times of the values, rising", default=0.0)
     opening: Opening = OpenBore()
 
     def __check_init__(self) -> None:
@@ -96,11 +96,12 @@ class ReservoirEnd(End):
         """State before any flow."""
         return EndState(jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
 
-    def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
+    def outside(self, gas: Gas, state: EndState, time: Scalar) -> Primitive:
         """Prescribed pressure and temperature."""
         return Primitive(self._at(self.pressure_abs, time), jnp.zeros(()), self._at(self.temperature, time))
 
-    def _at(self, values: Scalar, time: Any) -> Scalar:
+    def _at(self, values: Scalar, time: Scalar) -> Scalar:
+        values = jnp.asarray(values)
         if values.ndim == 0 or values.shape[0] == 1:
             return values.reshape(())
         # counting is faster than a search for one time in a table of a few thousand
@@ -109,7 +110,7 @@ class ReservoirEnd(End):
         share = jnp.clip((time - begin) / (end - begin), 0.0, 1.0)
         return (1.0 - share) * values[after - 1] + share * values[after]
 
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Scalar, area: Scalar) -> TubeFace:
         """Through the opening."""
         return open_face(medium, inside, self.outside(medium.gas, state, time), self.opening, area)
 
@@ -128,16 +129,16 @@ class VesselEnd(End):
         energy = self.pressure_abs * self.volume / (gas.heat_ratio - 1.0)
         return EndState(gas.mass(self.pressure_abs, self.volume, self.temperature), energy, jnp.zeros(()))
 
-    def outside(self, gas: Gas, state: EndState, time: Any) -> Primitive:
+    def outside(self, gas: Gas, state: EndState, time: Scalar) -> Primitive:
         """Pressure and temperature in the vessel."""
         pressure = (gas.heat_ratio - 1.0) * state.energy / self.volume
         return Primitive(pressure, jnp.zeros(()), gas.temperature(pressure, self.volume, state.mass))
 
-    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Any, area: Any) -> TubeFace:
+    def face(self, medium: Medium, inside: Primitive, state: EndState, time: Scalar, area: Scalar) -> TubeFace:
         """Through the opening."""
         return open_face(medium, inside, self.outside(medium.gas, state, time), self.opening, area)
 
-    def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Any) -> EndState:
+    def rate(self, gas: Gas, state: EndState, face: TubeFace, area: Scalar) -> EndState:
         """Time derivative of the state: inflow of mass and energy, and heat of the wall."""
         zero = jnp.zeros_like(face.mass)
         inside = self.outside(gas, state, 0.0)
@@ -147,7 +148,7 @@ class VesselEnd(End):
         )
         return EndState(inflow.mass, self.volume * rise / (gas.heat_ratio - 1.0), heat)
 
-    def least_volume(self) -> Any:
+    def least_volume(self) -> Scalar:
         """Volume of the vessel [m^3]."""
         return self.volume
 

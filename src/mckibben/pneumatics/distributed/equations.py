@@ -15,7 +15,7 @@ Methods for Fluid Dynamics, 3rd ed., 2009, chapters 1 and 3.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import jnp
 from ...components import Module, Scalar, field
@@ -71,12 +71,12 @@ class Medium(Module):
         ratio = 1.0 + kinetic / (self.gas.cp * state.temperature)
         return Primitive(state.pressure * ratio ** (gamma / (gamma - 1.0)), still, state.temperature * ratio)
 
-    def sound_speed(self, temperature: Any) -> Scalar:
+    def sound_speed(self, temperature: Scalar) -> Scalar:
         """Speed of small waves [m/s]; isothermal waves are slower by the root of gamma."""
         ratio = 1.0 if self.isothermal else self.gas.heat_ratio
         return jnp.sqrt(ratio * self.gas.gas_constant * temperature)
 
-    def wave_state(self, inside: Primitive, speed: Any) -> Primitive:
+    def wave_state(self, inside: Primitive, speed: Scalar) -> Primitive:
         """State behind a wave that brings gas of state ``inside``, moving towards the end, to a speed [m/s]."""
         sound = self.sound_speed(inside.temperature)
         if self.isothermal:
@@ -96,7 +96,7 @@ class Medium(Module):
         sonic = ((gamma - 1.0) * inside.velocity + 2.0 * sound) / (gamma + 1.0)
         return jnp.maximum(sonic, inside.velocity)
 
-    def nozzle(self, pressure: Any, temperature: Any, wall_temperature: Any, speed: Any) -> Primitive:
+    def nozzle(self, pressure: Scalar, temperature: Scalar, wall_temperature: Scalar, speed: Scalar) -> Primitive:
         """State of gas drawn without loss out of rest at a pressure [Pa] and temperature [K] to a speed [m/s]."""
         if self.isothermal:
             fall = jnp.exp(-0.5 * speed**2 / (self.gas.gas_constant * wall_temperature))
@@ -105,7 +105,7 @@ class Medium(Module):
         ratio = 1.0 - 0.5 * speed**2 / (self.gas.cp * temperature)
         return Primitive(pressure * ratio ** (gamma / (gamma - 1.0)), speed, temperature * ratio)
 
-    def choked_entry_speed(self, temperature: Any, wall_temperature: Any) -> Scalar:
+    def choked_entry_speed(self, temperature: Scalar, wall_temperature: Scalar) -> Scalar:
         """Highest speed at which gas at rest enters [m/s]."""
         if self.isothermal:
             return self.sound_speed(wall_temperature)

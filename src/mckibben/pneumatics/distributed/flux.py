@@ -12,23 +12,23 @@ doi:10.1016/0021-9991(74)90019-9 (limiter), and 32, 1979, doi:10.1016/0021-9991(
 
 from __future__ import annotations
 
-from ..._jax import jnp
+from ..._jax import Array, jnp
 from ...components import Scalar
 from .equations import Conserved, Medium, Primitive
 
 
-def limited(before: Scalar, after: Scalar) -> Scalar:
+def limited(before: Scalar, after: Scalar) -> Array:
     """Van Leer's slope from the differences to both neighbours: their harmonic mean, or zero at an extremum."""
     product = before * after
     return jnp.where(product > 0.0, 2.0 * product / jnp.where(product > 0.0, before + after, 1.0), 0.0)
 
 
-def _one_sided(near: Scalar, far: Scalar) -> Scalar:
+def _one_sided(near: Scalar, far: Scalar) -> Array:
     """Slope of an end cell, which has one neighbour: the difference to it, unless the next one contradicts."""
     return jnp.where(near * far > 0.0, jnp.sign(near) * jnp.minimum(jnp.abs(near), 3.0 * jnp.abs(far)), 0.0)
 
 
-def reconstruct(values: Scalar) -> tuple[Scalar, Scalar]:
+def reconstruct(values: Array) -> tuple[Scalar, Scalar]:
     """Values at the left and at the right face of each cell; shapes (cells,) to twice (cells,)."""
     steps = values[1:] - values[:-1]
     inner = limited(steps[:-1], steps[1:])

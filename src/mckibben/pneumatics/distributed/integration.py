@@ -8,8 +8,6 @@ stage, so that a steady state does not depend on the step. Source: S. Gottlieb, 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..._jax import jax, jnp
@@ -29,9 +27,9 @@ def simulate(
     *,
     duration: float,
     sample_period: float,
-    pressure_abs: Any,
-    temperature: Any = 293.15,
-    velocity: Any = 0.0,
+    pressure_abs: Scalar,
+    temperature: Scalar = 293.15,
+    velocity: Scalar = 0.0,
     most_steps: int = 20_000_000,
 ) -> TubeResult:
     """Integrate a tube and record it.
@@ -84,7 +82,7 @@ def _sample_count(duration: float, period: float) -> int:
 
 
 def _start(
-    tube: DistributedTube, left: End, right: End, pressure_abs: Any, temperature: Any, velocity: Any
+    tube: DistributedTube, left: End, right: End, pressure_abs: Scalar, temperature: Scalar, velocity: Scalar
 ) -> TubeState:
     limits = declared(ReservoirEnd)
     values = {"pressure_abs": pressure_abs, "temperature": temperature, "velocity": velocity}
@@ -108,7 +106,7 @@ def _start(
 
 @jit_arrays
 def _integrate(
-    tube: DistributedTube, left: End, right: End, start: TubeState, samples: int, period: Any, most_steps: int
+    tube: DistributedTube, left: End, right: End, start: TubeState, samples: int, period: Scalar, most_steps: int
 ) -> tuple[tuple[TubeState, Scalar], Sample]:
     def euler_step(state: TubeState, time: Scalar, step: Scalar) -> TubeState:
         slope = rates(tube, left, right, state, time)
@@ -134,7 +132,8 @@ def _integrate(
         state, steps = carry
         recorded = _sample(tube, left, right, state, index * period)
         wait = jnp.where(index < samples, period, 0.0)  # nothing follows the last sample
-        state, _, _, steps = jax.lax.while_loop(going, advance, (state, (index + 1) * period, wait, steps))
+        inner: tuple[TubeState, Scalar, Scalar, Scalar] = state, (index + 1) * period, wait, steps
+        state, _, _, steps = jax.lax.while_loop(going, advance, inner)
         return (state, steps), recorded
 
     return jax.lax.scan(one_sample, (start, jnp.zeros((), int)), jnp.arange(samples + 1))

@@ -37,15 +37,17 @@ class Opening(Module):
     """
 
     @abc.abstractmethod
-    def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Any) -> Scalar:
+    def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Scalar) -> Scalar:
         """Residual for gas that leaves."""
 
     @abc.abstractmethod
-    def inward(self, medium: Medium, entering: Primitive, nozzle: Primitive, outside: Primitive, area: Any) -> Scalar:
+    def inward(
+        self, medium: Medium, entering: Primitive, nozzle: Primitive, outside: Primitive, area: Scalar
+    ) -> Scalar:
         """Residual for gas that enters; ``nozzle`` is its state at the same speed without loss."""
 
     @abc.abstractmethod
-    def choked_pressure(self, medium: Medium, entering: Primitive, residual: Any) -> Scalar:
+    def choked_pressure(self, medium: Medium, entering: Primitive, residual: Scalar) -> Scalar:
         """Pressure [Pa] at which gas enters at the speed of sound while a drive remains."""
 
 
@@ -57,17 +59,19 @@ class OpenBore(Opening):
         "1", (0.0, 100.0), "pressure lost on exit over rho u^2/2, beyond the dynamic pressure", symbol="Ke", default=0.0
     )
 
-    def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Any) -> Scalar:
+    def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Scalar) -> Scalar:
         """Static pressure above that outside and the loss [Pa]."""
         dynamic = 0.5 * medium.gas.density(leaving.pressure, leaving.temperature) * leaving.velocity**2
         return leaving.pressure - outside.pressure - self.exit_loss * dynamic
 
-    def inward(self, medium: Medium, entering: Primitive, nozzle: Primitive, outside: Primitive, area: Any) -> Scalar:
+    def inward(
+        self, medium: Medium, entering: Primitive, nozzle: Primitive, outside: Primitive, area: Scalar
+    ) -> Scalar:
         """Pressure behind the nozzle and the loss, above that in the tube [Pa]."""
         dynamic = 0.5 * medium.gas.density(entering.pressure, entering.temperature) * entering.velocity**2
         return nozzle.pressure - self.entry_loss * dynamic - entering.pressure
 
-    def choked_pressure(self, medium: Medium, entering: Primitive, residual: Any) -> Scalar:
+    def choked_pressure(self, medium: Medium, entering: Primitive, residual: Scalar) -> Scalar:
         """The pressure behind the nozzle [Pa]."""
         return entering.pressure + residual
 
@@ -99,18 +103,20 @@ class Restriction(Opening):
             return -self.command * self.flow(inside.pressure, inside.temperature, outside.pressure)
         return self.command * self.flow(outside.pressure, outside.temperature, inside.pressure)
 
-    def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Any) -> Scalar:
+    def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Scalar) -> Scalar:
         """Flow of the restriction above that of the tube [kg/(m2 s)]."""
         density = medium.gas.density(leaving.pressure, leaving.temperature)
         flow = -self._entering_flow(outside, medium.at_rest(leaving), leaves=True)
         return flow / area - density * leaving.velocity
 
-    def inward(self, medium: Medium, entering: Primitive, nozzle: Primitive, outside: Primitive, area: Any) -> Scalar:
+    def inward(
+        self, medium: Medium, entering: Primitive, nozzle: Primitive, outside: Primitive, area: Scalar
+    ) -> Scalar:
         """Flow of the restriction above that of the tube [kg/(m2 s)]."""
         density = medium.gas.density(entering.pressure, entering.temperature)
         return self._entering_flow(outside, entering, leaves=False) / area - density * entering.velocity
 
-    def choked_pressure(self, medium: Medium, entering: Primitive, residual: Any) -> Scalar:
+    def choked_pressure(self, medium: Medium, entering: Primitive, residual: Scalar) -> Scalar:
         """Pressure at which the tube takes the choked flow of the restriction [Pa]."""
         density = residual / jnp.maximum(entering.velocity, 1e-3)
         return entering.pressure + density * medium.gas.gas_constant * entering.temperature
@@ -123,7 +129,7 @@ def closed_face(medium: Medium, inside: Primitive) -> TubeFace:
     return TubeFace(zero, state.pressure, zero, state)
 
 
-def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Opening, area: Any) -> TubeFace:
+def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Opening, area: Scalar) -> TubeFace:
     """Flux through an end that an opening joins to gas at rest.
 
     Args:

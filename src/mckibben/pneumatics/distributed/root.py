@@ -45,7 +45,7 @@ def falling_root(residual: Callable[[Scalar], Scalar], highest: Scalar) -> tuple
         return (at_highest < 0.0) & (bracket[6] > enough) & (bracket[7] < ROOT_STEPS)
 
     zero = jnp.zeros_like(highest)
-    start = (zero, highest, at_zero, at_highest, zero, zero, jnp.abs(at_zero), zero)
+    start: tuple[Scalar, ...] = (zero, highest, at_zero, at_highest, zero, zero, jnp.abs(at_zero), zero)
     speed = jax.lax.while_loop(going, narrow, start)[5]
     left = jnp.maximum(at_highest, 0.0)
     return jnp.where(left > 0.0, highest, speed), left

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import jax, jnp
 from ...components import Module, Scalar, field
@@ -81,21 +81,25 @@ class DistributedTube(Module):
 
 
 def end_faces(
-    tube: DistributedTube, left: End, right: End, state: TubeState, time: Any
+    tube: DistributedTube, left: End, right: End, state: TubeState, time: Scalar
 ) -> tuple[TubeFace, TubeFace, Primitive, Primitive]:
     """Fluxes out of both ends, and the reconstructed states at the left and right faces of the cells."""
     medium = tube.medium
     cells = medium.primitive(state.cells)
-    pairs = [reconstruct(values) for values in cells]
+    pairs = [reconstruct(jnp.asarray(values)) for values in cells]
     lower, upper = (Primitive(*(pair[side] for pair in pairs)) for side in (0, 1))
-    at_left = _outward(Primitive(*(v[0] for v in lower)), Primitive(*(v[0] for v in cells)), -1.0)
-    at_right = _outward(Primitive(*(v[-1] for v in upper)), Primitive(*(v[-1] for v in cells)), 1.0)
+    at_left = _outward(_part(lower, 0), _part(cells, 0), -1.0)
+    at_right = _outward(_part(upper, -1), _part(cells, -1), 1.0)
     return (
         left.face(medium, at_left, state.left, time, tube.area),
         right.face(medium, at_right, state.right, time, tube.area),
         lower,
         upper,
     )
+
+
+def _part(state: Primitive, at: int | slice) -> Primitive:
+    return Primitive(*(jnp.asarray(values)[at] for values in state))
 
 
 def _outward(face: Primitive, cell: Primitive, sign: float) -> Primitive:
@@ -107,14 +111,17 @@ def _outward(face: Primitive, cell: Primitive, sign: float) -> Primitive:
     )
 
 
-def rates(tube: DistributedTube, left: End, right: End, state: TubeState, time: Any) -> TubeState:
+def rates(tube: DistributedTube, left: End, right: End, state: TubeState, time: Scalar) -> TubeState:
     """Time derivative of the whole state."""
     gas, medium = tube.gas, tube.medium
     at_left, at_right, lower, upper = end_faces(tube, left, right, state, time)
-    inner = hllc(medium, Primitive(*(v[:-1] for v in upper)), Primitive(*(v[1:] for v in lower)))
+    inner = hllc(medium, _part(upper, slice(None, -1)), _part(lower, slice(1, None)))
     first = (-at_left.mass, at_left.momentum, -at_left.energy)
     last = (at_right.mass, at_right.momentum, at_right.energy)
-    faces = [jnp.concatenate([a[None], q, b[None]]) for a, q, b in zip(first, inner, last, strict=True)]
+    faces = [
+        jnp.concatenate([jnp.asarray(a)[None], q, jnp.asarray(b)[None]])
+        for a, q, b in zip(first, inner, last, strict=True)
+    ]
     mass, momentum, energy = ((q[:-1] - q[1:]) / tube.cell_length for q in faces)
 
     wall = _wall(tube, medium.primitive(state.cells))

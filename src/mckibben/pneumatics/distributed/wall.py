@@ -14,7 +14,7 @@ F. M. White, Fluid Mechanics and Viscous Fluid Flow.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import jnp
 from ...components import Scalar
@@ -35,7 +35,7 @@ class WallRates(NamedTuple):
     exchange: Scalar  # rate at which the temperature approaches the wall's [1/s]
 
 
-def nusselt(reynolds_number: Any, relative_roughness: Any) -> Scalar:
+def nusselt(reynolds_number: Scalar, relative_roughness: Scalar) -> Scalar:
     """Nusselt number of a wall at constant temperature, at any Reynolds number."""
     share = turbulence(reynolds_number)
     re = jnp.maximum(reynolds_number, LAMINAR_END)
@@ -45,7 +45,14 @@ def nusselt(reynolds_number: Any, relative_roughness: Any) -> Scalar:
 
 
 def wall_rates(
-    gas: Gas, state: Primitive, *, diameter: Any, roughness: Any, wall_temperature: Any, friction_scale: Any, heat: bool
+    gas: Gas,
+    state: Primitive,
+    *,
+    diameter: Scalar,
+    roughness: Scalar,
+    wall_temperature: Scalar,
+    friction_scale: Scalar,
+    heat: bool,
 ) -> WallRates:
     """Friction and heat of cells of shape (cells,); lengths [m], temperature [K].
 

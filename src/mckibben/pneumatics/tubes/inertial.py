@@ -9,9 +9,9 @@ Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar
 from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
@@ -19,7 +19,7 @@ from ..gas import AIR, Gas
 from .quadratic import mean_density
 
 
-def inertance(*, length: Any, area: Any) -> Scalar:
+def inertance(*, length: Scalar, area: Scalar) -> Scalar:
     """Pressure per rate of mass flow of a tube, l/A [1/m] (eq. 30); length [m], area [m^2]."""
     return length / area
 
@@ -34,15 +34,15 @@ class InertialTube(TwoPort):
     length: Scalar = quantity("m", (1e-3, 100.0), "effective length", symbol="l", typical=(0.1, 5.0))
     gas: Gas = AIR
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """State without flow."""
         return jnp.zeros(())
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """The state itself [kg/s]."""
         return state
 
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
+    def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """dw/dt [kg/s^2]."""
         speed = state / (mean_density(self.gas, a, b, state >= 0.0) * self.area)
         loss = self.viscous * speed + self.turbulent * speed * jnp.abs(speed)

@@ -9,8 +9,9 @@ constant. Range: small changes around one pressure. Source: C.-P. Chou and B. Ha
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ..._jax import Tree
 from ...components import Scalar
 from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
@@ -22,6 +23,6 @@ class LinearTube(TwoPort):
     symbol: ClassVar[str] = "tube"
     resistance: Scalar = quantity("Pa*s/kg", (1e3, 1e14), "pressure per mass flow", symbol="R", typical=(1e6, 1e10))
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         return (a.pressure_abs - b.pressure_abs) / self.resistance

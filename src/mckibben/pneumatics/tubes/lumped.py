@@ -16,9 +16,9 @@ Fluid Flow, 1953; friction as in the distributed tube.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar
 from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
@@ -48,15 +48,15 @@ class LumpedTube(TwoPort):
         """Cross section [m^2]."""
         return 0.25 * jnp.pi * self.diameter**2
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """State without flow."""
         return jnp.zeros(())
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """The state itself [kg/s]."""
         return state
 
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
+    def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """dw/dt [kg/s^2]."""
         forward = state >= 0.0
         temperature = jnp.where(forward, a.temperature, b.temperature)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar
 from ...components.flow import GasState, TwoPort
 from ...quantities import quantity
@@ -38,7 +38,7 @@ class QuadraticTube(TwoPort):
     area: Scalar = quantity("m^2", (1e-9, 1e-2), "effective cross section", symbol="A", typical=(1e-6, 1e-4))
     gas: Gas = AIR
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         drop = a.pressure_abs - b.pressure_abs
         # The root in the form that does not cancel, and whose slope at zero is 1/R1; a little R1 is always there.

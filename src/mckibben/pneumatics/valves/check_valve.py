@@ -8,9 +8,9 @@ chatter is not shown. Source of w_ISO: ISO 6358-1:2013, see `mckibben.pneumatics
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ...quantities import quantity
@@ -32,11 +32,11 @@ class CheckValve(TwoPort):
         """Share of the passage that is open [1]."""
         return eased((a.pressure_abs - b.pressure_abs - self.cracking_pressure) / self.band)
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s], never negative."""
         return opening_flow(self.passage, a, b, self.opening(a, b))
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Largest slope of the flow, including the opening of the poppet [kg/(s Pa)]."""
         a, b = gas
         # the opening only changes up to this difference, where the flow is largest
@@ -51,6 +51,6 @@ class CheckValve(TwoPort):
         )
         return (steepest_slope(self.passage, a, b) + EASED_SLOPE * flow / self.band,)
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Opening of the valve [1]."""
         return {"opening": self.opening(*gas)}

@@ -8,8 +8,9 @@ directions of flow alike; the motion does not depend on the pressures.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ..._jax import Tree
 from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ..orifice import Orifice, opening_flow, steepest_slope
@@ -24,22 +25,22 @@ class OnOffValve(TwoPort):
     passage: Orifice = field(kw_only=True)
     drive: Solenoid = field(kw_only=True)
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """Closed."""
         return self.drive.initial()
 
-    def mass_flow(self, a: GasState, b: GasState, state: Any = (), command: Any = 0.0) -> Scalar:
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         return opening_flow(self.passage, a, b, self.drive.opening(state))
 
-    def rate(self, a: GasState, b: GasState, state: Any, command: Any) -> Any:
+    def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """Rates of change of flux and stroke [1/s]."""
         return self.drive.rates(state, command)
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slope at equal pressures; of the open valve where it is on its way [kg/(s Pa)]."""
         return (steepest_slope(self.passage, *gas) * self.drive.widest(state, command),)
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Opening of the valve [1]."""
         return {"opening": self.drive.opening(state)}

@@ -17,9 +17,9 @@ Krasnosel'skii and A. V. Pokrovskii, Systems with Hysteresis, 1989; flow: ISO 63
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...errors import InputError
@@ -61,12 +61,12 @@ class PressureRegulator(FlowElement):
         "Pa", (0.0, 1e8), "gauge supply at which it was set", symbol="Pref", typical=(1e5, 1e6), default=6e5
     )
 
-    def sensed(self, memory: Any, pressure_abs: Any) -> Scalar:
+    def sensed(self, memory: Tree, pressure_abs: Scalar) -> Scalar:
         """The sensed absolute pressure [Pa] once the outlet has come to an absolute pressure."""
         half = 0.5 * self.hysteresis
         return between(memory, pressure_abs - half, pressure_abs + half)
 
-    def openings(self, gas: Gases, state: Any, memory: Any) -> tuple[Scalar, Scalar]:
+    def openings(self, gas: Gases, state: Tree, memory: Tree) -> tuple[Scalar, Scalar]:
         """Shares of fill and relief that are open [1]."""
         supply, outlet, exhaust = (g.pressure_abs for g in gas)
         if isinstance(memory, tuple):
@@ -78,33 +78,33 @@ class PressureRegulator(FlowElement):
         error = error - (self.sensed(memory, outlet) - exhaust)
         return share(error / self.band), share((-error - self.relief_offset) / self.band)
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """State at the pressure set by hand."""
         return jnp.asarray(self.set_pressure, float)
 
-    def settled(self, command: Any) -> Any:
+    def settled(self, command: Scalar | None) -> Tree:
         """State at the commanded set-point, so that a run which begins under pressure does not vent first."""
         return self.initial() if command is None else self.set_pressure + jnp.asarray(command, float)
 
-    def initial_memory(self, gas: Gases) -> Any:
+    def initial_memory(self, gas: Gases) -> Tree:
         """Memory in the middle of the play."""
         return jnp.asarray(gas[1].pressure_abs, float)
 
-    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+    def rates(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Tree:
         """Rate of the set-point [Pa/s]."""
         return (self.set_pressure + command - state) / self.lag
 
-    def advance_memory(self, memory: Any, start: Gases, end: Gases) -> Any:
+    def advance_memory(self, memory: Tree, start: Gases, end: Gases) -> Tree:
         """The sensed pressure after a move of the outlet; its speed makes no difference."""
         return self.sensed(memory, end[1].pressure_abs)
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Flows from supply to outlet, and from outlet to exhaust [kg/s]."""
         supply, outlet, exhaust = gas
         fill, relief = self.openings(gas, state, memory)
         return opening_flow(self.fill, supply, outlet, fill), opening_flow(self.relief, outlet, exhaust, relief)
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes of the restrictions, and of their openings by the outlet's pressure [kg/(s Pa)]."""
         slopes = []
         for edge, a, b in ((self.fill, gas[0], gas[1]), (self.relief, gas[1], gas[2])):
@@ -114,11 +114,11 @@ class PressureRegulator(FlowElement):
             slopes.append(steepest_slope(edge, a, b) + choked * (1.0 + self.supply_effect) / self.band)
         return tuple(slopes)
 
-    def delay(self) -> Any:
+    def delay(self) -> Scalar:
         """Dead time of the command [s]."""
         return self.dead_time
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Lagging set-point, sensed pressure above the exhaust's [Pa], and openings [1]."""
         fill, relief = self.openings(gas, state, memory)
         sensed = self.sensed(memory, gas[1].pressure_abs) - gas[2].pressure_abs

@@ -10,9 +10,9 @@ without mass. Source of each edge: ISO 6358-1:2013.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...quantities import quantity
@@ -40,13 +40,13 @@ class QuickExhaust(FlowElement):
         feed = eased(1.0 + (inlet - work + self.cracking_pressure) / self.band)
         return feed, 1.0 - feed
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Inlet to work, and work to exhaust [kg/s]."""
         inlet, work, exhaust = gas
         feed, vent = self.openings(gas)
         return opening_flow(self.feed, inlet, work, feed), opening_flow(self.vent, work, exhaust, vent)
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes of the restrictions, and of their openings while the shuttle moves [kg/(s Pa)]."""
         slopes = []
         for edge, a, b in ((self.feed, gas[0], gas[1]), (self.vent, gas[1], gas[2])):
@@ -56,6 +56,6 @@ class QuickExhaust(FlowElement):
             slopes.append(steepest_slope(edge, a, b) + EASED_SLOPE * choked / self.band)
         return tuple(slopes)
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Opening of the vent [1]."""
         return {"vent_opening": self.openings(gas)[1]}

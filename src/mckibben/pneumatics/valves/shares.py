@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..._jax import jnp
 from ...components import Scalar
 
 
-def share(x: Any) -> Scalar:
+def share(x: Scalar) -> Scalar:
     """A number held to 0 to 1."""
     x = jnp.asarray(x, float)
     return jnp.where(x < 0.0, 0.0, jnp.where(x > 1.0, 1.0, x))
 
 
-def eased(x: Any) -> Scalar:
+def eased(x: Scalar) -> Scalar:
     """Smooth step from 0 at x = 0 to 1 at x = 1; its slope is at most `EASED_SLOPE`."""
     y = share(x)
     return y * y * (3.0 - 2.0 * y)
@@ -23,7 +21,7 @@ def eased(x: Any) -> Scalar:
 EASED_SLOPE = 1.5
 
 
-def between(x: Any, low: Any, high: Any) -> Scalar:
+def between(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
     """A number held between two bounds."""
     x = jnp.asarray(x, float)
     return jnp.where(x < low, low, jnp.where(x > high, high, x))

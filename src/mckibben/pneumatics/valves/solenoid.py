@@ -17,7 +17,7 @@ of a solenoid valve for PWM control applications, Comptes Rendus Mecanique 337, 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import jnp
 from ...components import Module, Scalar
@@ -48,7 +48,7 @@ class Solenoid(Module):
         """Off and closed."""
         return Plunger(jnp.zeros(()), jnp.zeros(()))
 
-    def rates(self, state: Plunger, command: Any) -> Plunger:
+    def rates(self, state: Plunger, command: Scalar) -> Plunger:
         """Rates of flux and stroke [1/s]."""
         wanted = share(jnp.asarray(command, float))
         dead = jnp.where(wanted > state.flux, self.opening_dead_time, self.closing_dead_time)
@@ -62,6 +62,6 @@ class Solenoid(Module):
         """Share that is open [1]."""
         return share((state.stroke - SEAT) / (1.0 - 2.0 * SEAT))
 
-    def widest(self, state: Plunger, command: Any) -> Scalar:
+    def widest(self, state: Plunger, command: Scalar) -> Scalar:
         """The opening it may soon have [1]: of use where a bound is wanted."""
         return jnp.where((jnp.asarray(command) > 0.5) | (state.flux > 0.5), 1.0, self.opening(state))

@@ -13,9 +13,9 @@ Source of each edge: ISO 6358-1:2013.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...quantities import quantity
@@ -49,27 +49,27 @@ class SpoolValve(FlowElement):
         "1", (0.0, 0.5), "leakage in mid position over full conductance", symbol="l", typical=(0.0, 0.02), default=0.0
     )
 
-    def openings(self, position: Any) -> tuple[Scalar, Scalar]:
+    def openings(self, position: Scalar) -> tuple[Scalar, Scalar]:
         """Shares of fill and vent that are open, at a position of -1 to 1."""
         leak = self.leakage * (1.0 - share(jnp.where(position >= 0.0, position, -position)))
         stroke = 1.0 - self.overlap
         return share((position - self.overlap) / stroke) + leak, share((-position - self.overlap) / stroke) + leak
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """State in mid position."""
         return jnp.zeros(())
 
-    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+    def rates(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Tree:
         """Speed of the spool [1/s]."""
         return between((between(command, -1.0, 1.0) - state) / self.lag, -self.speed_limit, self.speed_limit)
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Supply to work, and work to exhaust [kg/s]."""
         supply, work, exhaust = gas
         fill, vent = self.openings(state)
         return opening_flow(self.fill, supply, work, fill), opening_flow(self.vent, work, exhaust, vent)
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes at equal pressures, with the edges as they are or will be at the command [kg/(s Pa)]."""
         supply, work, exhaust = gas
         ahead = between(command, -1.0, 1.0)
@@ -77,10 +77,10 @@ class SpoolValve(FlowElement):
         _, vent = self.openings(jnp.minimum(state, ahead))
         return steepest_slope(self.fill, supply, work) * fill, steepest_slope(self.vent, work, exhaust) * vent
 
-    def delay(self) -> Any:
+    def delay(self) -> Scalar:
         """Dead time of the command [s]."""
         return self.dead_time
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Position of the spool [1]."""
         return {"position": state}

@@ -10,9 +10,9 @@ edge.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.flow import FlowElement, Gases
 from ...quantities import quantity
@@ -35,26 +35,26 @@ class ThreeWayValve(FlowElement):
         "1", (-0.9, 0.9), "share of the stroke with both edges closed, negative: open", typical=(-0.3, 0.3), default=0.1
     )
 
-    def openings(self, stroke: Any) -> tuple[Scalar, Scalar]:
+    def openings(self, stroke: Scalar) -> tuple[Scalar, Scalar]:
         """Shares of fill and vent that are open, at a stroke of 0 to 1 beyond the seat."""
         half = 0.5 * (1.0 - self.overlap)
         return share((stroke - (1.0 - half)) / half), share((half - stroke) / half)
 
-    def initial(self) -> Any:
+    def initial(self) -> Tree:
         """Vented."""
         return self.drive.initial()
 
-    def rates(self, gas: Gases, state: Any, memory: Any, command: Any) -> Any:
+    def rates(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Tree:
         """Rates of change of flux and stroke [1/s]."""
         return self.drive.rates(state, command)
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Supply to work, and work to exhaust [kg/s]."""
         supply, work, exhaust = gas
         fill, vent = self.openings(self.drive.opening(state))
         return opening_flow(self.fill, supply, work, fill), opening_flow(self.vent, work, exhaust, vent)
 
-    def steepest(self, gas: Gases, state: Any, command: Any) -> tuple[Scalar, ...]:
+    def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes at equal pressures, of the edges as they are or will soon be [kg/(s Pa)]."""
         supply, work, exhaust = gas
         fill, _ = self.openings(self.drive.widest(state, command))
@@ -62,6 +62,6 @@ class ThreeWayValve(FlowElement):
         vent = jnp.where(jnp.asarray(command) > 0.5, vent, 1.0)
         return steepest_slope(self.fill, supply, work) * fill, steepest_slope(self.vent, work, exhaust) * vent
 
-    def outputs(self, gas: Gases, state: Any, memory: Any, command: Any) -> dict[str, Scalar]:
+    def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Stroke of the valve [1]."""
         return {"opening": self.drive.opening(state)}

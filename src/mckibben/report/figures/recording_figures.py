@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...analysis.segments import amount_of, steps_of
+from ...documents import JsonValue
 from ...errors import InputError
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
@@ -361,7 +362,7 @@ def _set_range(ax: Axes, panel: ChannelPanel) -> None:
     ax.set_ylim(low, high)
 
 
-def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[str, Any]:
+def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[str, JsonValue]:
     """Style of a line by its kind, its rank among those of the same kind, and the other lines."""
     kind, held = kinds[name], set(kinds.values())
     opacity = style.graded(count, 0.55)[::-1][rank]
@@ -376,7 +377,7 @@ def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[st
     return {"lw": style.LINE + 0.2, "linestyle": dash, "alpha": opacity, "zorder": 2.4 - 0.01 * rank}
 
 
-def _key(ax: Axes, **options: Any) -> None:
+def _key(ax: Axes, **options: object) -> None:
     look = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
     ax.legend(**look | options)
 

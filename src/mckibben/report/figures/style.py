@@ -336,7 +336,7 @@ def graded(count: int, least: float = 0.4) -> list[float]:
 
 
 def note(
-    ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: Any
+    ax: Axes, text: str, *, x: float = 0.0, y: float = 1.0, dx: float = 0.0, dy: float = 0.0, **options: object
 ) -> Text:
     """Write a remark at a place of the axes [share of their size], shifted by points."""
     style: dict[str, Any] = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options

@@ -15,14 +15,15 @@ Not modelled: the machine's own dynamics, and cross-bridges, whose elasticity a 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._jax import jax, jnp
+from ..._jax import Tree, jax, jnp
 from ...components import Scalar
-from ...components.system import Moment, System
+from ...components.system import Moment, System, Value
+from ...documents import JsonValue
 from ...engine import held, integrate, ramped
 from ...errors import InputError
 from ...experiments.commands import Deferred
@@ -50,18 +51,18 @@ class _Fibre(System):
 
     muscle: BiologicalMuscle
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Return no integrands."""
         return ()
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Return no memory."""
         return memory
 
-    def _activate(self, state: FibreState, inputs: Any) -> Scalar:
+    def _activate(self, state: FibreState, inputs: Mapping[str, Value]) -> Scalar:
         return self.muscle.activation_rate(state.activation, inputs["drive"].value)
 
-    def _seen(self, state: FibreState, length: Any, velocity: Any, inputs: Any) -> dict[str, Any]:
+    def _seen(self, state: FibreState, length: Scalar, velocity: Scalar, inputs: Mapping[str, Value]) -> dict[str, Any]:
         tension = self.muscle.tension(length, state.activation, velocity)
         named = {"span": length, "tension": tension, "velocity": velocity, "activation": state.activation}
         return {name: value + jnp.zeros(()) for name, value in named.items()} | {"drive": inputs["drive"].value}
@@ -70,11 +71,11 @@ class _Fibre(System):
 class HeldFibre(_Fibre):
     """A fibre with a commanded span: input ``span`` [m] beside ``drive`` [1]."""
 
-    def rate(self, state: FibreState, memory: Any, inputs: Any) -> FibreState:
+    def rate(self, state: FibreState, memory: Tree, inputs: Mapping[str, Value]) -> FibreState:
         """Rate of change of the activation."""
         return FibreState(self._activate(state, inputs), jnp.zeros(()), jnp.zeros(()))
 
-    def outputs(self, state: FibreState, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: FibreState, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Span, tension, velocity, activation and drive."""
         return self._seen(state, inputs["span"].value, inputs["span"].rate, inputs)
 
@@ -84,12 +85,12 @@ class LoadedFibre(_Fibre):
 
     mass: Scalar = quantity("kg", (1e-12, 1e3), "mass at the moving end", symbol="m")
 
-    def rate(self, state: FibreState, memory: Any, inputs: Any) -> FibreState:
+    def rate(self, state: FibreState, memory: Tree, inputs: Mapping[str, Value]) -> FibreState:
         """Rates of change of activation, length and velocity."""
         pull = self.muscle.tension(state.length, state.activation, state.velocity)
         return FibreState(self._activate(state, inputs), state.velocity, (inputs["load"].value - pull) / self.mass)
 
-    def outputs(self, state: FibreState, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: FibreState, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Span, tension, velocity, activation and drive."""
         return self._seen(state, state.length, state.velocity, inputs)
 
@@ -192,7 +193,7 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
         )
     kind, limit = KINDS.index(test.kind), test.amount.si(rest)
 
-    def one(state: Any, x: Any) -> tuple[Any, Any]:
+    def one(state: Tree, x: Scalar) -> tuple[Tree, Tree]:
         return advance(kind, state, x, limit, test.lasting, x, period)
 
     _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(seen[test.channel]))
@@ -200,7 +201,7 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
     return max(int(samples[0]), 1) if samples.size else step.count
 
 
-def _listed(step: PlannedStep, start: float, end: float) -> dict[str, Any]:
+def _listed(step: PlannedStep, start: float, end: float) -> dict[str, JsonValue]:
     case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
     return {
         "index": step.index,

@@ -9,12 +9,13 @@ Hannaford propose these elements, IEEE Trans. Robotics and Automation 12(1), 199
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from ..._jax import jax, jnp
+from ..._jax import Array, Tree, jax, jnp
 from ...assembly.muscle_unit import MusclePath, MuscleUnit, UnitState
 from ...components import Module, Scalar
-from ...components.system import Moment, System
+from ...components.system import Moment, System, Value
 from ...engine import march, ramped
 from ...muscles.elements import PassiveSpring
 from ...muscles.law import TensionLaw
@@ -36,11 +37,11 @@ class Accompanied(TensionLaw):
     cites = ("chou1996",)
     fitted = ()
 
-    def elastic_tension(self, length: Any) -> Scalar:
+    def elastic_tension(self, length: Scalar) -> Scalar:
         """Elastic tension of the braid and the spring [N]."""
         return self.law.elastic_tension(length) + self.spring.force(length)
 
-    def gas_energy(self, length: Any, pressure: Any) -> Scalar:
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy of the law [J]."""
         return self.law.gas_energy(length, pressure)
 
@@ -68,7 +69,9 @@ def with_spring(unit: MuscleUnit, *, rest_length: float) -> MuscleUnit:
     return changed
 
 
-def steady(unit: MuscleUnit, span: Any, pressure: Any, velocity: Any = 0.0, direction: Any = 0.0) -> tuple[Any, Any]:
+def steady(
+    unit: MuscleUnit, span: Scalar, pressure: Scalar, velocity: Scalar = 0.0, direction: Scalar = 0.0
+) -> tuple[Tree, Tree]:
     """Tension of the tendon [N] and length of the braid [m] at rest or in steady motion, elementwise.
 
     Args:
@@ -84,15 +87,15 @@ def steady(unit: MuscleUnit, span: Any, pressure: Any, velocity: Any = 0.0, dire
     rubbing = 0.0 if unit.friction is None else unit.friction.largest_force(pressure)
     resisting = direction * rubbing + unit.viscosity * velocity
 
-    def pull(length: Any) -> Any:
+    def pull(length: Scalar) -> Any:
         return unit.law.braid_tension(length, pressure) + resisting
 
-    def excess(length: Any) -> Any:
+    def excess(length: Scalar) -> Any:
         return pull(length) - unit.tendon.force(span - length)
 
     longest = span - unit.tendon.slack_length
 
-    def halve(_: int, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+    def halve(_: int, ends: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
         middle = 0.5 * (ends[0] + ends[1])
         over = excess(middle) > 0.0
         return jnp.where(over, ends[0], middle), jnp.where(over, middle, ends[1])
@@ -115,28 +118,28 @@ class Mounted(System):
     unit: MuscleUnit
     span: Scalar
 
-    def rate(self, state: UnitState, memory: Any, inputs: Any) -> UnitState:
+    def rate(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> UnitState:
         """Rates of change of length and velocity of the braid."""
         pull = self.unit.tension(state, self.span, 0.0)
         return self.unit.rate(state, memory, inputs["pressure"].value, pull)
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Return no integrands."""
         return ()
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the friction along the path."""
         pull = self.unit.tension(end.state, self.span, 0.0)
         moved = end.state.length - start.state.length
         pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
         return self.unit.advance_memory(memory, MusclePath(moved, jnp.zeros(()), *pressures, pull), duration)
 
-    def outputs(self, state: UnitState, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Tension and length."""
         return {"tension": self.unit.tension(state, self.span, 0.0), "length": state.length}
 
 
-def twitch_of(muscle: Assisted, pressure: Any, period: float) -> Any:
+def twitch_of(muscle: Assisted, pressure: Array, period: float) -> jax.Array:
     """Compute the tension [N] between fixed ends at the rest span for a course of pressure, by the stiff method.
 
     The pressure is that of a muscle that was recorded before; that it would change a little with the length is left out,

@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._jax import jax, jnp
+from ..._jax import Scalar, jax, jnp
 from ...analysis.characteristics import dynamic_range
 from ...analysis.segments import segments
 from ...bench.rig_file import rig as rig_of
 from ...components import paths
+from ...documents import JsonValue
 from ...errors import InputError, choice
 from ...experiments.read import with_values
 from ...recordings import Recording
@@ -68,7 +69,7 @@ class Goal(NamedTuple):
     full: float  # [Pa]
 
 
-def curves_of(muscle: Assisted, goal: Goal) -> dict[str, Any]:
+def curves_of(muscle: Assisted, goal: Goal) -> dict[str, JsonValue]:
     """Curves of the muscle at the abscissae of the target's, over its own tension at the rest span [1]."""
     unit, rest = muscle.unit, muscle.rest_span
     pull, _ = steady(unit, rest, goal.full)
@@ -96,22 +97,22 @@ class Search:
         self._slopes = jax.jit(jax.jacfwd(self._all))
         self._curves = jax.jit(lambda u: curves_of(self.muscle(u), self.goal))
 
-    def muscle(self, u: Any) -> Assisted:
+    def muscle(self, u: Scalar) -> Assisted:
         """Muscle at a point of the search."""
         values = jnp.asarray(self.sizes) * jnp.expm1(jnp.asarray(u))
         changed: Assisted = paths.put(self.before, {path: values[i] for i, path in enumerate(self.free)})
         return changed
 
-    def _all(self, u: Any) -> Any:
+    def _all(self, u: Scalar) -> Any:
         curves = curves_of(self.muscle(u), self.goal)
         parts = [(curves[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
         return jnp.concatenate(parts)
 
-    def residuals(self, u: Any) -> np.ndarray:
+    def residuals(self, u: Scalar) -> np.ndarray:
         """Residuals of all curves; huge where a point has no solution."""
         return np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
 
-    def slopes(self, u: Any) -> np.ndarray:
+    def slopes(self, u: Scalar) -> np.ndarray:
         """Derivatives of the residuals."""
         return np.nan_to_num(np.asarray(self._slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
 
@@ -149,12 +150,12 @@ class Search:
             high.append(ends[1])
         return [chance.uniform(low, high) for _ in range(draws)]
 
-    def curves(self, u: Any) -> dict[str, Curve]:
+    def curves(self, u: Scalar) -> dict[str, Curve]:
         """Curves at the abscissae of the target's."""
         curves = self._curves(u)
         return {n: (self.goal.curves[n][0], np.asarray(curves[n])) for n in CURVES}
 
-    def rms(self, u: Any) -> dict[str, float]:
+    def rms(self, u: Scalar) -> dict[str, float]:
         """Root mean square residual of each curve, and of all together under ``all``."""
         errors = {n: float(np.sqrt(np.mean((y - self.goal.curves[n][1]) ** 2))) for n, (_, y) in self.curves(u).items()}
         return errors | {"all": float(np.sqrt(np.mean(np.square(list(errors.values())))))}

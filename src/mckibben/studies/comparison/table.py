@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from ..._jax import Scalar
 from ...accessors import implementation
 from ...analysis import characteristics
 from ...analysis.channels import known
@@ -75,12 +76,12 @@ class ComparedMuscle:
         """Full tension F0 [N]."""
         return float(self.law.tension(self.rest_length, self.full))
 
-    def tension(self, relative_length: Any, drive: Any = 1.0) -> np.ndarray:
+    def tension(self, relative_length: Scalar, drive: Scalar = 1.0) -> np.ndarray:
         """Static tension over F0 [1] at lengths over L0 [1] and drives [1], any shape."""
         length, pull = np.asarray(relative_length, float) * self.rest_length, np.asarray(drive, float) * self.full
         return np.asarray(self.law.tension(length, pull)) / self.full_tension
 
-    def stiffness(self, relative_length: Any, drive: Any = 1.0) -> np.ndarray:
+    def stiffness(self, relative_length: Scalar, drive: Scalar = 1.0) -> np.ndarray:
         """Static stiffness dF/dL times L0 over F0 [1], any shape."""
         length, pull = np.asarray(relative_length, float) * self.rest_length, np.asarray(drive, float) * self.full
         return np.asarray(self.law.stiffness(length, pull)) * self.rest_length / self.full_tension

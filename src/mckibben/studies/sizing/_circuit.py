@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..._jax import jax, jnp
+from ..._jax import Tree, jax, jnp
 from ...analysis.steps import LAST, settling
 from ...assembly.build import AirLine, circuit_for
 from ...assembly.muscle_unit import MuscleUnit
 from ...components import Environment, Scalar, jit_arrays
 from ...components.flow import FlowElement
-from ...components.system import System
+from ...components.system import Moment, System, Value
+from ...documents import JsonValue
 from ...engine.integration import march
 from ...engine.rates import RK4_LIMIT
 from ...engine.signals import Signal, held, ramped
@@ -117,23 +118,23 @@ class _Watched(System):
     law: TensionLaw
     room: Scalar
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of change of the circuit."""
         return self.circuit.rate(state, memory, inputs)
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Return no integrands."""
         return {}
 
-    def advance_memory(self, memory: Any, start: Any, end: Any, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the memory of the circuit."""
         return self.circuit.advance_memory(memory, start, end, duration)
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, JsonValue]:
         """Commands of the circuit."""
         return self.circuit.commands(signals)
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Gauge pressure [Pa], static tension [N], and the bound of the fastest mode [1/s]."""
         gauge = state["pressure"][NAME] - self.room
         return {
@@ -252,8 +253,8 @@ def _together(lanes: Sequence[Lane], prepared: Sequence[tuple[Any, float]]) -> l
 
 
 @jit_arrays
-def _marched(stacked: Any, steps: Any) -> dict[str, Any]:
-    def one(tree: Any) -> dict[str, Any]:
+def _marched(stacked: Any, steps: Any) -> dict[str, JsonValue]:
+    def one(tree: Tree) -> dict[str, JsonValue]:
         watched, signals, period, room = tree
         signals = watched.circuit.commands(signals)
         first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
@@ -310,21 +311,21 @@ def _opening_course(same: _Same, command: float) -> tuple[np.ndarray, np.ndarray
 
 
 @jit_arrays
-def _moved(valve: Any, command: Any, h: Any) -> tuple[Scalar, Scalar]:
+def _moved(valve: Any, command: Scalar, h: Scalar) -> tuple[Scalar, Scalar]:
     """Openings of fill and vent over `OPENINGS` steps, from the other end of the stroke (midpoint rule)."""
     rising = command > 0.5
 
-    def start(at: Any) -> Any:
+    def start(at: Scalar) -> Any:
         return jnp.where(rising, 0.0, jnp.ones_like(at))
 
     # A spool begins at mid position, both edges shut, when it opens, and wide open when it vents.
     state = jax.tree.map(start, valve.initial())
 
-    def opening(state: Any) -> Any:
+    def opening(state: Tree) -> Any:
         at = valve.drive.opening(state) if hasattr(valve, "drive") else state
         return jnp.stack(valve.openings(at))
 
-    def one(state: Any, _: Any) -> Any:
+    def one(state: Tree, _: Any) -> Any:
         half = jax.tree.map(lambda x, r: x + 0.5 * h * r, state, valve.rates((), state, (), command))
         new = jax.tree.map(lambda x, r: x + h * r, state, valve.rates((), half, (), command))
         return new, opening(new)

@@ -13,11 +13,11 @@ less than 54.7 at the short one; a muscle at least four diameters long, for ends
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..._jax import jnp
+from ..._jax import Scalar, jnp
 from ...identification import evaluate
 from ...muscles import braid, sleeve
 from ...muscles.build import law_from_specimen
@@ -62,7 +62,7 @@ INFERRED_IN: dict[str, tuple[str, ...]] = {
 
 
 def braid_law(
-    name: str, *, thread_length: Any, diameter: Any, longest: Any, shortest: Any, **inferred: float
+    name: str, *, thread_length: Scalar, diameter: Scalar, longest: Scalar, shortest: Scalar, **inferred: float
 ) -> TensionLaw:
     """Build the law of a braid; arrays broadcast.
 

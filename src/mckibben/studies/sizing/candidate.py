@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..._jax import Scalar
 from ...analysis.energy.muscle import PotentialMuscle, Probe
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
@@ -172,19 +173,19 @@ class Ends:
     def __init__(self, law: TensionLaw, pressure: float) -> None:
         self.law, self.pressure, self.probe = law, pressure, Probe(PotentialMuscle(law))
 
-    def tension(self, length: Any) -> np.ndarray:
+    def tension(self, length: Scalar) -> np.ndarray:
         """Signed tension of the braid at lengths [m] [N]."""
         return self.probe.tension(length, self.pressure)
 
-    def passive(self, length: Any) -> np.ndarray:
+    def passive(self, length: Scalar) -> np.ndarray:
         """Tension without gas, not below zero [N]."""
         return np.maximum(self.probe.tension(length, 0.0), 0.0)
 
-    def added(self, length: Any) -> np.ndarray:
+    def added(self, length: Scalar) -> np.ndarray:
         """Tension added by the gas [N]."""
         return self.tension(length) - self.passive(length)
 
-    def volume(self, length: Any, pressure: float | None = None) -> float:
+    def volume(self, length: Scalar, pressure: float | None = None) -> float:
         """Gas volume at a length [m^3], optionally at another gauge pressure [Pa]."""
         return float(self.probe.volume(length, self.pressure if pressure is None else pressure))
 

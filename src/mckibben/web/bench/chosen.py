@@ -14,7 +14,7 @@ from ...bench.protocol_run import compile_run
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
-from ...documents import write_text
+from ...documents import JsonValue, write_text
 from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import Limits, check_lengths
 from ...experiments.protocol import Protocol
@@ -210,7 +210,7 @@ class BenchSelection:
         entries = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
         return entries + [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
 
-    def _setup(self) -> dict[str, Any]:
+    def _setup(self) -> dict[str, JsonValue]:
         limits = self._limits()
         rest = drawing.rest_length(self.spec)
         return {
@@ -232,7 +232,7 @@ class BenchSelection:
             "has_motor": self.rig.motor is not None,
         }
 
-    def _laws(self, unit: Any) -> dict[str, Any]:
+    def _laws(self, unit: Any) -> dict[str, JsonValue]:
         import numpy as np
 
         rest, limits = drawing.rest_length(self.spec), self._limits()

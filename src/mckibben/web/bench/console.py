@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...bench.console import COMMANDS, CommandInterpreter, ConsoleCommand, described_dry_run, usage
+from ...documents import JsonValue
 from ...errors import MckibbenError
 from ...experiments.protocol import Protocol
 from ...experiments.read import protocol_names
@@ -45,7 +46,7 @@ class PageConsole(CommandInterpreter):
         super().__init__(bench, HERE, ELSEWHERE)
         self.bench = bench
 
-    def answer(self, line: str) -> dict[str, Any]:
+    def answer(self, line: str) -> dict[str, JsonValue]:
         """Execute a line and return the answer; a refusal is an answer, too."""
         try:
             return {"text": self.execute(str(line)[:2000]), "refused": False}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...assembly.build import unit_from_specimen
+from ...documents import JsonValue
 from ...errors import MckibbenError
 from ...muscles import braid
 from ...muscles.build import rest_length_of
@@ -74,7 +75,7 @@ def table(thread_length: float, turns: float) -> dict[str, list[float]]:
     return {name: [float(f"{x:.9g}") for x in values] for name, values in columns.items()}
 
 
-def plain(spec: Specimen) -> dict[str, Any]:
+def plain(spec: Specimen) -> dict[str, JsonValue]:
     """Describe a specimen for the list of a page."""
     braid_shape = shape(spec)
     drawn = (

@@ -12,6 +12,7 @@ from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
 from ...bench.session.setup import prepare_for_session
+from ...documents import JsonValue
 from ...errors import InputError
 from ...experiments.protocol import Protocol, ProtocolParameter
 from ...experiments.read import with_values
@@ -101,7 +102,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
     return DryRun(bench, plain)
 
 
-def lane(bench: PreparedRun) -> list[dict[str, Any]]:
+def lane(bench: PreparedRun) -> list[dict[str, JsonValue]]:
     """List the steps in time: path, label, start, end [s], and the period of their cycles [s] where they have any."""
     rate, steps = bench.plan.sample_rate, []
     for step in bench.plan.steps[:CYCLES]:
@@ -182,7 +183,7 @@ def _flow(bench: PreparedRun, time: np.ndarray, span: np.ndarray, pressure: np.n
     return np.where(np.isfinite(span) & np.isfinite(pressure), flow, np.nan)
 
 
-def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str, JsonValue]]:
     """List name, peak and limit [SI] of each limited quantity, and the peak's share of the limit."""
     limits = bench.rig.limits(bench.layout)
     rows = []
@@ -248,7 +249,7 @@ def _holds(bench: PreparedRun, name: str, words: str) -> bool:
     return not other.findings
 
 
-def laws(unit: MuscleUnit, low: float, high: float, top: float) -> list[dict[str, Any]]:
+def laws(unit: MuscleUnit, low: float, high: float, top: float) -> list[dict[str, JsonValue]]:
     """Compute the thin lines of the live plot: tension over length at whole bars [SI], with the pressure as text."""
     bar = 1.0 / from_si(1.0, "Pa", shown_unit("Pa"))
     lengths = np.linspace(low, high, 60)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...experiments.protocol import Protocol, ProtocolParameter
 from ...experiments.read import with_values
@@ -18,7 +19,7 @@ _TOKENS = re.compile(r"[-+]?(?<![\w.])\d[\d.]*(?:e[-+]?\d+)?(?: (?:bar/s|bar|L0/
 FACTORS = (1.01, 0.99, 1.5)
 
 
-def faces(protocol: Protocol) -> dict[str, Any]:
+def faces(protocol: Protocol) -> dict[str, JsonValue]:
     """Return all three views."""
     return {
         "name": protocol.name,
@@ -31,7 +32,7 @@ def faces(protocol: Protocol) -> dict[str, Any]:
     }
 
 
-def sentence(protocol: Protocol) -> list[dict[str, Any]]:
+def sentence(protocol: Protocol) -> list[dict[str, JsonValue]]:
     """Split the sentence into clauses: path of the step, and pieces of text, some of them fields of a parameter."""
     said = clauses(protocol)
     cut = [_TOKENS.findall(text) for _, text in said]
@@ -77,7 +78,7 @@ def _changed(protocol: Protocol, p: ProtocolParameter) -> list[list[list[str]]]:
     return []
 
 
-def form(protocol: Protocol) -> list[dict[str, Any]]:
+def form(protocol: Protocol) -> list[dict[str, JsonValue]]:
     """List a field of every choice and parameter: name, label, value, unit, meaning and what is allowed."""
     fields: list[dict[str, Any]] = []
     for c in protocol.choices:

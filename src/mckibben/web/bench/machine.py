@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...bench.hardware.clock import Clock
 from ...bench.session import MachineSession, Messages
+from ...documents import JsonValue
 from ...errors import InputError
 from ..stream import Stream
 from .chosen import BenchSelection
@@ -82,15 +83,15 @@ class Bench:
 
     # ---- what pages see
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> dict[str, JsonValue]:
         """Return state, reason and times for the pages."""
         return status_of(self)
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, JsonValue]:
         """Return muscle, rig, protocol and dry run for the pages."""
         return self.chosen.parts
 
-    def log(self, after: int) -> list[dict[str, Any]]:
+    def log(self, after: int) -> list[dict[str, JsonValue]]:
         """Return the messages after the one with a number."""
         return [message._asdict() for message in self.messages.after(after)]
 

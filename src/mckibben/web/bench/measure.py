@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ...analysis.loops import closed_area
 from ...analysis.shortening import shortening_power
+from ...documents import JsonValue
 from ...errors import MckibbenError
 from ...quantities import from_si
 from ...recordings.recording import Channel, Recording
@@ -15,7 +14,7 @@ from ...recordings.recording import Channel, Recording
 LEAST = 16  # samples of a cycle
 
 
-def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) -> list[dict[str, Any]]:
+def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) -> list[dict[str, JsonValue]]:
     """Compute work, power and air of the last cycle.
 
     Args:
@@ -54,5 +53,5 @@ def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) ->
     return rows
 
 
-def _row(name: str, value: float, unit: str, places: int) -> dict[str, Any]:
+def _row(name: str, value: float, unit: str, places: int) -> dict[str, JsonValue]:
     return {"name": name, "value": value, "unit": unit, "places": places}

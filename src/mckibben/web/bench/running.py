@@ -18,6 +18,7 @@ from ...bench.hardware.clock import Clock
 from ...bench.prepare import PreparedRun
 from ...bench.protocol_run import RunState
 from ...bench.session import MachineSession, Messages, Session
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...recordings.recording import Recording
 from ..shelf import Shelf, plain
@@ -113,7 +114,7 @@ class RunController:
         return ""
 
     @property
-    def _stops(self) -> list[dict[str, Any]]:
+    def _stops(self) -> list[dict[str, JsonValue]]:
         return [] if self._run is None else [e for e in self._run.events if "code" in e]
 
     @property
@@ -129,11 +130,11 @@ class RunController:
         return float(stops[-1]["time"]) if stops else self.time
 
     @property
-    def steps(self) -> list[dict[str, Any]]:
+    def steps(self) -> list[dict[str, JsonValue]]:
         """Steps that have begun: label, start, end [s]."""
         return [] if self._run is None else list(self._run.steps)
 
-    def save_result(self, why: str = "") -> dict[str, Any]:
+    def save_result(self, why: str = "") -> dict[str, JsonValue]:
         """Save the recording after the end, and report it in the log.
 
         Args:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ...documents import JsonValue
 from ...quantities import with_unit
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ PACE_NAMES = {"simulated": "as fast as it goes", "real": "real time", "slow": "s
 UNITS = {"pressure": "Pa", "span": "m", "tension": "N", "velocity": "m/s"}
 
 
-def status_of(bench: Bench) -> dict[str, Any]:
+def status_of(bench: Bench) -> dict[str, JsonValue]:
     """Return state, reason and times."""
     run, manual = bench.running, bench.manual
     status: dict[str, Any] = {
@@ -48,7 +49,7 @@ def status_of(bench: Bench) -> dict[str, Any]:
     return status | {"small": "checking the protocol" if dry is None else passed}
 
 
-def _running(bench: Bench, run: RunController) -> dict[str, Any]:
+def _running(bench: Bench, run: RunController) -> dict[str, JsonValue]:
     step = run.steps[-1] if run.steps else None
     paused, tripped = bench.clock.halted or bool(run.asked), run.tripped
     shape, name, small = "running", "Running", f"{run.words} \u00b7 {PACE_NAMES[bench.pace]}"
@@ -79,7 +80,7 @@ def _running(bench: Bench, run: RunController) -> dict[str, Any]:
     }
 
 
-def _manual(manual: ManualControl) -> dict[str, Any]:
+def _manual(manual: ManualControl) -> dict[str, JsonValue]:
     session = manual.session
     asked = {} if session is None else session.status().set_points
     words = ", ".join(with_unit(v, UNITS[n]) for n, v in asked.items() if n in UNITS)
@@ -99,7 +100,7 @@ def short(why: str) -> str:
     return said.split(" at ")[0].split(":")[0].split(",")[0][:60]
 
 
-def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
+def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, JsonValue]:
     """Summarise the last run until the next one begins."""
     return {
         **said,
@@ -115,7 +116,7 @@ def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, Any]:
     }
 
 
-def steps_of(run: RunController) -> list[dict[str, Any]]:
+def steps_of(run: RunController) -> list[dict[str, JsonValue]]:
     """List the steps that have begun, as a page draws them."""
     steps = []
     for one in run.steps:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from .... import extras
+from ...._jax import Tree
 from ....errors import InputError, LineLostError
 from .wiring import GRPC, LOCAL, CardWiring
 
@@ -135,7 +136,7 @@ class Tasks:
             self.close()
             raise
 
-    def _connect(self) -> tuple[Any, Any]:
+    def _connect(self) -> tuple[Tree, Tree]:
         """Options and channel of a device server; none for the driver on this computer."""
         where = self.wiring.connection
         if where == LOCAL:

@@ -43,6 +43,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .... import schema
+from ....documents import JsonValue
 from ....errors import InputError
 from ....quantities import Quantity
 from ....schema import FileTable, read_table
@@ -271,7 +272,7 @@ class CardWiring:
         return self.clock or f"/{chassis(next(iter(self.inputs.values())).channel)}/ai/SampleClock"
 
 
-def wiring(table: Mapping[str, Any], *, where: str = "wiring", path: str = "daq") -> CardWiring:
+def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring", path: str = "daq") -> CardWiring:
     """Read a wiring from its table, which is described at the top of this file.
 
     Args:

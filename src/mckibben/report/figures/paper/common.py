@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .... import reproduction
+from ....documents import JsonValue
 from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
 from .. import style
 from ..places import Place, set_place
@@ -247,6 +248,6 @@ def printed_key(words: str = "paper", *, line: bool = False) -> Line2D:
     return sample(words, **(PRINTED if line else {k: v for k, v in MARK.items() if k != "zorder"}))
 
 
-def ours(quantity: str | None, **look: Any) -> dict[str, Any]:
+def ours(quantity: str | None, **look: Any) -> dict[str, JsonValue]:
     """Style of a computed line of a quantity."""
     return {"color": style.colour(quantity), "lw": style.LINE + 0.2, "zorder": 4} | look

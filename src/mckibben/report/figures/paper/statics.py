@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....analysis.energy import CycleLoops, cycle_loops, energy_curve
+from ....documents import JsonValue
 from ....muscles import braid
 from ....muscles.build import law_from_specimen
 from ....muscles.laws.ideal import Ideal
@@ -67,7 +68,7 @@ def linear() -> LinearThreshold:
     return law
 
 
-def _shape() -> dict[str, Any]:
+def _shape() -> dict[str, JsonValue]:
     _, wall = laws()
     return {"thread_length": wall.thread_length, "turns": wall.turns, "wall_thickness": wall.wall_thickness}
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ....errors import InputError
 from ...laboratory import Laboratory
 from ...shelf import Shelf
 from ...shell import asked
 
+if TYPE_CHECKING:
+    from starlette.requests import Request
 
-def build(lab: Laboratory, request: Any) -> None:
+
+def build(lab: Laboratory, request: Request) -> None:
     """Build the page."""
     from .document import read_text, starts, unpacked
     from .page import CircuitPage

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ....assembly.circuit_file import CircuitPlan, build_plan
-from ....documents import parse_toml
+from ....documents import JsonValue, parse_toml
 from ....errors import InputError
 from ....quantities import Quantity, from_si, parse, shown_unit
 
@@ -76,7 +76,7 @@ def starts() -> dict[str, Document]:
     return {str(d["title"]): d for d in (muscle, direct, tank)}
 
 
-def planned(document: Mapping[str, Any]) -> CircuitPlan:
+def planned(document: Mapping[str, JsonValue]) -> CircuitPlan:
     """The plan of a document; error messages are those of the command line, without the name of a file.
 
     Raises:
@@ -90,7 +90,7 @@ def planned(document: Mapping[str, Any]) -> CircuitPlan:
         raise
 
 
-def text_of(document: Mapping[str, Any]) -> str:
+def text_of(document: Mapping[str, JsonValue]) -> str:
     """Format a document as the text of a file."""
     import tomlkit
 
@@ -125,7 +125,7 @@ def _keys(value: Any) -> set[str]:
     return {k for v in value for k in _keys(v)} if isinstance(value, list) else set()
 
 
-def _specimens(document: Mapping[str, Any]) -> None:
+def _specimens(document: Mapping[str, JsonValue]) -> None:
     """Check that specimens are named by id, since a path would read another file."""
     for section in ("nodes", "elements"):
         parts = document.get(section, {})
@@ -135,7 +135,7 @@ def _specimens(document: Mapping[str, Any]) -> None:
                 raise InputError(f"{section}.{name}.specimen", None, "is allowed only on this page is an id")
 
 
-def packed(document: Mapping[str, Any]) -> str:
+def packed(document: Mapping[str, JsonValue]) -> str:
     """Encode a document for a link."""
     squeezed = zlib.compress(text_of(document).encode(), 9)
     return base64.urlsafe_b64encode(squeezed).decode().rstrip("=")

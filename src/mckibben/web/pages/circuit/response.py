@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...._jax import jax
+from ...._jax import Scalar, Tree, jax
 from ....analysis.steps import LAST, settling, step_responses
 from ....assembly.circuit_file import CircuitPlan
 from ....components import paths
 from ....components.flow import GasState
-from ....components.system import Moment, System
+from ....components.system import Moment, System, Value
+from ....documents import JsonValue
 from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
 from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
@@ -68,23 +69,23 @@ class WatchedCircuit(System):
 
     circuit: Circuit
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of change of the circuit."""
         return self.circuit.rate(state, memory, inputs)
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Integrands of the circuit."""
         return self.circuit.integrands(state, memory, inputs)
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the memory of the circuit."""
         return self.circuit.advance_memory(memory, start, end, duration)
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Any]) -> dict[str, JsonValue]:
         """Commands of the circuit."""
         return self.circuit.commands(signals)
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, JsonValue]:
         """Outputs of the circuit, and `RATE`."""
         steepest = self.circuit.max_rate_bound(state, memory, inputs)
         return {**self.circuit.outputs(state, memory, inputs), RATE: steepest}
@@ -170,7 +171,7 @@ def _kernel(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> EngineF
 def _outputs(
     circuit: Any,
     signals: Any,
-    pressures: Any,
+    pressures: Scalar,
     temperature: Any,
     *,
     period: float,
@@ -247,7 +248,7 @@ def flow_channel(plan: CircuitPlan, element: str) -> str:
     return f"{path_name(one, element, one.paths[0])}.mass_flow"
 
 
-def litres(mass_flow: Any) -> Any:
+def litres(mass_flow: Scalar) -> Any:
     """Convert a mass flow [kg/s] to that of reference air [L/min]."""
     density = float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
     return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / density

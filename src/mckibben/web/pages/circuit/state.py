@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....assembly.circuit_file import CircuitPlan
+from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....experiments.waveforms import time_words
 from ....recordings import Recording
@@ -115,7 +116,7 @@ class CircuitState:
         last = response.last_chamber(self.plan)
         return last if last in self.sensors else self.sensors[-1]
 
-    def link(self) -> dict[str, Any]:
+    def link(self) -> dict[str, JsonValue]:
         """Parameters of the page's address."""
         return {
             "c": packed(self.document),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...laboratory import Laboratory
 from ...shell import asked
 
+if TYPE_CHECKING:
+    from starlette.requests import Request
 
-def build(lab: Laboratory, request: Any) -> None:
+
+def build(lab: Laboratory, request: Request) -> None:
     """Build the page."""
     from .page import ComparePage
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ....documents import JsonValue
 from ....errors import InputError
 from ....recordings import read_recording
 from ....specimens.published import published_ranges
@@ -198,6 +199,6 @@ def value_of(one: MuscleColumn, name: str) -> float | None:
     return None if value is None or value != value else PROPERTIES[name].shown(value)
 
 
-def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+def plain(values: Mapping[str, Any]) -> dict[str, JsonValue]:
     """Convert arrays to lists with as many digits as a drawing needs."""
     return {k: np.round(v, 5).tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}

@@ -25,6 +25,7 @@ from ....analysis.energy import (
     energy_cycle,
 )
 from ....analysis.energy.cycles import pressures
+from ....documents import JsonValue
 from ....errors import InputError, NoVolumeError
 from ....muscles.plausible import pressure_caution
 from ....quantities import from_si, with_unit
@@ -45,7 +46,7 @@ TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Iso
 # ---- what is shown
 
 
-def cycle_document(choice: EnergyChoice) -> dict[str, Any]:
+def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
     """Compute everything that depends on the supply pressure.
 
     Raises:
@@ -105,7 +106,7 @@ def _plain(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _path(path: CyclePath, x: float, y: float) -> dict[str, Any]:
+def _path(path: CyclePath, x: float, y: float) -> dict[str, JsonValue]:
     return {"x": [float(f"{v:.6g}") for v in path.x * x], "y": [float(f"{v:.6g}") for v in path.y * y]}
 
 
@@ -127,7 +128,7 @@ def _corner_x(loops: CycleLoops) -> float:
 
 def _rows(
     choice: EnergyChoice, main: EnergyCycle, other: EnergyCycle | None, between: Conditions, volume: str
-) -> list[dict[str, Any]]:
+) -> list[dict[str, JsonValue]]:
     """Numbers of one cycle: label, value, unit, quantity, and the printed value at 5 bar."""
     accumulated = choice.exchange == "accumulator"
     printed = _printed(choice, between, volume)
@@ -210,7 +211,7 @@ def _accumulator(choice: EnergyChoice) -> float | None:
         return None
 
 
-def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -> list[dict[str, Any]]:
+def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -> list[dict[str, JsonValue]]:
     """Division of the input under each volume [J], as the table of the command line."""
     rows = []
     for name, muscle in all_.items():
@@ -224,7 +225,7 @@ def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -
 
 
 @functools.lru_cache(maxsize=16)
-def curves(choice: EnergyChoice) -> dict[str, Any]:
+def curves(choice: EnergyChoice) -> dict[str, JsonValue]:
     """Efficiency over supply pressure, with each exchange, with and without friction."""
     muscle = next(iter(resolved(choice).muscles.values()))
     highest = max(CURVE_TOP, choice.pressure)

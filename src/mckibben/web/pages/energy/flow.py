@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ....analysis.energy_accounts import CycleEnergy, EnergyAccount, EnergyPart, energy_account
+from ....documents import JsonValue
 from ....errors import InputError
 from ....quantities import with_unit
 from ....recordings import read_recording
@@ -67,7 +68,7 @@ def stretch(found: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEnergy
     return replace(found, parts=one.parts), one
 
 
-def flow_document(found: EnergyAccount, part: str, accumulator: float | None) -> dict[str, Any]:
+def flow_document(found: EnergyAccount, part: str, accumulator: float | None) -> dict[str, JsonValue]:
     """Compute the drawing.
 
     Args:
@@ -107,7 +108,7 @@ def flow_document(found: EnergyAccount, part: str, accumulator: float | None) ->
     }
 
 
-def _row(part: EnergyPart, supply: float) -> dict[str, Any]:
+def _row(part: EnergyPart, supply: float) -> dict[str, JsonValue]:
     known = math.isfinite(part.value)
     return {
         "side": SIDES[part.side],
@@ -131,5 +132,5 @@ def _joules(value: float) -> str:
     return f"{0.0 if abs(value) < 5e-3 else value:.2f} J"
 
 
-def _plain(found: Streams) -> dict[str, Any]:
+def _plain(found: Streams) -> dict[str, JsonValue]:
     return {side: [s._asdict() for s in getattr(found, side)] for side in ("into", "out")}

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...laboratory import Laboratory
 from ...shell import asked
 from ...widgets import page_frame
 
+if TYPE_CHECKING:
+    from starlette.requests import Request
 
-def build(lab: Laboratory, request: Any) -> None:
+
+def build(lab: Laboratory, request: Request) -> None:
     """Build the page."""
     from .page import FitPage
     from .state import LINK

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ....documents import JsonValue
 from ....quantities import declared, from_si, shown_unit
 from ....report.figures.style import symbol_text
 from ....report.words import unit_text
@@ -56,7 +57,7 @@ def ranking(study: Ranking, chosen: str, pick: Callable[[str], Any]) -> None:
                 _row(row, study.points.largest, widest, bool(held), chosen, pick)
 
 
-def _rows(study: Ranking) -> list[dict[str, Any]]:
+def _rows(study: Ranking) -> list[dict[str, JsonValue]]:
     from ....identification.fit import degenerate_words
     from ....report.figures.fit_figures import law_title
 
@@ -212,7 +213,7 @@ def rests(points: ForceMap) -> list[float]:
     return [] if points.rest_length is None else [float(r) for r in np.unique(points.rest_length[points.taut])]
 
 
-def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, Any]:
+def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
     """Compute everything that the figures of one law need.
 
     Args:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ....documents import parse_json
+from ....documents import JsonValue, parse_json
 from ....errors import InputError
 from ....quantities import declared, parse
 from ....specimens import map_file, specimen
@@ -153,7 +153,7 @@ def known(asked: FitRequest) -> dict[str, float]:
     return dimensions_known
 
 
-def dimensions() -> dict[str, Any]:
+def dimensions() -> dict[str, JsonValue]:
     """Dimensions of a muscle that can be stated for a fit: declared by laws, and stated by specimens."""
     from ....muscles.laws import LAWS, law_type
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...elements import page_document
 from ...laboratory import Laboratory
 from ...shell import asked
 from ...widgets import box, page_frame
 
+if TYPE_CHECKING:
+    from starlette.requests import Request
+
 LINKED = ("row", "figure", "form")  # what the server has to know; the browser keeps filter, search and folds
 
 
-def build(lab: Laboratory, request: Any) -> None:
+def build(lab: Laboratory, request: Request) -> None:
     """Build the page; slow parts follow when it is displayed."""
     words = asked(request, *LINKED)
     with page_frame(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ....documents import JsonValue
 from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
 from ....report.reproduction_report import PARTS, difference, printed
 from ....report.words import minus, significant, unit_text
@@ -15,7 +16,7 @@ from .state import Reproduction
 EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
 
 
-def fixed_document() -> dict[str, Any]:
+def fixed_document() -> dict[str, JsonValue]:
     """Constant part of the document: parts, their rows, and figures."""
     return {
         "kinds": [{"key": k.key, "one": k.verdict, "many": k.counted[1], "meaning": k.meaning} for k in KINDS.values()],
@@ -28,7 +29,7 @@ def fixed_document() -> dict[str, Any]:
     }
 
 
-def _row(row: PrintedRow) -> dict[str, Any]:
+def _row(row: PrintedRow) -> dict[str, JsonValue]:
     first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
     description = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     figures = [f.id for f in FIGURES.values() if row.id in f.rows]
@@ -45,7 +46,7 @@ def _row(row: PrintedRow) -> dict[str, Any]:
     }
 
 
-def outcome_document(outcome: RowOutcome) -> dict[str, Any]:
+def outcome_document(outcome: RowOutcome) -> dict[str, JsonValue]:
     """Result of a row; ``place`` is our value on its tolerance, from -1 to 1 between the ends."""
     row, ours = outcome.row, outcome.ours
     content: dict[str, Any] = {"kind": kind_of(outcome).key, "note": said(outcome.note)}
@@ -62,7 +63,7 @@ def said(note: str) -> str:
     return minus(note.replace("+-", "\u00b1").replace("`", ""))
 
 
-def state_document(all_: Reproduction) -> dict[str, Any]:
+def state_document(all_: Reproduction) -> dict[str, JsonValue]:
     """Changing part of the document: outcomes, failures, and running jobs."""
     left = all_.left()
     return {

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....analysis.cycles import find_cycles
+from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....report.words import is_number, mapping, significant
 from ...reader import read_outside
@@ -178,7 +179,7 @@ def _when(words: Any, path: Path) -> float:
     return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
-def _sign(meta: Mapping[str, Any]) -> tuple[str, str]:
+def _sign(meta: Mapping[str, JsonValue]) -> tuple[str, str]:
     """The most important remark: why the run ended, which limit was reached, or whether the energy closes."""
     from ....report.recording_report import saturation
 
