@@ -67,9 +67,9 @@ class Signal(Module):
 
 def held(values: Scalar) -> Signal:
     """A signal that jumps at the samples and is constant between them: a command from a converter."""
-    return Signal(values)
+    return Signal(as_array(values))
 
 
 def ramped(values: Scalar) -> Signal:
     """A signal that is straight between the samples: a prescribed motion or a measured pressure."""
-    return Signal(values, straight=True)
+    return Signal(as_array(values), straight=True)
