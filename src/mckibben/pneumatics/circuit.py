@@ -249,7 +249,7 @@ class Circuit(System):
         gases = {}
         for name, node in self.nodes.items():
             if isinstance(node, Junction):
-                junction: Tree = inputs[node.signal]  # its gas, as the circuits that share it have it
+                junction: Tree = inputs[str(node.signal)]  # its gas, as the circuits that share it have it
                 gases[name] = junction
             elif isinstance(node, Reservoir):
                 pressure = inputs[node.signal].value if node.signal else node.pressure_abs

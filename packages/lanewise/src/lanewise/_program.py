@@ -248,7 +248,7 @@ class Program:
         self, graph: Graph | None, arguments: Sequence[Leaf], results: Sequence[Leaf], title: str = ""
     ) -> None:
         if graph is not None:
-            self.graph = graph
+            self.__dict__["graph"] = graph  # of the property below
         self.arguments, self.results, self.title = list(arguments), list(results), title
         self._kernels: dict[Any, Kernel] = {}
 
