@@ -25,6 +25,7 @@ PAGES = {
     "compare": ("/compare", 1100, 30),
     "energy": ("/energy", 1240, 15),
     "circuit": ("/circuit", 1120, 30),
+    "size": ("/size?force=35+N&stroke=2.8+cm&muscle=nylon&battery=100+Wh", 1000, 90),
     "paper": ("/paper", 900, 120),
     "recordings": ("/recordings?a=work-loop-0001.nc&b=work-loop-0002.nc", 900, 5),
 }

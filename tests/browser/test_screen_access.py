@@ -3,7 +3,7 @@
 import pytest
 from screen_server import settled
 
-PAGES = ("/", "/fit?map=DMSP-20-300", "/compare", "/energy", "/circuit", "/paper", "/recordings")
+PAGES = ("/", "/fit?map=DMSP-20-300", "/compare", "/energy", "/circuit", "/size?lines=no", "/paper", "/recordings")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 
 
@@ -19,7 +19,7 @@ def found(page):
 
 
 # Pages that compute before they show take a quarter of a minute each.
-LATER = ("/fit?map=DMSP-20-300", "/compare", "/paper")
+LATER = ("/fit?map=DMSP-20-300", "/compare", "/size?lines=no", "/paper")
 
 
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])

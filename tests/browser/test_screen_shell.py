@@ -1,4 +1,4 @@
-"""What stands on all seven pages: state, emergency stop, keys, theme, links; who is let in, and what is refused."""
+"""What stands on all eight pages: state, emergency stop, keys, theme, links; who is let in, and what is refused."""
 
 import json
 import urllib.error
@@ -7,7 +7,7 @@ import urllib.request
 import pytest
 from screen_server import says
 
-PAGES = {"/": "Bench", "/fit": "Fit", "/compare": "Compare", "/energy": "Energy", "/circuit": "Circuit",
+PAGES = {"/": "Bench", "/fit": "Fit", "/compare": "Compare", "/energy": "Energy", "/circuit": "Circuit", "/size": "Size",
          "/paper": "The paper", "/recordings": "Recordings"}  # fmt: skip
 
 

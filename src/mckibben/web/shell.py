@@ -1,4 +1,4 @@
-"""The frame of every page: top bar with the seven pages, state block and emergency stop; footer; keys; theme."""
+"""The frame of every page: top bar with the pages, state block and emergency stop; footer; keys; theme."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TITLE = "McKibben muscle laboratory"
 
 
 class Page(NamedTuple):
-    """One of the seven pages.
+    """One of the pages.
 
     Attributes:
         path: path of its address.
@@ -36,6 +36,7 @@ class Page(NamedTuple):
 PAGES = (
     Page("/", "Bench", "bench", "B"), Page("/fit", "Fit", "fit", "F"), Page("/compare", "Compare", "compare", "C"),
     Page("/energy", "Energy", "energy", "E"), Page("/circuit", "Circuit", "circuit", "I"),
+    Page("/size", "Size", "size", "S"),
     Page("/paper", "The paper", "paper", "P"), Page("/recordings", "Recordings", "recordings", "R"),
 )  # fmt: skip
 SHEETS = ("tokens.css", "uplot/uPlot.min.css", "lab.css")

@@ -117,7 +117,7 @@ def range_words(sizing: Sizing) -> list[str]:
     if spread.from_numbers:
         said = (
             f"{m.muscle.id}: with the inferred numbers in their ranges ({_names(spread.from_numbers)}) the force at the end "
-            f"of the stroke is {low:.3g} to {high:.3g} N, the air of a cycle {1e6 * least:.3g} to {1e6 * most:.3g} mg."
+            f"of the stroke is {_ends(low, high)} N, the air of a cycle {_ends(1e6 * least, 1e6 * most)} mg."
         )
     else:
         said = f"{m.muscle.id}: no number of its law is inferred."
@@ -128,6 +128,11 @@ def range_words(sizing: Sizing) -> list[str]:
         shortest, longest = (ms(t) if t < float("inf") else "never" for t in sizing.time_range)
         words.append(f"{sizing.line.valve} with {sizing.line.tube}: to the force in {shortest} to {longest} ms.")
     return words
+
+
+def _ends(low: float, high: float) -> str:
+    first, last = f"{low:.3g}", f"{high:.3g}"
+    return first if first == last else f"{first} to {last}"
 
 
 def _names(names: tuple[str, ...]) -> str:
@@ -203,10 +208,10 @@ def _source_row(one: SourceResult) -> list[str]:
     return [
         one.title,
         ("yes" if one.surely else "perhaps") if one.able else "no",
-        _ranged(one.energy, one.energy_range),
+        ranged(one.energy, one.energy_range),
         f"{100 * one.efficiency:.1f}",
-        _ranged(one.cycles, one.cycles_range),
-        _ranged(one.run_time, one.run_time_range, 1.0 / 60.0),
+        ranged(one.cycles, one.cycles_range),
+        ranged(one.run_time, one.run_time_range, 1.0 / 60.0),
         "" if one.mass is None else f"{one.mass:.3g}",
         "" if one.duty is None else f"{100 * one.duty:.0f}",
     ]
@@ -216,7 +221,7 @@ def day_table(sizing: Sizing) -> SizingTable:
     """Energy, and fillings or charges, of a day for each source that can do it."""
     hours = 1.0 / 3600.0
     rows = [
-        [one.title, _ranged(one.daily, one.daily_range, hours), _ranged(one.fillings, one.fillings_range)]
+        [one.title, ranged(one.daily, one.daily_range, hours), ranged(one.fillings, one.fillings_range)]
         for one in sizing.sources
         if one.able and one.daily is not None
     ]
@@ -224,7 +229,8 @@ def day_table(sizing: Sizing) -> SizingTable:
     return SizingTable(" ".join(daily_words(sizing)), columns, rows, 1)
 
 
-def _ranged(value: float | None, ends: tuple[float, float] | None, scale: float = 1.0) -> str:
+def ranged(value: float | None, ends: tuple[float, float] | None, scale: float = 1.0) -> str:
+    """A value with its range in brackets, both times a scale; nothing where there is no value."""
     if value is None:
         return ""
     words = _number(value * scale)

@@ -1,1 +1,1 @@
-"""The seven pages; each module has `build(lab, request)`, which builds the page."""
+"""The eight pages; each module has `build(lab, request)`, which builds the page."""

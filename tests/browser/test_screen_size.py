@@ -1,0 +1,66 @@
+"""The page Size in a real Chromium: the answer of the command, what is refused, and links that hold the question."""
+
+from urllib.parse import quote
+
+import pytest
+from screen_server import says
+
+from mckibben.studies.sizing import size, tables_of
+from mckibben.web.pages.size.page import ROWS
+from mckibben.web.pages.size.question import FIELDS, LINKED, SizeQuestion, from_link
+
+ASKED = {"force": "35 N", "stroke": "2.8 cm", "battery": "100 Wh", "muscle": "nylon", "lines": "no"}
+LONG = 60_000  # a slow machine compiles meanwhile [ms]
+
+
+@pytest.fixture(scope="module")
+def theirs():
+    """What `mckibben.size` answers to the same question: the command prints these tables."""
+    return size(**from_link(ASKED).arguments())
+
+
+def open_page(visit, **changes):
+    words = {**ASKED, **changes}
+    page = visit("/size?" + "&".join(f"{name}={quote(value)}" for name, value in words.items()))
+    page.wait_for_selector(".size-facts", timeout=LONG)
+    return page
+
+
+def test_the_answer_is_that_of_the_command_to_the_last_digit(visit, theirs):
+    page = open_page(visit)
+    for one in tables_of(theirs, ROWS):
+        shown = page.get_by_role("table", name=one.title, exact=True)
+        rows = shown.locator("tbody tr")
+        assert [row.locator("td").all_inner_texts() for row in rows.all()] == one.rows
+        assert shown.locator("thead th").all_inner_texts() == one.columns
+    says(page, ".size-facts", "nylon", f"{theirs.chosen.promised_force:.1f} N", "own battery of 100 W h")
+
+
+def test_a_question_is_changed_refused_and_stands_in_the_link(visit):
+    page = open_page(visit)
+    page.fill("#size-valve", "Cv=0.3, red")
+    page.press("#size-valve", "Enter")
+    says(page, "#size-error-valve", "must be KEY=VALUE")
+    assert page.get_attribute("#size-valve", "aria-invalid") == "true"
+    page.fill("#size-valve", "")
+    page.fill("#size-stroke", "2 cm")
+    page.press("#size-stroke", "Enter")
+    page.wait_for_function("location.search.includes('stroke=2+cm') && !location.search.includes('valve')")
+    page.wait_for_function("!document.querySelector('.size-result.old') && document.querySelector('.size-facts')")
+    assert page.get_attribute("#size-valve", "aria-invalid") == "false"
+    page.reload()
+    assert page.input_value("#size-stroke") == "2 cm" and page.input_value("#size-battery") == "100 Wh"
+
+
+def test_the_muscle_goes_to_the_bench_in_one_click(visit):
+    page = open_page(visit)
+    page.click("text=Take to the bench")
+    page.wait_for_url("**/?muscle=nylon*", timeout=LONG)
+
+
+def test_a_link_is_the_question_and_the_question_is_a_link():
+    question = SizeQuestion(force="", load="3 kg", valve="Cv=0.3, switching_time=8 ms", lines="no")
+    link = {name: value for name, value in question.link().items() if value is not None}
+    assert from_link(link) == question and link["force"] == "none"
+    assert question.arguments()["force"] is None and question.arguments()["lines"] is False
+    assert {one.name for _, group in FIELDS for one in group} | {"muscle", "law", "lines"} == set(LINKED)
