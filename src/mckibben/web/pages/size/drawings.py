@@ -14,6 +14,7 @@ from ...charts import Axis, Chart, ChartLine
 
 POINTS = 97
 MOST = 4  # muscles drawn
+SLOWEST = 3.0  # times the best line's time, up to which lines are drawn
 DASHES = ("A", "B", "C", "D")
 
 
@@ -74,9 +75,10 @@ def _force_chart(sizing: Sizing) -> Chart:
 
 
 def _lines_chart(sizing: Sizing) -> Chart | None:
-    able = [one for one in sizing.lines if one.to_force is not None]
-    if not able:
+    every = [one for one in sizing.lines if one.to_force is not None]
+    if not every:
         return None
+    able = [one for one in every if (one.to_force or 0.0) <= SLOWEST * (every[0].to_force or 0.0)]
     best, pareto = able[0], [one for one in able[1:] if one.pareto]
     rest = [one for one in able[1:] if not one.pareto]
     lines = [
@@ -92,7 +94,8 @@ def _lines_chart(sizing: Sizing) -> Chart | None:
         ChartLine([1e3 * best.mass], [1e3 * (best.to_force or 0.0)], label, quantity="tension", points=True, line=False)
     )
     said = (
-        f"{label} reaches the force after {ms(best.to_force)} ms and weighs {1e3 * best.mass:.0f} g; {len(able)} lines."
+        f"{label} reaches the force after {ms(best.to_force)} ms and weighs {1e3 * best.mass:.0f} g; {len(able)} of "
+        f"{len(every)} lines are drawn, slower ones stand in the table."
     )
     heaviest, slowest = 1e3 * max(one.mass for one in able), 1e3 * max(one.to_force or 0.0 for one in able)
     mass = Axis("Mass of valve and tube", "g", low=0.0, high=1.2 * heaviest)
