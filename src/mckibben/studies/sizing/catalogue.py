@@ -18,7 +18,12 @@ from .requirements import Requirements
 from .spread import ends_of_specimen
 
 CUT = 0.01  # in steps of which a fluidic muscle is cut [m]
-SIZE_LAWS = {"DMSP-10-250": "hyperelastic_braid", "DMSP-20-300": "hyperelastic_braid", "festo-10mm": "seated_braid"}
+SIZE_LAWS = {
+    "DMSP-10-250": "hyperelastic_braid",
+    "DMSP-20-300": "hyperelastic_braid",
+    "DMSP-40-400": "hyperelastic_braid",
+    "festo-10mm": "seated_braid",
+}
 # Lengths of a law that grow with the bore, and the one that grows with the length; all other parameters are the material's.
 BORES = ("rest_diameter", "wall_thickness")
 NYLON_WALL = 0.0762e-2  # [m]
@@ -69,7 +74,7 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
         overall_length=longest + 2.0 * usual("fitting_share") * diameter,
         diameter=diameter,
         mass=None if range_ is None else range_.values["fittings_mass"] + range_.values["mass_per_length"] * rested,
-        rated_pressure=None if range_ is None else range_.values["rated_pressure"],
+        rated_pressure=_rated(stated) if range_ is None else range_.values["rated_pressure"],
         dimensions={"rest_length": rested, "longest_length": longest, "wall_thickness": wall},
         inferred=("fitting_share", *stated.inferred()),
         sources=tuple(stated.sources),
@@ -193,6 +198,10 @@ def _range_of(spec: Specimen) -> CataloguePart | None:
         return None  # a sleeve over a bladder is none, whatever its bore
     bore = spec.property_si("rest_inner_diameter", "m")
     return next((p for p in parts("fluidic_muscle") if abs(p.values["bore"] - bore) < 1e-6), None)
+
+
+def _rated(spec: Specimen) -> float | None:
+    return spec.property_si("rated_pressure", "Pa") if "rated_pressure" in spec.properties else None
 
 
 def _property(spec: Specimen, name: str, otherwise: float) -> float:
