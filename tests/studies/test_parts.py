@@ -4,8 +4,10 @@ import pytest
 
 import mckibben as mk
 from mckibben.citations import known_keys
+from mckibben.components import Environment
 from mckibben.errors import InputError
 from mckibben.muscles.laws import LAWS
+from mckibben.pneumatics.build import build_element
 from mckibben.simulation import Air
 from mckibben.specimens import specimen_ids
 from mckibben.specimens.parts import parts as published
@@ -58,6 +60,15 @@ def test_a_least_flow_leaves_those_that_pass_it():
 def test_names_of_valves_are_those_that_the_air_of_a_simulation_takes():
     for one in list_parts("valves"):
         assert Air(valve=one.id)._valve() is not None
+
+
+def test_the_name_of_a_tube_is_its_bore_in_circuits_rigs_and_simulations():
+    for one in list_parts("tubes"):
+        tube = build_element("lumped_tube", {"length": "1 m", "diameter": one.id})
+        assert float(tube.diameter) == one.value("inner_diameter")
+    assert float(Air(tube=("1 m", "pu-6x4"))._tube(Environment()).diameter) == pytest.approx(4e-3)
+    with pytest.raises(InputError, match="must be a length"):
+        build_element("lumped_tube", {"length": "1 m", "diameter": "PU-4x3"})
 
 
 def test_a_name_is_found_in_any_case_and_a_wrong_one_is_refused():

@@ -2,7 +2,7 @@
 
 A passage (a field that is an `Orifice`) is stated by exactly one size: `sizes` has the ways. An element with two passages
 takes these keys for both, or with the name of one in front: ``nominal_flow``, ``vent_nominal_flow``. The times of a valve's
-drive stand beside the element's own keys.
+drive stand beside the element's own keys. A diameter may be the name of a tube of the catalogue, ``"PU-4x2"``.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from ..errors import InputError, choice
 from ..quantities import Quantity, declared, parse
 from ..registry import Registry
 from ..specimens import Specimen
+from ..specimens.parts import bore_of
 from . import sizes
 from .compressor import Compressor
 from .gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
@@ -249,7 +250,8 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
             )
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise InputError(field, type(value).__name__, "must be a number, or words with a unit", where=where)
-        words = with_usual_unit(target, value, passages)
+        bore = bore_of(value) if target == "diameter" else None  # a tube of the catalogue
+        words = with_usual_unit(target, value, passages) if bore is None else f"{bore!r} m"
         numbers[target] = parse(words, q.unit, field=field, where=where)
         q.check(field, numbers[target], where=where)
     return numbers

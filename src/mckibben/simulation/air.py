@@ -23,6 +23,7 @@ from ..pneumatics.valves import PressureRegulator
 from ..pneumatics.volume import MovingVolume
 from ..quantities import with_unit
 from ..specimens import specimen, specimen_ids
+from ..specimens.parts import bore_of
 from .mechanisms import Amount, in_si
 from .stepping import CommandInput
 
@@ -68,7 +69,8 @@ class Air:
         supply: gauge pressure [Pa].
         valve: id of a published valve, such as ``"MPYE-5-1-8-LF"`` (without LF or HF, the one of low flow); ``"regulator"``
             for a fast proportional regulator of usual size; or an element with the ports supply, work and exhaust.
-        tube: length and bore [m] of the tube from each valve to its muscle, or an element with two ports.
+        tube: length and bore [m] of the tube from each valve to its muscle, the bore perhaps by the name of a tube such as
+            ``"PU-4x2"``; or an element with two ports.
         port_volume: between valve and tube [m^3].
         heat: how the gas in ports and muscles exchanges heat: a conductance of the wall [W/K], or a model of heat.
         environment: the room.
@@ -134,9 +136,9 @@ class Air:
             return self.tube
         if isinstance(self.tube, str) or len(tuple(self.tube)) != 2:
             raise InputError("tube", str(self.tube), "must be a length and a bore, such as ('1 m', '4 mm')")
-        length, diameter = (
-            in_si(v, "m", f"{n} of the tube") for v, n in zip(self.tube, ("length", "bore"), strict=True)
-        )
+        named = bore_of(self.tube[1])
+        length = in_si(self.tube[0], "m", "length of the tube")
+        diameter = in_si(self.tube[1], "m", "bore of the tube") if named is None else named
         sizes = {"length": f"{length!r} m", "diameter": f"{diameter!r} m"}
         tube = build_element("lumped_tube", sizes, where="tube")
         assert isinstance(tube, LumpedTube)

@@ -65,6 +65,13 @@ def parts(kind: str) -> tuple[CataloguePart, ...]:
     return read_parts((resources.files(__package__) / "published" / name).read_text(encoding="utf-8"), where=name)
 
 
+def bore_of(name: object) -> float | None:
+    """Inner diameter of a shipped tube by its name [m], any case; None if no tube has that name."""
+    if not isinstance(name, str):
+        return None
+    return next((p.values["inner_diameter"] for p in parts("tube") if p.id.lower() == name.strip().lower()), None)
+
+
 def read_parts(text: str, *, where: str) -> tuple[CataloguePart, ...]:
     """The parts of a file's text; raises `InputError` with the file, the entry and what is allowed."""
     top = FileTable(parse_toml(text, where=where), "", where)

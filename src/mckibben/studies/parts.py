@@ -42,7 +42,7 @@ KINDS: dict[str, str] = {
 }
 NAMED_IN: dict[str, str] = {
     "valves": 'specimen = "{id}" of a valve in circuits and rigs; mk.Air(valve="{id}"); mckibben size --valve {id}',
-    "tubes": "mckibben size, which tries it behind every valve; its bore is the diameter of a tube in circuits and rigs",
+    "tubes": 'diameter = "{id}" of a tube in circuits and rigs; mk.Air(tube=("1 m", "{id}")); mckibben size',
     "sources": "mckibben size, which says how long it lasts",
     "laws": '--law {id} of every command with a muscle; mk.law("{id}", ..)',
     "muscles": 'the muscle of every command and page; mk.muscle("{id}")',
