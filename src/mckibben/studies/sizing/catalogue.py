@@ -26,6 +26,7 @@ SIZE_LAWS = {
 }
 # Lengths of a law that grow with the bore, and the one that grows with the length; all other parameters are the material's.
 BORES = ("rest_diameter", "wall_thickness")
+MEMBRANE = ("bore", "wall_thickness", "shortest_length", "longest_length", "largest_contraction", "rated_pressure")
 NYLON_WALL = 0.0762e-2  # [m]
 
 
@@ -99,7 +100,17 @@ def of_file(path: str, wish: Requirements) -> Candidate:
 
 def of_sizes(wish: Requirements) -> list[Candidate]:
     """For every bore of the fluidic muscle, the shortest sufficient cut, or the longest that the space allows."""
-    return [one for part in parts("fluidic_muscle") if (one := of_size(part, wish)) is not None]
+    candidates, lengths = [], dict[object, float | None]()
+    for part in parts("fluidic_muscle"):
+        membrane = part.law, *(part.values[name] for name in MEMBRANE)  # alike in pressed and screwed muscles
+        if membrane not in lengths:
+            one = of_size(part, wish)
+            lengths[membrane] = None if one is None else one.longest
+        else:
+            length = lengths[membrane]
+            one = None if length is None else _cut(part, length, wish)
+        candidates += [] if one is None else [one]
+    return candidates
 
 
 def of_size(part: CataloguePart, wish: Requirements) -> Candidate | None:
