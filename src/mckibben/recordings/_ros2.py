@@ -84,4 +84,15 @@ def _open(highlevel: Any, path: Path) -> Any:
     return highlevel.AnyReader([path])
 
 
-FORMAT = FileFormat(title="Bags of ROS", read=read_bag, options=("topic",))
+def topic_names(path: Path) -> list[str]:
+    """Names of the topics of a bag."""
+    where = str(path)
+    highlevel = library("rosbags.highlevel", "Bags of ROS need", where=where)
+    try:
+        with _open(highlevel, path) as reader:
+            return sorted(reader.topics)
+    except Exception as error:  # whatever the library meets in a broken file
+        raise InputError("file", None, f"cannot be read as a bag of ROS ({one_line(error)})", where=where) from None
+
+
+FORMAT = FileFormat(title="Bags of ROS", read=read_bag, options=("topic",), parts=topic_names)

@@ -59,6 +59,17 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
     return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
 
 
+def sheet_names(path: Path) -> list[str]:
+    """Names of the sheets that have cells."""
+    where = str(path)
+    calamine = library("python_calamine", "Spreadsheets need", where=where)
+    try:
+        book = calamine.CalamineWorkbook.from_path(where)
+        return [name for name in book.sheet_names if book.get_sheet_by_name(name).to_python(nrows=1)]
+    except Exception as error:  # whatever the library meets in a broken file
+        raise InputError("file", None, f"cannot be read as a spreadsheet ({one_line(error)})", where=where) from None
+
+
 def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
     if sheet is None:
         return names
@@ -89,4 +100,4 @@ def _text(cell: object) -> str:
     return str(cell).strip()
 
 
-FORMAT = FileFormat(title="Spreadsheets", read=read_spreadsheet, options=("sheet",))
+FORMAT = FileFormat(title="Spreadsheets", read=read_spreadsheet, options=("sheet",), parts=sheet_names)

@@ -484,13 +484,13 @@ class TablePreview(NamedTuple):
     meant: dict[str, str]
 
 
-def preview_table(path: str | Path, rows: int = 60) -> TablePreview:
-    """Look into a table that `read_force_map` may read.
+def preview_table(path: str | Path, rows: int = 60, **options: Any) -> TablePreview:
+    """Look into a table that `read_force_map` may read, with the options of its format.
 
     Raises:
         InputError: there is no such file, or it is no table at all.
     """
-    table = table_of(Path(path))
+    table = table_of(Path(path), **options)
     header = _checked_header(table, str(path))
     meant = {quantity: match[0] for quantity, match in recognise_columns(header).items() if len(match) == 1}
     if "length" in meant:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, not_found
+from ..errors import InputError, MckibbenError, not_found
 from ..extras import library
 from ..registry import Registry
 
@@ -92,6 +92,7 @@ class FileFormat:
             is only read.
         requires: library without which nothing is written, a key of `extras.LIBRARIES`.
         options: names of further keywords of `read`, such as ``gear_ratio``.
+        parts: names of the parts of a file of which the first of `options` chooses one, such as the sheets of a spreadsheet.
     """
 
     title: str
@@ -99,6 +100,7 @@ class FileFormat:
     write: Callable[[Recording, Path], list[str]] | None = field(default=None)
     requires: str = ""
     options: tuple[str, ...] = ()
+    parts: Callable[[Path], list[str]] | None = None
 
     def check_libraries(self, where: str) -> None:
         """Refuse to write where a library is missing, before a long file is read.
@@ -145,6 +147,28 @@ def writer_of(path: Path) -> FileFormat:
     if found is None or found.write is None:
         raise InputError("suffix", path.suffix or str(path), known=writable(), where=str(path))
     return found
+
+
+def parts_of(path: Path) -> tuple[str, list[str]]:
+    """Names of the sheets or topics of a file, and the option of `load` that chooses one of them.
+
+    Returns:
+        ``("sheet", names)`` or ``("topic", names)``; an empty option where the file has one part, or cannot be read.
+    """
+    file_format = format_of(path)
+    if file_format is None or file_format.parts is None:
+        return "", []
+    try:
+        names = file_format.parts(path)
+    except MckibbenError:
+        return "", []  # reading it says why
+    return (file_format.options[0], names) if len(names) > 1 else ("", [])
+
+
+def part_options(path: Path, part: str) -> dict[str, str]:
+    """Options of `load` that choose a sheet or a topic by its name; none for an empty name."""
+    file_format = format_of(path)
+    return {file_format.options[0]: part} if part and file_format is not None and file_format.parts is not None else {}
 
 
 def load(path: Path, **options: object) -> ImportResult | ForeignTable:

@@ -378,4 +378,17 @@ def _write(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-FORMAT = FileFormat(title="MCAP files", read=_read, write=_write, options=("topic",))
+def topic_names(path: Path) -> list[str]:
+    """Names of the topics of a file of another program; none of a log of mckibben, which is read whole."""
+    topics: dict[int, Topic] = {}
+    for record in records(memoryview(path.read_bytes())):
+        if isinstance(record, ByteGap):
+            continue
+        for one in records_inside(record.body) if record.opcode == CHUNK else (record,):
+            if one.opcode == CHANNEL and (topic := read_topic(one.body)):
+                topics[topic.number] = topic
+    names = {topic.name for topic in topics.values()}
+    return [] if TOPIC in names else sorted(names)
+
+
+FORMAT = FileFormat(title="MCAP files", read=_read, write=_write, options=("topic",), parts=topic_names)

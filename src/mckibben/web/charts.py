@@ -12,13 +12,17 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..documents import JsonValue
 from .elements import Element
+from .save import save_menu
 
-QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 LETTERS = {"A": [], "B": [6, 3], "C": [2, 3], "D": [10, 3, 2, 3]}  # dashes of recordings of the same quantity
 MOST = 4000  # points of a line that are sent
 
@@ -30,7 +34,7 @@ class Axis:
     Attributes:
         label: title of the chart.
         unit: as text; it stands once, in the title.
-        quantity: one of `QUANTITIES`, which colours the title; ink by default.
+        quantity: one of `save.QUANTITIES`, which colours the title; ink by default.
         low: where it begins; from the values by default.
         high: where it ends.
     """
@@ -120,9 +124,15 @@ class Chart:
             "dashes": LETTERS,
         }
 
-    def show(self) -> Element:
+    def figure(self, view: dict[str, Any] | None = None) -> Figure:
+        """Draw the chart, or the part ``x`` and ``y`` of it, as a figure."""
+        from ..report.figures.page_charts import chart_figure
+
+        return chart_figure(self.document(), view)
+
+    def show(self) -> ChartPlace:
         """Add the chart to the page; replace it with `update`."""
-        return Element("div", markup=self.markup())
+        return ChartPlace(self)
 
     def markup(self) -> str:
         """Element that the browser draws into."""
@@ -131,9 +141,36 @@ class Chart:
         return f'<figure class="chart" role="group" aria-label="{label}" data-chart="{spec}"></figure>'
 
 
-def update(element: Element, chart: Chart) -> None:
+class ChartPlace(Element):
+    """The place of a chart on a page, with the menu that saves it as a figure.
+
+    Args:
+        chart: to begin with; None: nothing yet.
+        classes: further CSS classes.
+    """
+
+    def __init__(self, chart: Chart | None = None, classes: str = "") -> None:
+        super().__init__("div", f"chartbox {classes}")
+        self.chart = chart
+        with self:
+            self._picture = Element("div", markup="" if chart is None else chart.markup())
+            self._menu = save_menu("chart" if chart is None else chart.name, self._figure)
+        self._menu.set(hidden=chart is None)
+
+    def _figure(self, view: dict[str, Any] | None) -> Figure:
+        assert self.chart is not None
+        return self.chart.figure(view)
+
+    def show_chart(self, chart: Chart) -> None:
+        """Show a chart in place of the present one."""
+        self.chart = chart
+        self._picture.put(chart.markup())
+        self._menu.set(hidden=None, data_name=chart.name)
+
+
+def update(place: ChartPlace, chart: Chart) -> None:
     """Replace a chart."""
-    element.put(chart.markup())
+    place.show_chart(chart)
 
 
 def thinned(x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:

@@ -17,17 +17,22 @@ from typing import Any
 from urllib.parse import quote
 
 from .. import __version__
-from ..errors import InputError
+from ..documents import parse_json
+from ..errors import InputError, MckibbenError
+from .bench import measured_data
 from .elements import Documents
 from .guard import Guard, is_loopback
 from .laboratory import Laboratory
 from .live import Lines
 from .pages import bench as bench_page
 from .reader import return_large_blocks
+from .save import figure_file, sent_chart
+from .shelf import LARGEST, check_size
 from .shell import HOME, PAGES, written
 from .transfers import IncomingFile
 
 LOOK = 0.25  # time between two looks at what time alone brings about [s]
+MOST_NAMES = 200  # of files that a list offers
 UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not known any more
 
 
@@ -128,7 +133,7 @@ def _static(name: str) -> str:
 def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
     """Routes of the bench page, the socket of samples, the emergency stop, recordings, and static files."""
     from starlette.requests import Request
-    from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
+    from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
     from starlette.routing import Mount, Route, WebSocketRoute
     from starlette.staticfiles import StaticFiles
     from starlette.websockets import WebSocket
@@ -151,6 +156,36 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
         answer = await asyncio.to_thread(lab.act, "nobody", "emergency_stop", {"reason": reason})
         return PlainTextResponse(answer["said"])
 
+    async def figure(request: Request) -> Response:
+        from ..report.figures.page_charts import chart_figure
+
+        try:
+            wish = parse_json((await request.body()).decode("utf-8", "replace"))
+            chart = sent_chart(wish.get("chart") if isinstance(wish, dict) else None)
+            name, data = await asyncio.to_thread(
+                figure_file, chart["name"], lambda view: chart_figure(chart, view), wish
+            )
+        except (ValueError, MckibbenError) as error:
+            return PlainTextResponse(str(error), 400)
+        return Response(data, media_type="application/octet-stream", headers={"x-name": quote(name)})
+
+    async def measured(request: Request) -> Response:
+        """Answer with the samples of a user's own file, which a POST brings; without a name with those that there are."""
+        name, part = (request.query_params.get(key, "") for key in ("name", "part"))
+        if not name:
+            return JSONResponse({"names": [*lab.recordings.names(), *lab.uploads.names()][:MOST_NAMES]})
+        try:
+            if request.method == "POST":
+                check_size(name, int(request.headers.get("content-length", 0)), LARGEST)
+                path = await asyncio.to_thread(measured_data.keep, lab, name, await request.body())
+            else:
+                path = measured_data.find(lab, name)
+            chosen = lab.machine.chosen  # type: ignore[attr-defined]
+            curves = chosen.parts.get("dry", {}).get("curves")
+            return JSONResponse(await asyncio.to_thread(measured_data.measured_data, path, part, chosen.spec, curves))
+        except MckibbenError as error:
+            return PlainTextResponse(str(error).replace(f"{lab.recordings.folder}/", ""), 400)
+
     async def recording(request: Request) -> Response:
         try:
             path = lab.recordings.found(request.path_params["name"])
@@ -162,6 +197,8 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
         Route("/", bench),
         WebSocketRoute("/live", live),
         Route("/emergency-stop", stop, methods=["POST"]),
+        Route("/figure", figure, methods=["POST"]),
+        Route("/measured", measured, methods=["GET", "POST"]),
         Route("/files/{name:path}", recording, methods=["GET"]),
         Route("/favicon.ico", favicon),
         Mount(HOME, StaticFiles(directory=_static(""))),

@@ -94,7 +94,9 @@ def _head(sheets: tuple[str, ...], scripts: tuple[str, ...]) -> str:
     tags += [f'<script type="module" src="{HOME}/{s}"></script>' for s in (*SCRIPTS, *scripts)]
     early = (  # before anything is drawn, so that a dark page never begins light
         'const t=new URLSearchParams(location.search).get("theme")??sessionStorage.getItem("mckibben-theme");'
-        'if(t==="dark"||t==="light")document.documentElement.dataset.theme=t'
+        'if(t==="dark"||t==="light")document.documentElement.dataset.theme=t;'
+        'if((new URLSearchParams(location.search).get("projector")??sessionStorage.getItem("mckibben-projector"))==="1")'
+        'document.documentElement.dataset.projector="1"'
     )
     return f"<script>{early}</script><style>{style_sheet()}</style>{''.join(tags)}"
 

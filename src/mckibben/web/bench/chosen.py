@@ -6,6 +6,8 @@ import contextlib
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from ...assembly.build import unit_from_specimen
@@ -21,7 +23,7 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol, protocol_names, shipped
 from ...muscles.build import upper_length_of
 from ...quantities import with_unit
-from ...specimens import Specimen
+from ...specimens import Specimen, specimen
 from ..shelf import Shelf
 from . import drawing
 from .columns import factors
@@ -30,6 +32,7 @@ from .faces import changed, faces
 
 FIRST = "work-loop"  # protocol with which a bench begins
 LONGEST = 100_000  # characters of a protocol's text
+MOST_OWN = 6  # specimens of the user's, the newest ones, that are offered
 MARGIN = 0.08  # of the rest length, beside the lengths that a muscle reaches
 
 
@@ -53,7 +56,9 @@ class BenchSelection:
         self._lock, self._number = threading.RLock(), 0
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="dry run")
         self._warming, self._closed = ThreadPoolExecutor(1, thread_name_prefix="compile"), False
-        self.muscles = {s.id: s for s in drawing.muscles()}
+        self.specimens = Shelf(own.folder.parent / "specimens", (".toml",))  # such as the Fit page makes of a table
+        self._own: dict[tuple[str, int], Specimen | None] = {}
+        self.muscles = self._muscles()
         self.spec = self._muscle(muscle)
         self.rig = self._first = rig_of(rig) if isinstance(rig, str) else rig
         self.protocol: Protocol = shipped(FIRST)
@@ -73,8 +78,29 @@ class BenchSelection:
 
     def _muscle(self, name: str) -> Specimen:
         if name not in self.muscles:
+            self.muscles = self._muscles()  # a fit may have added one
+        if name not in self.muscles:
             raise InputError("muscle", str(name)[:80], known=self.muscles)
         return self.muscles[name]
+
+    def _muscles(self) -> dict[str, Specimen]:
+        """Return the muscles of the package, and the newest of the user's that have a length."""
+        names = self.specimens.names()[:MOST_OWN]
+        own = {Path(name).stem: self._read(self.specimens.found(name)) for name in names}
+        shipped = {s.id: s for s in drawing.muscles()}
+        return shipped | {name: spec for name, spec in own.items() if spec is not None and name not in shipped}
+
+    def _read(self, path: Path) -> Specimen | None:
+        """Read one of the user's specimens, by its file's name; None if it fits no bench."""
+        key = path.name, path.stat().st_mtime_ns
+        if key not in self._own:
+            try:
+                spec = replace(specimen(path), id=path.stem)
+                drawing.rest_length(spec)
+                self._own[key] = spec if spec.kind == "mckibben" else None
+            except MckibbenError:
+                self._own[key] = None
+        return self._own[key]
 
     def choose_rig(self, name: str) -> str:
         """Select a shipped rig or one of the user's."""

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
+from ....report.figures import circuit_diagram
 from ... import charts
 from ...elements import page_document
 from ...laboratory import Laboratory
+from ...save import saveable
 from ...shelf import Shelf
 from ...widgets import box, button, link, loading, page_frame, panel, raw, refused, text
 from . import diagram, dialogs, edit, inspector, response
 from .document import Document, text_of
 from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
 from .state import CircuitAnswer, CircuitState, follow
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TICK = (
     '<svg width="11" height="10" aria-hidden="true"><path d="M1 5l3 3 6-7" fill="none" stroke="currentColor" '
@@ -79,7 +84,11 @@ class CircuitPage:
                     "small faint hint",
                 )
                 self.chip = raw("", "span", "chip").set(role="status")
+            saveable(head, "Circuit", lambda _: self._picture())
             self.drawing = raw("", "div", "drawing").set(data_drawing="1")
+
+    def _picture(self) -> Figure:
+        return circuit_diagram.draw(self.desk.plan.circuit)
 
     def _response(self) -> None:
         with panel("Step response") as head:
@@ -90,8 +99,8 @@ class CircuitPage:
             self.waveform = box("div")
             with box("div", "answer"):
                 self.said = box("div", "said").set(role="status")
-                self.pressure = raw("", "div", "curve")
-                self.flow = raw("", "div", "curve")
+                self.pressure = charts.ChartPlace(classes="curve")
+                self.flow = charts.ChartPlace(classes="curve")
 
     def _listen(self, host: Any) -> None:
         for name, do in (("pick", self._picked), ("put", self._put), ("take", self._taken)):

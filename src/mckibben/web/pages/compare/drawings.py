@@ -124,6 +124,25 @@ def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None,
     )
 
 
+def surface_chart(one: ComparedMuscle, found: jobs.Surface | None) -> Chart | None:
+    """Chart of what a surface shows: tension per section over length, a line for every second drive; None without one."""
+    if found is None:
+        return None
+    living = one.fibre is not None
+    top, unit = (100.0, "%") if living else (from_si(one.full, "Pa", "bar"), "bar")
+    lines = []
+    for i in range(len(found.drives) - 1, 0, -2):
+        tension = from_si(1.0, "N/m^2", "N/cm^2") * found.tension[i]
+        pulls = tension > 0.0
+        label = f"{top * found.drives[i]:.3g}\u2009{unit}"
+        lines.append(ChartLine(found.lengths[pulls], tension[pulls], label, "tension", width=1.25))
+    drive = "activation" if living else "pressure"
+    name = f"{one.spec.title}: tension per section at each {drive}"
+    return Chart(
+        name, name, Axis("Length", "L\u2080", "length"), Axis("Tension", "N/cm\u00b2", "tension", low=0.0), lines
+    )
+
+
 def velocity_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart:
     """Chart of relative tension against shortening velocity; circles are runs of the machine."""
     lines = []

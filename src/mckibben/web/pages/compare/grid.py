@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ....quantities import from_si
 from ....studies.comparison import ComparedMuscle, MuscleColumn
 from ...bench import drawing
+from ...save import save_menu
 from ...widgets import box, button, raw, refused, text
 from . import drawings, jobs
 
@@ -98,9 +99,11 @@ class ComparisonGrid:
             "k tall",
         )
         for i, (name, _, one, _) in enumerate(columns):
-            with box("div", "cell"):
+            with box("div", "cell chartbox"):
                 if one is not None:
                     raw(drawings.surface_markup(one, drawings.LETTERS[i], surfaces[name], scale))
+                    if (chart := drawings.surface_chart(one, surfaces[name])) is not None:
+                        save_menu(chart.name, chart.figure)
 
     def _rows(self, columns: Any) -> None:
         place = {id(c): i for i, c in enumerate(c for _, c, _, _ in columns if c is not None)}

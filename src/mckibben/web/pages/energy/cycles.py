@@ -9,7 +9,7 @@ import functools
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ....analysis.energy import (
     CycleLoops,
     CycleMuscle,
     CyclePath,
+    EnergyCurve,
     EnergyCycle,
     cycle_loops,
     energy_curve,
@@ -30,8 +31,12 @@ from ....errors import InputError, NoVolumeError
 from ....muscles.plausible import pressure_caution
 from ....quantities import from_si, with_unit
 from ....report.energy_report import energy_report
+from ....report.figures import energy_figures
 from ....reproduction import part4
 from .state import EnergyChoice, conditions, resolved
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ML, BAR, CM = (from_si(1.0, a, b) for a, b in (("m^3", "cm^3"), ("Pa", "bar"), ("m", "cm")))
 LOSSES = {
@@ -258,12 +263,20 @@ def curves_key(choice: EnergyChoice) -> EnergyChoice:
     return replace(choice, pressure=max(CURVE_TOP, choice.pressure), exchange="atmosphere")
 
 
-def cycle_report(choice: EnergyChoice) -> bytes:
-    """Write the report as an HTML file, with each available exchange."""
-    spec, law, muscles = resolved(choice)
+class DrawnCycle(NamedTuple):
+    """Loops of a cycle and its efficiency over pressure, the requested exchange first; numbers by exchange and volume."""
+
+    loops: list[CycleLoops]
+    curves: list[tuple[str, EnergyCurve]]
+    numbers: dict[tuple[str, str], EnergyCycle]
+
+
+def drawn_cycle(choice: EnergyChoice) -> DrawnCycle:
+    """Compute what figures and reports show of a cycle, with each available exchange."""
+    muscles = resolved(choice).muscles
     muscle = next(iter(muscles.values()))
     other = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
-    loops, curves, numbers = [], [], {}
+    drawn = DrawnCycle([], [], {})
     for exchange in (choice.exchange, other):
         try:
             between = conditions(choice, exchange)
@@ -271,9 +284,27 @@ def cycle_report(choice: EnergyChoice) -> bytes:
             wide = conditions(replace(choice, pressure=highest), exchange)
         except InputError:
             continue
-        loops.append(cycle_loops(muscle, choice.cycle, between))
+        drawn.loops.append(cycle_loops(muscle, choice.cycle, between))
         at = pressures(muscle, wide, highest, CURVE_POINTS)
-        curves.append((exchange, energy_curve(muscle, choice.cycle, at, wide)))
+        drawn.curves.append((exchange, energy_curve(muscle, choice.cycle, at, wide)))
         for volume, one in muscles.items():
-            numbers[exchange, volume] = energy_cycle(one, choice.cycle, between)
-    return energy_report(spec.title, law, muscles, loops, curves, numbers).html().encode("utf-8")
+            drawn.numbers[exchange, volume] = energy_cycle(one, choice.cycle, between)
+    return drawn
+
+
+def loops_picture(choice: EnergyChoice) -> Figure:
+    """Draw both loops of a cycle, with each exchange."""
+    return energy_figures.loops_figure(drawn_cycle(choice).loops, title=resolved(choice).spec.title)
+
+
+def efficiency_picture(choice: EnergyChoice) -> Figure:
+    """Draw the efficiency over supply pressure, with each exchange."""
+    lines = [energy_figures.EfficiencyLine(words, curve) for words, curve in drawn_cycle(choice).curves]
+    return energy_figures.efficiency_figure(lines, title=resolved(choice).spec.title)
+
+
+def cycle_report(choice: EnergyChoice) -> bytes:
+    """Write the report as an HTML file, with each available exchange."""
+    spec, law, muscles = resolved(choice)
+    drawn = drawn_cycle(choice)
+    return energy_report(spec.title, law, muscles, *drawn).html().encode("utf-8")

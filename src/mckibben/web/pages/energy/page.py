@@ -6,20 +6,25 @@ import asyncio
 import functools
 import json
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ....analysis.energy import READINGS
 from ....analysis.energy.cycles import SETTINGS, coulomb_friction, stretched_length
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si, with_unit
+from ....report.figures.energy_figures import energy_flow_figure
 from ...elements import Element, page_document
 from ...forms import accept, field
 from ...laboratory import Laboratory
+from ...save import saveable
 from ...transfers import IncomingFile, UploadPlace, download, run_in_thread
 from ...widgets import box, button, empty, link, panel, raw, refused, segments, select, text
-from .cycles import TITLES, curves, curves_key, cycle_document, cycle_report
-from .flow import account, cycle_names, flow_document
+from .cycles import TITLES, curves, curves_key, cycle_document, cycle_report, efficiency_picture, loops_picture
+from .flow import account, cycle_names, flow_document, stretch
 from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolved, to_link
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
@@ -70,9 +75,11 @@ class EnergyPage:
         with self.place:
             self.controls = CycleControls(self)
             with box("div", "e-grid"):
-                with panel("Air: pressure against volume", "gas in compressor and muscle"):
+                with panel("Air: pressure against volume", "gas in compressor and muscle") as head:
+                    saveable(head, "Working cycle", lambda _: loops_picture(self.good))
                     self.piston = box("div", "e-piston e-draw")
-                with panel("Muscle: tension against length", "the same cycle"):
+                with panel("Muscle: tension against length", "the same cycle") as head:
+                    saveable(head, "Working cycle", lambda _: loops_picture(self.good))
                     self.tendon = box("div", "e-tendon e-draw")
                 with panel("Per cycle"):
                     self.numbers = box("div", "e-numbers")
@@ -81,7 +88,9 @@ class EnergyPage:
                         self.losses = box("div", "e-losses scroll")
                 with panel("Energy flow of the air", "exergy against the surroundings") as head:
                     self.recorded = RecordedFlow(self, head)
-                with panel("Efficiency over supply pressure"):
+                    saveable(head, "Energy flow", lambda _: self.recorded.picture())
+                with panel("Efficiency over supply pressure") as head:
+                    saveable(head, "Efficiency", lambda _: efficiency_picture(self.good))
                     self.curve = box("div", "e-curve e-draw")
         if self.said:
             self.controls.refuse(" ".join(self.said))
@@ -337,7 +346,9 @@ class RecordedFlow:
     """
 
     def __init__(self, view: EnergyPage, head: Element) -> None:
-        self.view, self.head = view, head
+        self.view = view
+        with head:
+            self.head = box("div", "row")
         self.name, self.part, self.kind = (view.words.get(k, "") for k in ("recording", "part", "account"))
         self.account: Any = None
         self.simulated = True
@@ -437,6 +448,12 @@ class RecordedFlow:
                 refused(str(error))
                 return
             box("div", "e-flow").data("spec", document)
+
+    def picture(self) -> Figure:
+        """Draw the streams of the present account."""
+        if self.account is None:
+            raise InputError("figure", None, "cannot be saved: no recording is shown")
+        return energy_flow_figure(stretch(self.account, self.part)[0])
 
     def accumulator(self) -> float | None:
         """Gauge pressure of the accumulator chosen for the cycle [Pa]."""

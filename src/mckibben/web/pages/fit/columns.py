@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError
@@ -79,6 +80,19 @@ def mapping(asked: Callable[[], FitRequest], look: TablePreview, change: Change,
                 with box("tr", "z" if pull >= 0 and _slack(row[pull]) else ""):
                     for i in at:
                         text("td", row[i][:12] if i >= 0 else "")
+
+
+def part(asked: Callable[[], FitRequest], names: Sequence[str], change: Change) -> None:
+    """Build the choice of a sheet or topic of a file that has several."""
+    word = "Sheet" if Path(asked().name).suffix.lower() in (".xlsx", ".xls", ".ods") else "Topic"
+
+    def chosen(name: str) -> None:
+        change(dataclasses.replace(asked(), part=name, columns=(), units=()))
+
+    with box("div", "given"):
+        text("label", word)
+        usual = {} if asked().part or word == "Sheet" else {"": "all topics"}
+        select(usual | {name: name for name in names}, asked().part, chosen, word)
 
 
 def _telling(rows: list[list[str]], pull: int) -> list[list[str]]:

@@ -175,6 +175,7 @@ class TableReading(NamedTuple):
         points: the table; nothing if it was refused.
         wrong: why it was refused.
         asked: how it was read in the end.
+        parts: names of its sheets or topics, where it has several.
     """
 
     look: TablePreview
@@ -182,6 +183,7 @@ class TableReading(NamedTuple):
     points: ForceMap | None
     wrong: InputError | None
     asked: FitRequest
+    parts: list[str] = []
 
 
 def read(path: Path, asked: FitRequest) -> TableReading:
@@ -190,19 +192,34 @@ def read(path: Path, asked: FitRequest) -> TableReading:
     Raises:
         InputError: it is no table at all, or has more rows than a fit takes.
     """
-    from ....recordings.force_map import preview_table
+    from ....recordings.formats import parts_of
 
     check_rows(path, state.MOST_ROWS, "a fit")
-    try:
-        look = preview_table(path)
-    except InputError as error:
-        raise error.changed(where=path.name) from None
+    _, parts = parts_of(path)
+    look, asked = _look(path, asked, parts)
     if asked.kind == "recording":
         asked = _of_recording(path, asked, look)
+    size = path.stat().st_size
     try:
-        return TableReading(look, path.stat().st_size, state.read(path, asked), None, asked)
+        return TableReading(look, size, state.read(path, asked), None, asked, parts)
     except InputError as error:
-        return TableReading(look, path.stat().st_size, None, error, asked)
+        return TableReading(look, size, None, error, asked, parts)
+
+
+def _look(path: Path, asked: FitRequest, parts: Sequence[str]) -> tuple[TablePreview, FitRequest]:
+    """Look into a file, or into its first sheet with a table where none is chosen and several have one."""
+    from ....recordings.force_map import preview_table
+    from ....recordings.formats import part_options
+
+    refusal: InputError | None = None
+    for part in [asked.part] if asked.part else ["", *parts]:
+        try:
+            look = preview_table(path, **part_options(path, part))
+            return look, dataclasses.replace(asked, part=part)
+        except InputError as error:
+            refusal = refusal or error
+    assert refusal is not None
+    raise refusal.changed(where=path.name) from None
 
 
 def _of_recording(path: Path, asked: FitRequest, look: Any) -> FitRequest:

@@ -6,12 +6,16 @@ import asyncio
 import functools
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ....errors import MckibbenError
+from ....errors import InputError, MckibbenError
+from ....muscles.build import rest_length_of
+from ....specimens import specimen
 from ...elements import Element, Timer, call_script, page_document
 from ...laboratory import UPLOADS, Laboratory
+from ...save import saveable
 from ...transfers import IncomingFile, UploadPlace, download, read_with_progress
 from ...widgets import box, button, check, empty, link, note, panel, raw, refused, segments, select, tell, text
 from . import columns, jobs, results, state
@@ -19,6 +23,8 @@ from .jobs import FitJob
 from .state import FitRequest
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ....identification import Fit
     from ....identification.ranking import Ranking
     from ....recordings import ForceMap
@@ -60,21 +66,25 @@ class FitPage:
                     self._place("laws")
                 self._place("cautions", "colx")
             with box("div", "colx"):
-                with panel("Ranking", "by AICc, without parameters at a bound; errors in N", step=3):
+                with panel("Ranking", "by AICc, without parameters at a bound; errors in N", step=3) as head:
+                    saveable(head, "Ranking", self.shown.draw_ranking)
                     self._place("ranking")
                     self._place("going")
                 with panel("Measured and fitted", "points measured, lines the law") as head:
                     with head:
                         segments(VIEWS, self.shown.view, self._look_at, "View")
+                    saveable(head, "Measured and fitted", self.shown.draw_law)
                     self._place("muscle")
                     self._place("picture")
             with box("div", "colx last"):
+                with panel("Parameters, 95\u2009% intervals"):
+                    self._place("parameters")
                 for name, title, more in (
-                    ("parameters", "Parameters, 95\u2009% intervals", ""),
                     ("bubbles", "Residuals", "measured \u2212 fitted, by place in the map"),
                     ("left", "Each pressure left out once", ""),
                 ):
-                    with panel(title, more):
+                    with panel(title, more) as head:
+                        saveable(head, title, self.shown.draw_residuals)
                         self._place(name)
         document = page_document()
         self._timer = Timer(document, LOOKS, self.look, active=False)
@@ -178,7 +188,7 @@ class FitPage:
             return
         if mine != self._loading:
             return
-        look, size, points, wrong, self.asked = reading
+        look, size, points, wrong, self.asked, parts = reading
         self.points = points
         self._name.say(asked.name)
         ending = "MB" if size >= 2**20 else "kB"
@@ -186,6 +196,8 @@ class FitPage:
         rows = results.number(look.total, 0)
         self._words.say(f"{rows} rows, {amount}\u2009\u2060{ending}. Drop another table here")
         with place:
+            if parts:
+                columns.part(lambda: self.asked, parts, self._change)  # type: ignore[arg-type, return-value]
             columns.mapping(lambda: self.asked, look, self._change, wrong)  # type: ignore[arg-type, return-value]
             if wrong is not None:
                 where = (
@@ -373,6 +385,30 @@ class LawPictures:
                 select(words, repr(self._rest), self._another, "Muscle")
         await self._draw()
 
+    def draw_law(self, part: object) -> Figure:
+        """Draw the figure of the shown view; the surface as its lines."""
+        from ....report.figures import fit_figures
+
+        fit, study = self._shown()
+        return fit_figures.residuals(fit) if self.view == "errors" else fit_figures.tension_curves(fit, study.points)
+
+    def draw_residuals(self, part: object) -> Figure:
+        """Draw the errors of the fit, and of predictions with a pressure or a length left out."""
+        from ....report.figures import fit_figures
+
+        return fit_figures.residuals(self._shown()[0])
+
+    def draw_ranking(self, part: object) -> Figure:
+        """Draw the laws in their order."""
+        from ....report.figures import fit_figures
+
+        return fit_figures.ranking(self._shown()[1])
+
+    def _shown(self) -> tuple[Fit, Ranking]:
+        if self._last is None:
+            raise InputError("figure", None, "cannot be saved: no law was fitted yet")
+        return self._last
+
     async def look_at(self, view: str) -> None:
         """Draw another view of the same law."""
         self.view = view
@@ -418,7 +454,8 @@ def _buttons(view: FitPage) -> None:
     """Build the buttons in the header of the page."""
     button("Report as PDF", lambda: _pdf(view))
     button("Open report", lambda: _open(view)).set(data_opens="report")  # by the click itself: see fit.js
-    button("Save as specimen file", lambda: _specimen(view), primary=True)
+    button("Save as specimen file", lambda: _specimen(view))
+    button("Use on the bench", lambda: _bench(view), primary=True)
 
 
 def _study(view: FitPage) -> Any:
@@ -485,6 +522,23 @@ async def _specimen(view: FitPage) -> None:
     view.lab.toasts.tell(f"Saved specimens/{path.name}.", undo=lambda: path.unlink(missing_ok=True))
     view.lab.changed()
     download(name, data)
+
+
+async def _bench(view: FitPage) -> None:
+    """Add the specimen, with the shown law as its first, to the server's specimens, and choose it on the bench."""
+    study = _study(view)
+    if study is None:
+        return
+    shown = [f for f in study.fits if f.law == view.law] or study.fits[:1]
+    study = replace(study, fits=[*shown, *(f for f in study.fits if f.law != shown[0].law)])
+    try:
+        name, data = await asyncio.to_thread(_written, study)
+        path = await asyncio.to_thread(view.lab.specimens.store, name, data)
+        await asyncio.to_thread(rest_length_of, specimen(path))
+    except MckibbenError as error:
+        tell(str(error))
+        return
+    call_script("toBench", [["muscle", path.stem]])
 
 
 def _written(study: Any) -> tuple[str, bytes]:

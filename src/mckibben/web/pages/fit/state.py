@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ....specimens import Specimen
 
 KINDS = ("table", "recording", "map")  # an uploaded file, one of the recordings, a specimen that ships with a map
-WORDS = ("rest", "like", "branch", "zero", "below")
+WORDS = ("part", "rest", "like", "branch", "zero", "below")
 MOST_ROWS = 50_000  # of a table that is fitted
 LINK = (*KINDS, "columns", "units", "known", *WORDS, "slack", "laws", "law", "view")
 
@@ -37,6 +37,7 @@ class FitRequest:
         columns: what a column holds, and its cell of the header; over what the header says.
         units: what a column holds, and its unit as text; over what the header says.
         known: parameters that are not fitted, with their values as text.
+        part: sheet of a spreadsheet, or topic of a bag; the only one with numbers where empty.
         rest: rest length as text.
         like: a specimen whose dimensions are known.
         branch: branch of the rows that are kept.
@@ -50,6 +51,7 @@ class FitRequest:
     columns: tuple[tuple[str, str], ...] = ()
     units: tuple[tuple[str, str], ...] = ()
     known: tuple[tuple[str, str], ...] = ()
+    part: str = ""
     rest: str = ""
     like: str = ""
     branch: str = ""
@@ -121,6 +123,7 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
         InputError: names file, column, value and what is allowed.
     """
     from ....recordings import read_force_map
+    from ....recordings.formats import part_options
 
     rest = parse(asked.rest, "m", field="rest length") if asked.rest else None
     spec = specimen_of(asked)
@@ -135,6 +138,7 @@ def read(path: Path, asked: FitRequest) -> ForceMap:
             units=dict(asked.units),
             branch=asked.branch or None,
             pressure_zero=zero,
+            **part_options(path, asked.part),
         )
     except InputError as error:  # the file by its name, not by its path on the server
         raise error.changed(where=path.name) from None

@@ -29,6 +29,7 @@ from ....report.paper_figures import figure
 from ....report.reproduction_report import draw, reproduction_report
 from ....reproduction.recorded import PAUSE, Folder, kept_in, told
 from ....reproduction.rows import all_rows, reproduce_row
+from ...save import figure_file
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -100,6 +101,12 @@ def _figure(line: Connection, said: _Teller, name: str) -> None:
     line.send(("figure", name, style.inline_svg(picture, f"figure-{name}", label), small.getvalue()))
 
 
+def _file(line: Connection, said: _Teller, name: str, wish: object) -> None:
+    """Draw one figure as a file."""
+    of = figure(name)
+    line.send(("file", *figure_file(of.title, lambda _: of.draw(), wish)))
+
+
 def _report(
     line: Connection, said: _Teller, ending: str, outcomes: list[RowOutcome], figures: list[str], left_out: str
 ) -> None:
@@ -112,7 +119,7 @@ def _report(
     line.send(("report", document.pdf() if ending == ".pdf" else document.html().encode("utf-8")))
 
 
-JOBS: dict[str, Any] = {"rows": _rows, "figure": _figure, "report": _report}
+JOBS: dict[str, Any] = {"rows": _rows, "figure": _figure, "file": _file, "report": _report}
 
 
 _log = logging.getLogger(__name__)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ....errors import InputError, MckibbenError
 from ....report.paper_figures import FIGURES
 from ...elements import Element, Timer, page_document
+from ...save import save_menu
 from ...transfers import download, run_in_thread
 from ...widgets import box, button, link, loading, note, raw, refused, segments, tell, text
 
@@ -83,7 +84,7 @@ class PaperPage:
             self.root.data("fixed", fixed_document())
             self.root.on_value("pick", self.picked)
             with box("div", "p-right"):
-                with box("section", "panel p-figure"):
+                with box("section", "panel p-figure chartbox"):
                     self.head = box("div", "hd")
                     self.body = box("div", "p-body")
                 box("section", "panel p-figures").set(aria_label="Figures")
@@ -199,6 +200,7 @@ class PaperPage:
             box("span", "grow")
             if of is not None:
                 segments(FORMS, self.form, self.formed, "Show")
+                save_menu(named(of), make=lambda _, wish: self.all.file(of.id, wish))
         self.drawn()
 
     def drawn(self) -> None:

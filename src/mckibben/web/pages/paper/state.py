@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from ....errors import InputError
+from ....errors import InputError, MckibbenError
 from ....report.paper_figures import FIGURES, PaperFigure, figure
 from ....reproduction import RowOutcome
 from ....reproduction.rows import all_rows, needs_recording
@@ -146,6 +146,26 @@ class Reproduction:
     def stop_drawing(self, name: str) -> None:
         """Stop drawing a figure."""
         self._draws.stop(("figure", name))
+
+    def file(self, name: str, wish: object) -> tuple[str, bytes]:
+        """Draw a figure as a file, see `web.save.figure_file`; waits for it.
+
+        Raises:
+            MckibbenError: if it cannot be drawn.
+        """
+        ended, answers = threading.Event(), dict[str, tuple[Any, ...]]()
+
+        def hear(kind: str, *more: Any) -> None:
+            answers[kind] = more
+            if kind in ("done", "refused"):
+                ended.set()
+
+        self._draws.ask(("file", name, wish), hear)
+        ended.wait()
+        if "file" not in answers:
+            raise MckibbenError(str(answers.get("refused", ("the figure was not drawn",))[0]))
+        file, data = answers["file"]
+        return file, data
 
     def ready(self, of: PaperFigure) -> bool:
         """Whether a figure can be drawn without minutes of computation."""

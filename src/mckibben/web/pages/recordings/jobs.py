@@ -36,7 +36,13 @@ class ImportedFile(NamedTuple):
 
 
 def imported(
-    path: Path, name: str, target: Path, columns: Mapping[str, str], units: Mapping[str, str], period: str
+    path: Path,
+    name: str,
+    target: Path,
+    columns: Mapping[str, str],
+    units: Mapping[str, str],
+    period: str,
+    part: str = "",
 ) -> ImportedFile:
     """Make a recording of a file, in a separate process if the file is large.
 
@@ -47,18 +53,21 @@ def imported(
         columns: channel name -> label or number of the column, as text.
         units: channel name -> unit as text.
         period: interval of the samples as text, where the file has no time.
+        part: sheet of a spreadsheet or topic of a bag, where one is chosen.
 
     Raises:
         InputError: names column, value and what is allowed.
     """
     from ....recordings import read_any
+    from ....recordings.formats import part_options
 
     check_kind(name)
     check_rows(path, MOST_ROWS, "a recording")
     places = {k: int(v) if v.isdecimal() else v for k, v in columns.items()}
     step = parse(period, "s", field="period", bare=True) if period else None
     try:
-        read = read_any(path, columns=places or None, units=dict(units) or None, period=step)
+        options = part_options(path, part)
+        read = read_any(path, columns=places or None, units=dict(units) or None, period=step, **options)
     except MckibbenError as error:
         sentence = f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}"
         if isinstance(error, InputError):  # it keeps the field that is to blame

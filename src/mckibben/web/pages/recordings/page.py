@@ -263,13 +263,20 @@ class RecordingActions:
     # ---- import and repair
 
     async def _take(
-        self, one: IncomingFile, place: Element, columns: Mapping[str, str], units: Mapping[str, str], period: str
+        self,
+        one: IncomingFile,
+        place: Element,
+        columns: Mapping[str, str],
+        units: Mapping[str, str],
+        period: str,
+        part: str,
     ) -> tuple[str, list[str]]:
         """Import an uploaded file; return its name, and remarks."""
         jobs.check_kind(one.name)
         shelf, target = self._view.lab.recordings, one.path.with_name("taken.nc")
         words = f"Reading {one.name}"
-        read = await read_with_progress(place, words, jobs.imported, one.path, one.name, target, columns, units, period)
+        choices = one.name, target, columns, units, period, part
+        read = await read_with_progress(place, words, jobs.imported, one.path, *choices)
         plain, data = (one.name, one.path) if read.own else (f"{Path(one.name).stem}.nc", target)
         return (await asyncio.to_thread(shelf.store, plain, data)).name, read.remarks
 

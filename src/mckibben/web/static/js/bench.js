@@ -3,6 +3,7 @@ import { Buffer } from './buffer.js'
 import './edit.js'
 import { act, emergency, events, key, lab, link, rate, shape, tell } from './lab.js'
 import { LoopPlot } from './loop.js'
+import { Measured } from './measured.js'
 import { braid, drawStage } from './muscle.js'
 import { asks, dryRun, hand, idle, machine, mine, protocol } from './setup.js'
 import { Strips } from './strips.js'
@@ -56,7 +57,7 @@ events.addEventListener('part', e => {
   const part = lab.parts[e.detail]
   if (e.detail === 'setup') { factors = Object.fromEntries(Object.entries(part.units).map(([n, u]) => [n, u.factor])); limits(); if (lab.parts.dry && !lab.parts.dry.pending) expected(lab.parts.dry) }
   if (e.detail === 'laws') { loop.laws = part; loop.plotted = false; loop.dirty = true }
-  if (e.detail === 'dry' && !part.pending) expected(part)
+  if (e.detail === 'dry' && !part.pending) { expected(part); own.again() }
   machine(); protocol(); dryRun(); strips.dirty = loop.dirty = true
 })
 function limits () {
@@ -91,7 +92,7 @@ function frame (t) {
   const dt = Math.min(0.1, (t - last) / 1000); last = t
   const was = mode
   mode = choose()
-  if (mode !== was) { strips.dirty = loop.dirty = true; if (mode === 'dry') strips.ranges = {} }
+  if (mode !== was) { strips.dirty = loop.dirty = true; if (mode === 'dry') strips.ranges = {}; if (mode === 'live' || mode === 'dry') { strips.held = null; strips.zoomer.range = null } }
   const live = mode === 'live' && lab.open
   if (live) {
     const gap = buffer.end - end
@@ -106,12 +107,13 @@ function paint () {
   const tripped = trip()
   const source = mode === 'dry' ? dry : null
   strips.source = source; strips.trip = tripped; strips.old = !lab.open && mode !== 'dry'; strips.zoom = zoom; strips.done = mode !== 'live'
-  if (mode === 'dry') strips.view = { a: 0, b: zoom }
-  else if (strips.held) strips.view = strips.held
+  if (strips.held) strips.view = strips.held
+  else if (mode === 'dry') strips.view = { a: 0, b: zoom }
   else if (tripped && !status().running) strips.view = { a: Math.max(0, tripped.time - 0.9), b: Math.max(tripped.time + 0.5, Math.min(buffer.end, tripped.time + 0.6)) }
   else { const t0 = buffer.first ? Math.max(0, begun) : 0; strips.view = end - t0 < zoom ? { a: t0, b: t0 + zoom } : { a: end - zoom, b: end } }
   strips.lanes = mode === 'dry' ? dry?.lane : epochOf().kind === 'run' ? status().steps ?? status().ended?.steps : []
   for (const q of Object.keys(Q)) ends(q)
+  if (own?.data?.t) residuals()
   strips.draw()
   strips.showWhen()
   loop.live = mode !== 'dry'; loop.old = strips.old; loop.cursor = strips.cursor; loop.end = mode === 'live' ? Math.min(end, buffer.end) : buffer.end
@@ -121,7 +123,7 @@ function paint () {
   if (cycles && step !== cycles && cycles.end) loop.end = Math.min(loop.end, cycles.end)
   loop.work = (status().measured ?? status().ended?.measured ?? []).find(m => m.unit === 'J')?.value ?? null
   loop.words = shape() === 'tripped' ? 'last whole cycle' : 'last cycle'
-  const top = Math.max(dryTop('tension'), buffer.high.tension ?? 0, 10)
+  const top = Math.max(dryTop('tension'), buffer.high.tension ?? 0, own.extremes('tension')?.[1] ?? 0, 10)
   loop.fit(top, strips.limits.tension ?? 100)
   if (visible('#fl')) loop.draw()
   picture()
@@ -132,8 +134,14 @@ function ends (q) {
   let low = Infinity; let high = -Infinity
   const take = v => { if (v !== null && Number.isFinite(v)) { if (v < low) low = v; if (v > high) high = v } }
   if (mode === 'dry' || epochOf().kind === 'run') for (const v of extremes[q] ?? []) take(v)
+  for (const v of own?.extremes(q) ?? []) take(v)
   if (mode !== 'dry') { take(buffer.low[q]); take(buffer.high[q]); if (q === 'length' || q === 'pressure') { take(buffer.low[`set_${q}`]); take(buffer.high[`set_${q}`]) } }
   strips.range(q, low, high)
+}
+function residuals () {
+  const [i, j] = own.between(strips.view.a, strips.view.b); let low = Infinity; let high = -Infinity
+  for (let k = i; k < j; k++) { const r = own.left('tension', k); if (r < low) low = r; if (r > high) high = r }
+  strips.range('residual', low, high)
 }
 function picture () {
   const m = muscle(); const place = $('#stage')
@@ -160,7 +168,7 @@ function numbers () {
   const told = now()
   if (mode !== 'dry' && Object.keys(Q).some(q => told[q] !== strips.told?.[q])) strips.dirty = true
   strips.told = told
-  runBar(); banner(); reads(); protocol(); hand(strips.told); measured(); buttons()
+  runBar(); banner(); reads(); protocol(); hand(strips.told); measured(); own.numbers(); buttons()
   document.documentElement.classList.toggle('old', !lab.open && Boolean(lab.status))
   const late = strips.frames; strips.frames = 0
   drawn.push(late); if (drawn.length > 10) drawn.shift()
@@ -240,7 +248,7 @@ function banner () {
   shownBanner = html
   $('#ban').innerHTML = html
   const led = $('#led')
-  if (led) led.onclick = () => { const t = trip(); if (t) { strips.held = { a: Math.max(0, t.time - 3), b: t.time + 0.5 }; strips.cursor = t.time; strips.pinned = true; strips.dirty = true } }
+  if (led) led.onclick = () => { const t = trip(); if (t) { strips.held = { a: Math.max(0, t.time - 3), b: t.time + 0.5 }; strips.zoomer.range = { x: [strips.held.a, strips.held.b] }; strips.cursor = t.time; strips.pinned = true; strips.dirty = true } }
 }
 const tripWords = why => { const text = why[0]?.toUpperCase() + why.slice(1); const i = text.search(/[;.](?!\d)/); return i < 0 ? [`${text}.`] : [`${text.slice(0, i)}.`, cap(text.slice(i + 1).trim()) + (/\.$/.test(text) ? '' : '.')] }
 const cap = t => t ? t[0].toUpperCase() + t.slice(1) : ''
@@ -289,7 +297,7 @@ function measured () {
   const rows = list.map(m => [m.name, `${fmt(m.value, m.places)}${TS}${m.unit}`])
   $('#meas').innerHTML = `<h2>Measured on the last cycle</h2>${rows.length ? `<dl class="meas">${rows.map(([n, v]) => `<dt>${escape(n)}</dt><dd>${v}</dd>`).join('')}</dl>` : '<p class="small faint">Nothing yet: a cycle has to end first.</p>'}`
   $('.plotc .cap')?.remove()
-  $('.plotc').insertAdjacentHTML('afterbegin', `<div class="cap"><span><b class="F">Tension</b>, N, against <b class="L">length</b>, cm</span><span class="faint">thin: the law${loop.laws?.lines.length ? `, 1 to ${loop.laws.lines.length}${TS}bar` : ''}</span></div>`)
+  $('.plotc').insertAdjacentHTML('afterbegin', `<div class="cap"><span><b class="F">Tension</b>, N, against <b class="L">length</b>, cm</span><span class="faint">law${loop.laws?.lines.length ? `: 1 to ${loop.laws.lines.length}${TS}bar` : ''}</span></div>`)
 }
 function table () {
   const { a, b } = strips.view; const rows = []; const order = Object.keys(Q)
@@ -357,16 +365,26 @@ for (const [name, by] of [['ArrowLeft', -1], ['ArrowRight', 1]]) {
   key(name, by < 0 ? 'cursor back by one sample; with Shift by ten' : 'cursor on by one sample; with Shift by ten', () => strips.step(by)); key(`Shift+${name}`, '', () => strips.step(10 * by))
 }
 key('Home', 'cursor to the begin of the window', () => strips.home(false)); key('End', 'cursor to its end', () => strips.home(true))
-const zooms = f => () => { zoom = clamp(zoom * f, 0.05, 120); strips.held = null; link({ window: zoom === 6 ? '' : +zoom.toPrecision(3) }); strips.dirty = true }
+const window_ = k => { zoom = clamp(zoom * k, 0.05, 120); link({ window: zoom === 6 ? '' : +zoom.toPrecision(3) }); strips.dirty = true }
+// A window that follows the newest sample grows and shrinks; one that is held is zoomed about the pointer.
+strips.follows = k => { if (mode !== 'live' || strips.held) return false; window_(k); return true }
+strips.reset = () => { zoom = 6; strips.cursor = null; strips.pinned = false; link({ window: '' }) }
+const zooms = k => () => { if (strips.held) strips.zoomer.zoom(k); else window_(k) }
 key('+', 'zoom in', zooms(0.5)); key('-', 'zoom out', zooms(2))
-key('0', 'follow the newest sample', () => { zoom = 6; strips.held = null; strips.cursor = null; strips.pinned = false; link({ window: '' }); strips.dirty = true })
+key('0', 'follow the newest sample', () => strips.zoomer.reset())
 key('`', 'console', () => { view('log'); $('#line').focus() })
 key('n', 'note at the cursor', () => { view('log'); $('#line').value = 'note '; $('#line').focus() })
 key('v', 'speak the present values', () => { const e = $('#spoken'); e.textContent = ''; setTimeout(() => { e.textContent = spoken() }, 50) })
 document.body.insertAdjacentHTML('beforeend', '<div id="spoken" class="vh" role="status" aria-live="assertive"></div>')
 function view (name) { $('#face').dataset.view = name; for (const b of document.querySelectorAll('.ptabs button')) b.setAttribute('aria-pressed', String(b.dataset.view === name)); strips.dirty = true }
 for (const b of document.querySelectorAll('.ptabs button')) b.onclick = () => view(b.dataset.view)
-for (const name of ['status', 'lost', 'back', 'theme']) events.addEventListener(name, () => { machine(); protocol(); strips.dirty = loop.dirty = true; if (name !== 'status') slow = 0; else { runBar(); buttons(); banner() } })
+for (const name of ['status', 'lost', 'back', 'theme', 'projector']) events.addEventListener(name, () => { machine(); protocol(); strips.dirty = loop.dirty = true; if (name !== 'status') slow = 0; else { runBar(); buttons(); banner() } })
+const own = new Measured(strips, () => { strips.width = 0; strips.ranges = {}; strips.dirty = true })
+strips.own = loop.own = own
+loop.changed = () => { strips.dirty = true }
+$('#strips').figureDocument = () => strips.document()
+$('.plotc').figureDocument = () => loop.document()
+events.addEventListener('projector', () => { strips.width = 0; strips.dirty = loop.dirty = true })
 events.addEventListener('escape', () => { strips.cursor = null; strips.pinned = false; strips.dirty = true })
 addEventListener('resize', () => { strips.dirty = true })
 events.addEventListener('status', () => { if (status().running) shownDry = dry })

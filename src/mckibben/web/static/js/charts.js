@@ -2,16 +2,19 @@
 // since a loop is no function of x.
 import uPlot from '../uplot/uPlot.esm.js'
 import { events } from './lab.js'
-import { Q, TS, clamp, digits, ends, escape, fmt, mark, token } from './words.js'
+import { View } from './view.js'
+import { Q, TS, clamp, digits, ends, escape, fmt, mark, size, token, weight } from './words.js'
+import './save.js'
 
 const charts = new Map() // figure -> {plot, spec}
+const zoomed = new Map() // name of a chart -> the part that is shown, so that a chart with newer values shows the same part
 
 const colour = q => token(Q[q] ? `--q-${q}` : '--ink')
 const precision = step => Math.max(0, Math.min(6, -Math.floor(Math.log10(step) + 1e-9)))
 /** Axis settings common to all charts. */
 export function axis (given = {}) {
   return {
-    stroke: () => token('--ink-3'), font: `11px ${token('--font')}`, gap: 4, size: 46, ...given,
+    stroke: () => token('--ink-3'), font: `${size(11)}px ${token('--font')}`, gap: 4, ...given, size: size(given.size ?? 46),
     grid: { stroke: () => token('--grid'), width: 1, ...given.grid }, ticks: { show: false, ...given.ticks },
     values: given.values ?? ((u, ticks) => { const d = ticks.length > 1 ? digits(Math.abs(ticks[1] - ticks[0])) : 2; return ticks.map(v => fmt(v, d)) })
   }
@@ -28,7 +31,7 @@ const FAR = 1e5 // pixels from a canvas's corner beyond which nothing is drawn: 
 export function stroke (ctx, xs, ys, { colour, width = 1.75, dash = [], fill = null, opacity = 1, close = false }, px = devicePixelRatio) {
   ctx.save()
   ctx.globalAlpha = opacity
-  ctx.lineWidth = width * px; ctx.lineJoin = 'bevel'; ctx.setLineDash(dash.map(d => d * px)); ctx.strokeStyle = colour
+  ctx.lineWidth = weight(width) * px; ctx.lineJoin = 'bevel'; ctx.setLineDash(dash.map(d => d * px)); ctx.strokeStyle = colour
   ctx.beginPath()
   let pen = false
   for (let i = 0; i < xs.length; i++) {
@@ -42,7 +45,7 @@ export function stroke (ctx, xs, ys, { colour, width = 1.75, dash = [], fill = n
   ctx.restore()
 }
 export function dot (ctx, q, x, y, r, { hollow = false } = {}, px = devicePixelRatio) {
-  const path = new Path2D(mark(q, x, y, r * px))
+  const path = new Path2D(mark(q, x, y, weight(r) * px))
   ctx.save()
   ctx.lineWidth = 1.2 * px
   if (hollow) { ctx.strokeStyle = colour(q); ctx.fillStyle = token('--panel'); ctx.fill(path); ctx.stroke(path) } else {
@@ -72,26 +75,28 @@ function draw (u, spec) {
   ctx.restore()
   labels(u, spec)
 }
+const outside = (u, x, y) => (x !== null && (x < u.scales.x.min || x > u.scales.x.max)) || (y !== null && (y < u.scales.y.min || y > u.scales.y.max))
 // Words at the ends of the lines, pushed apart where they would cover each other.
 function labels (u, spec) {
   const { ctx, bbox } = u; const px = devicePixelRatio; const put = []
   for (const l of spec.lines) {
     if (!l.label) continue
     let i = l.x.length - 1
-    while (i >= 0 && (l.x[i] === null || l.y[i] === null || l.y[i] > u.scales.y.max || l.y[i] < u.scales.y.min)) i--
+    while (i >= 0 && (l.x[i] === null || l.y[i] === null || outside(u, l.x[i], l.y[i]))) i--
     if (i >= 0) put.push({ text: l.label, x: u.valToPos(l.x[i], 'x', true) + 6 * px, y: u.valToPos(l.y[i], 'y', true), colour: colour(l.quantity) })
   }
   ctx.save()
-  ctx.font = `${11 * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'
+  ctx.font = `${size(11) * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'
   put.sort((a, b) => a.y - b.y)
-  for (let i = 1; i < put.length; i++) if (put[i].y - put[i - 1].y < 12 * px && Math.abs(put[i].x - put[i - 1].x) < 60 * px) put[i].y = put[i - 1].y + 12 * px
+  const gap = size(12) * px
+  for (let i = 1; i < put.length; i++) if (put[i].y - put[i - 1].y < gap && Math.abs(put[i].x - put[i - 1].x) < 60 * px) put[i].y = put[i - 1].y + gap
   for (const p of put) {
     ctx.fillStyle = p.colour
     const over = p.x + ctx.measureText(p.text).width - u.ctx.canvas.width
     ctx.fillText(p.text, over > 0 ? p.x - over - 2 * px : p.x, p.y)
   }
   for (const m of spec.marks) {
-    if (!m.text) continue
+    if (!m.text || outside(u, m.x, m.y)) continue
     ctx.fillStyle = token(m.stop ? '--stop-ink' : '--ink-2')
     const x = m.x === null ? bbox.left + 6 * px : u.valToPos(m.x, 'x', true) + 4 * px
     const y = m.y === null ? bbox.top + 8 * px : u.valToPos(m.y, 'y', true) - 8 * px
@@ -101,10 +106,10 @@ function labels (u, spec) {
 }
 
 function options (figure, spec, width) {
-  const right = spec.lines.some(l => l.label) ? 8 + 6.5 * Math.max(...spec.lines.map(l => l.label.length)) : 10
+  const right = spec.lines.some(l => l.label) ? 8 + size(6.5) * Math.max(...spec.lines.map(l => l.label.length)) : 10
   return {
-    width, height: spec.height, padding: [8, right, 0, 0], legend: { show: false }, cursor: { points: { show: false }, drag: { x: true, y: true, uni: 20 } },
-    scales: { x: { time: false, range: (u, a, b) => u.zoomed ?? range(spec.lines, 'x', spec.x) }, y: { range: (u, a, b) => u.zoomedY ?? range(spec.lines, 'y', spec.y) } },
+    width, height: size(spec.height), padding: [8, right, 0, 0], legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
+    scales: { x: { time: false, range: () => figure.zoomed?.x ?? figure.whole.x }, y: { range: () => figure.zoomed?.y ?? figure.whole.y } },
     series: [{}, { show: true, paths: () => null, points: { show: false } }],
     axes: [axis({ size: 24 }), axis({})],
     hooks: { draw: [u => draw(u, spec)], setCursor: [u => near(figure, u, spec)] }
@@ -139,10 +144,22 @@ function build (figure) {
   figure.innerHTML = `<figcaption><span>${title(spec.y)}, against ${title(spec.x)}</span><span class="faint">${escape(spec.name)}</span></figcaption><div class="plot" tabindex="0" role="img" aria-label="${escape(spec.name)}. ${escape(spec.summary)}"></div><div class="tip" hidden></div><details class="values"><summary>Table of values</summary><div class="scroll"></div></details>`
   const [x0, x1] = range(spec.lines, 'x', spec.x); const [y0, y1] = range(spec.lines, 'y', spec.y)
   figure.px = precision((x1 - x0) / 1000); figure.py = precision((y1 - y0) / 1000)
-  const place = figure.querySelector('.plot')
+  figure.whole = { x: [x0, x1], y: [y0, y1] }; figure.zoomed = null
+  const place = figure.querySelector('.plot'); const key = `${spec.name} ${spec.y.label} ${spec.x.label}`
   const plot = new uPlot(options(figure, spec, Math.max(160, figure.clientWidth)), [[x0, x1], [y0, y1]], place)
-  place.querySelector('.u-over').addEventListener('dblclick', () => plot.redraw())
   charts.set(figure, { plot, spec })
+  const view = new View(place, {
+    whole: () => figure.whole, box: () => plot.over.getBoundingClientRect(), inside: e => plot.over.contains(e.target) || e.target === plot.over,
+    show: part => {
+      figure.zoomed = part
+      if (part) zoomed.set(key, part); else zoomed.delete(key)
+      const { x, y } = part ?? figure.whole
+      plot.batch(() => { plot.setScale('x', { min: x[0], max: x[1] }); plot.setScale('y', { min: y[0], max: y[1] }) })
+      near(figure, plot, spec)
+    }
+  })
+  const before = zoomed.get(key)
+  if (before && before.x[0] < x1 && before.x[1] > x0 && before.y[0] < y1 && before.y[1] > y0) view.take(before)
   figure.querySelector('details').ontoggle = e => { if (e.target.open) fillTable(figure, spec) }
   place.onkeydown = e => walk(e, figure, plot, spec)
 }
@@ -150,7 +167,7 @@ function build (figure) {
 function walk (e, figure, u, spec) {
   const step = { ArrowLeft: -1, ArrowRight: 1 }[e.key]
   const other = { ArrowUp: -1, ArrowDown: 1 }[e.key]
-  if (!step && !other) return
+  if ((!step && !other) || e.ctrlKey || e.altKey) return
   e.preventDefault(); e.stopPropagation()
   const at = figure.at ??= { line: 0, i: -1 }
   if (other) at.line = clamp(at.line + other, 0, spec.lines.length - 1)
@@ -168,7 +185,7 @@ function fillTable (figure, spec) {
 }
 
 const sizes = new ResizeObserver(list => {
-  for (const { target } of list) { const one = charts.get(target); if (one && target.clientWidth > 0 && Math.abs(one.plot.width - target.clientWidth) > 1) one.plot.setSize({ width: Math.max(160, target.clientWidth), height: one.spec.height }) }
+  for (const { target } of list) { const one = charts.get(target); if (one && target.clientWidth > 0 && Math.abs(one.plot.width - target.clientWidth) > 1) one.plot.setSize({ width: Math.max(160, target.clientWidth), height: size(one.spec.height) }) }
 })
 function look () {
   for (const figure of document.querySelectorAll('figure.chart[data-chart]')) {
@@ -183,4 +200,5 @@ let due = false
 new MutationObserver(() => { if (!due) { due = true; requestAnimationFrame(() => { due = false; look() }) } })
   .observe(document.documentElement, { childList: true, subtree: true, attributes: true, attributeFilter: ['data-chart'] })
 events.addEventListener('theme', () => { for (const { plot } of charts.values()) plot.redraw(false, true) })
+events.addEventListener('projector', () => { for (const figure of [...charts.keys()]) build(figure) })
 look()

@@ -1,6 +1,7 @@
 // The circuit page: parts are dragged, picked, put in by two keys, and taken out.
-import { act, key, keysBefore, tell } from './lab.js'
-import { calls, notify } from './elements.js'
+import { key, keysBefore, tell } from './lab.js'
+import { notify } from './elements.js'
+import { magnify } from './view.js'
 
 const host = () => document.getElementById('circuit-host')
 const say = (name, detail) => notify(host(), `circuit-${name}`, detail)
@@ -84,18 +85,14 @@ keysBefore.push(own)
 key('Insert', 'put in a part: then its letter', () => insert(!inserting))
 key('Delete', 'take the selected part out', () => { if (chosen()) say('take', { part: chosen() }) })
 
-// The diagram is drawn anew with every change: who had the focus keeps it.
+// The diagram is drawn anew with every change: who had the focus keeps it, and what was magnified stays so.
 new MutationObserver(() => {
+  const drawing = document.querySelector('.drawing')
+  if (drawing?.querySelector('svg.diagram')) {
+    drawing.zoomer ??= magnify(drawing, { find: () => drawing.querySelector('svg.diagram') })
+    if (drawing.zoomer.range && !drawing.querySelector('svg.diagram').dataset.whole) drawing.zoomer.chart.show(drawing.zoomer.range)
+  }
   if (!refocus || document.activeElement !== document.body) return
   document.querySelector(`.diagram .part[data-part="${CSS.escape(refocus)}"]`)?.focus()
   refocus = ''
 }).observe(document.documentElement, { childList: true, subtree: true })
-
-calls.set('circuitToBench', async steps => {
-  for (const [action, name] of steps) {
-    const answer = await act(action, { name })
-    if (!answer.ok) { tell(answer.said, 20); return }
-  }
-  const [[, rig], [, muscle]] = steps
-  location.href = `/?muscle=${encodeURIComponent(muscle)}&rig=${encodeURIComponent(rig)}`
-})

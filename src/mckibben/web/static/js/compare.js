@@ -2,6 +2,7 @@
 import { events } from './lab.js'
 import { drawMuscle, fitting, sharp, braid, PX } from './muscle.js'
 import { nice } from './plot.js'
+import { fromDrawing, inDrawing, magnify } from './view.js'
 import { TS, clamp, fmt, row, token } from './words.js'
 
 const H = 74
@@ -82,6 +83,8 @@ function surface (place) {
   }
   place.innerHTML = `<svg viewBox="0 0 ${W} ${h}" aria-hidden="true">${o}<circle class="here" r="4" fill="var(--ink)" stroke="var(--panel)" stroke-width="1.5" hidden></circle></svg><div class="tip" aria-live="polite" hidden></div>`
   place.spec = { s, at, n, m, W }
+  place.zoomer ??= magnify(place)
+  place.zoomer.chart.show(place.zoomer.range)
 }
 function show (place, i, j) {
   const { s, at, W } = place.spec
@@ -91,22 +94,24 @@ function show (place, i, j) {
   dot.removeAttribute('hidden'); dot.setAttribute('cx', x); dot.setAttribute('cy', y)
   tip.hidden = false
   tip.textContent = `${fmt(f, 1)}${TS}N/cm\u00b2 at ${fmt(s.lengths[i], 3)} L\u2080, ${fmt(s.drives[j], 1)}${TS}${s.unit}`
-  tip.style.left = `${clamp(x - tip.offsetWidth / 2, 0, W - tip.offsetWidth)}px`; tip.style.top = `${Math.max(0, y - 32)}px`
+  const [px, py] = fromDrawing(place.querySelector('svg'), [x, y])
+  tip.style.left = `${clamp(px - tip.offsetWidth / 2, 0, W - tip.offsetWidth)}px`; tip.style.top = `${Math.max(0, py - 32)}px`
 }
 function hide (place) { place.querySelector('.here')?.setAttribute('hidden', ''); const t = place.querySelector('.tip'); if (t) t.hidden = true }
 addEventListener('pointermove', e => {
   const place = e.target.closest?.('.surface')
   for (const other of document.querySelectorAll('.surface')) if (other !== place && other !== document.activeElement) hide(other)
   if (!place?.spec) return
-  const b = place.getBoundingClientRect(); const { s, at, n, m } = place.spec
+  if (place.zoomer.dragged) return
+  const [X, Y] = inDrawing(place.querySelector('svg'), e); const { s, at, n, m } = place.spec
   let best = null
-  for (let j = 0; j < m; j++) for (let i = 0; i < n; i++) { const [x, y] = at(s.lengths[i], s.drives[j], s.tension[j][i]); const d = (x - e.clientX + b.left) ** 2 + (y - e.clientY + b.top) ** 2; if (!best || d < best.d) best = { d, i, j } }
+  for (let j = 0; j < m; j++) for (let i = 0; i < n; i++) { const [x, y] = at(s.lengths[i], s.drives[j], s.tension[j][i]); const d = (x - X) ** 2 + (y - Y) ** 2; if (!best || d < best.d) best = { d, i, j } }
   if (best.d < 900) show(place, best.i, best.j); else hide(place)
 })
 addEventListener('keydown', e => {
   const place = e.target.closest?.('.surface')
   const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key]
-  if (!place?.spec || !by) return
+  if (!place?.spec || !by || e.ctrlKey || e.altKey) return
   e.preventDefault()
   const { n, m } = place.spec; const [i, j] = place.at ?? [n - 1, m - 1]; const times = e.shiftKey ? 10 : 1
   show(place, clamp(i + by[0] * times, 0, n - 1), clamp(j + by[1] * times, 0, m - 1))

@@ -1,5 +1,5 @@
 // The elements of a page live on the server (elements.py): their changes come over a line of their own, their events go back.
-import { link, tell } from './lab.js'
+import { act, link, tell } from './lab.js'
 
 const element = id => document.querySelector(`[data-id="${id}"]`)
 /** Functions that the server may call; a script of a page adds its own. */
@@ -10,7 +10,15 @@ export const calls = new Map(Object.entries({
   closeDialog: id => element(id)?.close(),
   setValue: (id, value) => { const e = element(id); if (e) e.value = value },
   download: (url, name) => { const a = document.createElement('a'); a.href = url; a.download = name; document.body.append(a); a.click(); a.remove() },
-  goTo: url => { location.href = url }
+  goTo: url => { location.href = url },
+  // what a page has made is chosen on the bench: pairs of an action, which is also a word of the bench's link, and a name
+  toBench: async choices => {
+    for (const [action, name] of choices) {
+      const answer = await act(action, { name })
+      if (!answer.ok) { tell(answer.said, 20); return }
+    }
+    location.href = `/?${new URLSearchParams(choices)}`
+  }
 }))
 
 // ---------------------------------------------------------------- what the server does to the page

@@ -16,7 +16,7 @@ function corners (p, all, beside) {
 }
 function piston (place, d, w) {
   const l = d.piston; const X = Math.max(...l.x, ...(l.other?.x ?? [])); const Y = Math.max(...l.y)
-  const p = new Plot(w, 312, [0, 1.06 * X], [0, top(Y) + 0.2])
+  const p = new Plot(w, 312, [0, 1.06 * X], [0, top(Y) + 0.2], {}, place)
   p.grid()
   // the part that a shortening muscle takes, twice as dark as what compresses
   const low = Math.min(...l.y)
@@ -45,7 +45,7 @@ function piston (place, d, w) {
 function tendon (place, d, w) {
   const l = d.tendon; const xs = [...l.x, ...(l.other?.x ?? [])]; const a = Math.min(...xs); const b = Math.max(...xs); const room = 0.08 * (b - a)
   const Y = Math.max(...l.y, ...(l.other?.y ?? [])); const low = Math.min(0, ...l.y)
-  const p = new Plot(w, 312, [a - room, b + 1.4 * room], [low && 1.1 * low, top(Y)])
+  const p = new Plot(w, 312, [a - room, b + 1.4 * room], [low && 1.1 * low, top(Y)], {}, place)
   p.grid()
   if (l.other) p.line(l.other.x, l.other.y, { c: F, w: 1, d: '4 3', name: 'without friction' })
   p.line(l.x, l.y, { c: F, w: 2.5, fill: 'var(--q-tension-fill)', close: true, name: d.friction ? 'with friction' : 'without friction' })
@@ -64,20 +64,20 @@ function tendon (place, d, w) {
 const DASH = { atmosphere: '', accumulator: '8 3' }
 function curve (place, d, w) {
   const h = w > 300 ? 320 : 264; const most = Math.max(0.1, ...d.lines.filter(l => l.friction).flatMap(l => l.y), d.efficiency ?? 0, d.other_efficiency ?? 0)
-  const p = new Plot(w, h, [0, d.highest], [0, Math.min(1, 1.12 * most)], { t: 22, r: 12, b: 36, l: 40 })
+  const p = new Plot(w, h, [0, d.highest], [0, Math.min(1, 1.12 * most)], { t: 22, r: 12, b: 36, l: 40 }, place)
   p.grid(5, 4)
   const words = l => l.words + (l.friction ? '' : ', no friction')
   for (const l of d.lines) {
-    const x = l.x.filter((_, i) => l.y[i] <= p.y[1]); const y = l.y.filter(v => v <= p.y[1])
+    const high = p.whole.y[1]; const x = l.x.filter((_, i) => l.y[i] <= high); const y = l.y.filter(v => v <= high)
     if (x.length) p.line(x, y, { w: l.friction ? 2 : 1, d: l.friction ? DASH[l.words] : '2 3', c: l.friction ? 'var(--ink)' : 'var(--ink-2)', name: words(l) })
     if (l.friction && x.length) p.text(x.at(-1), y.at(-1), l.words, { a: 'end', dx: -2, dy: 16 })
   }
   if (d.pressure <= d.highest) {
-    p.add(`<path d="M${p.X(d.pressure).toFixed(1)} ${p.m.t}V${h - p.m.b}" stroke="${P}" stroke-width="1.5"/>`)
+    p.add(`<path d="M${p.X(d.pressure).toFixed(1)} ${p.m.t}V${h - p.m.b}" stroke="${P}" stroke-width="1.5"${p.cut}/>`)
     const right = d.pressure < 0.75 * d.highest
-    for (const v of [d.efficiency, d.other_efficiency]) if (v !== null && v >= 0) p.add(`<circle cx="${p.X(d.pressure)}" cy="${p.Y(v)}" r="4" fill="var(--ink)" stroke="var(--panel)" stroke-width="1.5"/>`).text(d.pressure, v, fmt(v, 3), { dx: right ? 7 : -7, dy: -7, k: 'val', a: right ? 'start' : 'end' })
+    for (const v of [d.efficiency, d.other_efficiency]) if (v !== null && v >= 0 && p.shows(d.pressure, v)) p.add(`<circle cx="${p.X(d.pressure)}" cy="${p.Y(v)}" r="4" fill="var(--ink)" stroke="var(--panel)" stroke-width="1.5"/>`).text(d.pressure, v, fmt(v, 3), { dx: right ? 7 : -7, dy: -7, k: 'val', a: right ? 'start' : 'end' })
   }
-  if (d.lines.some(l => !l.friction)) p.text(d.highest, 0, 'dotted: without friction', { a: 'end', dx: -6, dy: -7, k: 'tick' })
+  if (d.lines.some(l => !l.friction)) p.text(p.x[1], p.y[0], 'dotted: without friction', { a: 'end', dx: -6, dy: -7, k: 'tick' })
   p.frame('<tspan style="font-weight:600">Efficiency</tspan>', title('pressure', 'supply pressure', 'bar'))
   p.into(place, 'Efficiency over supply pressure', `At ${fmt(d.pressure, 2)} bar ${d.exchange} ${fmt(d.efficiency, 3)}.`, [{ name: 'pressure', unit: 'bar', places: 2 }, { name: 'efficiency', unit: '', places: 4 }])
 }

@@ -1,97 +1,96 @@
 // The pictures of the page Fit: a figure with data-fit becomes one. Every number comes from the server; this script only draws.
 import { calls } from './elements.js'
-import { nice } from './plot.js'
-import { TS, clamp, escape, fmt, mark } from './words.js'
+import { events } from './lab.js'
+import { Plot, nice, zooms } from './plot.js'
+import { fromDrawing, inDrawing, magnify } from './view.js'
+import { TS, clamp, escape, fmt, mark, size, weight } from './words.js'
 
 const F = 'var(--q-tension)'
 const number = (v, d = 1) => fmt(v, d)
 const name = (q, word) => `<tspan style="fill:var(--q-${q});font-weight:600">${word}</tspan>`
 const path = pts => pts.length ? 'M' + pts.map(p => `${p[0].toFixed(1)} ${p[1].toFixed(1)}`).join('L') : ''
 
-class Plot {
-  constructor (w, h, x, y, m) {
-    Object.assign(this, { w, h, x, y, s: '', m: { t: 26, r: 14, b: 26, l: 46, ...m } })
-  }
-
-  X (v) { return this.m.l + (v - this.x[0]) / (this.x[1] - this.x[0]) * (this.w - this.m.l - this.m.r) }
-  Y (v) { return this.h - this.m.b - (v - this.y[0]) / (this.y[1] - this.y[0]) * (this.h - this.m.t - this.m.b) }
-  add (s) { this.s += s; return this }
+class Picture extends Plot {
+  constructor (w, h, x, y, m, figure) { super(w, h, x, y, { t: 26, r: 14, b: 26, l: 46, ...m }, figure) }
   grid (words = null) {
     const { l, r, t, b } = this.m
-    const xs = nice(...this.x, Math.max(2, (this.w - l - r) / 70)); const ys = nice(...this.y, Math.max(2, (this.h - t - b) / 44))
-    for (const v of xs.ticks) this.s += `<path d="M${this.X(v).toFixed(1)} ${t}V${this.h - b}" stroke="var(--grid)"/><text class="tick" x="${this.X(v).toFixed(1)}" y="${this.h - b + 14}" text-anchor="middle">${fmt(v, xs.places)}</text>`
+    const xs = nice(...this.x, Math.max(2, (this.w - l - r) / size(70))); const ys = nice(...this.y, Math.max(2, (this.h - t - b) / 44))
+    for (const v of xs.ticks) this.s += `<path d="M${this.X(v).toFixed(1)} ${t}V${this.h - b}" stroke="var(--grid)"/><text class="tick" x="${this.X(v).toFixed(1)}" y="${this.h - b + size(14)}" text-anchor="middle">${fmt(v, xs.places)}</text>`
     for (const v of ys.ticks) this.s += `<path d="M${l} ${this.Y(v).toFixed(1)}H${this.w - r}" stroke="var(--grid)"/><text class="tick" x="${l - 6}" y="${(this.Y(v) + 4).toFixed(1)}" text-anchor="end">${words ? words(v) : fmt(v, ys.places)}</text>`
-    return this.add(`<rect x="${l}" y="${t}" width="${Math.max(0, this.w - l - r)}" height="${Math.max(0, this.h - t - b)}" fill="none" stroke="var(--rule)"/>`)
+    return this.add(`<rect x="${l}" y="${t}" width="${this.wide}" height="${this.high}" fill="none" stroke="var(--rule)"/>`)
   }
 
-  line (pts, width = 1.75, opacity = 1) { return this.add(`<path d="${path(pts.map(p => [this.X(p[0]), this.Y(p[1])]))}" fill="none" stroke="${F}" stroke-width="${width}" stroke-linejoin="round" opacity="${opacity}"/>`) }
-  title (markup) { return this.add(`<text x="${this.m.l}" y="15" style="font-size:12px;fill:var(--ink-2)">${markup}</text>`) }
+  line (pts, width = 1.75, opacity = 1) { return this.add(`<path d="${path(pts.map(p => [this.X(p[0]), this.Y(p[1])]))}" fill="none" stroke="${F}" stroke-width="${weight(width)}" stroke-linejoin="round" opacity="${opacity}"${this.cut}/>`) }
+  title (markup) { return this.add(`<text x="${this.m.l}" y="15" style="font-size:${size(12)}px;fill:var(--ink-2)">${markup}</text>`) }
   svg () { return `<svg width="${this.w}" height="${this.h}" viewBox="0 0 ${this.w} ${this.h}" aria-hidden="true">${this.s}</svg>` }
+  /** Places of points in the picture, with what is said of each; those outside of it are left out. */
+  spots (points, x, y, words) { return points.filter(q => this.shows(x(q), y(q))).map(q => [this.X(x(q)), this.Y(y(q)), words(q), q]) }
 }
 const triangle = (x, y) => `<path d="${mark('tension', x, y, 3.6)}" fill="var(--panel)" stroke="${F}" stroke-width="1.3"/>`
 const told = (d, p) => `<b class="F">${number(p.F)}${TS}N</b> measured, ${number(p.e)} off<br>${fmt(p.L, 2)}${TS}cm, ${fmt(p.P, 2)}${TS}bar`
 
-function tension (d, w, h) {
+function tension (d, w, h, figure) {
   const narrow = w < 480
-  const top = d.top * 1.06; const p = new Plot(w, h, d.x, [0, top], { l: 52, r: 62, b: narrow ? 52 : 38 }).grid()
+  const top = d.top * 1.06; const p = new Picture(w, h, d.x, [0, top], { l: 52, r: size(62), b: narrow ? 52 : 38 }, figure).grid()
   const strong = new Set(d.labelled)
   d.curves.forEach((c, i) => p.line(c.x.map((x, j) => [x, c.y[j]]).filter(q => q[1] <= top), strong.has(i) ? 1.75 : 1, strong.has(i) ? 1 : 0.45))
   let last = Infinity
-  const ends = d.curves.map((c, i) => ({ i, P: c.P, at: c.x.map((x, j) => [x, c.y[j]]).filter(q => q[1] <= top).at(-1) })).filter(e => e.at).sort((a, b) => b.P - a.P)
+  const ends = d.curves.map((c, i) => ({ i, P: c.P, at: c.x.map((x, j) => [x, c.y[j]]).filter(q => q[1] <= top && p.shows(...q)).at(-1) })).filter(e => e.at).sort((a, b) => b.P - a.P)
   let first = true
   for (const e of ends) {
     const y = p.Y(e.at[1])
-    if (Math.abs(y - last) < 12 && last !== Infinity) continue
+    if (Math.abs(y - last) < size(12) && last !== Infinity) continue
     last = y
     p.add(`<text class="tick" x="${p.X(e.at[0]) + 6}" y="${y + 4}" style="fill:var(--q-pressure);${strong.has(e.i) ? 'font-weight:600' : ''}">${fmt(e.P, 2)}${first ? `${TS}bar` : ''}</text>`)
     first = false
   }
-  if (d.rest !== null) p.add(`<path d="M${p.X(d.rest)} ${p.Y(0)}v5" stroke="var(--ink)"/><text class="tick" x="${p.X(d.rest)}" y="${p.Y(0) + 28}" text-anchor="middle">rest length</text>`)
-  for (const L of d.slack) p.add(`<circle cx="${p.X(L)}" cy="${p.Y(0)}" r="3.2" fill="var(--panel)" stroke="var(--ink-3)"/>`)
-  const spots = d.points.map(q => [p.X(q.L), p.Y(q.F), told(d, q)])
+  if (d.rest !== null && p.shows(d.rest, 0)) p.add(`<path d="M${p.X(d.rest)} ${p.Y(0)}v5" stroke="var(--ink)"/><text class="tick" x="${p.X(d.rest)}" y="${p.Y(0) + 28}" text-anchor="middle">rest length</text>`)
+  for (const L of d.slack) if (p.shows(L, 0)) p.add(`<circle cx="${p.X(L)}" cy="${p.Y(0)}" r="3.2" fill="var(--panel)" stroke="var(--ink-3)"/>`)
+  const spots = p.spots(d.points, q => q.L, q => q.F, q => told(d, q))
   for (const s of spots) p.add(triangle(s[0], s[1]))
   if (d.source) p.add(`<text class="tick" x="${narrow ? 2 : 52}" y="${h - 2}">${escape(d.source)}</text>`)
   p.title(`${name('tension', 'Tension')}, N, against ${name('length', 'length')}, cm${narrow ? '' : `; beside the lines the ${name('pressure', 'pressure')}, bar`}`)
-  return [p.svg(), spots]
+  return [p.svg(), spots, p]
 }
-function errors (d, w, h) {
+function errors (d, w, h, figure) {
   const most = Math.max(...d.points.map(q => Math.abs(q.e)), d.percent) * 1.12
-  const p = new Plot(w, h, d.x, [-most, most], { l: 52, b: 38 })
-  p.add(`<rect x="52" y="${p.Y(d.percent)}" width="${Math.max(0, w - 66)}" height="${Math.max(0, p.Y(-d.percent) - p.Y(d.percent))}" fill="var(--tint)"/>`).grid(v => (v > 0 ? '+' : '') + fmt(v, most < 5 ? 1 : 0))
-  p.add(`<path d="M52 ${p.Y(0)}H${w - 14}" stroke="var(--edge)"/><text class="tick" x="${w - 18}" y="${p.Y(d.percent) - 4}" text-anchor="end">1${TS}% of the largest tension</text>`)
-  const spots = d.points.map(q => [p.X(q.L), p.Y(q.e), told(d, q)])
+  const p = new Picture(w, h, d.x, [-most, most], { l: 52, b: 38 }, figure)
+  p.add(`<rect x="52" y="${p.Y(d.percent)}" width="${Math.max(0, w - 66)}" height="${Math.max(0, p.Y(-d.percent) - p.Y(d.percent))}" fill="var(--tint)"${p.cut}/>`).grid(v => (v > 0 ? '+' : '') + fmt(v, most < 5 ? 1 : 0))
+  p.add(`<path d="M52 ${p.Y(0)}H${w - 14}" stroke="var(--edge)"${p.cut}/>`)
+  if (p.shows(p.x[0], d.percent)) p.add(`<text class="tick" x="${w - 18}" y="${p.Y(d.percent) - 4}" text-anchor="end">1${TS}% of the largest tension</text>`)
+  const spots = p.spots(d.points, q => q.L, q => q.e, q => told(d, q))
   for (const s of spots) p.add(triangle(s[0], s[1]))
   p.title(`${name('tension', 'Tension')} measured less fitted, N, against ${name('length', 'length')}, cm`)
-  return [p.svg(), spots]
+  return [p.svg(), spots, p]
 }
-function bubbles (d, w, h) {
-  const most = Math.max(...d.points.map(q => Math.abs(q.e)), 1e-9); const size = e => Math.sqrt(Math.abs(e) / most) * 9
-  const p = new Plot(w, h, d.x, [0, d.highest * 1.08], { l: 34, r: 78, b: 24, t: 24 }).grid()
-  const spots = d.points.map(q => [p.X(q.L), p.Y(q.P), told(d, q)])
-  const ring = (x, y, e) => `<circle cx="${x}" cy="${y}" r="${Math.max(1, size(e)).toFixed(1)}" fill="${e > 0 ? F : 'var(--panel)'}" fill-opacity="${e > 0 ? 0.8 : 1}" stroke="${F}" stroke-width="1.3"/>`
-  d.points.forEach((q, i) => p.add(ring(spots[i][0], spots[i][1], q.e)))
+function bubbles (d, w, h, figure) {
+  const most = Math.max(...d.points.map(q => Math.abs(q.e)), 1e-9); const radius = e => Math.sqrt(Math.abs(e) / most) * 9
+  const p = new Picture(w, h, d.x, [0, d.highest * 1.08], { l: size(34), r: size(78), b: size(24), t: 24 }, figure).grid()
+  const spots = p.spots(d.points, q => q.L, q => q.P, q => told(d, q))
+  const ring = (x, y, e) => `<circle cx="${x}" cy="${y}" r="${Math.max(1, radius(e)).toFixed(1)}" fill="${e > 0 ? F : 'var(--panel)'}" fill-opacity="${e > 0 ? 0.8 : 1}" stroke="${F}" stroke-width="1.3"/>`
+  for (const [x, y, , q] of spots) p.add(ring(x, y, q.e))
   ;[most, most / 4, -most / 4, -most].forEach((e, i) => p.add(`${ring(w - 56, 44 + i * 30, e)}<text class="tick" x="${w - 42}" y="${48 + i * 30}">${e > 0 ? '+' : ''}${number(e, most < 20 ? 1 : 0)}${i ? '' : `${TS}N`}</text>`))
   p.add(`<text class="tick" x="4" y="14">${name('pressure', 'Pressure')}, bar, against ${name('length', 'length')}, cm</text>`)
-  return [p.svg(), spots]
+  return [p.svg(), spots, p]
 }
-function left (d, w, h) {
+function left (d, w, h, figure) {
   const most = Math.max(...d.left.map(q => Math.abs(q.e) / d.percent), 1) * 1.2
-  const p = new Plot(w, h, [0, d.highest * 1.05], [-most, most], { l: 44, b: 34, t: 10 }).grid(v => `${v > 0 ? '+' : ''}${fmt(v, v % 1 ? 1 : 0)}${TS}%`)
-  const spots = d.left.map(q => [p.X(q.P), p.Y(q.e / d.percent), `${fmt(q.P, 2)}${TS}bar left out<br><b class="F">${number(q.e)}${TS}N</b> off at ${fmt(q.L, 2)}${TS}cm`])
-  for (const s of spots) p.add(`<path d="M${s[0]} ${p.Y(0)}V${s[1]}" stroke="${F}" stroke-width="3"/>`)
-  p.add(`<path d="M44 ${p.Y(0)}H${w - 14}" stroke="var(--edge)"/><text class="tick" x="${w - 14}" y="${h - 4}" text-anchor="end">largest error, of the largest tension, against ${name('pressure', 'pressure')}, bar</text>`)
-  return [p.svg(), spots]
+  const p = new Picture(w, h, [0, d.highest * 1.05], [-most, most], { l: size(44), b: 34, t: 10 }, figure).grid(v => `${v > 0 ? '+' : ''}${fmt(v, v % 1 ? 1 : 0)}${TS}%`)
+  const spots = p.spots(d.left, q => q.P, q => q.e / d.percent, q => `${fmt(q.P, 2)}${TS}bar left out<br><b class="F">${number(q.e)}${TS}N</b> off at ${fmt(q.L, 2)}${TS}cm`)
+  for (const s of spots) p.add(`<path d="M${s[0]} ${p.Y(0)}V${s[1]}" stroke="${F}" stroke-width="3"${p.cut}/>`)
+  p.add(`<path d="M${p.m.l} ${p.Y(0)}H${w - 14}" stroke="var(--edge)"${p.cut}/><text class="tick" x="${w - 14}" y="${h - 4}" text-anchor="end">largest error, of the largest tension, against ${name('pressure', 'pressure')}, bar</text>`)
+  return [p.svg(), spots, p]
 }
 // Length to the right, pressure into the depth, tension up; turned by dragging or with the arrows.
 function surface (d, w, h, figure) {
   const turn = figure.turn ??= { a: -0.55, b: 0.5 }
   const { lengths, pressures, tension: z } = d.surface; const sa = Math.sin(turn.a); const ca = Math.cos(turn.a); const sb = Math.sin(turn.b); const cb = Math.cos(turn.b)
   const unit = (v, a, b) => (v - a) / (b - a || 1) - 0.5
-  const size = Math.min(w * 0.62, h * 0.72)
+  const span = Math.min(w * 0.62, h * 0.72)
   const at = (L, P, T) => {
     const x = unit(L, lengths[0], lengths.at(-1)); const y = unit(P, 0, d.highest); const u = clamp(T, 0, d.top) / d.top - 0.5
     const depth = -x * sa + y * ca
-    return [w / 2 + (x * ca + y * sa) * size, h / 2 + 6 - (u * cb * 0.82 + depth * sb * 0.8) * size, depth]
+    return [w / 2 + (x * ca + y * sa) * span, h / 2 + 6 - (u * cb * 0.82 + depth * sb * 0.8) * span, depth]
   }
   let s = ''
   const floor = [[lengths[0], 0], [lengths.at(-1), 0], [lengths.at(-1), d.highest], [lengths[0], d.highest]].map(q => at(q[0], q[1], 0))
@@ -120,10 +119,16 @@ const KINDS = { tension, errors, bubbles, left, surface }
 function build (figure) {
   const d = JSON.parse(figure.dataset.fit); const w = figure.clientWidth
   if (w < 40) return
-  const h = +figure.dataset.height
-  const [svg, spots] = KINDS[figure.dataset.kind](d, w, h, figure)
+  const [svg, spots, plot] = KINDS[figure.dataset.kind](d, w, size(+figure.dataset.height), figure)
+  figure.style.height = `${size(+figure.dataset.height)}px`
   figure.innerHTML = svg + '<div class="tip" hidden></div>'
   figure.spots = spots
+  figure.redraw = () => build(figure)
+  if (plot) zooms(figure, figure, plot)
+  else {
+    figure.zoomer ??= magnify(figure, { drags: () => true })
+    figure.zoomer.chart.show(figure.zoomer.range)
+  }
 }
 function show (figure, i) {
   const tip = figure.querySelector('.tip'); const s = figure.spots?.[i]
@@ -133,37 +138,41 @@ function show (figure, i) {
   tip.hidden = !s
   if (!s) return
   tip.innerHTML = s[2]
-  tip.style.left = `${clamp(s[0] + 12, 0, figure.clientWidth - tip.offsetWidth)}px`
-  tip.style.top = `${Math.max(0, s[1] - tip.offsetHeight - 8)}px`
+  const [x, y] = fromDrawing(figure.querySelector('svg'), s)
+  tip.style.left = `${clamp(x + 12, 0, figure.clientWidth - tip.offsetWidth)}px`
+  tip.style.top = `${Math.max(0, y - tip.offsetHeight - 8)}px`
   figure.querySelector('svg').insertAdjacentHTML('beforeend', `<circle class="ring" cx="${s[0]}" cy="${s[1]}" r="8" fill="none" stroke="var(--ink)" stroke-width="1.5"/>`)
 }
 function near (figure, e) {
-  const box = figure.getBoundingClientRect(); const x = e.clientX - box.left; const y = e.clientY - box.top
+  const svg = figure.querySelector('svg')
+  if (!svg) return
+  const [x, y] = inDrawing(svg, e)
   let best = null
   ;(figure.spots ?? []).forEach((s, i) => { const r = (s[0] - x) ** 2 + (s[1] - y) ** 2; if (r < 625 && (!best || r < best[0])) best = [r, i] })
   show(figure, best ? best[1] : -1)
 }
 function ready (figure) {
-  figure.onpointermove = e => {
+  figure.addEventListener('pointermove', e => {
     if (figure.from) {
       figure.turn = { a: figure.from.a + (e.clientX - figure.from.x) / 140, b: clamp(figure.from.b + (e.clientY - figure.from.y) / 200, 0.1, 1.3) }
       build(figure)
-    } else near(figure, e)
-  }
-  figure.onpointerdown = e => { if (figure.dataset.kind === 'surface') { figure.from = { x: e.clientX, y: e.clientY, ...figure.turn }; figure.setPointerCapture(e.pointerId) } }
-  figure.onpointerup = figure.onpointercancel = () => { figure.from = null }
-  figure.onpointerleave = () => show(figure, -1)
-  figure.onkeydown = e => {
+    } else if (!figure.zoomer?.dragged) near(figure, e)
+  })
+  figure.addEventListener('pointerdown', e => { if (figure.dataset.kind === 'surface' && !e.shiftKey && figure.zoomer?.pointers.size < 2) { figure.from = { x: e.clientX, y: e.clientY, ...figure.turn }; figure.setPointerCapture(e.pointerId) } else figure.from = null })
+  for (const name of ['pointerup', 'pointercancel']) figure.addEventListener(name, () => { figure.from = null })
+  figure.addEventListener('pointerleave', () => show(figure, -1))
+  figure.addEventListener('keydown', e => {
     const step = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -1, ArrowDown: 1 }[e.key]
-    if (!step) return
+    if (!step || e.ctrlKey || e.altKey) return
     e.preventDefault(); e.stopPropagation()
     if (figure.dataset.kind === 'surface' && e.shiftKey) {
       const across = e.key === 'ArrowLeft' || e.key === 'ArrowRight'
       figure.turn = { a: figure.turn.a + (across ? step * 0.1 : 0), b: clamp(figure.turn.b + (across ? 0 : step * 0.1), 0.1, 1.3) }
       build(figure)
     } else show(figure, clamp((figure.at ?? -1) + step, 0, figure.spots.length - 1))
-  }
+  })
 }
+events.addEventListener('projector', () => { for (const figure of document.querySelectorAll('figure[data-fit]')) build(figure) })
 const sizes = new ResizeObserver(list => { for (const { target } of list) if (target.isConnected && target.wide !== target.clientWidth) { target.wide = target.clientWidth; build(target) } })
 function look () {
   for (const figure of document.querySelectorAll('figure[data-fit]')) {

@@ -1,5 +1,5 @@
 // The connection to the server, and the common parts of all pages: state block, emergency stop, keyboard, theme, toasts, footer.
-import { fmt, forget, say, words } from './words.js'
+import { fmt, forget, projected, say, words } from './words.js'
 
 export const events = new EventTarget()
 // `page` is the public name of this page, as everybody sees it; `server` the identity of the server that it speaks to
@@ -306,6 +306,13 @@ function theme (to) {
   forget()
   emit('theme')
 }
+function projector (on) {
+  if (on) root.dataset.projector = '1'; else delete root.dataset.projector
+  sessionStorage.setItem('mckibben-projector', on ? '1' : '0')
+  link({ projector: on ? '1' : '' })
+  $('#projector').setAttribute('aria-pressed', String(on))
+  emit('projector')
+}
 /** Put part of the state of the view into the address, so that the link can be sent. */
 export function link (state) {
   const url = new URL(location.href)
@@ -337,6 +344,7 @@ function pressed (e) {
   }
   if (e.ctrlKey && e.key.toLowerCase() === 'z' && !inField(e)) { e.preventDefault(); act('undo').then(a => a.ok || tell(a.said)); return }
   if (e.ctrlKey || e.metaKey || e.altKey || inField(e) || document.querySelector('dialog[open]')) return
+  if (e.target.closest?.('[data-zooms]') && '+-=0'.includes(e.key) && !e.target.closest('#strips')) return // of a chart, which has the focus
   if (!singles()) return
   if (performance.now() - after < 1500 && PAGES[e.key.toLowerCase()]) { after = 0; location.href = PAGES[e.key.toLowerCase()]; return }
   if (e.key.toLowerCase() === 'g') { after = performance.now(); return }
@@ -366,6 +374,9 @@ addEventListener('DOMContentLoaded', () => {
   }
   $('.menu').onclick = () => { document.body.classList.toggle('nav'); $('.menu').setAttribute('aria-expanded', String(document.body.classList.contains('nav'))) }
   $('#theme').onclick = () => { const to = dark() ? 'light' : 'dark'; theme(to); sessionStorage.setItem('mckibben-theme', to); link({ theme: to }) }
+  $('#projector').onclick = () => projector(!projected())
+  $('#projector').setAttribute('aria-pressed', String(projected()))
+  key('j', '', () => projector(!projected()))
   $('#keys-button').onclick = help
   $('#copy').onclick = async () => {
     try { await navigator.clipboard.writeText(location.href); tell('The link to this view was copied.') } catch { tell(`The link: ${location.href}`, 20) }

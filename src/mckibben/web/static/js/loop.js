@@ -1,23 +1,26 @@
 // Tension against length, live: the loop of the last cycle filled, the present one growing, the law behind it.
 import uPlot from '../uplot/uPlot.esm.js'
 import { axis, dot, stroke } from './charts.js'
-import { TS, ends, fmt, token } from './words.js'
+import { View } from './view.js'
+import { TS, ends, fmt, size, token } from './words.js'
 
 export class LoopPlot {
   constructor (place, buffer) {
     this.place = place; this.buffer = buffer; this.laws = null; this.dry = null; this.plot = null; this.width = 0
     this.reach = [NaN, NaN]; this.x = [12, 16]; this.y = [0, 100]; this.period = 0; this.work = null; this.cursor = null; this.old = false; this.words = ''
+    this.part = null
     new ResizeObserver(() => { this.dirty = true }).observe(place)
+    this.zoomer = new View(place, { whole: () => ({ x: this.x, y: this.y }), box: () => this.plot.over.getBoundingClientRect(), inside: e => this.plot?.over.contains(e.target), show: part => { this.part = part; this.dirty = true; this.changed?.() } })
   }
 
   build () {
     const w = Math.floor(this.place.clientWidth)
-    if (!w || (this.plot && w === this.width)) return
-    this.width = w
+    if (!w || (this.plot && w === this.width && size(1) === this.scale)) return
+    this.width = w; this.scale = size(1)
     this.plot?.destroy()
     this.plot = new uPlot({
-      width: w, height: innerWidth <= 760 ? 320 : innerHeight < 860 ? 258 : 288, padding: [6, 46, 0, 0], legend: { show: false }, cursor: { show: false }, select: { show: false },
-      scales: { x: { time: false, range: () => this.x }, y: { range: () => this.y } }, series: [{}, { paths: () => null, points: { show: false } }],
+      width: w, height: innerWidth <= 760 ? 320 : innerHeight < 860 ? 258 : 288, padding: [6, size(46), 0, 0], legend: { show: false }, cursor: { show: false }, select: { show: false },
+      scales: { x: { time: false, range: () => this.part?.x ?? this.x }, y: { range: () => this.part?.y ?? this.y } }, series: [{}, { paths: () => null, points: { show: false } }],
       axes: [axis({ size: 34, space: 50 }), axis({ size: 44, space: 34 })], hooks: { draw: [u => this.over(u)] }
     }, [[0, 1], [0, 1]], this.place)
   }
@@ -41,10 +44,10 @@ export class LoopPlot {
     this.dirty = false
     const u = this.plot
     if (!u) return
-    const key = [...this.x, ...this.y].join()
+    const x = this.part?.x ?? this.x; const y = this.part?.y ?? this.y; const key = [...x, ...y].join()
     if (key === this.key && u === this.of) { u.redraw(false, false); return }
     this.key = key; this.of = u
-    u.batch(() => { u.setScale('x', { min: this.x[0], max: this.x[1] }); u.setScale('y', { min: this.y[0], max: this.y[1] }) })
+    u.batch(() => { u.setScale('x', { min: x[0], max: x[1] }); u.setScale('y', { min: y[0], max: y[1] }) })
   }
 
   over (u) {
@@ -55,7 +58,7 @@ export class LoopPlot {
     const ends = []
     for (const law of this.laws?.lines ?? []) {
       const xs = []; const ys = []
-      law.length.forEach((l, i) => { if (law.tension[i] > 0.3 && law.tension[i] < this.y[1]) { xs.push(X(l * 100)); ys.push(Y(law.tension[i])) } })
+      law.length.forEach((l, i) => { if (law.tension[i] > 0.3 && law.tension[i] < (this.part?.y ?? this.y)[1]) { xs.push(X(l * 100)); ys.push(Y(law.tension[i])) } })
       stroke(ctx, xs, ys, { colour: token(this.old ? '--ink-3' : '--q-pressure'), width: 1, opacity: 0.75 })
       if (xs.length) ends.push([xs.at(-1), ys.at(-1), law.words])
     }
@@ -64,13 +67,41 @@ export class LoopPlot {
       stroke(ctx, xs, ys, { colour: token('--q-tension'), width: 1.5, dash: [4, 3] })
     }
     if (this.live) this.live_(ctx, X, Y)
+    this.measured(ctx, X, Y)
     ctx.restore()
     ctx.save()
-    ctx.font = `${11 * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'; ctx.fillStyle = token(this.old ? '--ink-3' : '--q-pressure')
-    ends.forEach(([x, y, text], i) => ctx.fillText(i === ends.length - 1 ? text.replace(' ', TS) : text.split(' ')[0], x + 4 * px, y))
+    ctx.font = `${size(11) * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'; ctx.fillStyle = token(this.old ? '--ink-3' : '--q-pressure')
+    const { left, top, width, height } = bbox
+    ends.forEach(([x, y, text], i) => (!this.part || (x >= left && x <= left + width && y >= top && y <= top + height)) && ctx.fillText(i === ends.length - 1 ? text.replace(' ', TS) : text.split(' ')[0], x + 4 * px, y))
     const rest = this.rest
-    if (rest) { ctx.fillStyle = token('--ink-3'); ctx.textAlign = 'center'; ctx.fillText('L\u2080', X(rest), bbox.top + bbox.height + 27 * px) }
+    if (rest && X(rest) >= bbox.left && X(rest) <= bbox.left + bbox.width) { ctx.fillStyle = token('--ink-3'); ctx.textAlign = 'center'; ctx.fillText('L\u2080', X(rest), bbox.top + bbox.height + 27 * px) }
     ctx.restore()
+  }
+
+  // Own data: dashed as the second recording of a quantity, or the points of a map, with their name at the highest one.
+  measured (ctx, X, Y) {
+    const own = this.own?.loop()
+    if (!own) return
+    const xs = own.x.map(X); const ys = own.y.map(Y)
+    if (own.points) xs.forEach((x, i) => dot(ctx, 'tension', x, ys[i], 4, { hollow: true })); else stroke(ctx, xs, ys, { colour: token('--q-tension'), width: 1.75, dash: this.live ? [6, 3] : [] })
+    const top = own.y.reduce((a, v, i) => v > (own.y[a] ?? -Infinity) ? i : a, 0); const px = devicePixelRatio
+    ctx.font = `600 ${size(11) * px}px ${token('--font')}`; ctx.textAlign = 'center'; ctx.textBaseline = 'alphabetic'; ctx.fillStyle = token('--q-tension'); ctx.fillText('measured', xs[top], ys[top] - 6 * px)
+  }
+
+  /** What is drawn, as the document of a chart. */
+  document () {
+    const b = this.buffer; const lines = (this.laws?.lines ?? []).map(l => {
+      const some = l.tension.map((v, i) => i).filter(i => l.tension[i] > 0.3 && l.tension[i] <= this.y[1])
+      return { x: some.map(i => l.length[i] * 100), y: some.map(i => l.tension[i]), label: l.words, quantity: 'pressure', width: 1, opacity: 0.75 }
+    })
+    if (this.dry && !this.live) lines.push({ x: this.dry.length, y: this.dry.tension, quantity: 'tension', dash: 'B', width: 1.5 })
+    if (this.live && b.n) {
+      const end = this.end ?? b.end; const [i, j] = b.between(Math.max(end - (this.period || 6), b.t[0]), end); const step = Math.max(1, Math.floor((j - i) / 2000)); const x = []; const y = []
+      for (let k = i; k < j; k += step) { x.push(b.c.length[k]); y.push(b.c.tension[k]) }
+      lines.push({ x, y, quantity: 'tension', width: 2.25, fill: Boolean(this.period) })
+    }
+    const own = this.own?.loop()
+    return { name: 'Tension over length', x: { label: 'Length', unit: 'cm', quantity: 'length', low: this.x[0], high: this.x[1] }, y: { label: 'Tension', unit: 'N', quantity: 'tension', low: this.y[0], high: this.y[1] }, lines: own ? [...lines, { x: own.x, y: own.y.map(v => Number.isFinite(v) ? v : null), label: 'measured', quantity: 'tension', dash: 'B', width: 1.75, points: own.points, line: !own.points }] : lines, marks: [] }
   }
 
   live_ (ctx, X, Y) {
@@ -97,8 +128,8 @@ export class LoopPlot {
 
   say (ctx, xs, ys, colour) {
     const px = devicePixelRatio; const mid = a => (Math.min(...a) + Math.max(...a)) / 2
-    ctx.textAlign = 'center'; ctx.textBaseline = 'alphabetic'; ctx.fillStyle = colour; ctx.font = `600 ${17 * px}px ${token('--font')}`
-    ctx.fillText(`${fmt(this.work, 2)}${TS}J`, mid(xs), mid(ys)); ctx.fillStyle = token('--ink-2'); ctx.font = `${11 * px}px ${token('--font')}`
+    ctx.textAlign = 'center'; ctx.textBaseline = 'alphabetic'; ctx.fillStyle = colour; ctx.font = `600 ${size(17) * px}px ${token('--font')}`
+    ctx.fillText(`${fmt(this.work, 2)}${TS}J`, mid(xs), mid(ys)); ctx.fillStyle = token('--ink-2'); ctx.font = `${size(11) * px}px ${token('--font')}`
     ctx.fillText(this.words, mid(xs), mid(ys) + 15 * px)
   }
 }

@@ -1,5 +1,5 @@
 // The muscle to scale: braid angle and diameter move with the length, by the table that came with it.
-import { TS, clamp, fmt, row, token } from './words.js'
+import { TS, clamp, fmt, row, size as projected, token } from './words.js'
 
 export const PX = 37.8 // of a centimetre on the screen
 const SCALES = [1, 0.75, 0.5, 0.4, 1 / 3, 0.25, 0.2, 0.1, 0.05, 0.02]
@@ -78,7 +78,7 @@ export function small (canvas, m, px, w) {
 }
 
 function words (g, text, x, y, { size = 11, weight = 400, colour = '--ink-3', align = 'left', style = '' } = {}) {
-  g.font = `${style} ${weight} ${size}px ${token('--font')}`; g.fillStyle = token(colour); g.textAlign = align; g.textBaseline = 'alphabetic'
+  g.font = `${style} ${weight} ${projected(size)}px ${token('--font')}`; g.fillStyle = token(colour); g.textAlign = align; g.textBaseline = 'alphabetic'
   g.fillText(text, x, y)
 }
 function line (g, colour, width, ...points) {

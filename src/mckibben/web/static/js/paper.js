@@ -1,6 +1,7 @@
 // The page The paper: rows with theirs and ours, filters, progress, and the figures as small pictures.
 import { notify } from './elements.js'
 import { key, link } from './lab.js'
+import { magnify } from './view.js'
 import { TS, clamp, escape, say } from './words.js'
 
 const SIGNS = {
@@ -113,6 +114,7 @@ function numbers () {
   }).join('') + '<p class="p-caption faint">Theirs, then ours in bold. Grey is the tolerance, the tick the print, the dot ours.</p>'
 }
 function look () {
+  for (const place of document.querySelectorAll('.p-svg')) place.zoomer ??= magnify(place)
   const root = $('.p-root'); if (!root) return
   if (root.dataset.fixed && !fixed) {
     fixed = JSON.parse(root.dataset.fixed)

@@ -1,4 +1,5 @@
 // The flow of energy as streams whose width is their energy: air is blue, work is orange, every loss grey.
+import { magnify } from './view.js'
 import { TS, escape, fmt, say } from './words.js'
 
 const WORK = ['shaft_work']; const STORED = ['gas', 'muscle', 'tendon']
@@ -96,6 +97,7 @@ export function sankey (place, d, w) {
   const tall = Math.max(bottom, (spots.at(-1) ?? 0) + 26, (wspots.at(-1) ?? 0) + 26)
   if (small.length) note += ` Below ${fmt(100 * d.least, 2)}${TS}%, not drawn: ${[...new Set(small.map(s => escape(s.words)))].join(', ')}.`
   const summary = `Flow of energy: ${[...d.gas.into, ...ends, ...way].map(s => `${s.words} ${fmt(s.value, 2)} J`).join(', ')}`
-  place.innerHTML = `<svg width="${w}" height="${tall.toFixed(0)}" role="img" aria-label="${escape(summary)}">${svg}</svg>${below(note)}`
+  place.innerHTML = `<div class="flow-field" tabindex="0" role="img" aria-label="${escape(summary)}"><svg width="${w}" height="${tall.toFixed(0)}" viewBox="0 0 ${w} ${tall.toFixed(0)}" aria-hidden="true">${svg}</svg></div>${below(note)}`
+  magnify(place.firstChild)
   place.querySelector('details').open = Boolean(open)
 }

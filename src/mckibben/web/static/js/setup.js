@@ -23,7 +23,7 @@ export function machine () {
   const s = setup()
   if (!s) return
   const free = shape() === 'idle'
-  const key = JSON.stringify([s.muscle, s.rig, free, lab.parts.dry?.plumbing, lab.parts.laws?.title])
+  const key = JSON.stringify([s.muscle, s.muscles.length, s.rig, free, lab.parts.dry?.plumbing, lab.parts.laws?.title])
   if (key === drawn) return
   drawn = key
   const box = $('#muscle')

@@ -40,6 +40,8 @@ export const Q = {
   flow: { name: 'Flow', sign: 'q', unit: 'L/min', places: 1, mark: 'd', dash: [2, 3] },
   valve: { name: 'Valve', sign: 'u', unit: '%', places: 0, mark: 'v', dash: [9, 3, 2, 3] }
 }
+/** What a measured tension leaves over a simulated one: ink, as all that is derived. */
+export const RESIDUAL = { name: 'Residual', sign: 'F', unit: 'N', places: 1, limit: 0, mark: 't', dash: [] }
 const known = new Map(); let style = null
 /** The value of a custom property, such as a colour, in the present theme. */
 export function token (name) {
@@ -51,6 +53,10 @@ export function token (name) {
   }
   return value
 }
+/** Sizes of text and of what holds it, and weights of strokes, which a projector makes larger. */
+export const projected = () => document.documentElement.dataset.projector === '1'
+export const size = px => projected() ? 1.45 * px : px
+export const weight = px => projected() ? 1.7 * px : px
 /** The theme is another one. */
 export const forget = () => known.clear()
 export const colour = q => token(Q[q] ? `--q-${q}` : '--ink')
