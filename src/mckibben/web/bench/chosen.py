@@ -95,7 +95,7 @@ class BenchSelection:
         key = path.name, path.stat().st_mtime_ns
         if key not in self._own:
             try:
-                spec = replace(specimen(path), id=path.stem)
+                spec = replace(specimen(path), id=path.stem, title=path.stem)
                 drawing.rest_length(spec)
                 self._own[key] = spec if spec.kind == "mckibben" else None
             except MckibbenError:

@@ -9,11 +9,13 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any
 
+from ....recordings.conditions import differing
 from ...elements import Element
 from ...widgets import SIGNS, box, raw, select
 from .state import RecordingEntry
 
 LETTERS = "AB"
+MOST_SHARED = 6  # conditions that all share, of which the page tells
 ORIGINS = {"": "Simulated and measured", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
 CHECK = (
     '<svg width="13" height="11" viewBox="0 0 13 11" aria-hidden="true"><path d="M1 6l3.500 3.500L12 1" fill="none" '
@@ -52,6 +54,20 @@ def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Ca
     select(ORIGINS, now if now in ORIGINS else "", lambda v: change("origin", v), "Origin")
 
 
+def shown_differences(entries: Sequence[RecordingEntry]) -> tuple[list[str], dict[str, str]]:
+    """Names of the conditions by which entries differ, and those that all share."""
+    read = [dict(e.conditions) for e in entries if e.conditions]
+    names = differing(read) if len(read) > 1 else []
+    return names, {n: v for n, v in (read[0] if read else {}).items() if n not in names}
+
+
+def same_words(shared: dict[str, str]) -> str:
+    """Sentence about the conditions that all listed recordings share."""
+    words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in list(shared.items())[:MOST_SHARED])
+    more = len(shared) - MOST_SHARED
+    return f"Same in all: {words}{f' and {more} more' if more > 0 else ''}." if shared else ""
+
+
 def wanted(entries: Sequence[RecordingEntry], words: dict[str, str]) -> list[RecordingEntry]:
     """Entries that match search and filters."""
     kept = []
@@ -72,7 +88,7 @@ class RecordingLines:
 
     def __init__(self, place: Element, pick: Callable[[str], Any]) -> None:
         self._place, self._pick = place, pick
-        self._shown: dict[str, tuple[RecordingEntry, str]] = {}
+        self._shown: dict[str, tuple[RecordingEntry, str, str | None]] = {}
         self._made: dict[str, Any] = {}
 
     def clear(self) -> None:
@@ -80,19 +96,28 @@ class RecordingLines:
         self._place.clear()
         self._shown, self._made = {}, {}
 
-    def show(self, entries: Sequence[RecordingEntry], chosen: Sequence[str]) -> None:
-        """Show the entries, with letters for the chosen ones."""
-        now = {e.name: (e, LETTERS[chosen.index(e.name)] if e.name in chosen else "") for e in entries}
+    def show(self, entries: Sequence[RecordingEntry], chosen: Sequence[str], differences: Sequence[str] | None) -> None:
+        """Show the entries, with letters for the chosen ones.
+
+        Args:
+            entries: in their order.
+            chosen: names of the chosen ones.
+            differences: conditions that are shown in place of the description; None for the description.
+        """
+        now = {
+            e.name: (e, LETTERS[chosen.index(e.name)] if e.name in chosen else "", _apart(e, differences))
+            for e in entries
+        }
         if [*now] != [*self._made]:
             self.clear()
             with self._place, box("table", "rows") as table, box("tbody").set(role="presentation"):
                 table.set(role="listbox", aria_multiselectable="true", aria_label="Recordings")
                 for name in now:
                     self._made[name] = self._new(name)
-        for name, (one, letter) in now.items():
-            if self._shown.get(name) != (one, letter):
+        for name, (one, letter, apart) in now.items():
+            if self._shown.get(name) != now[name]:
                 line = self._made[name]
-                line.put(_line(one, letter))
+                line.put(_line(one, letter, apart))
                 line.classed("sel", bool(letter))
                 line.set(aria_selected="true" if letter else "false")
         self._shown = now
@@ -103,17 +128,26 @@ class RecordingLines:
         return line.on("space", lambda: self._pick(name))
 
 
-def _line(one: RecordingEntry, letter: str) -> str:
-    name, about = html.escape(one.name.rpartition(".")[0]), html.escape(one.about)
+def _apart(one: RecordingEntry, differences: Sequence[str] | None) -> str | None:
+    """Values of the conditions that differ, as text; None where the description is shown."""
+    if differences is None:
+        return None
+    own = dict(one.conditions)
+    told = [f"{name.replace('_', ' ')} {own[name]}" for name in differences if name in own]
+    return " \u00b7 ".join(told) or "nothing differs"
+
+
+def _line(one: RecordingEntry, letter: str, apart: str | None) -> str:
+    name, about = html.escape(one.name.rpartition(".")[0]), html.escape(one.about if apart is None else apart)
     sign = CHECK if one.sign == "check" else SIGNS.get(one.sign, "")
     said = html.escape(one.said)
     if one.notes:
         said += f", {len(one.notes)} note{'s' if len(one.notes) > 1 else ''}"
-    where = ", ".join(w for w in (one.muscle, one.origin) if w)
+    where, told = ", ".join(w for w in (one.muscle, one.origin) if w), "" if apart is None else ' class="apart"'
     return (
         f'<td><span class="ab" aria-hidden="true">{letter or "+"}</span><span class="vh">'
         f"{'chosen as ' + letter if letter else 'overlay'}</span></td>"
-        f'<td class="th">{one.thumb}</td><td title="{about}"><b>{name}</b><small>{about}</small></td>'
+        f'<td class="th">{one.thumb}</td><td title="{about}"><b>{name}</b><small{told}>{about}</small></td>'
         f'<td title="{said}"><small class="who">{html.escape(where)}</small>'
         f'<small class="sign">{sign}<span>{said}</span></small></td>'
         f'<td class="num"><small>{when(one.created)}</small><small>{duration(one.duration)}</small></td>'

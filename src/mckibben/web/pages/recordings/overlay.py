@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ....analysis.cycles import find_cycles
+from ....analysis.segments import segments, varied
 from ....errors import InputError, MckibbenError
+from ....muscles.build import muscle as muscle_of
 from ....quantities import from_si
+from ....recordings.conditions import told_apart
+from ....report.origins import known_specimen
 from ...charts import Axis, Chart, ChartLine, Mark
 from .listing import LETTERS
 from .state import channel, places
@@ -20,7 +25,8 @@ if TYPE_CHECKING:
     from ....recordings import Recording
 
 HIGH, LOW = 270, 150  # of charts [px]
-VIEWS = {"tension": "Tension", "law": "Less the law", "channels": "All channels"}
+VIEWS = {"tension": "Tension", "law": "Less the law", "channels": "All channels", "loops": "Loops compared"}
+MOST_LOOPS = 12  # that are laid over one another
 NAMES = {"pressure": ("Pressure", "bar", "Pa"), "length": ("Length", "cm", "m"), "tension": ("Tension", "N", "N")}
 # Of the muscle itself: a law speaks of its braid and of the air in it, not of what stands between it and the sensors.
 OWN = {
@@ -58,8 +64,6 @@ class OverlaidPart:
 
 def steps(record: Recording) -> list[tuple[str, Recording]]:
     """Recorded steps with a name for each; the whole recording if it has none."""
-    from ....analysis.segments import segments, varied
-
     if not record.meta.get("steps"):
         return [("", record)]
     try:
@@ -121,6 +125,71 @@ def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
     return Chart(_title("Tension", parts), sentence, _axis("length"), _axis("tension"), lines, height=HIGH)
 
 
+def swept_parts(part: OverlaidPart, record: Recording) -> list[tuple[str, OverlaidPart]]:
+    """Steps of one recording with what was varied between them; none where it has one step."""
+    named = steps(record)
+    apart = varied(record) if len(named) > 1 else {}
+    if not apart:
+        return []
+    return [
+        (
+            ", ".join(str(one.meta["step"]["case"].get(name, "")) for name in apart),
+            replace(part, record=one, words=words),
+        )
+        for words, one in named
+    ]
+
+
+def listed_parts(recordings: Sequence[tuple[str, Recording]]) -> list[tuple[str, OverlaidPart]]:
+    """Recordings, their last steps, with the conditions by which they differ; by their names where none does."""
+    told = told_apart([record.meta for _, record in recordings])
+    labelled = []
+    for (name, record), differences in zip(recordings, told, strict=True):
+        _, part = steps(record)[-1]
+        label = ", ".join(_value_label(*one) for one in differences.items()) or name
+        labelled.append((label, OverlaidPart(LETTERS[0], name, part, begins(part))))
+    return labelled
+
+
+def loops_compared(parts: Sequence[tuple[str, OverlaidPart]], title: str) -> Chart | str:
+    """Chart of loops of tension over length laid over one another, each with the value of what was varied at its line."""
+    drawn = []
+    for label, part in parts[:MOST_LOOPS]:
+        x, y = part.values("length"), part.values("tension")
+        if x is None or y is None:
+            continue
+        some = last_cycle(part.record) or slice(None)
+        x, y = x[some], y[some]
+        if last_cycle(part.record) is not None and len(
+            y
+        ):  # closed, and ending at its highest point, where its label stands
+            top = int(np.nanargmax(y))
+            x, y = np.append(np.roll(x, -top), x[top]), np.append(np.roll(y, -top), y[top])
+        drawn.append((label, x, y))
+    if not drawn:
+        return "No listed recording has length and tension."
+    order = sorted(drawn, key=lambda one: _first_number(one[0]))
+    lines = [
+        ChartLine(x, y, label, "tension", width=1.75, opacity=0.45 + 0.55 * (i + 1) / len(order))
+        for i, (label, x, y) in enumerate(order)
+    ]
+    left = len(parts) - len(drawn)
+    sentence = f"Tension against length, {len(drawn)} loops: {', '.join(label for label, _, _ in order)}."
+    name = title + (f", {left} left out" if left else "")
+    return Chart(name, sentence, _axis("length"), _axis("tension"), lines, height=HIGH + 150)
+
+
+def _value_label(name: str, value: str) -> str:
+    """A value as the label of a line: with its name if it is a bare number."""
+    bare = re.fullmatch(r"[-+]?[\d.]+(?:e[-+]?\d+)?", value)
+    return f"{name.replace('_', ' ')} {value}" if bare else value
+
+
+def _first_number(text: str) -> tuple[float, str]:
+    match = re.search(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", text)
+    return (float(match[0]) if match else math.inf, text)
+
+
 def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
     """Tension minus that of the muscle's law at the recorded length and pressure: friction, or error of the law."""
     lines, why = [], ""
@@ -142,9 +211,6 @@ def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
 
 def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     """Length [cm], and tension minus the law's at the recorded length and pressure [N]."""
-    from ....muscles.build import law_from_specimen
-    from ....report.origins import known_specimen
-
     spec = known_specimen(part.record.meta)
     if spec is None:
         raise InputError(
@@ -156,9 +222,8 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     for quantity, name in names.items():
         if not name:
             raise InputError(quantity, None, "is not recorded: a law needs length, pressure and tension")
-    law = law_from_specimen(spec)
     length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
-    return from_si(1.0, "m", "cm") * length, tension - np.asarray(law.tension(length, pressure))
+    return from_si(1.0, "m", "cm") * length, tension - np.asarray(muscle_of(spec).tension(length, pressure))
 
 
 def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | None:

@@ -13,7 +13,7 @@ from ....errors import InputError, MckibbenError
 from ...elements import Element, Timer, call_script, page_document
 from ...laboratory import Laboratory
 from ...transfers import IncomingFile, download, read_with_progress
-from ...widgets import Dialog, TypedField, box, button, empty, link, tell, text
+from ...widgets import Dialog, TypedField, box, button, check, empty, link, tell, text
 from . import jobs, listing, state
 from .dialogs import ImportDialog
 from .listing import LETTERS
@@ -21,7 +21,7 @@ from .pane import OverlayPane
 from .state import RecordingEntry
 
 WORDS = ("q", "muscle", "protocol", "origin")
-LINK = ("a", "b", "pa", "pb", "view", *WORDS)
+LINK = ("a", "b", "pa", "pb", "view", "differences", *WORDS)
 LOOKS = 2.0  # time between two looks into the folder [s]
 AT_ONCE = 6  # recordings that are read before the list is drawn again
 
@@ -39,6 +39,7 @@ class RecordingsPage:
         self.words = {k: words.get(k, "") for k in WORDS}
         self.chosen = [n for n in dict.fromkeys((words.get("a", ""), words.get("b", ""))) if n]
         self.entries: list[RecordingEntry] = []
+        self.apart = words.get("differences") == "1"  # the list tells what differs
         self.pane = OverlayPane(self, words)
         self.actions = RecordingActions(self)
         self._seen: Any = None
@@ -53,6 +54,9 @@ class RecordingsPage:
         with box("div", "recordings"):
             with box("section", "panel list").set(aria_label="List of recordings") as whole:
                 self._filters = listing.tools(self.words, self._searched)
+                with box("div", "apart-bar"):
+                    check("Only what differs", self.apart, self._told_apart)
+                    self._same = text("span", "", "small faint")
                 self._list = box("div", "scroll-list")
             self._lines = listing.RecordingLines(self._list, self.pick)
             self.pane.build()
@@ -124,9 +128,11 @@ class RecordingsPage:
         self._rows()
 
     def _rows(self) -> None:
-        left = listing.wanted(self.entries, self.words)
+        left = self.listed()
+        names, shared = listing.shown_differences(left) if self.apart else (None, {})
+        self._same.say(listing.same_words(shared))
         if left:
-            self._lines.show(left, self.chosen)
+            self._lines.show(left, self.chosen, names)
             return
         self._lines.clear()
         with self._list:
@@ -135,6 +141,15 @@ class RecordingsPage:
                 empty(words, "Import file", self.actions.importing.dialog.open)
             else:
                 empty("No recording matches.", "Show all", self._all)
+
+    def listed(self) -> list[RecordingEntry]:
+        """Entries that match search and filters."""
+        return listing.wanted(self.entries, self.words)
+
+    def _told_apart(self, on: bool) -> None:
+        self.apart = on
+        link(differences="1" if on else None)
+        self._rows()
 
     def _tell(self) -> None:
         count, size = len(self.entries), sum(e.size for e in self.entries)
@@ -147,6 +162,7 @@ class RecordingsPage:
         self.words[key] = value
         link(**{key: value or None})
         self._rows()
+        self.pane.relisted()
 
     def _all(self) -> None:
         self.words = dict.fromkeys(WORDS, "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -79,7 +80,37 @@ class OverlayPane:
     def _look_at(self, kind: str) -> None:
         self._kind = kind
         link(view=None if kind == "tension" else kind)
-        page_document().spawn(self._draw())
+        page_document().spawn(self.show(self._view.chosen))
+
+    def relisted(self) -> None:
+        """Compare the loops of another list, where they are shown."""
+        if self._kind == "loops":
+            page_document().spawn(self.show(self._view.chosen))
+
+    async def _compare(self, mine: int) -> None:
+        """Show the loops of the steps of the chosen recording, or of all that are listed."""
+        self._reading()
+        try:
+            chart = await asyncio.to_thread(self._compared)
+        except MckibbenError as error:
+            chart = str(error)
+        if mine != self._asking:
+            return
+        self._charts.clear()
+        with self._charts:
+            chart.show() if isinstance(chart, Chart) else empty(chart)
+
+    def _compared(self) -> Chart | str:
+        if len(self._parts) == 1:
+            part = self._parts[0]
+            swept = overlay.swept_parts(part, state.whole(self._view.path(self._name(part))))
+            if len(swept) > 1:
+                return overlay.loops_compared(swept, f"Steps of {part.name}")
+        known = []
+        for entry in self._view.listed()[: overlay.MOST_LOOPS]:
+            with contextlib.suppress(MckibbenError):  # the list says why
+                known.append((Path(entry.name).stem, state.whole(self._view.path(entry.name))))
+        return overlay.loops_compared(overlay.listed_parts(known), "Loops of the listed recordings")
 
     # ---- what is shown
 
@@ -87,6 +118,14 @@ class OverlayPane:
         """Read the chosen recordings and show them; an unreadable one is replaced by its error."""
         self._asking += 1
         mine, wrong = self._asking, []
+        if not names and self._kind == "loops":
+            self._parts = []
+            for place in (self._which, self._notes, self._table):
+                place.clear()
+            with self._table:
+                text("p", "Choose a recording for its width, height and area of loops.", "small dim")
+            await self._compare(mine)
+            return
         if not names:
             self._parts = []
             self._nothing("Choose a recording in the list; a second one is laid over it.")
@@ -146,6 +185,10 @@ class OverlayPane:
     async def _draw(self) -> None:
         parts, kind = self._parts, self._kind
         if not parts:
+            return
+        if kind == "loops":
+            await self._compare(self._asking)
+            self._list_notes()
             return
         charts = await asyncio.to_thread(overlay.charts, parts, kind)
         measures = await asyncio.to_thread(overlay.measures, parts)

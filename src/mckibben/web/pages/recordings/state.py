@@ -16,6 +16,7 @@ import numpy as np
 from ....analysis.cycles import find_cycles
 from ....documents import JsonValue
 from ....errors import MckibbenError
+from ....recordings.conditions import conditions
 from ....report.words import is_number, mapping, significant
 from ...reader import read_outside
 
@@ -50,6 +51,7 @@ class RecordingEntry:
         said: remark.
         notes: a person's.
         thumb: an SVG.
+        conditions: muscle, rig, protocol and its numbers: name and text.
     """
 
     name: str
@@ -64,6 +66,7 @@ class RecordingEntry:
     said: str = ""
     notes: tuple[str, ...] = ()
     thumb: str = ""
+    conditions: tuple[tuple[str, str], ...] = ()
 
     def holds(self, words: str) -> bool:
         """Whether the entry contains all search terms."""
@@ -168,6 +171,7 @@ def _described(path: Path, record: Recording) -> RecordingEntry:
         said=words,
         notes=tuple(n.text for n in notes),
         thumb=thumbnail(record),
+        conditions=tuple(conditions(meta).items()),
     )
 
 
