@@ -140,7 +140,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     words(g, `drawn ${ratio}`, W - 12, H - 6, { align: 'right' })
     if (range) {
       words(g, '\u25ac', x0, H - 8, { colour: '--q-length' })
-      words(g, `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm${dry ? ' \u00b7 dashed below: what the dry run expects' : ''}`, x0 + 15, H - 8)
+      words(g, `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`, x0 + 15, H - 8)
     }
   }
   return { scale, x0, k, old }

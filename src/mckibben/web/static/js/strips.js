@@ -2,7 +2,7 @@
 import uPlot from '../uplot/uPlot.esm.js'
 import { axis, dot, stroke } from './charts.js'
 import { View } from './view.js'
-import { Q, RESIDUAL, TS, clamp, ends, fmt, keySign, row, size, token, weight } from './words.js'
+import { Q, RESIDUAL, TS, clamp, ends, fmt, keySign, projected, row, size, token, weight } from './words.js'
 
 const LANES = ['valve', 'flow', 'pressure', 'tension', 'length']
 const HIGH = { valve: 52, flow: 68, pressure: 82, tension: 100, length: 82, residual: 62 }
@@ -55,7 +55,7 @@ export class Strips {
   // The lanes fill what the column has, between three quarters and half as much again of their usual heights.
   room () {
     const column = this.host.parentElement
-    if (this.phone || getComputedStyle(column).overflowY !== 'auto') return 1
+    if (this.phone || projected() || getComputedStyle(column).overflowY !== 'auto') return projected() ? 1.25 : 1
     const other = [...column.children].filter(e => e !== this.host && !e.classList.contains('dock')).reduce((a, e) => a + e.offsetHeight, 0)
     return clamp((column.clientHeight - other - 22 - foot() - 124) / Object.entries(HIGH).reduce((a, [q, h]) => a + (q === 'residual' && !this.own?.data?.t ? 0 : h), 0), 0.6, 1.5)
   }
