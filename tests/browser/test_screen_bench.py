@@ -233,6 +233,31 @@ def test_nothing_starts_before_the_dry_run_has_passed_and_it_offers_the_cure(ben
     until(lambda: page.locator("#start").is_enabled())
 
 
+def test_own_data_1_newton_above_the_dry_run_leave_an_rms_of_1_newton_before_and_beside_a_run(bench, until, status):
+    page = bench()
+    curves = page.evaluate("window.lab.lab.parts.dry.curves")
+    rows = [
+        f"{t - 0.1:.6f},{100 * length:.6f},{tension + 1.0:.6f}"
+        for t, length, tension in zip(curves["time"], curves["length"], curves["tension"], strict=True)
+        if tension is not None
+    ]
+    table = "\n".join(["time [s],length [cm],force [N]", *rows])
+    page.set_input_files("#own input[type=file]", {"name": "own.csv", "mimeType": "text/csv", "buffer": table.encode()})
+    page.wait_for_selector("#own [data-rms=tension]")
+    # the clock of the file is found to a hundredth of a second, in which the tension rises by a few tenths of a newton
+    assert page.evaluate("window.lab.bench.strips.own.rms('tension').rms") == pytest.approx(1.0, abs=0.2)
+    assert page.evaluate("window.lab.bench.strips.own.shift") == pytest.approx(0.1, abs=0.01)
+    page.click("#start")
+    until(lambda: status(page).get("ended", {}).get("file"), 60.0)
+    until(lambda: "less the simulation" in page.locator("#own").inner_text())
+    left = page.evaluate("window.lab.bench.strips.own.rms('tension')")
+    assert left["n"] > 100 and 0.0 < left["rms"] < 20.0  # friction and delays, which the dry run leaves out
+    with page.expect_download() as coming:
+        page.click("#strips .savefig summary")
+        page.click("#strips .savefig [data-format=svg]")
+    assert "Residual, N" in coming.value.path().read_text(encoding="utf-8")
+
+
 def test_a_script_in_a_label_is_a_label(bench):
     evil = SHORT.replace('label = "up"', 'label = "<img src=x onerror=window.harmed=1>"').replace(
         'title = "Short"', 'title = "<script>window.harmed=1</script>"'

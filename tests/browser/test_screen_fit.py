@@ -84,6 +84,13 @@ def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, co
     with page.context.expect_page() as coming:
         page.get_by_role("button", name="Open report").click()
     coming.value.wait_for_function("() => document.title.startsWith('Tension laws fitted')", timeout=60_000)
+    coming.value.close()
+    page.evaluate("window.lab.act('ask_control')")
+    until(lambda: page.evaluate("window.lab.lab.status.holder === window.lab.lab.page"))
+    page.get_by_role("button", name="Use on the bench").click()
+    page.wait_for_url("**/?muscle=map-fit*")
+    page.wait_for_function("window.lab?.lab.parts.setup?.muscle === 'map-fit'")
+    assert page.evaluate("window.lab.lab.parts.setup.muscles.at(-1).law") == "ideal"  # the one that was shown
 
 
 def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_beside_them(visit, tmp_path):
@@ -110,6 +117,23 @@ def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_besid
     page.locator("select[aria-label='Unit of Pressure']").select_option("Pa")
     page.wait_for_selector("text=60 rows used")
     fitted(page, 1)
+
+
+def test_a_spreadsheet_of_several_sheets_asks_which_one_is_meant(visit, tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for name, rows in (("first", 12), ("second", 7)):
+        sheet = book.create_sheet(name)
+        for line in MAP.read_text().splitlines()[: rows + 1]:
+            sheet.append([float(cell) if cell[0].isdigit() else cell for cell in line.split(",")])
+    book.save(tmp_path / "two.xlsx")
+    page = visit("/fit?laws=ideal")
+    page.wait_for_selector("text=Or use a published map")
+    page.set_input_files("input[type=file]", tmp_path / "two.xlsx")
+    page.wait_for_selector("text=12 rows, ")
+    page.locator("select[aria-label=Sheet]").select_option("second")
+    page.wait_for_selector("text=7 rows, ")
+    page.wait_for_url("**part=second*")
 
 
 @pytest.mark.parametrize(

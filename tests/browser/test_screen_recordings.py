@@ -68,6 +68,59 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
     until(lambda: line(other, "narrow").get_attribute("aria-selected") == "true")
 
 
+def test_a_chart_is_zoomed_by_wheel_keys_and_a_frame_saved_as_shown_and_whole_after_a_double_click(
+    visit, folder, until
+):
+    page = visit("/recordings?a=wide.nc")
+    field = page.locator("figure.chart .u-over").first
+    field.wait_for()
+    shown = "(({ x, y }) => x[1] - x[0])(document.querySelector('.plot').zoomer.now)"
+    whole, box = page.evaluate(shown), field.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.wheel(0, -100)
+    page.wait_for_timeout(100)
+    assert page.evaluate(shown) == whole  # the wheel scrolls the page until the chart has the focus, or with Ctrl
+    page.locator(".plot").first.focus()
+    page.keyboard.press("+")
+    assert page.evaluate(shown) == pytest.approx(whole / 1.25)  # the step of a key
+    page.keyboard.down("Control")
+    page.mouse.wheel(0, -100)
+    page.keyboard.up("Control")
+    until(lambda: page.evaluate(shown) < 0.7 * whole)
+    begins = "document.querySelector('.plot').zoomer.now.x[0]"
+    left = page.evaluate(begins)
+    page.keyboard.press("Control+ArrowLeft")
+    assert page.evaluate(begins) < left
+    page.keyboard.down("Shift")
+    page.mouse.down()
+    page.mouse.move(x + 50, y + 30, steps=3)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    until(lambda: page.evaluate(shown) < 0.2 * whole)
+    page.locator(".savefig summary").first.click()
+    with page.expect_download() as coming:
+        page.locator(".savefig [data-format=svg]").first.click()
+    text = coming.value.path().read_text(encoding="utf-8")
+    assert coming.value.suggested_filename == "tension.svg" and "Tension, N" in text and "Length, cm" in text
+    page.mouse.dblclick(x, y)
+    until(lambda: page.evaluate(shown) == whole)
+
+
+def test_recordings_are_listed_by_what_differs_and_their_loops_carry_the_value(visit, folder, until):
+    for pressure in ("2 bar", "4 bar"):
+        protocol = {"name": "sweep", "parameters": {"pressure": {"unit": "Pa", "value": pressure}}}
+        made(folder, f"at {pressure}", 0.005, {"protocol": protocol})
+    page = visit("/recordings?protocol=sweep&view=loops&differences=1")
+    page.wait_for_selector("figure.chart canvas")
+    until(lambda: page.locator(".rows small.apart").all_inner_texts() == ["pressure 4 bar", "pressure 2 bar"])
+    assert "protocol sweep" in page.locator(".apart-bar").inner_text()
+    lines = page.evaluate("JSON.parse(document.querySelector('figure.chart').dataset.chart).lines.map(l => l.label)")
+    assert lines == ["2 bar", "4 bar"]
+    for pressure in ("2 bar", "4 bar"):
+        (folder / f"at {pressure}.nc").unlink()
+
+
 def test_search_and_filters_leave_what_holds_the_words_and_text_of_a_file_is_never_markup(visit, folder, until):
     page = visit("/recordings")
     ready(page)

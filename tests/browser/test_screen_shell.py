@@ -57,6 +57,17 @@ def test_the_theme_stands_in_the_link_and_follows_the_system(visit, until):
     assert other.evaluate(paper) == dark
 
 
+def test_projector_mode_stands_in_the_link_and_makes_text_larger(visit, until):
+    page = visit("/recordings")
+    size = "parseFloat(getComputedStyle(document.body).fontSize)"
+    usual = page.evaluate(size)
+    page.keyboard.press("j")
+    until(lambda: "projector=1" in page.url and page.evaluate(size) > 1.4 * usual)
+    page.click("#projector")
+    until(lambda: "projector" not in page.url and page.evaluate(size) == usual)
+    assert visit("/recordings?projector=1").evaluate(size) > 1.4 * usual
+
+
 @pytest.mark.parametrize("width", [390, 760, 1024])
 def test_a_narrow_screen_shows_the_stop_and_does_not_scroll_sideways(visit, width):
     page = visit("/recordings", width=width, height=844)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("svg", "pdf", "png")
 QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
+DPI = 300.0  # of a PNG file
 MOST_VALUES = 400_000  # numbers of a chart that a browser sends to be drawn
 Draw = Callable[[dict[str, Any] | None], "Figure"]
 MakeFile = Callable[[str, object], tuple[str, bytes]]
@@ -72,25 +73,27 @@ def figure_file(name: str, draw: Draw, wish: object) -> tuple[str, bytes]:
     Args:
         name: name of the chart.
         draw: draws the figure, see `save_menu`.
-        wish: ``format`` of `FORMATS`, ``width``, ``style``, and ``view``, the part that is shown; from a browser.
+        wish: ``format`` of `FORMATS`, and ``view``, the part that is shown; from a browser.
 
     Returns:
         Name and content of the file.
 
     Raises:
-        InputError: if there is no such format, width or style.
+        InputError: if there is no such format.
     """
-    from ..report.figures.formats import figure_style
-    from ..report.figures.style import save
+    from ..report.figures import style
 
     chosen: Mapping[str, Any] = wish if isinstance(wish, Mapping) else {}
     suffix = str(chosen.get("format", ""))
     if suffix not in FORMATS:
         raise InputError("format", suffix[:20], known=FORMATS)
-    style, width = str(chosen.get("style", "print"))[:20], str(chosen.get("width", "column"))[:20]
-    with tempfile.TemporaryDirectory() as folder, figure_style(style, width=width):
+    with tempfile.TemporaryDirectory() as folder, style.styled():
         place = Path(folder) / f"{plain(name, 'chart').lower()}.{suffix}"
-        save(draw(part_of(chosen.get("view"))), place)
+        figure = draw(part_of(chosen.get("view")))
+        if suffix == "pdf":
+            figure.savefig(place, metadata={"CreationDate": None})
+        else:
+            style.save(figure, place, dpi=DPI)
         return place.name, place.read_bytes()
 
 

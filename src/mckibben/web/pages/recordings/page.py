@@ -40,6 +40,7 @@ class RecordingsPage:
         self.chosen = [n for n in dict.fromkeys((words.get("a", ""), words.get("b", ""))) if n]
         self.entries: list[RecordingEntry] = []
         self.apart = words.get("differences") == "1"  # the list tells what differs
+        self._compared: list[str] = []  # names of the listed recordings
         self.pane = OverlayPane(self, words)
         self.actions = RecordingActions(self)
         self._seen: Any = None
@@ -131,6 +132,9 @@ class RecordingsPage:
         left = self.listed()
         names, shared = listing.shown_differences(left) if self.apart else (None, {})
         self._same.say(listing.same_words(shared))
+        if self._compared != [e.name for e in left]:
+            self._compared = [e.name for e in left]
+            self.pane.relisted()
         if left:
             self._lines.show(left, self.chosen, names)
             return
@@ -162,7 +166,6 @@ class RecordingsPage:
         self.words[key] = value
         link(**{key: value or None})
         self._rows()
-        self.pane.relisted()
 
     def _all(self) -> None:
         self.words = dict.fromkeys(WORDS, "")
