@@ -40,6 +40,8 @@ def test_a_figure_is_saved_in_every_format(suffix, begins):
 
 
 def test_a_browser_gets_no_other_format_and_may_send_no_other_document():
+    with pytest.raises(InputError, match="style"):
+        figure_file("x", lambda part: chart_figure(chart()), {"format": "svg", "style": "none"})
     with pytest.raises(InputError, match="format"):
         figure_file("x", lambda part: chart_figure(chart()), {"format": "exe"})
     for document in (None, {"lines": [{"x": [1.0], "y": []}]}, {"name": "x", "lines": [], "x": 1, "y": 2}):

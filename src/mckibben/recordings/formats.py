@@ -165,7 +165,7 @@ def parts_of(path: Path) -> tuple[str, list[str]]:
     return (file_format.options[0], names) if len(names) > 1 else ("", [])
 
 
-def part_options(path: Path, part: str) -> dict[str, str]:
+def part_options(path: Path, part: str) -> dict[str, Any]:
     """Options of `load` that choose a sheet or a topic by its name; none for an empty name."""
     file_format = format_of(path)
     return {file_format.options[0]: part} if part and file_format is not None and file_format.parts is not None else {}

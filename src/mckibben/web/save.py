@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
+import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("svg", "pdf", "png")
 QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
-DPI = 300.0  # of a PNG file
+_ONE = threading.Lock()  # settings of matplotlib are those of all threads
 MOST_VALUES = 400_000  # numbers of a chart that a browser sends to be drawn
 Draw = Callable[[dict[str, Any] | None], "Figure"]
 MakeFile = Callable[[str, object], tuple[str, bytes]]
@@ -73,27 +74,25 @@ def figure_file(name: str, draw: Draw, wish: object) -> tuple[str, bytes]:
     Args:
         name: name of the chart.
         draw: draws the figure, see `save_menu`.
-        wish: ``format`` of `FORMATS`, and ``view``, the part that is shown; from a browser.
+        wish: ``format`` of `FORMATS`, ``width``, ``style``, and ``view``, the part that is shown; from a browser.
 
     Returns:
         Name and content of the file.
 
     Raises:
-        InputError: if there is no such format.
+        InputError: if there is no such format, width or style.
     """
-    from ..report.figures import style
+    from ..report.figures.formats import applied, named_style
+    from ..report.figures.style import save
 
     chosen: Mapping[str, Any] = wish if isinstance(wish, Mapping) else {}
     suffix = str(chosen.get("format", ""))
     if suffix not in FORMATS:
         raise InputError("format", suffix[:20], known=FORMATS)
-    with tempfile.TemporaryDirectory() as folder, style.styled():
+    style, width = str(chosen.get("style", "print"))[:20], str(chosen.get("width", "column"))[:20]
+    with tempfile.TemporaryDirectory() as folder, _ONE, applied(named_style(style, width=width)):
         place = Path(folder) / f"{plain(name, 'chart').lower()}.{suffix}"
-        figure = draw(part_of(chosen.get("view")))
-        if suffix == "pdf":
-            figure.savefig(place, metadata={"CreationDate": None})
-        else:
-            style.save(figure, place, dpi=DPI)
+        save(draw(part_of(chosen.get("view"))), place)
         return place.name, place.read_bytes()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.cycles import find_cycles
+from ...analysis.cycles import Cycle, find_cycles
 from ...errors import InputError, MckibbenError
 from ...muscles.build import muscle as muscle_of
 from ...recordings import ForceMap, Recording, read
@@ -119,7 +119,7 @@ def _rest_length(spec: Specimen) -> float | None:
     return muscle_of(spec).rest_length
 
 
-def _law(plain: dict[str, Any], spec: Specimen) -> list[float] | None:
+def _law(plain: dict[str, Any], spec: Specimen) -> list[float | None] | None:
     """Tension of the muscle's law at the points of a map [N]."""
     if plain["length"] is None or plain["pressure"] is None:
         return None
@@ -148,7 +148,7 @@ def _of_recording(record: Recording) -> dict[str, Any]:
         raise InputError("tension", None, "is missing: the bench compares tensions")
     some = _some(len(record))
     columns = {name: _plain(record[there[name]][some]) if name in there else None for name in QUANTITIES}
-    cycles = []
+    cycles: tuple[Cycle, ...] = ()
     if "length" in there:
         try:
             cycles = find_cycles(record[there["length"]])

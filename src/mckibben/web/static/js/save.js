@@ -3,13 +3,18 @@ import { notify } from './elements.js'
 import { events, tell } from './lab.js'
 import { escape } from './words.js'
 
+const WIDTHS = { column: 'Column, 86\u2009mm', page: 'Page, 178\u2009mm' }
+const STYLES = { print: 'Print, colour', gray: 'Print, gray', screen: 'Screen', projector: 'Projector' }
 const FORMATS = ['svg', 'pdf', 'png']
 const ICON = '<svg width="14" height="14" viewBox="0 0 14 14" aria-hidden="true"><path d="M7 1v8M3.500 6L7 9.500 10.500 6M1.500 11v2h11v-2" fill="none" stroke="currentColor" stroke-width="1.500"/></svg>'
+const kept = JSON.parse(localStorage.getItem('mckibben-figure') ?? '{}')
+const choice = { width: WIDTHS[kept.width] ? kept.width : 'column', style: STYLES[kept.style] ? kept.style : 'print' }
+const list = (name, label, options) => `<label class="small"><span>${label}</span><span class="field s"><select data-choice="${name}">${Object.entries(options).map(([v, words]) => `<option value="${v}"${choice[name] === v ? ' selected' : ''}>${words}</option>`).join('')}</select></span></label>`
 
 /** Content of a menu, for the chart of a name. */
 export function fill (menu) {
   const name = escape(menu.dataset.name ?? 'chart')
-  menu.innerHTML = `<button type="button" class="btn s q rezoom" aria-label="Reset zoom of ${name}" hidden>Reset zoom</button><details><summary class="btn s q" title="Save figure" aria-label="Save figure: ${name}">${ICON}</summary><div class="sheet" role="group" aria-label="Save figure: ${name}"><b>Save figure</b><div class="row">${FORMATS.map(f => `<button type="button" class="btn s" data-format="${f}">${f.toUpperCase()}</button>`).join('')}</div></div></details>`
+  menu.innerHTML = `<button type="button" class="btn s q rezoom" aria-label="Reset zoom of ${name}" hidden>Reset zoom</button><details><summary class="btn s q" title="Save figure" aria-label="Save figure: ${name}">${ICON}</summary><div class="sheet" role="group" aria-label="Save figure: ${name}"><b>Save figure</b>${list('width', 'Width', WIDTHS)}${list('style', 'Style', STYLES)}<div class="row">${FORMATS.map(f => `<button type="button" class="btn s" data-format="${f}">${f.toUpperCase()}</button>`).join('')}</div></div></details>`
 }
 const boxOf = e => e.closest('.chartbox')
 const surfaceOf = box => box?.matches('[data-zooms]') && box.zoomer ? box : [...box?.querySelectorAll('[data-zooms]') ?? []].find(e => e.zoomer)
@@ -31,10 +36,17 @@ addEventListener('click', e => {
   if (e.target.closest('.rezoom')) { surface?.zoomer.reset(); (surface?.zoomer.keys ?? menu).focus?.() }
   const format = e.target.closest('[data-format]')?.dataset.format
   if (!format) return
-  const wish = { format, view: surface?.zoomer.range ?? null }
+  const wish = { ...choice, format, view: surface?.zoomer.range ?? null }
   menu.querySelector('details').open = false
   const own = boxOf(menu).figureDocument // of a page whose charts are drawn by scripts alone
   if (own) send(own(), wish); else notify(menu, 'save', wish)
+})
+addEventListener('change', e => {
+  const name = e.target.dataset?.choice
+  if (!name || !e.target.closest('.savefig')) return
+  choice[name] = e.target.value
+  localStorage.setItem('mckibben-figure', JSON.stringify(choice))
+  for (const other of document.querySelectorAll(`.savefig select[data-choice=${name}]`)) other.value = choice[name]
 })
 addEventListener('view', e => {
   const menu = boxOf(e.target)?.querySelector('.savefig .rezoom')
