@@ -21,7 +21,7 @@ from .elements import Element
 from .save import save_menu
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from ..report.figures.page_charts import Figure
 
 LETTERS = {"A": [], "B": [6, 3], "C": [2, 3], "D": [10, 3, 2, 3]}  # dashes of recordings of the same quantity
 MOST = 4000  # points of a line that are sent

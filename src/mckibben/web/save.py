@@ -16,7 +16,7 @@ from .transfers import download
 from .widgets import tell
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from ..report.figures.page_charts import Figure
 
 FORMATS = ("svg", "pdf", "png")
 QUANTITIES = ("pressure", "tension", "length", "flow", "valve")

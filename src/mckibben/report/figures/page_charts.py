@@ -12,7 +12,7 @@ from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Figure
 
 LETTERS: dict[str, Sequence[float]] = {
     "A": (),

@@ -19,7 +19,7 @@ from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
 from .state import CircuitAnswer, CircuitState, follow
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from ....report.figures.page_charts import Figure
 
 TICK = (
     '<svg width="11" height="10" aria-hidden="true"><path d="M1 5l3 3 6-7" fill="none" stroke="currentColor" '

@@ -36,7 +36,7 @@ from ....reproduction import part4
 from .state import EnergyChoice, conditions, resolved
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from ....report.figures.page_charts import Figure
 
 ML, BAR, CM = (from_si(1.0, a, b) for a, b in (("m^3", "cm^3"), ("Pa", "bar"), ("m", "cm")))
 LOSSES = {

@@ -24,7 +24,7 @@ from .flow import account, cycle_names, flow_document, stretch
 from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolved, to_link
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from ....report.figures.page_charts import Figure
 
 
 async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:

@@ -23,11 +23,10 @@ from .jobs import FitJob
 from .state import FitRequest
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ....identification import Fit
     from ....identification.ranking import Ranking
     from ....recordings import ForceMap
+    from ....report.figures.page_charts import Figure
 
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
