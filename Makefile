@@ -18,14 +18,14 @@ help: ## Say what can be made
 demo: plan $(VENV)/.run ## Fit laws to measured force maps and reproduce the papers' numbers: a first picture at once, all in minutes
 	@mkdir -p $(OUT)
 	@printf '\n%s\n' "1. One law on one force map"
-	$(RUN) mckibben fit DMSP-20-300 --law hyperelastic_braid --train-below "4 bar" --figure $(OUT)/force-map.png
+	$(RUN) mckibben fit DMSP-20-300 --law hyperelastic_braid --train-below "4 bar" --out $(OUT)/force-map.png
 	@printf '%s\n' "Look at $(OUT)/force-map.png while the rest is computed."
 	@printf '\n%s\n' "2. The papers, without what needs recordings"
 	$(RUN) mckibben reproduce --no-recordings --out $(OUT)/reproduction
 	@printf '\n%s\n' "3. Figure 3a and its numbers, from recordings"
 	$(RUN) mckibben reproduce --figure 3a --out $(OUT)
 	@printf '\n%s\n' "4. Every law on two force maps"
-	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --report $(OUT)/force-maps.html --figure $(OUT)/force-maps.png
+	$(RUN) mckibben fit DMSP-10-250 DMSP-20-300 --train-below "4 bar" --out $(OUT)/force-maps.html --out $(OUT)/force-maps.png
 	@printf '%s\n' "" "Done. Look at" \
 	  "  $(OUT)/force-map.png                        one law on one force map" \
 	  "  $(OUT)/reproduction/reproduction.html       the papers' numbers and figures beside ours; .pdf says the same" \

@@ -119,7 +119,9 @@ def cli(_: Path) -> str:
         f"Every command except {_listed(without_json())}, which run until they are stopped, takes `--json` and then prints "
         "one JSON object in SI units and nothing else on standard output. Exit codes: 0 success; 1 a "
         "comparison fell short or a fit did not converge; 2 invalid input (one line on standard error that names the "
-        "field, the value and what is allowed).",
+        "field, the value and what is allowed); 130 after Ctrl-C. What all commands have in common, such as files by "
+        "`--out`, completion in the shell and `-` for standard input, is on "
+        "[Use the command line](../../how-to/use-the-command-line.md).",
         "A value is followed by its unit, any unit of its dimension: `12 cm`, `120 mm`, `5 bar`, `500 kPa`. Numbers have a "
         "decimal point. Values of a list are separated by `, ` or `;`; a comma between two digits is ambiguous and is "
         "rejected. Warnings about unusual values are printed on standard error, and listed under `warnings` in the JSON object.",
@@ -139,7 +141,7 @@ def without_json() -> list[str]:
         one = command
         for word in name.split():
             one = one.commands[word]
-        if not hasattr(one, "commands") and not any("--json" in p.opts for p in one.params):
+        if name != "help" and not hasattr(one, "commands") and not any("--json" in p.opts for p in one.params):
             found.append(name)
     return found
 

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ASSETS = ROOT / "docs" / "assets"
 # Figures of `make demo`, whose commands take minutes together.
 DEMO = {
-    "demo.png": ["fit", "DMSP-10-250", "DMSP-20-300", "--train-below", "4 bar", "--figure", str(ASSETS / "demo.png")],
+    "demo.png": ["fit", "DMSP-10-250", "DMSP-20-300", "--train-below", "4 bar", "--out", str(ASSETS / "demo.png")],
     "figure-3a.svg": ["reproduce", "--figure", "3a", "--out", str(ASSETS)],
 }
 

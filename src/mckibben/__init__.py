@@ -16,6 +16,7 @@ from ._lazy import lazy_submodules
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from .analysis.energy.working_cycles import energy as energy
     from .assembly.check import check as check
     from .assembly.circuit_file import read_circuit as circuit  # noqa: F401
     from .bench.rig_file import rig as rig
@@ -106,6 +107,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "part": "studies.parts",
         "size": "studies.sizing.size",
         "compare": "studies.comparison.table",
+        "energy": "analysis.energy.working_cycles",
         "reproduce": "reproduction",
     },
     "Figures": {

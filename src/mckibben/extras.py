@@ -17,6 +17,7 @@ LIBRARIES = {
     "grpc": ("daq", "nidaqmx[grpc]"),
     "nidaqmx": ("daq", "nidaqmx[grpc]"),
     "nptdms": ("formats", "npTDMS"),
+    "openpyxl": ("formats", "openpyxl"),
     "pandas": ("data", "pandas"),
     "polars": ("formats", "polars"),
     "mcap_protobuf": ("formats", "mcap-protobuf-support"),

@@ -170,6 +170,11 @@ def _unit(text: str) -> Any:
     return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-") else text)
 
 
+def usual_units(si_unit: str) -> tuple[str, ...]:
+    """Units that files and people use most for an SI unit, that unit first."""
+    return (si_unit, *_USUAL.get(si_unit, {}))
+
+
 def is_unit(text: str) -> bool:
     """Whether a text is a unit as people write it, such as ``N/cm`` or ``1``."""
     if text in _USUAL or any(text in others for others in _USUAL.values()):

@@ -136,7 +136,7 @@ def test_measured_channels_give_the_work_and_roughly_the_air():
 def test_the_command_prints_one_object_and_draws(tmp_path, capsys):
     file, picture = done("isometric-step").save(tmp_path / "run.nc"), tmp_path / "flow.svg"
     with pytest.raises(SystemExit) as stop:
-        main(["record", "energy", str(file), "--json", "--figure", str(picture), "--accumulator", "1 bar"])
+        main(["record", "energy", str(file), "--json", "--out", str(picture), "--accumulator-pressure", "1 bar"])
     found = json.loads(capsys.readouterr().out)
     assert stop.value.code == 0 and picture.stat().st_size > 1000
     assert found["exergy"][0]["name"] == "supply" and found["saving"]["exergy"] > 0.0

@@ -29,7 +29,7 @@ def table(tmp_path_factory):
 def commanded(table):
     """What the command says of the same file."""
     words = [sys.executable, "-m", "mckibben", "fit", table.name, "--law", "ideal", "--law", "linear_threshold"]
-    words += ["--rest-length", "30 cm", "--save", "map-fit.toml", "--json"]
+    words += ["--rest-length", "30 cm", "--out", "map-fit.toml", "--json"]
     done = subprocess.run(words, cwd=table.parent, capture_output=True, text=True, timeout=300, env={**os.environ})
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), (table.parent / "map-fit.toml").read_text()

@@ -179,10 +179,13 @@ WRONG = {
 }  # fmt: skip
 
 # ---- the commands, each as it is right; {kind:value} is a place
-SHOW = {"--law": "name", "--figure": "picture"}
-TENSION = {"--for": "force", "--law": "name", "--set": "pair", "--activation": "number"}
+SHOW = {"--law": "name", "--out": "picture"}
+TENSION = {
+    "--for": "force", "--law": "name", "--set": "pair", "--activation": "number", "--contraction": "number",
+    "--out": "picture",
+}  # fmt: skip
 RUN = {"--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--step": "time", "--on": "kind",
-       "--calibration": "toml", "--out": "out", "--figure": "picture", "--log": "out"}  # fmt: skip
+       "--calibration": "toml", "--out": "out", "--log": "out"}  # fmt: skip
 RIG = {
     "--on": "machine",
     "--set": "pair",
@@ -201,7 +204,7 @@ COMMANDS = {
     "fit": ("fit @table:table.csv", {
         "--law": "name", "--rest-length": "length", "--like": "specimen", "--set": "pair", "--column": "pair",
         "--unit": "pair", "--branch": "name", "--pressure-zero": "pressure", "--train-below": "pressure",
-        "--report": "report", "--figure": "picture", "--save": "saved",
+        "--out": "report",
     }),
     "protocols": ("protocols @protocol:protocol.toml", {"--set": "pair"}),
     "run": ("run @protocol:protocol.toml --muscle @specimen:nylon --dry-run", RUN),
@@ -209,24 +212,25 @@ COMMANDS = {
         "--rig": "rig", "--on": "machine", "--calibration": "toml", "--span": "length", "--plumbing": "name",
         "--rate": "number", "--seed": "whole",
     }),
-    "device": ("device @protocol:protocol.toml --muscle @specimen:nylon --for 0", {
-        "--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--for": "seconds", "--port": "place",
+    "device": ("device @protocol:protocol.toml --muscle @specimen:nylon --duration 0", {
+        "--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--duration": "seconds", "--out": "place",
     }),
     "energy": ("energy @specimen:nylon --pressure @pressure:3_bar", {
         "--cycle": "name", "--accumulator-pressure": "pressure", "--friction": "force", "--reading": "name",
         "--volume": "name", "--stretched": "length", "--ambient": "pressure", "--law": "name", "--set": "pair",
-        "--figure": "picture",
+        "--contraction": "number", "--out": "picture",
     }),
     "compare": ("compare @specimen:nylon --pressure @pressure:3_bar", {
-        "--recording": "record", "--match": "name", "--rig": "rig", "--figure": "picture", "--report": "report",
+        "--recording": "record", "--match": "name", "--rig": "rig", "--out": "report",
     }),
     "reproduce": ("reproduce", {
-        "--part": "name", "--row": "name", "--figure": "name", "--report": "report", "--out": "new",
+        "--part": "name", "--row": "name", "--figure": "name", "--out": "new",
     }),
     "size": ("size --force @force:100_N --stroke @length:2_cm --pressure @pressure:5_bar", {
         "--space": "length", "--speed": "number", "--cycles": "number", "--tube": "length", "--law": "name",
-        "--top": "whole", "--figure": "picture",
+        "--top": "whole", "--out": "picture",
     }),
+    "parts": ("parts valves", {"--min-flow": "number", "--max-mass": "number", "--out": "picture"}),
     "sweep": ("sweep @toml:sweep.toml --dry-run --out results", {"--scheduler": "name", "--workers": "whole"}),
     "serve": ("serve --no-open --port 0", {
         "--host": "name", "--port": "port", "--calibration": "toml", "--on": "machine", "--rig": "rig",
@@ -239,19 +243,19 @@ COMMANDS = {
     "check": ("check @name:ideal", {"--set": "pair", "--lowest": "pressure"}),
     "joint": ("joint @specimen:nylon --command flexor=0.2 --duration @time:0.02_s", {
         "--play": "record", "--command": "pair", "--angle": "number", "--arm": "length", "--inertia": "number",
-        "--supply": "pressure", "--valve": "name", "--start": "pressure", "--period": "time", "--out": "out",
+        "--supply": "pressure", "--valve": "name", "--start-pressure": "pressure", "--period": "time", "--out": "out",
     }),
-    "circuit show": ("circuit show @toml:circuit.toml", {"--set": "pair", "--svg": "picture"}),
-    "circuit run": ("circuit run @toml:circuit.toml", {"--set": "pair", "--out": "out", "--figure": "picture"}),
+    "circuit show": ("circuit show @toml:circuit.toml", {"--set": "pair", "--out": "picture"}),
+    "circuit run": ("circuit run @toml:circuit.toml", {"--set": "pair", "--out": "out"}),
     "circuit frequency": ("circuit frequency @toml:circuit.toml --input time --output tank.pressure_abs", {
         "--input": "name", "--output": "name", "--at": "time", "--from": "number", "--to": "number", "--set": "pair",
-        "--figure": "picture",
+        "--out": "picture",
     }),
     "circuit fit": ("circuit fit @toml:circuit.toml @table:tank.csv --free elements.tube.length", {
         "--free": "name", "--predict": "name", "--start": "pair", "--column": "pair", "--unit": "pair", "--set": "pair",
-        "--figure": "picture",
+        "--out": "picture",
     }),
-    "record show": ("record show @record:record.nc", {}),
+    "record show": ("record show @record:record.nc", {"--out": "picture"}),
     "record plot": ("record plot @record:record.nc --out @picture:f.svg", {
         "--channels": "name", "--against": "name", "--from": "moment", "--to": "moment", "--width": "length",
         "--style": "name",
@@ -260,37 +264,38 @@ COMMANDS = {
         "--column": "pair", "--unit": "pair", "--period": "time",
     }),
     "record energy": ("record energy @record:record.nc", {
-        "--figure": "picture", "--from": "moment", "--to": "moment", "--muscle": "specimen", "--accumulator": "amount",
+        "--out": "picture", "--from": "moment", "--to": "moment", "--muscle": "specimen",
+        "--accumulator-pressure": "amount",
     }),
     "record frequency": ("record frequency @record:record.nc --input pressure --output tension", {
         "--input": "name", "--output": "name", "--resolution": "number", "--sines": "number", "--from": "moment",
-        "--to": "moment", "--figure": "picture",
+        "--to": "moment", "--out": "picture",
     }),
     "record repeatability": ("record repeatability @record:record.nc", {
-        "--channel": "name", "--drive": "name", "--from": "moment", "--to": "moment", "--figure": "picture",
+        "--channel": "name", "--drive": "name", "--from": "moment", "--to": "moment", "--out": "picture",
     }),
     "record repair": ("record repair @record:record.mcap --out @out:r.nc", {}),
     "record report": ("record report @record:record.nc --out @report:r.html", {}),
     "calibrate zero": ("calibrate zero --rig @rig:modern --simulate", {
-        "--channel": "name", "--uncertainty": "pressure", **RIG,
+        "--channels": "name", "--uncertainty": "pressure", **RIG,
     }),
     "calibrate weights": ("calibrate weights --rig modern --simulate --masses @number:0_kg,1_kg", {
         "--gravity": "number", "--gravity-uncertainty": "number", "--channel": "name", "--uncertainty": "force",
     }),
     "calibrate pressure": ("calibrate pressure --rig modern --simulate --pressures @pressure:0_bar,3_bar", {
-        "--scale-uncertainty": "length", "--channel": "name", "--uncertainty": "pressure",
+        "--scale-uncertainty": "length", "--channels": "name", "--uncertainty": "pressure",
     }),
     "calibrate encoder": ("calibrate encoder --rig modern --simulate --travels @length:0_mm,50_mm", {
         "--uncertainty": "length",
     }),
     "calibrate skew": ("calibrate skew --rig modern --simulate", {
-        "--channel": "name", "--frequency": "number", "--to": "name",
+        "--channels": "name", "--frequency": "number", "--to": "name",
     }),
     "calibrate show": ("calibrate show @toml:calibration.toml", {}),
     "calibrate apply": ("calibrate apply @record:record.nc --out @out:r.nc --calibration @toml:calibration.toml", {}),
-    "study tube": ("study tube --quick", {"--figure": "picture"}),
-    "study robot": ("study robot @robot:missing.csv", {"--figure": "picture"}),
-    "study loops": ("study loops @folder:none", {"--friction": "name", "--figure": "picture"}),
+    "study tube": ("study tube --quick", {"--out": "picture"}),
+    "study robot": ("study robot @robot:missing.csv", {"--out": "picture"}),
+    "study loops": ("study loops @folder:none", {"--friction": "name", "--out": "picture"}),
     "study validation": ("study validation --data @folder:none", {"--only": "name", "--law": "name", "--out": "report"}),
 }  # fmt: skip
 
@@ -381,7 +386,7 @@ def test_every_command_is_in_the_table():
                 found.add(f"{name}{word}")
 
     below(typer.main.get_command(app), "")
-    assert found - set(COMMANDS) == {"muscles"}  # which takes nothing
+    assert found - set(COMMANDS) == {"muscles", "completion", "help"}  # which read nothing
     assert set(COMMANDS) <= found
 
 

@@ -52,7 +52,7 @@ def test_known_faults_are_found_and_channel_after_channel_joins_the_file(run, tm
     for words in (
         ("pressure", "--pressures", "0 bar,3 bar", "--uncertainty", "2 mbar", "--scale-uncertainty", "0.02 %"),
         ("encoder", "--travels", "0 mm,50 mm", "--uncertainty", "1 um", "--set", "rig.motor.pulley_radius=2.01 cm"),
-        ("zero", "--channel", "valve_pressure", "--uncertainty", "1 mbar"),
+        ("zero", "--channels", "valve_pressure", "--uncertainty", "1 mbar"),
     ):
         assert run(*words, *simulate)[0] == 0, words
     assert run("skew", "--rig", "modern", "--simulate", "--samples", 1000, "--out", path)[0] == 0
@@ -81,7 +81,7 @@ def test_gravity_that_nobody_states_is_unsure_by_where_on_earth_one_is(run):
 def test_another_sensor_drops_what_was_known_of_the_one_before_and_says_so(run, tmp_path):
     path = tmp_path / "a.toml"
     run(*WEIGHTS, "--masses", "0 kg,5 kg", "--sensor", "A", "--out", path)
-    code, out, _ = run("zero", "--rig", "modern", "--simulate", "--channel", "tension", "--sensor", "B", "--out", path)
+    code, out, _ = run("zero", "--rig", "modern", "--simulate", "--channels", "tension", "--sensor", "B", "--out", path)
     assert code == 0 and "Note: tension was of the sensor A" in out
     assert "gain" not in json.loads(run("show", path, "--json")[1])["channels"]["tension"]
 
@@ -142,7 +142,7 @@ MASSES = ("--masses", "0 kg,5 kg")
         (("zero", "--rig", "paper", "--simulate"), "reading of pressure must lie between"),
         (("zero", "--rig", "modern", "--simulate", "--uncertainty", "1 N"), "for channels of one unit at a time"),
         (("skew", "--rig", "modern", "--simulate", "--frequency", "600 Hz"), "frequency must be between"),
-        (("skew", "--rig", "modern", "--simulate", "--channel", "tension"), "two or more"),
+        (("skew", "--rig", "modern", "--simulate", "--channels", "tension"), "two or more"),
         (("show", "none.toml"), "Calibration file not found: none.toml"),
         (("show", "none.nc"), "File not found"),
         (("apply", "none.nc", "--out", "a.nc"), "--calibration is missing: give a file, or --off"),

@@ -66,7 +66,7 @@ def test_a_run_that_fails_says_so_with_exit_code_1(run, tmp_path):
 
 
 def test_show_draws_the_circuit(run, tmp_path):
-    code, out, _ = run("show", TANK, "--svg", str(tmp_path / "circuit.svg"))
+    code, out, _ = run("show", TANK, "--out", str(tmp_path / "circuit.svg"))
     assert code == 0
     assert "Written" in out
     drawn = (tmp_path / "circuit.svg").read_text()
@@ -77,7 +77,7 @@ def test_show_draws_the_circuit(run, tmp_path):
 def test_run_prints_one_object_and_writes_what_is_asked(run, tmp_path):
     out_file, figure = tmp_path / "rec.csv", tmp_path / "run.svg"
     words = ["--set", "elements.tube.length=1.2 m", "--set", "run.duration=0.2 s", "--out", str(out_file)]
-    code, out, err = run("run", TANK, *words, "--figure", str(figure), "--json")
+    code, out, err = run("run", TANK, *words, "--out", str(figure), "--json")
     found = json.loads(out)
     assert code == 0
     assert err == ""
@@ -113,11 +113,11 @@ def test_run_shows_a_person_words_with_units(run):
     [
         (("run", "no-such.toml"), "not found"),
         (("run", TANK, "--out", "rec.xls"), "--out"),
-        (("run", TANK, "--figure", "missing-folder/x.svg"), "older not found"),
+        (("run", TANK, "--out", "missing-folder/x.svg"), "older not found"),
         (("run", TANK, "--set", "elements.tube.length"), "NAME=VALUE"),
         (("run", TANK, "--set", "elements.tube.lenght=1 m"), "Did you mean 'length'"),
         (("run", TANK, "--set", "elements.tube.length=1 bar"), "must be a length"),
-        (("show", TANK, "--svg", "x.txt"), "--svg"),
+        (("show", TANK, "--out", "x.txt"), "--out"),
     ],
 )
 def test_bad_words_give_one_line_and_exit_code_2(run, words, says):

@@ -54,7 +54,7 @@ def run(capsys, tmp_path, monkeypatch):
 def test_what_was_run_fits_the_same_circuit_and_predicts_another_run(run, tmp_path):
     for name, more in (("a.nc", []), ("b.csv", ["--set", "signals.wish.values=['2 bar', '4 bar']"])):
         assert run("run", "c.toml", *more, "--out", name, "--json")[0] == 0
-    code, out, err = run("fit", "c.toml", "a.nc", "--predict", "b.csv", "--json", "--figure", "fit.svg")
+    code, out, err = run("fit", "c.toml", "a.nc", "--predict", "b.csv", "--json", "--out", "fit.svg")
     found = json.loads(out)
     assert (code, err) == (0, "")
     assert set(found) == {"parameters", "errors", "rms", "converged", "message", "evaluations", "warnings"}
@@ -137,7 +137,7 @@ def test_a_bad_record_gives_one_line_and_exit_code_2(run, tmp_path, text, says):
         (("good.csv", "--free", HOLE, "--start", f"{HOLE}=-1e-9"), "must be"),
         (("good.csv", "--column", "tank.pressure=7"), "must be between 1 and 2"),
         (("good.csv", "--unit", "tnak.pressure=kPa"), "tnak.pressure"),
-        (("good.csv", "--figure", "x.jpg"), "--figure"),
+        (("good.csv", "--out", "x.doc"), "--out"),
         (("good.csv", "--set", "elements.hole.lenght=1 m"), "elements.hole.lenght"),
     ],
 )

@@ -59,7 +59,7 @@ def test_a_person_reads_a_table_with_sources(run):
 
 def test_protocols_of_biological_muscles_and_their_figure(run, tmp_path):
     figure = tmp_path / "fibres.png"
-    code, text, err = run("fast-fibre", "slow-fibre", "--protocols", "--figure", str(figure), "--json")
+    code, text, err = run("fast-fibre", "slow-fibre", "--protocols", "--out", str(figure), "--json")
     found = json.loads(text)
     assert (code, err) == (0, "")
     rows = {row["property"]: row["values"] for row in found["rows"]}
@@ -79,8 +79,8 @@ REFUSED = {
     "a target of the wrong kind": (["nylon", "--match", "bridgestone"], "must be a biological muscle"),
     "a match without a McKibben muscle": (["fast-fibre", "--match", "slow-fibre"], "must be a McKibben muscle"),
     "a figure of another kind": (
-        ["nylon", "--figure", "x.jpg"],
-        "--figure must be a name that ends in .svg or .pdf or .png",
+        ["nylon", "--out", "x.gif"],
+        "--out must be a name that ends in .html or .pdf or .svg or .png",
     ),
     "a recording that is not there": (["nylon", "--recording", "none.nc"], "none.nc"),
     "a rig that is not there": (["nylon", "--protocols", "--rig", "wooden"], "wooden"),
@@ -97,5 +97,5 @@ def test_bad_input_is_one_clear_line(run, case):
 
 
 def test_a_recording_alone_has_no_law_to_draw(run, recording, tmp_path):
-    code, _, err = run("--recording", str(recording), "--figure", str(tmp_path / "x.svg"))
+    code, _, err = run("--recording", str(recording), "--out", str(tmp_path / "x.svg"))
     assert code == 2 and "needs a specimen" in err

@@ -140,7 +140,7 @@ def test_fit_recovers_a_gas_spring_from_its_table(run, tmp_path):
 
 def test_fit_saves_a_specimen_that_tension_takes(run, tmp_path):
     path, saved = table(tmp_path / "spring.csv", SPRING), tmp_path / "mine.toml"
-    run("fit", str(path), "--law", "gas_spring", "--rest-length", "14 cm", "--save", str(saved))
+    run("fit", str(path), "--law", "gas_spring", "--rest-length", "14 cm", "--out", str(saved))
     code, out, _ = run("tension", str(saved), "--length", "13 cm", "--pressure", "4 bar", "--json")
     assert code == 0
     assert json.loads(out)["tension"] == pytest.approx(0.466e-2 * 4e5 * 30.9e-3, rel=1e-6)
@@ -173,9 +173,7 @@ def test_fit_of_printed_constraints_says_what_they_leave_open(run, tmp_path):
 )
 def test_bad_tables_give_one_line_and_write_nothing(run, tmp_path, rows, header, says):
     path, report = table(tmp_path / "bad.csv", rows, header), tmp_path / "report.html"
-    code, out, err = run(
-        "fit", str(path), "--law", "sarosi", "--rest-length", "300 mm", "--report", str(report), "--json"
-    )
+    code, out, err = run("fit", str(path), "--law", "sarosi", "--rest-length", "300 mm", "--out", str(report), "--json")
     assert code == 2 and out == ""
     assert err.count("\n") == 1 and "bad.csv" in err and says in err
     assert not report.exists()

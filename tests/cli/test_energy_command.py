@@ -75,14 +75,14 @@ def test_a_person_reads_both_volumes_and_where_the_input_goes(run):
 
 
 def test_curves_and_figures_come_on_request(run, tmp_path):
-    found = asked(run, "--cycle", "maximal", "--curve", "--figure", "curve.svg")
+    found = asked(run, "--cycle", "maximal", "--curve", "--out", "curve.svg")
     (curve,) = found["curves"]
     assert curve["name"] == "maximal"
     assert len(curve["pressure"]) == len(curve["efficiency"]) > 20
     assert 0.903e5 < curve["pressure"][0] < curve["pressure"][-1] == pytest.approx(10e5)
-    code, out, _ = run(*NYLON, "--cycle", "valve", "--cycle", "isotonic", "--curve", "--figure", "loops.png")
+    code, out, _ = run(*NYLON, "--cycle", "valve", "--cycle", "isotonic", "--curve", "--out", "loops.png")
     assert code == 0 and "Efficiency over pressure" in out
-    assert run(*NYLON, "--accumulator", "--figure", "all.svg")[0] == 0
+    assert run(*NYLON, "--accumulator", "--out", "all.svg")[0] == 0
     assert "Efficiency, %" in (tmp_path / "curve.svg").read_text()
     text = (tmp_path / "all.svg").read_text()
     assert "A′BCD′" in text and "E′F′GH′" in text and "Absolute pressure, bar" in text
@@ -115,7 +115,7 @@ def test_any_law_with_a_volume_works(run):
         (("--accumulator-pressure", "6 bar"), "exchange_pressure"),
         (("--accumulator", "--accumulator-pressure", "1 bar"), "--accumulator-pressure"),
         (("--ambient", "0 bar"), "pressure_abs"),
-        (("--figure", "a.pdf"), "--figure"),
+        (("--out", "a.gif"), "--out"),
         (("--set", "colour=3"), "linear_threshold has"),
     ],
 )

@@ -22,8 +22,8 @@ def too_early(*args, **options):
     [
         ("serial", "serial", (*BENCH, "serial:/dev/ttyACM0"), "mckibben.cli.run.prepared"),
         ("nidaqmx", "daq", (*BENCH, "daq"), "mckibben.cli.run.prepared"),
-        ("typst", "report", ("compare", "nylon", "--report", "a.pdf"), "mckibben.studies.comparison.subject"),
-        ("typst", "report", ("fit", "DMSP-20-300", "--report", "a.pdf"), "mckibben.identification.fit"),
+        ("typst", "report", ("compare", "nylon", "--out", "a.pdf"), "mckibben.studies.comparison.subject"),
+        ("typst", "report", ("fit", "DMSP-20-300", "--out", "a.pdf"), "mckibben.identification.fit"),
         # a.nc is not there, which is what reading it would say first
         ("polars", "formats", ("record", "convert", "a.nc", "a.parquet"), "mckibben.recordings.read_recording"),
         ("zarr", "sweep", ("sweep", SWEEP, "--out", "a", "--scheduler", "serial"), "mckibben.batch.sweep.Sweep.check"),

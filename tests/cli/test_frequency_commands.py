@@ -50,7 +50,7 @@ def test_a_small_sine_through_a_circuit_gives_the_response_of_the_linear_model(r
 
 def test_a_circuit_passes_slow_changes_whole_and_falls_beyond_its_resonance(run, tmp_path):
     picture = tmp_path / "bode.svg"
-    code, out, _ = run("circuit", "frequency", TUBE, *NAMES, "--figure", str(picture), "--json")
+    code, out, _ = run("circuit", "frequency", TUBE, *NAMES, "--out", str(picture), "--json")
     found = json.loads(out)
     fastest = max(found["modes"], key=lambda m: m["frequency"])
     assert code == 0 and "Magnitude" in picture.read_text(encoding="utf-8")
@@ -86,7 +86,7 @@ def test_runs_that_are_equal_repeat_exactly_and_others_by_what_they_differ(run, 
     assert code == 0 and json.loads(out)["largest"] == 0.0
     files.append(loops(tmp_path / "more.nc", (11.0, 11.0)))
     picture = tmp_path / "runs.svg"
-    code, out, _ = run("record", "repeatability", *files, "--figure", str(picture))
+    code, out, _ = run("record", "repeatability", *files, "--out", str(picture))
     assert code == 0 and "3 runs" in out and picture.exists()
 
 

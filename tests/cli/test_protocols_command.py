@@ -75,13 +75,13 @@ def test_set_replaces_values_and_the_hash_is_that_of_the_experiment(run):
 
 
 def test_toml_is_the_files_text_and_a_file_is_read_like_a_name(run, tmp_path):
-    text = run("work-loop", "--toml")[1]
+    text = run("work-loop", "--out", "-")[1]
     assert text.startswith("schema = 1\n")
     path = tmp_path / "mine.toml"
     path.write_text(text)
     by_file, by_name = (json.loads(run(name, "--json")[1]) for name in (str(path), "work-loop"))
     assert by_file == by_name
-    assert run(str(path), "--toml")[1] == text
+    assert run(str(path), "--out", "-")[1] == text
 
 
 def test_a_length_that_nobody_knows_beforehand_is_told_and_no_error(run, tmp_path):
@@ -107,7 +107,7 @@ def test_a_length_that_nobody_knows_beforehand_is_told_and_no_error(run, tmp_pat
         (("quasi-static", "--set", "pressure"), "NAME=VALUE"),
         (("quasi-static", "--set", "range=huge"), "Known are large, small"),
         (("quasi-static", "--set", "repeat=0"), "whole number"),
-        (("--toml",), "--toml is allowed only"),
+        (("--out", "-"), "--out is allowed only"),
         (("--set", "a=1"), "--set is allowed only"),
     ],
 )

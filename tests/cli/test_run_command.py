@@ -24,7 +24,7 @@ def test_a_run_prints_one_json_object_and_saves_a_recording_that_opens(run, tmp_
     out, figure = tmp_path / "step.nc", tmp_path / "step.png"
     code, text, err = run(
         "isometric-step", "--muscle", "nylon", "--set", "cycles=1", "--set", "range=half", "--set", "frequency=5 Hz",
-        "--out", str(out), "--figure", str(figure), "--json",
+        "--out", str(out), "--out", str(figure), "--json",
     )  # fmt: skip
     found = json.loads(text)
     assert (code, err) == (0, "")
@@ -175,6 +175,6 @@ def test_a_figure_that_cannot_be_drawn_hides_nothing(run, tmp_path, monkeypatch)
 
     monkeypatch.setattr(protocol_run, "run", lambda *_, **__: one)
     monkeypatch.setattr(recording_figures, "time_figure", refuse)
-    words = ["isometric-step", "--muscle", "nylon", "--figure", str(tmp_path / "one.svg")]
+    words = ["isometric-step", "--muscle", "nylon", "--out", str(tmp_path / "one.svg")]
     code, out, err = run(*words)
     assert code == 2 and "The line was lost." in out and "it cannot be drawn" in err

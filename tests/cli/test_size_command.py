@@ -81,7 +81,7 @@ def test_an_unreachable_wish_ends_with_one_and_says_the_nearest_miss(run):
 def test_valves_and_a_figure(run, tmp_path):
     path = tmp_path / "size.svg"
     words = [w for w in ASKED if w != "--no-lines"]
-    code, out, _ = run(*words, "--figure", str(path), "--json", "--top", "3")
+    code, out, _ = run(*words, "--out", str(path), "--json", "--top", "3")
     found = json.loads(out)
     assert code == 0 and path.stat().st_size > 5000
     assert len(found["lines"]) == 3
@@ -110,7 +110,7 @@ def test_valves_and_a_figure(run, tmp_path):
         ({"--working-time": "8 h"}, "--working-time needs a frequency"),
         ({"--battery": "100 W"}, "--battery"),
         ({"--tank": "2 l"}, "--tank must be a volume and a gauge pressure"),
-        ({"--figure": "size.jpg"}, "--figure"),
+        ({"--out": "size.gif"}, "--out"),
     ],
 )
 def test_bad_input_is_one_line_and_two(run, change, says):

@@ -201,7 +201,7 @@ def test_a_person_is_told_paper_ours_difference_verdict_and_note_of_every_row(ru
 
 def test_rows_that_fall_short_give_exit_code_1_after_the_report_is_written(run, tmp_path, monkeypatch):
     monkeypatch.setattr("mckibben.reproduction.rows.judge", lambda row, ours: False)
-    code, out, _ = run("--row", "valve.festo_power", "--report", str(tmp_path / "r.html"), "--json", "--no-recordings")
+    code, out, _ = run("--row", "valve.festo_power", "--out", str(tmp_path / "r.html"), "--json", "--no-recordings")
     found = json.loads(out)
     assert found["kinds"] == {
         "short": {"rows": 1, "lowest": found["rows"][0]["difference"], "highest": pytest.approx(0)}
@@ -246,7 +246,7 @@ def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--report", "r.doc"], "ends in .html or .pdf"), (["--report", "no/such/r.html"], "older not found"),
+        (["--out", "r.doc"], "ends in .html or .pdf"), (["--out", "no/such/r.html"], "older not found"),
         (["--out", "no/such/folder"], "older not found"), (["--out", "file"], "it is a file"),
         (["--figure", "99"], "Known are 1, 2"),
         (["--figure", "3a", "--no-recordings"], "no-recordings"), (["--row", "nothing"], "no row begins"),

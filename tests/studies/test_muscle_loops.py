@@ -202,7 +202,7 @@ def known(study: LoopStudy, monkeypatch: pytest.MonkeyPatch) -> LoopStudy:
 
 def test_the_command_tells_and_draws(folder: Path, known: LoopStudy, tmp_path: Path, capsys) -> None:
     figure = tmp_path / "loops.svg"
-    code, out, err = _run(capsys, str(folder), "--figure", str(figure))
+    code, out, err = _run(capsys, str(folder), "--out", str(figure))
     assert (code, err) == (0, "")
     assert out.count("HELD:") == 2
     assert "mid-range" in out and "cannot tell" in out and "End of the hold".lower() in out.lower()

@@ -200,9 +200,9 @@ def test_the_figure_shows_every_model(study):
 
 def test_a_figure_that_cannot_be_written_is_refused_first(capsys):
     with pytest.raises(SystemExit) as stop:
-        main(["study", "tube", "--figure", "tube.jpg"])
+        main(["study", "tube", "--out", "tube.gif"])
     assert stop.value.code == 2
-    assert "--figure" in capsys.readouterr().err
+    assert "--out" in capsys.readouterr().err
 
 
 @pytest.mark.slow

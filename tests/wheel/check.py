@@ -105,8 +105,14 @@ class Spring(mk.TensionLaw):
 MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
 CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],
-    "show": [Call((MUSCLE, "--figure", "show.svg"), ["show.svg"])],
-    "tension": [Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar"))],
+    "show": [Call((MUSCLE, "--out", "show.svg"), ["show.svg"])],
+    "tension": [
+        Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar")),
+        Call((MUSCLE, "--contraction", "0:20:5 %", "--pressure", "1:5 bar", "--out", "points.csv"), ["points.csv"]),
+        needs("formats", MUSCLE, "--length", "12 cm", "--pressure", "5 bar", "--out", "point.xlsx"),
+    ],
+    "completion": [Call(("bash",)), Call(("tcsh",), says=("Known are bash, zsh, fish",))],
+    "help": [Call(("circuit", "run"))],
     "braid": [
         Call(
             (
@@ -118,13 +124,13 @@ CALLS: dict[str, list[Call]] = {
     ],
     "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [
-        Call(("DMSP-20-300", "--law", "ideal", "--report", "fit.html", "--save", "fit.toml"), ["fit.html", "fit.toml"]),
-        needs("report", "DMSP-20-300", "--report", "fit.pdf"),
+        Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),
+        needs("report", "DMSP-20-300", "--out", "fit.pdf"),
     ],
     "check": [Call(("own.py:Spring",)), Call(("nowhere.py:Law",), says=("File not found: nowhere.py",))],
     "protocols": [Call()],
     "run": [
-        Call((*BENCH, "--set", "cycles=3", "--out", "loop.nc", "--figure", "loop.svg"), ["loop.nc", "loop.svg"]),
+        Call((*BENCH, "--set", "cycles=3", "--out", "loop.nc", "--out", "loop.svg"), ["loop.nc", "loop.svg"]),
         needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
         needs("daq", *BENCH, "--on", "daq"),
     ],
@@ -135,9 +141,9 @@ CALLS: dict[str, list[Call]] = {
     "joint": [
         Call(("nylon", "--command", "flexor=0, 0.3 @ 50 ms", "--duration", "0.2 s", "--out", "joint.nc"), ["joint.nc"])
     ],
-    "device": [Call((*BENCH, "--for", "1"))],
-    "energy": [Call((MUSCLE, "--pressure", "5 bar", "--figure", "energy.svg"), ["energy.svg"])],
-    "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--report", "compare.pdf")],
+    "device": [Call((*BENCH, "--duration", "1 s"))],
+    "energy": [Call((MUSCLE, "--pressure", "5 bar", "--out", "energy.svg"), ["energy.svg"])],
+    "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--out", "compare.pdf")],
     "reproduce": [
         Call(("--row", "valve.festo", "--out", "papers", "--no-pdf"), ["papers/reproduction.html"]),
         needs("report", "--out", "papers"),
@@ -148,7 +154,7 @@ CALLS: dict[str, list[Call]] = {
         Call(
             (
                 "--load", "3 kg", "--stroke", "3 cm", "--pressure", "5 bar", "--cycles", "1 Hz", "--working-time", "8 h",
-                "--battery", "100 Wh", "--tank", "2 l at 200 bar", "--no-lines", "--save", "muscle.toml",
+                "--battery", "100 Wh", "--tank", "2 l at 200 bar", "--no-lines", "--out", "muscle.toml",
             ),
             ["muscle.toml"],
         ),
@@ -158,18 +164,18 @@ CALLS: dict[str, list[Call]] = {
         needs("sweep", str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep"),
     ],
     "serve": [needs("web", "--port", "0", "--no-open")],
-    "circuit show": [Call((str(CIRCUITS / "filling-a-tank.toml"), "--svg", "circuit.svg"), ["circuit.svg"])],
-    "circuit run": [Call(("tank.toml", "--out", "tank.nc", "--figure", "tank.svg"), ["tank.nc", "tank.svg"])],
+    "circuit show": [Call((str(CIRCUITS / "filling-a-tank.toml"), "--out", "circuit.svg"), ["circuit.svg"])],
+    "circuit run": [Call(("tank.toml", "--out", "tank.nc", "--out", "tank.svg"), ["tank.nc", "tank.svg"])],
     "circuit frequency": [
         Call(
             (
                 str(CIRCUITS / "muscle-behind-a-tube.toml"), "--input", "regulator.pressure", "--output",
-                "muscle.pressure_abs", "--figure", "bode.svg",
+                "muscle.pressure_abs", "--out", "bode.svg",
             ),
             ["bode.svg"],
         )
     ],
-    "circuit fit": [Call(("tank.toml", "tank.nc", "--figure", "fit.svg"), ["fit.svg"])],
+    "circuit fit": [Call(("tank.toml", "tank.nc", "--out", "fit.svg"), ["fit.svg"])],
     "record show": [Call(("loop.nc",))],
     "record plot": [
         Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"]),
@@ -181,17 +187,17 @@ CALLS: dict[str, list[Call]] = {
         needs("formats", "loop.nc", "loop.parquet"),
         needs("formats", "loop.nc", "loop.tdms"),
     ],
-    "record energy": [Call(("loop.nc", "--figure", "balance.svg"), ["balance.svg"])],
+    "record energy": [Call(("loop.nc", "--out", "balance.svg"), ["balance.svg"])],
     "record frequency": [
-        Call(("loop.nc", "--input", "span", "--output", "tension", "--figure", "response.svg"), ["response.svg"])
+        Call(("loop.nc", "--input", "span", "--output", "tension", "--out", "response.svg"), ["response.svg"])
     ],
-    "record repeatability": [Call(("loop.nc", "--figure", "cycles.svg"), ["cycles.svg"])],
+    "record repeatability": [Call(("loop.nc", "--out", "cycles.svg"), ["cycles.svg"])],
     "record repair": [Call(("loop.mcap", "--out", "repaired.nc"), ["repaired.nc"])],
     "record report": [
         Call(("loop.nc", "--out", "loop.html"), ["loop.html"]),
         needs("report", "loop.nc", "--out", "loop.pdf"),
     ],
-    "calibrate zero": [simulated("--channel", "valve_pressure")],
+    "calibrate zero": [simulated("--channels", "valve_pressure")],
     "calibrate weights": [simulated("--masses", "0 kg,5 kg")],
     "calibrate pressure": [simulated("--pressures", "0 bar,3 bar")],
     "calibrate encoder": [

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,14 +21,44 @@ if TYPE_CHECKING:
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
+Law = Annotated[
+    str | None,
+    typer.Option("--law", metavar="LAW", help="Law to use instead of the specimen's default, or my.py:MyLaw."),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="PATH=VALUE", help="Replace a parameter, such as law.turns=3.2 or thread_length='16 cm'."
     ),
 ]
-Plumbing = Annotated[str | None, typer.Option(help="Name of the plumbing that joins the rig's pneumatic parts.")]
-NoiseSeed = Annotated[int, typer.Option(min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")]
+SpecimenName = Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")]
+Muscle = Annotated[
+    str, typer.Option("--muscle", metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")
+]
+RigName = Annotated[
+    str, typer.Option("--rig", metavar="RIG", help="Rig of the test machine: paper, modern, or a .toml file.")
+]
+Plumbing = Annotated[
+    str | None,
+    typer.Option(metavar="PLUMBING", help="Plumbing that joins the rig's pneumatic parts; the rig's first by default."),
+]
+NoiseSeed = Annotated[
+    int, typer.Option(metavar="N", min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
+]
+RestLength = Annotated[str | None, typer.Option(metavar="LENGTH", help="Rest length of the muscle, such as '300 mm'.")]
+Contraction = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CONTRACTION",
+        help="Contraction from the rest length instead of a length, such as '20 %'; negative if stretched.",
+    ),
+]
+Start = Annotated[
+    str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used, such as '2 s'.")
+]
+End = Annotated[
+    str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used, such as '5 s'.")
+]
 LockStep = Annotated[
     bool,
     typer.Option(
@@ -73,9 +104,95 @@ FigureWidth = Annotated[
 ]  # fmt: skip
 
 
+class _Invocation:
+    """What one call of the command line has been asked for, and has said."""
+
+    def __init__(self) -> None:
+        self.quiet = False
+        self.stdout: Any = None  # where results go while sys.stdout is silenced
+        self.expected: list[str] = []  # cautions that are not said yet
+        self.said: list[str] = []
+        self.noted: set[str] = set()
+        self.paths: dict[str, str] = {}
+
+
+_call = _Invocation()
+
+
+def begin() -> None:
+    """Forget what was said in an earlier call in the same process."""
+    global _call
+    _call = _Invocation()
+
+
+def be_quiet() -> None:
+    """Print only errors, and what was asked for by ``--json`` or ``--out -``."""
+    _call.quiet = True
+
+
+def is_quiet() -> bool:
+    """Whether ``--quiet`` was given."""
+    return _call.quiet
+
+
+def call_path(path: str, words: str) -> None:
+    """Call a path otherwise in messages, as a file that holds standard input."""
+    _call.paths[path] = words
+
+
+def readable(sentence: str) -> str:
+    """A message with the words for paths of `call_path`."""
+    for path, words in _call.paths.items():
+        sentence = sentence.replace(path, words)
+    return sentence
+
+
+def stdout() -> Any:
+    """Where results go, also while nothing else is printed."""
+    return _call.stdout or sys.stdout
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Print nothing on standard output but what `print_json` and `_outputs` write."""
+    if _call.stdout is not None:
+        yield
+        return
+    _call.stdout = sys.stdout
+    with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
+        try:
+            yield
+        finally:
+            _call.stdout = None
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Print nothing on standard output if ``--quiet`` was given."""
+    with silence() if _call.quiet else nullcontext():
+        yield
+
+
+def note(sentence: str) -> None:
+    """Print a note on standard error, each once."""
+    if not _call.quiet and sentence not in _call.noted:
+        _call.noted.add(sentence)
+        typer.echo(f"mckibben: note: {sentence}", err=True)
+
+
 def print_json(value: dict[str, Any]) -> None:
     """Print one JSON object on standard output; a number that is not finite becomes null."""
-    typer.echo(json.dumps(_clean(value), ensure_ascii=False))
+    out = stdout()
+    out.write(json_text(value) + "\n")
+    out.flush()
+
+
+def json_text(value: dict[str, Any]) -> str:
+    """One JSON object, with the cautions about unlikely values among its ``warnings``."""
+    say_cautions()
+    if _call.said:
+        value = value | {"warnings": list(dict.fromkeys([*value.get("warnings", []), *_call.said]))}
+    return json.dumps(_clean(value), ensure_ascii=False)
 
 
 def _clean(value: Any) -> Any:
@@ -105,6 +222,15 @@ def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, s
             raise InputError(option, word, f"must be NAME=VALUE, such as {example}")
         table[name.strip()] = value.strip()
     return table
+
+
+def several(text: str | None, unit: str, option: str) -> list[float]:
+    """The values of an option [unit]: one value, a list ``1 bar, 3 bar`` or a range ``1:5 bar``."""
+    from ..quantities import parse, values_in_si
+
+    assert text is not None
+    many = ":" in text or ";" in text or ", " in text
+    return values_in_si(text, unit, field=option) if many else [parse(text, unit, field=option)]
 
 
 def writable(option: str, path: Path | None, *endings: str) -> None:
@@ -145,6 +271,23 @@ def options_named(**more: str) -> Iterator[None]:
         raise error.changed(problem=f"{error.problem}, with {option}", sentence=sentence, remedy="") from None
 
 
+def expect_cautions(sentences: list[str]) -> None:
+    """Keep cautions about unlikely values until the command has said its own, which know the muscle."""
+    _call.expected += sentences
+
+
+def say_cautions(instead: Iterable[str] = ()) -> None:
+    """Print the cautions that were kept, but those about a value of which other sentences speak."""
+    spoken = {
+        sentence.partition(" of ")[0] for sentence in instead
+    }  # "a pressure" of "a pressure of 500 bar is beyond .."
+    for sentence in _call.expected:
+        if sentence.partition(" of ")[0] not in spoken:
+            _call.said.append(sentence)
+            _print_caution(sentence)
+    _call.expected = []
+
+
 def caution(*sentences: str | None) -> list[str]:
     """Print cautions on standard error; None is skipped.
 
@@ -153,8 +296,20 @@ def caution(*sentences: str | None) -> list[str]:
     """
     shown = [sentence for sentence in sentences if sentence is not None]
     for sentence in shown:
-        typer.echo(f"mckibben: caution: {sentence}", err=True)
+        _print_caution(sentence)
+    say_cautions(shown)
     return shown
+
+
+def _print_caution(sentence: str) -> None:
+    if not _call.quiet:
+        typer.echo(f"{program(33)}: caution: {sentence}", err=True)
+
+
+def program(colour: int) -> str:
+    """The name of the program before a message, in a colour on a terminal unless NO_COLOR is set."""
+    coloured = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return f"\x1b[{colour}mmckibben\x1b[0m" if coloured else "mckibben"
 
 
 def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: Iterable[int] = ()) -> None:
@@ -173,40 +328,3 @@ def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: I
     for row in rows:
         out.add_row(*row)
     console.print(out)
-
-
-@contextmanager
-def progress(what: str, total: int) -> Iterator[Any]:
-    """Show a progress bar with remaining time on standard error, on a terminal only; yields ``advance(words, by=1)``."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with bar:
-        task = bar.add_task(what, total=total)
-
-        def advance(words: str, by: int = 1) -> None:
-            bar.update(task, advance=by, description=words)
-
-        yield advance
-
-
-@contextmanager
-def told(what: str) -> Iterator[Any]:
-    """Show a changing line on standard error, for work of unknown length; yields ``tell(words)``; only on a terminal."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda words: None
-        return
-    with console.status(what) as status:
-        yield lambda words: status.update(f"{what}: {words}")

@@ -22,6 +22,9 @@ from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
+from ._command import Command, help_width, rows_of_help
+from ._progress import INTERRUPTED, ended, guarded, sentence
+from ._terminal import begin, program, readable
 
 ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX leaves parts of files on a full one
 # Warnings of JAX on a disk that is full, or was full once: it compiles anew.
@@ -119,7 +122,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "study loops": ("study:study_loops", "Predict half of a muscle's loop and creep from the other half."),
     "study validation": ("study:study_validation", "Fit every tension law to every data set, and cross-validate it."),
+    "completion": (
+        "completion:completion",
+        "Print the script with which a shell completes commands, options and values.",
+    ),
+    "help": ("completion:show_help", "Show the help of a command."),
 }
+
+
+NAMES = {"help_option_names": ["-h", "--help"]}
 
 
 class CommandTable(Mapping[str, Any]):
@@ -138,10 +149,19 @@ class CommandTable(Mapping[str, Any]):
             raise KeyError(name)
         place, summary = COMMANDS[words]
         if not place:
-            return CommandGroup(name=name, group=words, help=summary, no_args_is_help=True, rich_markup_mode=None)
+            return CommandGroup(
+                name=name,
+                group=words,
+                help=summary,
+                no_args_is_help=True,
+                rich_markup_mode=None,
+                context_settings=NAMES,
+            )
         module, _, function = place.partition(":")
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(name)(getattr(importlib.import_module(f".{module}", __package__), function))
+        kind = type("Command", (Command,), {"words": words})
+        run = getattr(importlib.import_module(f".{module}", __package__), function)
+        single.command(name, cls=kind, context_settings=NAMES)(run)
         return typer.main.get_command(single)
 
     def __iter__(self) -> Iterator[str]:
@@ -166,16 +186,25 @@ class CommandGroup(typer.core.TyperGroup):
         """Names in the order of the table."""
         return list(self.commands)
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the commands without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl(self.commands.summaries())
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help, with a list of the commands; none of them is imported."""
+        width = help_width()
+        options = [(", ".join(p.opts), getattr(p, "help", "") or "") for p in self.params] + [
+            ("-h, --help", "Show this help and exit.")
+        ]
+        formatter.write(
+            f"Usage: {ctx.command_path} COMMAND ..\n\n  {self.help}\n\n"
+            f"Commands:\n{rows_of_help(self.commands.summaries(), width)}\n\n"
+            f"Options:\n{rows_of_help(options, width)}\n\n"
+            f"{ctx.command_path.split()[0]} help COMMAND shows what a command takes.\n"
+        )
 
 
 app = typer.Typer(
     name="mckibben",
     cls=CommandGroup,
     help="A laboratory for McKibben pneumatic artificial muscles.",
+    context_settings=NAMES,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -204,8 +233,8 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: words after the program's name; those of the process by default.
     """
-    command = _command()
-    with warnings.catch_warnings(), _safe_children():
+    command = table_of_commands()
+    with warnings.catch_warnings(), _safe_children(), guarded():
         warnings.showwarning = _show_warning
         for words in CACHE:
             warnings.filterwarnings("ignore", words, UserWarning)
@@ -214,7 +243,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 @functools.cache
-def _command() -> Any:
+def table_of_commands() -> Any:
     """Build the table of all commands, which takes typer 40 ms."""
     return typer.main.get_command(app)
 
@@ -237,10 +266,12 @@ def _safe_children() -> Iterator[None]:
 def _execute(command: Any, arguments: list[str] | None) -> Any:
     """Run a command and return its exit code."""
     _keep_compilations()
+    begin()
     try:
         code = command.main(args=arguments, prog_name="mckibben", standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
-        code = _complain("interrupted; nothing was written", 130)
+        ended()
+        code = _complain(sentence(), INTERRUPTED)
     except ConvergenceError as error:
         code = _complain(str(error), 1)
     except MckibbenError as error:
@@ -296,6 +327,8 @@ def _usage(error: Any) -> int:
 
 
 def _complain(sentence: str, code: int) -> int:
-    plain = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(sentence.split()))
-    typer.echo(f"mckibben: {plain}", err=True)
+    plain = "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(readable(sentence).split())
+    )
+    typer.echo(f"{program(31 if code else 33)}: {plain}", err=True)
     return code

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from .. import __version__, muscles
 from ..errors import InputError
-from ..specimens import SpecimenNumber, save_specimen
-from ._terminal import Json, caution, print_json, table, writable
+from ..specimens import Specimen, SpecimenNumber, save_specimen
+from ._outputs import OBJECT, SPECIMEN, OutputKinds, Paths
+from ._terminal import Json, caution, print_json, table
+
+OUT = OutputKinds(specimen=SPECIMEN, result=OBJECT)
 
 # Dimension of a braid -> option that states it.
 OPTIONS = {
@@ -22,47 +24,60 @@ OPTIONS = {
 
 def braid(
     length: Annotated[
-        str, typer.Option(help="Length between the fittings without pressure and load, such as '300 mm'.")
+        str,
+        typer.Option(metavar="LENGTH", help="Length between the fittings without pressure and load, such as '300 mm'."),
     ],
     angle: Annotated[
-        str, typer.Option(help="Angle of the threads from the long axis at that length, such as '25 deg'.")
+        str,
+        typer.Option(metavar="ANGLE", help="Angle of the threads from the long axis at that length, such as '25 deg'."),
     ],
-    diameter: Annotated[str, typer.Option(help="Outer diameter of the braid at that length, such as '12 mm'.")],
-    thread: Annotated[str, typer.Option(help="Diameter of one thread, such as '0.25 mm'.")],
-    bladder: Annotated[str, typer.Option(help="Wall thickness of the bladder, such as '1 mm'.")],
+    diameter: Annotated[
+        str, typer.Option(metavar="SIZE", help="Outer diameter of the braid at that length, such as '12 mm'.")
+    ],
+    thread: Annotated[str, typer.Option(metavar="SIZE", help="Diameter of one thread, such as '0.25 mm'.")],
+    bladder: Annotated[str, typer.Option(metavar="SIZE", help="Wall thickness of the bladder, such as '1 mm'.")],
     shore: Annotated[
-        str | None, typer.Option(help="Shore A hardness of the bladder, such as 40A; 45 with a wide range by default.")
+        str | None,
+        typer.Option(
+            metavar="HARDNESS", help="Shore A hardness of the bladder, such as 40A; 45 with a wide range by default."
+        ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.toml", help="Write the muscle as a specimen file for every other command."),
-    ] = None,
+    out: Annotated[Paths, OUT.option(note="Every other command takes the specimen.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known."""
-    writable("--out", out, ".toml")
-    name = "braid" if out is None else re.sub(r"[^A-Za-z0-9._-]+", "-", out.stem).strip("-.") or "braid"
+    """Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.
+
+    $ mckibben braid --length '300 mm' --angle '25 deg' --diameter '12 mm' --thread '0.25 mm' --bladder '1 mm' --out my.toml
+    """
+    with OUT.files(out) as files:
+        first = files.first("specimen")
+        name = "braid" if first is None else re.sub(r"[^A-Za-z0-9._-]+", "-", first.stem).strip("-.") or "braid"
+        spec = _described(
+            name, rest_length=length, diameter=diameter, braid_angle=angle, thread_diameter=thread,
+            bladder_thickness=bladder, shore=shore,
+        )  # fmt: skip
+        warnings = caution(muscles.sleeve.slenderness_caution(spec))
+        heading = f"computed by mckibben {__version__} from the dimensions of a braid; not measured"
+        files.write("specimen", lambda path: save_specimen(spec, path, heading=heading))
+        errors = {law: [error._asdict() for error in known] for law, known in muscles.sleeve.ERRORS.items()}
+        content = {"specimen": spec.stated(), "errors": errors, "warnings": warnings}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(spec)
+            files.say()
+
+
+def _described(name: str, **dimensions: Any) -> Specimen:
+    """A specimen from dimensions; a complaint names the option."""
     try:
-        spec = muscles.sleeve.from_braid(
-            rest_length=length,
-            diameter=diameter,
-            braid_angle=angle,
-            thread_diameter=thread,
-            bladder_thickness=bladder,
-            shore=shore,
-            name=name,
-        )
+        return muscles.sleeve.from_braid(name=name, **dimensions)
     except InputError as error:
         raise error.changed(field=OPTIONS.get(error.field, error.field), where="") from None
-    warnings = caution(muscles.sleeve.slenderness_caution(spec))
-    if out is not None:
-        save_specimen(
-            spec, out, heading=f"computed by mckibben {__version__} from the dimensions of a braid; not measured"
-        )
-    if as_json:
-        errors = {law: [error._asdict() for error in known] for law, known in muscles.sleeve.ERRORS.items()}
-        print_json({"specimen": spec.stated(), "errors": errors, "warnings": warnings})
-        return
+
+
+def _print(spec: Specimen) -> None:
     groups = {f"laws.{spec.law}": spec.laws[spec.law], **{f"friction.{k}": g for k, g in spec.friction.items()}}
     rows = [
         [f"{path}.{key}", _amount(number), _interval(number), number.note]
@@ -78,8 +93,6 @@ def braid(
     typer.echo("")
     table("Errors on published muscles, of the largest tension: rms, largest", ["law", *makes], shares)
     typer.echo(f"\n{muscles.sleeve.TRUST}.")
-    if out is not None:
-        typer.echo(f"Written: {out}")
 
 
 def _amount(number: SpecimenNumber) -> str:

@@ -17,9 +17,10 @@ from ..bench import rig_file
 from ..errors import InputError
 from ..quantities import parse, split_values, with_unit
 from ..recordings import calibration, provenance
-from ._terminal import Json, pairs, print_json, writable
+from ._outputs import OBJECT, SPECIMEN, OutputKinds, Paths
+from ._terminal import Json, RigName, pairs, print_json
 from .calibration import print_outcome, say_outcome
-from .run import On, RigName
+from .run import On
 
 if TYPE_CHECKING:
     from ..bench.calibrate.session import CalibrationOutcome
@@ -34,20 +35,26 @@ Simulate = Annotated[
 Change = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help=f"Change a value of the rig, such as {_FAULT}.")
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Random seed for sensor noise and reference errors.")]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Random seed for sensor noise and reference errors.")]
 Samples = Annotated[int, typer.Option(metavar="N", help="Number of samples averaged at each point.")]
-Sensor = Annotated[str, typer.Option(help="Serial number or name of the sensor.")]
-Name = Annotated[str, typer.Option("--reference", help="Name of the reference, such as 'M1 masses'.")]
+Sensor = Annotated[str, typer.Option(metavar="TEXT", help="Serial number or name of the sensor.")]
+Name = Annotated[str, typer.Option("--reference", metavar="TEXT", help="Name of the reference, such as 'M1 masses'.")]
 Valid = Annotated[
     str | None,
     typer.Option(
         "--valid-for", metavar="TIME", help="Validity of the calibration, such as '365 day'; unlimited by default."
     ),
 ]
-Out = Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Output file; entries of other channels are kept.")]
-Channels = Annotated[str, typer.Option("--channel", metavar="A,B", help="Channels to calibrate, separated by commas.")]
+CALIBRATION = OutputKinds(calibration=SPECIMEN, result=OBJECT)
+Out = Annotated[Paths, CALIBRATION.option(note="Entries of other channels of a calibration are kept.")]
+Channels = Annotated[
+    str, typer.Option("--channels", metavar="CHANNELS", help="Channels to calibrate, separated by commas.")
+]
 Own = Annotated[
-    str | None, typer.Option("--uncertainty", metavar="VALUE", help="Standard uncertainty of each reference value.")
+    str | None,
+    typer.Option(
+        "--uncertainty", metavar="UNCERTAINTY", help="Standard uncertainty of each reference value, such as '1 kPa'."
+    ),
 ]
 Scale = Annotated[
     str,
@@ -73,12 +80,15 @@ def zero(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate the zeros of channels without load and pressure."""
+    """Calibrate the zeros of channels without load and pressure.
+
+    $ mckibben calibrate zero --rig modern --simulate --out calibration.toml
+    """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     names = _names(channel)
     units = {"tension": "N"}
     if uncertainty is not None and len({units.get(n, "Pa") for n in names}) > 1:
-        raise InputError("--uncertainty", None, "is allowed only for channels of one unit at a time: say --channel")
+        raise InputError("--uncertainty", None, "is allowed only for channels of one unit at a time: say --channels")
     standard_uncertainty = _value("--uncertainty", uncertainty, units.get(names[0], "Pa"))
     with _session(wanted, None) as session:
         _done(wanted, session, session.zero(names, uncertainty=standard_uncertainty))
@@ -86,16 +96,21 @@ def zero(
 
 def weights(
     rig: RigName,
-    masses: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more masses, such as '0 kg,1 kg,5 kg'.")],
+    masses: Annotated[str, typer.Option(metavar="MASSES", help="Two or more masses, such as '0 kg,1 kg,5 kg'.")],
     uncertainty: Own = None,
     gravity: Annotated[
         str | None,
-        typer.Option(metavar="VALUE", help="Local acceleration of gravity; by default the standard value to 0.15 %."),
+        typer.Option(
+            metavar="ACCELERATION",
+            help="Local acceleration of gravity, such as '9.807 m/s^2'; by default the standard value to 0.15 %.",
+        ),
     ] = None,
     gravity_uncertainty: Annotated[
-        str | None, typer.Option(metavar="VALUE", help="Standard uncertainty of --gravity.")
+        str | None, typer.Option(metavar="UNCERTAINTY", help="Standard uncertainty of --gravity.")
     ] = None,
-    channel: Annotated[str, typer.Option("--channel", help="Name of the load cell's channel.")] = "tension",
+    channel: Annotated[
+        str, typer.Option("--channel", metavar="CHANNEL", help="Name of the load cell's channel.")
+    ] = "tension",
     machine: On = None,
     simulate: Simulate = False,
     change: Change = None,
@@ -107,7 +122,10 @@ def weights(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate a load cell with dead weights, up and down."""
+    """Calibrate a load cell with dead weights, up and down.
+
+    $ mckibben calibrate weights --rig modern --simulate --masses '0 kg,1 kg,5 kg' --out calibration.toml
+    """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     standard_uncertainty = _value("--uncertainty", uncertainty, "kg")
     if gravity is None and gravity_uncertainty is not None:
@@ -137,7 +155,7 @@ def weights(
 def pressure(
     rig: RigName,
     pressures: Annotated[
-        str, typer.Option(metavar="A,B,..", help="Two or more gauge pressures, such as '0 bar,3 bar,6 bar'.")
+        str, typer.Option(metavar="PRESSURES", help="Two or more gauge pressures, such as '0 bar,3 bar,6 bar'.")
     ],
     uncertainty: Own = None,
     scale_uncertainty: Scale = "0 %",
@@ -153,7 +171,10 @@ def pressure(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate pressure sensors with a reference gauge."""
+    """Calibrate pressure sensors with a reference gauge.
+
+    $ mckibben calibrate pressure --rig modern --simulate --pressures '0 bar,3 bar,6 bar' --out calibration.toml
+    """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
     gauge = calibrating.estimate.Reference(reference, _value("--uncertainty", uncertainty, "Pa"), share)
@@ -163,7 +184,7 @@ def pressure(
 
 def encoder(
     rig: RigName,
-    travels: Annotated[str, typer.Option(metavar="A,B,..", help="Two or more travels, such as '0 mm,50 mm'.")],
+    travels: Annotated[str, typer.Option(metavar="LENGTHS", help="Two or more travels, such as '0 mm,50 mm'.")],
     uncertainty: Own = None,
     scale_uncertainty: Scale = "0 %",
     machine: On = None,
@@ -180,6 +201,8 @@ def encoder(
     """Calibrate the encoder with known travels, such as those of gauge blocks.
 
     The gain is metres per count relative to the nominal value.
+
+    $ mckibben calibrate encoder --rig paper --simulate --travels '0 mm,50 mm' --out calibration.toml
     """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, sensor, valid_for, out, as_json)
     share = _value("--scale-uncertainty", scale_uncertainty, "1", 0.0, 1.0)
@@ -192,10 +215,11 @@ def skew(
     rig: RigName,
     channel: Channels = "pressure,tension",
     frequency: Annotated[
-        str, typer.Option(metavar="VALUE", help="Frequency of the sine, or of a sweep at its beginning.")
+        str, typer.Option(metavar="FREQUENCY", help="Frequency of the sine, or of a sweep at its beginning.")
     ] = "20 Hz",
     to: Annotated[
-        str | None, typer.Option(metavar="VALUE", help="Frequency of a linear sweep at the last sample.")
+        str | None,
+        typer.Option(metavar="FREQUENCY", help="Frequency of a linear sweep at the last sample, such as '100 Hz'."),
     ] = None,
     machine: On = None,
     simulate: Simulate = False,
@@ -206,7 +230,10 @@ def skew(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate the lag of channels behind the first one, from a common signal."""
+    """Calibrate the lag of channels behind the first one, from a common signal.
+
+    $ mckibben calibrate skew --rig modern --simulate --channels pressure,tension --out calibration.toml
+    """
     wanted = _Wanted(rig, change, machine, simulate, seed, samples, "", valid_for, out, as_json)
     first = _value("--frequency", frequency, "1/s", 1e-3, 1e6)
     last = None if to is None else _value("--to", to, "1/s", 1e-3, 1e6)
@@ -225,8 +252,13 @@ class _Wanted(NamedTuple):
     samples: int
     sensor: str
     valid_for: str | None
-    out: Path | None
+    out: list[Path] | None
     as_json: bool
+
+    @property
+    def file(self) -> Path | None:
+        """The calibration file, if one is written."""
+        return next((path for path in self.out or [] if path.suffix == ".toml"), None)
 
 
 @contextmanager
@@ -234,7 +266,8 @@ def _session(
     wanted: _Wanted, reference: calibrating.estimate.Reference | None
 ) -> Iterator[calibrating.session.CalibrationSession]:
     """Open a session with its source of readings; errors of the file are reported before an operator is asked."""
-    writable("--out", wanted.out, ".toml")
+    with CALIBRATION.files(wanted.out):
+        pass  # the paths are checked before anybody is asked
     changes = pairs(wanted.change, "--set", _FAULT)
     for path, value in changes.items():
         if not path.startswith("rig."):
@@ -244,8 +277,8 @@ def _session(
     )
     rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in changes.items()})
     date = provenance.created()
-    if wanted.out is not None:
-        calibrating.file.merged(wanted.out, rig.name, {}, date)
+    if wanted.file is not None:
+        calibrating.file.merged(wanted.file, rig.name, {}, date)
     with _source(wanted, rig, reference) as (source, ask, again):
         yield calibrating.session.CalibrationSession(
             source=source,
@@ -310,26 +343,29 @@ def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, foun
     """Save and show the result."""
     name = rig_file.rig(wanted.rig).name
     notes = []
-    if wanted.out is None:
+    if wanted.file is None:
         whole = calibration.Calibration(rig=name, created=session.date, corrections=found.corrections)
     else:
-        before = calibrating.file.merged(wanted.out, name, {}, session.date).corrections
-        whole = calibrating.file.merged(wanted.out, name, found.corrections, session.date)
+        before = calibrating.file.merged(wanted.file, name, {}, session.date).corrections
+        whole = calibrating.file.merged(wanted.file, name, found.corrections, session.date)
         for channel, one in found.corrections.items():
             other = before[channel].sensor if channel in before else one.sensor
             if other and one.sensor and other != one.sensor:
                 notes.append(f"{channel} was of the sensor {other}: what was known of it is dropped")
-        calibrating.file.write_calibration(whole, wanted.out)
-    if wanted.as_json:
-        print_json(say_outcome(whole, found, wanted.out, notes))
-    else:
-        print_outcome(whole, found, wanted.out, notes)
+    with CALIBRATION.files(wanted.out) as files:
+        files.write("calibration", lambda path: calibrating.file.write_calibration(whole, path))
+        content = say_outcome(whole, found, wanted.file, notes)
+        files.write_result(content)
+        if wanted.as_json:
+            print_json(content)
+        else:
+            print_outcome(whole, found, wanted.file, notes)
 
 
 def _names(words: str) -> Sequence[str]:
     names = [n.strip() for n in words.split(",") if n.strip()]
     if not names or len(set(names)) < len(names):
-        raise InputError("--channel", words, "must be names of channels, parted by commas, each once")
+        raise InputError("--channels", words, "must be names of channels, parted by commas, each once")
     return names
 
 

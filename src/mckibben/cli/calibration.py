@@ -14,7 +14,8 @@ from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import calibration as calibration_module
 from ..recordings import recalibration
-from ._terminal import Json, print_json, table, writable
+from ._outputs import KEPT_RECORDING, OBJECT, OutputFiles, OutputKinds, Paths, write_recording
+from ._terminal import Json, print_json, table
 
 if TYPE_CHECKING:
     import datetime
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from ..recordings.calibration import Calibration, Correction
 
 
+SHOWN = OutputKinds(result=OBJECT)
+APPLIED = OutputKinds(recording=KEPT_RECORDING)
 POINTS = 40  # rows of points that a person is shown
 UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 
@@ -30,27 +33,38 @@ UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 def show(
     file: Annotated[
         Path,
-        typer.Argument(metavar="FILE", help="Calibration file (.toml), or a recording that carries a calibration."),
+        typer.Argument(
+            metavar="CALIBRATION|RECORDING", help="Calibration file (.toml), or a recording that carries a calibration."
+        ),
     ],
+    out: Annotated[Paths, SHOWN.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Show a calibration: values, 95 % intervals, origin and age.
 
     Values that have expired are marked.
+
+    $ mckibben calibrate show calibration.toml
     """
-    whole = _known(file)
-    now = _now()
-    if as_json:
-        print_json(
-            {
-                "file": str(file),
-                "rig": whole.rig,
-                "created": whole.created,
-                "expired": list(whole.expired(now)),
-                "channels": {name: _told(one, now) for name, one in whole.corrections.items()},
-            }
-        )
-        return
+    with SHOWN.files(out) as files:
+        whole = _known(file)
+        now = _now()
+        content = {
+            "file": str(file),
+            "rig": whole.rig,
+            "created": whole.created,
+            "expired": list(whole.expired(now)),
+            "channels": {name: _told(one, now) for name, one in whole.corrections.items()},
+        }
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(whole, now)
+            files.say()
+
+
+def _print(whole: Calibration, now: datetime.datetime) -> None:
     rows = []
     for name, one in whole.corrections.items():
         over = one.expired(now)
@@ -70,8 +84,8 @@ def show(
 
 def apply(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording, with or without a calibration.")],
-    out: Annotated[Path, typer.Option(metavar="FILE.nc|.csv", help="Recording file to write.")],
-    calibration: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Calibration file to apply.")] = None,
+    out: Annotated[list[Path], APPLIED.option()],
+    calibration: Annotated[Path | None, typer.Option(metavar="CALIBRATION", help="Calibration file to apply.")] = None,
     off: Annotated[bool, typer.Option("--off", help="Remove the calibration that the recording carries.")] = False,
     skew: Annotated[bool, typer.Option("--skew", help="Also shift the channels by their skews.")] = False,
     as_json: Json = False,
@@ -79,8 +93,17 @@ def apply(
     """Apply a calibration to a recording in place of the one it carries.
 
     The raw values can always be recovered.
+
+    $ mckibben calibrate apply raw.nc --calibration calibration.toml --out true.nc
     """
-    writable("--out", out, ".nc", ".csv")
+    with APPLIED.files(out) as files:
+        _apply(recording, files, calibration, off=off, skew=skew, as_json=as_json)
+
+
+def _apply(
+    recording: Path, files: OutputFiles, calibration: Path | None, *, off: bool, skew: bool, as_json: bool
+) -> None:
+    """Apply a calibration and write the recording."""
     if off == (calibration is not None):
         raise InputError(
             "--calibration",
@@ -98,7 +121,8 @@ def apply(
         done = recalibration.recalibrate(known, new, skew=skew)
     except InputError as error:
         raise error.at(str(recording)) from None
-    done.save(out)
+    files.write("recording", lambda path: write_recording(done, path))
+    out = files["recording"][0]
     before = known.meta.get("warnings") or []
     notes = [w for w in done.meta.get("warnings") or [] if w not in before]
     if new is not None:

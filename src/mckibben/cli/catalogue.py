@@ -9,11 +9,12 @@ import typer
 
 from ..bench import software
 from ..citations import known_keys, reference
-from ..documents import JsonValue
+from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..experiments import amounts, sentence
 from ..experiments import read as reading
 from ..specimens import specimens
+from ._outputs import OBJECT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._terminal import Json, pairs, print_json, table
 
 if TYPE_CHECKING:
@@ -21,56 +22,69 @@ if TYPE_CHECKING:
 
 
 REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
+LIST = OutputKinds(table=TABLE, result=OBJECT)
+OUT = OutputKinds(protocol=SPECIMEN, result=OBJECT)
 _EXAMPLE = "pressure='1 bar, 3 bar'"
 
 Name = Annotated[
     str | None,
-    typer.Argument(metavar="[NAME]", help="Name of a shipped protocol, or a .toml file; without it all are listed."),
+    typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file; without it all are listed."),
 ]
 Values = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        metavar="PARAMETER=VALUE",
+        metavar="PATH=VALUE",
         help=f"Change a parameter; several values separated by ', ' or ';', such as {_EXAMPLE}.",
     ),
 ]
 
 
-def list_muscles(as_json: Json = False) -> None:
-    """List the muscles that ship, with their sources."""
-    known = [s for s in specimens() if s.kind != "valve"]
-    if as_json:
-        print_json(
-            {"specimens": [{"id": s.id, "source": s.source(), "law": s.law, "inferred": s.inferred()} for s in known]}
-        )
-        return
-    rows = [[s.id, s.title, s.law, s.source(), str(len(s.inferred()))] for s in known]
-    table("Muscles", ["id", "what it is", "law", "source", "inferred numbers"], rows, right=[4])
+def list_muscles(out: Annotated[Paths, LIST.option()] = None, as_json: Json = False) -> None:
+    """List the muscles that ship, with their sources.
+
+    $ mckibben muscles --out muscles.csv
+    """
+    with LIST.files(out) as files:
+        known = [s for s in specimens() if s.kind != "valve"]
+        listed = [{"id": s.id, "source": s.source(), "law": s.law, "inferred": s.inferred()} for s in known]
+        files.write_rows([row | {"title": s.title} for row, s in zip(listed, known, strict=True)])
+        files.write_result({"specimens": listed})
+        if as_json:
+            print_json({"specimens": listed})
+            return
+        rows = [[s.id, s.title, s.law, s.source(), str(len(s.inferred()))] for s in known]
+        table("Muscles", ["id", "what it is", "law", "source", "inferred numbers"], rows, right=[4])
+        files.say()
 
 
 def protocols(
     name: Name = None,
     change: Values = None,
-    toml: Annotated[
-        bool, typer.Option("--toml", help="Print the text of the protocol's file, and nothing else.")
-    ] = False,
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """List the protocols, or describe one of them with all its numbers."""
+    """List the protocols, or describe one of them with all its numbers.
+
+    $ mckibben protocols work-loop --set cycles=3 --out my.toml
+    """
     if name is None:
-        for option, value in (("--set", change), ("--toml", toml)):
+        for option, value in (("--set", change), ("--out", out)):
             if value:
                 raise InputError(option, None, "is allowed only after the name of one")
         _list(as_json)
         return
-    chosen = chosen_protocol(name, change)
-    if as_json:
-        print_json(_described(chosen, _text(name, chosen, change)))
-    elif toml:
-        typer.echo(_text(name, chosen, change).rstrip("\n"))
-    else:
-        _print(chosen)
+    with OUT.files(out) as files:
+        chosen = chosen_protocol(name, change)
+        text = _text(name, chosen, change)
+        files.write("protocol", lambda path: write_text(path, text.rstrip("\n") + "\n"))
+        if files["result"]:
+            files.write_result(_described(chosen, text))
+        if as_json:
+            print_json(_described(chosen, text))
+        else:
+            _print(chosen)
+            files.say()
 
 
 def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:

@@ -19,28 +19,19 @@ from ..errors import InputError
 from ..pneumatics import volume
 from ..quantities import from_si, parse, shown_unit, with_unit
 from ..report.figures import circuit_diagram, circuit_figures, frequency_figures, style
-from ._terminal import (
-    PICTURES,
-    FigureLook,
-    FigureWidth,
-    Json,
-    caution,
-    options_named,
-    pairs,
-    print_json,
-    progress,
-    table,
-    told,
-    writable,
-)
+from ._outputs import FIGURE, OBJECT, RECORDING, TABLE, OutputFiles, OutputKinds, Paths, write_recording
+from ._progress import progress, told
+from ._terminal import FigureLook, FigureWidth, Json, caution, options_named, pairs, print_json, table
 
 if TYPE_CHECKING:
     from ..assembly.circuit_file import CircuitPlan
     from ..identification import CircuitFit, Trial
     from ..recordings.recording import Recording
 
-
-File = Annotated[Path, typer.Argument(metavar="FILE.toml", help="Circuit file with its signals and its run.")]
+SHOWN = OutputKinds(figure=FIGURE, result=OBJECT)
+RUN = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
+FIT = RESPONSE = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
+File = Annotated[Path, typer.Argument(metavar="CIRCUIT", help="Circuit file with its signals and its run.")]
 Change = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Replace a value, such as elements.tube.length='2 m'."),
@@ -50,41 +41,50 @@ Change = Annotated[
 def show(
     file: File,
     change: Change = None,
-    svg: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Draw the circuit into this SVG, PDF or PNG file.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, SHOWN.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Describe a circuit, its fastest mode, and the method with which a run begins."""
-    writable("--svg", svg, *PICTURES)
-    plan = planned(file, change)
-    rate, method = plan.rates()
-    if svg is not None:
-        _draw(plan, svg)
-    if as_json:
-        print_json(
-            {
-                "title": plan.title,
-                "nodes": _nodes(plan),
-                "elements": _elements(plan),
-                "signals": {
-                    name: {
-                        "kind": s.waveform.kind,
-                        "unit": s.unit,
-                        "straight": s.straight,
-                        "drives": list(s.drives),
-                        "sentence": s.waveform.sentence(s.unit),
-                    }
-                    for name, s in plan.signals.items()
-                },
-                "sentence": sentences_module.sentence(plan),
-                "run": sentences_module.run_sentence(plan),
-                "rates": {"fastest": rate, "method": method, "step": plan.inner_step},
+    """Describe a circuit, its fastest mode, and the method with which a run begins.
+
+    $ mckibben circuit show bench.toml --out bench.svg
+    """
+    with SHOWN.files(out) as files:
+        plan = planned(file, change)
+        rate, method = plan.rates()
+        files.write("figure", lambda path: _draw(plan, path))
+        content = _description(plan) | {"rates": {"fastest": rate, "method": method, "step": plan.inner_step}}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print_plan(plan)
+            typer.echo(f"Fastest mode at the start {rate:.3g} 1/s: a run begins with {method}.")
+            files.say()
+
+
+def _description(plan: CircuitPlan) -> dict[str, Any]:
+    return {
+        "title": plan.title,
+        "nodes": _nodes(plan),
+        "elements": _elements(plan),
+        "signals": {
+            name: {
+                "kind": s.waveform.kind,
+                "unit": s.unit,
+                "straight": s.straight,
+                "drives": list(s.drives),
+                "sentence": s.waveform.sentence(s.unit),
             }
-        )
-        return
+            for name, s in plan.signals.items()
+        },
+        "sentence": sentences_module.sentence(plan),
+        "run": sentences_module.run_sentence(plan),
+    }
+
+
+def _print_plan(plan: CircuitPlan) -> None:
     rows = [[name, n.kind, n.words] for name, n in plan.nodes.items()]
     table(plan.title, ["node", "kind", ""], rows)
     rows = [[n, e["kind"], ", ".join(f"{p} {at}" for p, at in e["ports"].items())] for n, e in _elements(plan).items()]
@@ -93,39 +93,35 @@ def show(
         rows = [[n, s.waveform.sentence(s.unit), ", ".join(s.drives)] for n, s in plan.signals.items()]
         table("", ["signal", "", "drives"], rows)
     typer.echo(f"\n{sentences_module.sentence(plan)}\n{sentences_module.run_sentence(plan)}")
-    typer.echo(f"Fastest mode at the start {rate:.3g} 1/s: a run begins with {method}.")
-    if svg is not None:
-        typer.echo(f"Written: {svg}")
 
 
 def run(
     file: File,
     change: Change = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw the run into this SVG, PDF or PNG file.")] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, RUN.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Run a circuit, close its balances of mass and energy, and save the recording."""
-    writable("--out", out, ".nc", ".csv")
-    writable("--figure", figure, *PICTURES)
-    plan = planned(file, change)
-    with progress("running", circuit_run.chunks(plan)) as advance:
-        recording = circuit_run.run_circuit(plan, progress=advance)
-    cautions = caution(*_cautions(plan, recording))
-    if out is not None:
-        recording.save(out)
-    if figure is not None:
-        style.save(circuit_figures.run_figure(recording), figure)
-    if as_json:
-        result = _result(recording, out)
-        print_json(result | {"warnings": result["warnings"] + cautions})
-    else:
-        _print(recording)
-        for path in (out, figure):
-            if path is not None:
-                typer.echo(f"Written: {path}")
+    """Run a circuit, close its balances of mass and energy, and save the recording.
+
+    $ mckibben circuit run bench.toml --set elements.tube.length='2 m' --out bench.nc --out bench.svg
+    """
+    with RUN.files(out) as files:
+        plan = planned(file, change)
+        with progress("running", circuit_run.chunks(plan), guarded=False) as advance:
+            recording = circuit_run.run_circuit(plan, progress=advance)
+        cautions = caution(*_cautions(plan, recording))
+        files.write("recording", lambda path: write_recording(recording, path))
+        files.write("figure", lambda path: style.save(circuit_figures.run_figure(recording), path))
+        result = _result(recording, files.first("recording"))
+        content = result | {"warnings": result["warnings"] + cautions}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(recording)
+            files.say()
     if recording.meta["result"] != "done":
         raise typer.Exit(130)
 
@@ -240,39 +236,64 @@ def _print(recording: Recording) -> None:
 def fit(
     file: File,
     records: Annotated[
-        list[Path], typer.Argument(metavar="RECORD..", help="Recordings, or measured CSV tables, to fit to.")
+        list[Path], typer.Argument(metavar="RECORD", help="Recordings, or measured CSV tables, to fit to.")
     ],
     free: Annotated[
         list[str] | None,
         typer.Option(
             metavar="PATH",
-            help="Parameter to fit, such as elements.tube.friction_scale; * matches several; repeatable.",
+            help="Parameter to fit, such as elements.tube.friction_scale; * matches several.",
         ),
     ] = None,
     predict: Annotated[
         list[Path] | None,
-        typer.Option(metavar="RECORD", help="Record to predict with the fitted parameters; repeatable."),
+        typer.Option(metavar="RECORD", help="Record to predict with the fitted parameters."),
     ] = None,
     start: Annotated[
-        list[str] | None, typer.Option(metavar="PATH=VALUE", help="Initial value of a free parameter; repeatable.")
+        list[str] | None, typer.Option(metavar="PATH=VALUE", help="Initial value of a free parameter.")
     ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Column that holds tank.pressure, time, ...; repeatable."),
+        typer.Option(metavar="NAME=COLUMN", help="Column that holds tank.pressure, time, .., such as tank.pressure=2."),
     ] = None,
     unit: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none.")
+        list[str] | None,
+        typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none, such as tank.pressure=kPa."),
     ] = None,
     change: Change = None,
-    figure: Annotated[
-        Path | None, typer.Option(help="Draw measured and predicted into this SVG, PDF or PNG file.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, FIT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit a circuit's parameters to records of its pressures, and predict other records."""
-    writable("--figure", figure, *PICTURES)
+    """Fit a circuit's parameters to records of its pressures, and predict other records.
+
+    $ mckibben circuit fit bench.toml measured.csv --free elements.tube.friction_scale --out fit.svg
+    """
+    with FIT.files(out) as files:
+        result, used, title = _fitted(file, records, free, predict, start, column, unit, change)
+        files.write("figure", lambda path: style.save(circuit_figures.overview(result, used, title=title), path))
+        content = circuit_fit_json(result)
+        files.write_rows([{"parameter": name} | e._asdict() for name, e in result.parameters.items()])
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            show_circuit_fit(result, title)
+            files.say()
+
+
+def _fitted(
+    file: Path,
+    records: list[Path],
+    free: list[str] | None,
+    predict: list[Path] | None,
+    start: list[str] | None,
+    column: list[str] | None,
+    unit: list[str] | None,
+    change: list[str] | None,
+) -> tuple[CircuitFit, list[Trial], str]:
+    """Fit as the options say; with the records that were used, and the circuit's title."""
     plan = planned(file, change)
     wanted = list(free or plan.fit.free)
     if not wanted:
@@ -290,14 +311,7 @@ def fit(
         result = identification.fit_circuit(
             trials, wanted, predict=others, start=_starts(plan, wanted, start), step=plan.step, progress=tell
         )
-    if figure is not None:
-        style.save(circuit_figures.overview(result, [*trials, *others], title=plan.title), figure)
-    if as_json:
-        print_json(circuit_fit_json(result))
-        return
-    show_circuit_fit(result, plan.title)
-    if figure is not None:
-        typer.echo(f"Written: {figure}")
+    return result, [*trials, *others], plan.title
 
 
 def _reading(plan: CircuitPlan, column: list[str] | None, unit: list[str] | None) -> dict[str, JsonValue]:
@@ -390,9 +404,11 @@ FREQUENCIES = 200  # at which a response is drawn and given as JSON
 def frequency(
     file: File,
     source: Annotated[
-        str, typer.Option("--input", metavar="NAME", help="Signal that is varied, such as valve.command.")
+        str, typer.Option("--input", metavar="SIGNAL", help="Signal that is varied, such as valve.command.")
     ],
-    target: Annotated[str, typer.Option("--output", metavar="NAME", help="Channel, such as muscle.pressure_abs.")],
+    target: Annotated[
+        str, typer.Option("--output", metavar="CHANNEL", help="Channel that answers, such as muscle.pressure_abs.")
+    ],
     at: Annotated[
         str,
         typer.Option("--at", metavar="TIME", help="Time at which all signals have the values of the operating point."),
@@ -400,19 +416,34 @@ def frequency(
     lowest: Annotated[str, typer.Option("--from", metavar="FREQUENCY", help="Lowest frequency.")] = "0.1 Hz",
     highest: Annotated[str, typer.Option("--to", metavar="FREQUENCY", help="Highest frequency.")] = "100 Hz",
     change: Change = None,
-    figure: Annotated[
-        Path | None, typer.Option(help="Draw magnitude and phase into this SVG, PDF or PNG file.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, RESPONSE.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Compute the frequency response of a circuit that is linearised at rest.
 
     The circuit settles under the values that its signals have at one time; about this operating point it answers to
     small sines of one signal. Friction with memory is held.
+
+    $ mckibben circuit frequency bench.toml --input valve.command --output muscle.pressure_abs --out bode.svg
     """
-    writable("--figure", figure, *PICTURES)
+    with RESPONSE.files(out) as files:
+        _respond(file, source, target, at, lowest, highest, change, files, as_json)
+
+
+def _respond(
+    file: Path,
+    source: str,
+    target: str,
+    at: str,
+    lowest: str,
+    highest: str,
+    change: list[str] | None,
+    files: OutputFiles,
+    as_json: bool,
+) -> None:
+    """Linearise at rest and write the response."""
     low, high = parse(lowest, "1/s", field="--from"), parse(highest, "1/s", field="--to")
     if not 0.0 < low < high:
         raise InputError("--from", lowest, f"must be above 0 Hz and below --to, {highest}")
@@ -434,29 +465,28 @@ def frequency(
     response = response_module.linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
     unit = _unit_of(plan, target, source)
     cutoff = response.cutoff()
-    if figure is not None:
-        note = f"about rest at {at}" if inputs else ""
-        drawn = frequency_figures.bode_figure(
-            response, frequency_figures.BodeTitles(f"{plan.title}: {target} over {source}", note, unit), cutoff=cutoff
-        )
-        style.save(drawn, figure)
+    titles = frequency_figures.BodeTitles(
+        f"{plan.title}: {target} over {source}", f"about rest at {at}" if inputs else "", unit
+    )
+    files.write("figure", lambda path: style.save(frequency_figures.bode_figure(response, titles, cutoff=cutoff), path))
+    courses = {"frequency": response.frequency, "magnitude": response.magnitude, "phase": response.phase}
+    units = {"frequency": "Hz", "magnitude": unit or "1", "phase": "rad"}
+    files.write_columns(courses, units)
     level = float(plan.circuit.outputs(rest, memory, inputs)[target])
     modes = [m._asdict() | {"eigenvalue": [m.eigenvalue.real, m.eigenvalue.imag]} for m in model.modes()]
+    content = {
+        "title": plan.title,
+        "input": source,
+        "output": target,
+        "unit": unit,
+        "level": level,
+        "cutoff": cutoff,
+        "modes": modes,
+        **courses,
+    }
+    files.write_result(content)
     if as_json:
-        print_json(
-            {
-                "title": plan.title,
-                "input": source,
-                "output": target,
-                "unit": unit,
-                "level": level,
-                "cutoff": cutoff,
-                "modes": modes,
-                "frequency": response.frequency,
-                "magnitude": response.magnitude,
-                "phase": response.phase,
-            }
-        )
+        print_json(content)
         return
     shown = range(0, FREQUENCIES, FREQUENCIES // 10)
     rows = [
@@ -474,8 +504,7 @@ def frequency(
     table("Modes", ["natural frequency, Hz", "damping ratio"], rows, right=[0, 1])
     fallen = f"falls by 3 dB at {cutoff:.4g} Hz" if np.isfinite(cutoff) else f"does not fall by 3 dB up to {highest}"
     typer.echo(f"\n{target} is {level:.6g} at the operating point; its response {fallen}.")
-    if figure is not None:
-        typer.echo(f"Written: {figure}")
+    files.say()
 
 
 def _unit_of(plan: CircuitPlan, target: str, source: str) -> str:

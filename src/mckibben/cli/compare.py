@@ -16,28 +16,29 @@ from ..report import comparison_report, document
 from ..report.figures import comparison_figures, style
 from ..specimens import specimen
 from ..studies import comparison
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, caution, print_json, table, told, writable
+from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputKinds, Paths
+from ._progress import told
+from ._terminal import FigureLook, FigureWidth, Json, caution, print_json, table
 
 if TYPE_CHECKING:
     from ..studies.comparison import ComparedMuscle
     from ..studies.comparison.match import Match, Tuned
     from ..studies.comparison.protocols import Trials
 
+OUT = OutputKinds(report=REPORT, figure=FIGURE, table=TABLE, result=OBJECT)
+
 
 def compare_muscles(
     muscles: Annotated[
-        list[str] | None, typer.Argument(metavar="ID ID ..", help="Ids of specimens, or .toml files of them.")
+        list[str] | None, typer.Argument(metavar="SPECIMEN", help="Ids of specimens, or .toml files of them.")
     ] = None,
     recording: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Recording to show as a further column; repeatable."),
+        typer.Option(metavar="RECORDING", help="Recording to show as a further column."),
     ] = None,
     pressure: Annotated[
-        str, typer.Option(help="Gauge pressure that counts as the full drive of McKibben muscles.")
+        str, typer.Option(metavar="PRESSURE", help="Gauge pressure that counts as the full drive of McKibben muscles.")
     ] = "5 bar",
-    law: Annotated[
-        str | None, typer.Option("--law", help="Law to use for the muscles that state it instead of their default.")
-    ] = None,
     protocols: Annotated[
         bool,
         typer.Option(
@@ -47,27 +48,30 @@ def compare_muscles(
     match: Annotated[
         str | None,
         typer.Option(
-            metavar="ID", help="Also search elements that bring each McKibben muscle close to this biological one."
+            metavar="SPECIMEN",
+            help="Also search elements that bring each McKibben muscle close to this biological one.",
         ),
     ] = None,
     rig: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", help="Rig for the protocols; by default the paper's where its range allows."),
+        typer.Option(metavar="RIG", help="Rig for the protocols; by default the paper's where its range allows."),
     ] = None,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw what was computed, normalised, .svg, .pdf or .png.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write tables and figure into one .html or .pdf file.")
+    law: Annotated[
+        str | None,
+        typer.Option("--law", metavar="LAW", help="Law to use for the muscles that state it instead of their default."),
     ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Compare muscles with each other, and with published biological muscle."""
-    writable("--figure", figure, *PICTURES)
-    if report is not None:
-        document.checked_place(report, field="--report")
+    """Compare muscles with each other, and with published biological muscle.
+
+    $ mckibben compare nylon fast-fibre --out compared.csv --out compared.svg
+    """
+    for place in out or []:
+        if place.suffix in REPORT:
+            document.checked_place(place, field="--out")
     if rig is not None and not protocols and match is None:
         raise InputError("--rig", None, "is allowed only with --protocols or --match, which run on it")
     full = parse(pressure, "Pa", field="--pressure")
@@ -83,29 +87,40 @@ def compare_muscles(
     target = None if match is None else _target(match)
     if match is not None and not any(s.unit is not None for s in chosen):
         raise InputError("--match", match, "must be a McKibben muscle among those compared")
-    compared = comparison.compare(chosen, recordings=recording or [])
-    done: list[Trials] = []
-    matches: list[Match] = []
-    with told("comparing") as tell:
-        if protocols:
-            done = _done(chosen, rig, tell)
-            compared = comparison.MuscleTable(
-                (*(t.column() for t in done), *compared.columns[len(done) :]), compared.published
-            )
-        if target is not None:
-            matches = _matches(chosen, target, rig, done, tell)
-    drawn: Any = _drawn(chosen, done, matches) if figure is not None or (report is not None and chosen) else None
-    if figure is not None:
-        style.save(drawn, figure)
-    if report is not None:
-        comparison_report.muscle_comparison(compared, drawn, matches).write(report)
-    if as_json:
-        print_json(_as_json(compared, matches) | {"warnings": warnings})
-    else:
-        _print(compared, matches)
-        for path in (figure, report):
-            if path is not None:
-                typer.echo(f"\nWritten: {path}")
+    with OUT.files(out) as files:
+        if files["figure"] and not chosen:
+            raise InputError("--out", None, "needs a specimen: a recording alone has no law to draw")
+        compared = comparison.compare(chosen, recordings=recording or [])
+        done: list[Trials] = []
+        matches: list[Match] = []
+        with told("comparing") as tell:
+            if protocols:
+                done = _done(chosen, rig, tell)
+                compared = comparison.MuscleTable(
+                    (*(t.column() for t in done), *compared.columns[len(done) :]), compared.published
+                )
+            if target is not None:
+                matches = _matches(chosen, target, rig, done, tell)
+        drawn: Any = _drawn(chosen, done, matches) if chosen and (files["figure"] or files["report"]) else None
+        files.write("figure", lambda path: style.save(drawn, path))
+        files.write("report", lambda path: comparison_report.muscle_comparison(compared, drawn, matches).write(path))
+        files.write_rows(_rows(compared))
+        content = _as_json(compared, matches) | {"warnings": warnings}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(compared, matches)
+            files.say()
+
+
+def _rows(compared: comparison.MuscleTable) -> list[dict[str, Any]]:
+    """A row per property, in the unit that it is shown in."""
+    names = [column.name for column in compared.columns]
+    return [
+        {"property": row.property.title, "unit": row.property.unit, **dict(zip(names, row.shown(), strict=True))}
+        for row in compared.rows()
+    ]
 
 
 def _target(name: str) -> ComparedMuscle:
@@ -133,8 +148,6 @@ def _matches(
 
 def _drawn(chosen: list[ComparedMuscle], done: list[Trials], matches: list[Match]) -> Any:
 
-    if not chosen:
-        raise InputError("--figure", None, "needs a specimen: a recording alone has no law to draw")
     return comparison_figures.comparison_figure(
         done or [comparison.protocols.trials(s, names=()) for s in chosen], matches
     )

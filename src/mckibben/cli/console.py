@@ -13,20 +13,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import muscles
 from ..bench import console as prompt_module
 from ..bench import hardware as hardware_package
 from ..bench import session as session_package
 from ..errors import ConvergenceError, InputError, MckibbenError
 from ..quantities import parse
-from ._terminal import Plumbing, progress
-from .run import CalibrationFile, Muscle, On, RigName, chosen_rig
+from ._progress import progress
+from ._terminal import Contraction, Muscle, NoiseSeed, Plumbing, RigName
+from .run import CalibrationFile, On, chosen_rig
 from .run import ask_person as ask_person
 
 if TYPE_CHECKING:
     from ..bench.hardware.interface import Hardware
     from ..bench.rig import Rig
 
-PARTS = 1000  # of a progress bar
 LOOK = 0.2  # time between two looks at the machine for the line at the bottom and its messages [s]
 ENDED = 143  # exit code after a signal that ends the program
 
@@ -36,25 +37,31 @@ def console(
     rig: RigName = "paper",
     script: Annotated[
         Path | None,
-        typer.Option("--script", metavar="FILE", help="Script with one command per line; # begins a comment."),
+        typer.Option("--script", metavar="SCRIPT", help="Script with one command per line; # begins a comment."),
     ] = None,
     machine: On = None,
     calibration: CalibrationFile = None,
     span: Annotated[
         str | None,
-        typer.Option(metavar="LENGTH", help="Span at which the muscle is mounted; by default its rest length."),
+        typer.Option(
+            metavar="LENGTH", help="Span at which the muscle is mounted, such as '14 cm'; by default its rest length."
+        ),
     ] = None,
+    contraction: Contraction = None,
     plumbing: Plumbing = None,
-    rate: Annotated[str | None, typer.Option(metavar="RATE", help="Sample rate, such as '1 kHz'.")] = None,
+    rate: Annotated[str | None, typer.Option(metavar="FREQUENCY", help="Sample rate, such as '1 kHz'.")] = None,
     as_fast_as_it_goes: Annotated[
         bool,
         typer.Option(
             "--as-fast-as-it-goes", help="Advance simulated time only while commands are pending, as fast as possible."
         ),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed for sensor noise.")] = 0,
+    seed: NoiseSeed = 0,
 ) -> None:
-    """Operate a test machine, simulated or real, at a prompt, by a script or a pipe."""
+    """Operate a test machine, simulated or real, at a prompt, by a script or a pipe.
+
+    $ mckibben console --muscle nylon --rig modern
+    """
     hardware_package.connect.check_connection(machine)
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
@@ -68,7 +75,7 @@ def console(
             on,
             muscle,
             hardware,
-            span=span,
+            span=_span(span, contraction, muscle),
             plumbing=plumbing,
             rate=wanted,
             speed=None if as_fast_as_it_goes else 1.0,
@@ -85,6 +92,18 @@ def console(
         typer.echo("Vented.")
     if code:
         raise typer.Exit(code)
+
+
+def _span(span: str | None, contraction: str | None, muscle: str) -> str | None:
+    """The span of the options, as text with its unit."""
+    if contraction is None:
+        return span
+    if span is not None:
+        raise InputError("--span", span, "is allowed only without --contraction")
+    try:
+        return f"{float(muscles.build.muscle(muscle).length_at(contraction))!r} m"
+    except InputError as error:
+        raise error.changed(field="--contraction" if error.field == "contraction" else error.field) from None
 
 
 def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
@@ -218,17 +237,8 @@ def _bar(console: prompt_module.Console, line: str) -> Iterator[None]:
     if not line.split() or line.split()[0].lower() != "run":
         yield
         return
-    shown = 0
-
-    def tell(time: float, total: float) -> None:
-        nonlocal shown
-        parts = int(PARTS * time / total)
-        if parts > shown:
-            advance(f"{time:.1f} s of {total:.1f} s", parts - shown)
-            shown = parts
-
-    with progress("running", PARTS) as advance:
-        console.progress = tell
+    with progress("running", 1.0, guarded=False) as bar:
+        console.progress = bar.at
         yield
 
 

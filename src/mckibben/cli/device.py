@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from pathlib import Path
 from typing import Annotated
@@ -12,8 +11,9 @@ import typer
 from ..bench import hardware, segment
 from ..documents import write_text
 from ..errors import InputError
-from ._terminal import NoiseSeed, Plumbing
-from .run import Change, Muscle, Protocol, RigName, prepared
+from ..quantities import parse
+from ._terminal import Muscle, NoiseSeed, Plumbing, RigName
+from .run import Change, Protocol, prepared
 
 LOOK = 0.2  # at whether somebody ends it [s]
 
@@ -25,21 +25,24 @@ def device(
     change: Change = None,
     plumbing: Plumbing = None,
     seed: NoiseSeed = 0,
-    port: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="File into which the name of the port is written.")
+    duration: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Time after which the device ends, such as '10 s'.")
     ] = None,
-    seconds: Annotated[
-        float | None, typer.Option("--for", metavar="SECONDS", help="End after this number of seconds.")
+    port: Annotated[
+        Path | None, typer.Option("--out", metavar="OUT", help="Write the name of the port into this file.")
     ] = None,
 ) -> None:
     """Serve a simulated test machine on a virtual serial port.
 
     The machine is the one on which the protocol begins. Ctrl-C ends it.
+
+    $ mckibben device work-loop --muscle nylon --out port.txt
     """
-    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
-        raise InputError("--for", seconds, "must be 0 seconds or more")
+    seconds = None if duration is None else parse(duration, "s", field="--duration", bare=True)
+    if seconds is not None and seconds < 0.0:
+        raise InputError("--duration", duration, "must be 0 s or more")
     if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):
-        raise InputError("--port", str(port), "must be a file in a folder that is there")
+        raise InputError("--out", str(port), "must be a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
     part = next(bench.segments())
     machine = segment.SegmentMachine(bench, 0, part, segment.timing_of(bench)).at_interface()
@@ -53,7 +56,7 @@ def device(
     with hardware.serial_line.microcontroller.in_thread(machine, about=about) as attached:
         typer.echo(f"serial:{attached.port}")
         if port is not None:
-            write_text(port, attached.port, field="--port")
+            write_text(port, attached.port, field="--out")
         typer.echo(f"Run {protocol} with --on serial:{attached.port}; Ctrl-C ends the device.", err=True)
         try:
             while end is None or time.monotonic() < end:

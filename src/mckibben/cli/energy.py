@@ -2,265 +2,180 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .. import components
-from .. import muscles as muscle_models
+from .. import muscles
 from ..analysis import energy as cycle_energy
-from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import from_si, parse, with_unit
 from ..report.figures import energy_figures, style
-from ..specimens import Specimen, specimen
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, Set, caution, chosen_law, print_json, table, writable
+from ..specimens import specimen
+from ._outputs import FIGURE, OBJECT, TABLE, OutputKinds, Paths
+from ._terminal import (
+    Contraction,
+    FigureLook,
+    FigureWidth,
+    Json,
+    Law,
+    Set,
+    SpecimenName,
+    caution,
+    chosen_law,
+    print_json,
+    table,
+)
 from .muscles import parameters
 
 if TYPE_CHECKING:
-    from ..analysis.energy import CycleMuscle, EnergyCurve, EnergyCycle
+    from ..analysis.energy import EnergyCurve, WorkingCycles
 
-
-LOSSES = ("friction", "throttling", "exhaust", "emptying", "slackening", "unaccounted")
-CURVE_POINTS = 91
-
-
-class CycleRequest(NamedTuple):
-    """The options of one call, resolved: specimen, name of its law, the muscle under each volume, and conditions."""
-
-    spec: Specimen
-    law: str
-    muscles: dict[str, CycleMuscle]
-    volume: str
-    conditions: cycle_energy.Conditions
-    names: list[str]
+OUT = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
+# Argument of `mckibben.energy` -> option that states it, for error messages.
+OPTIONS = {
+    "pressure": "--pressure", "cycle": "--cycle", "stretched_length": "--stretched", "contraction": "--contraction",
+    "accumulator": "--accumulator", "accumulator_pressure": "--accumulator-pressure", "friction": "--friction",
+    "volume": "--volume", "reading": "--reading", "ambient": "--ambient",
+}  # fmt: skip
 
 
 def energy(
-    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")],
-    pressure: Annotated[str, typer.Option(help="Gauge pressure of the supply, such as '5 bar'.")],
+    name: SpecimenName,
+    pressure: Annotated[str, typer.Option(metavar="PRESSURE", help="Gauge pressure of the supply, such as '5 bar'.")],
     cycle: Annotated[
         list[str] | None,
-        typer.Option("--cycle", help="Cycle to compute: maximal, isotonic or valve; repeatable, all three by default."),
+        typer.Option("--cycle", metavar="CYCLE", help="Cycle to compute: maximal, isotonic or valve; all by default."),
     ] = None,
     accumulator: Annotated[
         bool, typer.Option("--accumulator", help="Exchange air with an accumulator at the threshold pressure.")
     ] = False,
     accumulator_pressure: Annotated[
-        str | None, typer.Option(help="Exchange air with an accumulator at this gauge pressure.")
+        str | None,
+        typer.Option(
+            metavar="PRESSURE", help="Exchange air with an accumulator at this gauge pressure, such as '1 bar'."
+        ),
     ] = None,
     no_friction: Annotated[bool, typer.Option("--no-friction", help="Compute the cycles without friction.")] = False,
     friction: Annotated[
-        str | None, typer.Option(help="Coulomb friction while shortening; by default as the specimen states it.")
+        str | None,
+        typer.Option(
+            metavar="FORCE",
+            help="Coulomb friction while shortening, such as '2.5 N'; by default as the specimen states it.",
+        ),
     ] = None,
     reading: Annotated[
-        str, typer.Option(help="Where friction acts in the isotonic cycles: printed (output only) or throughout.")
+        str,
+        typer.Option(
+            metavar="READING", help="Where friction acts in the isotonic cycles: printed (output only) or throughout."
+        ),
     ] = "printed",
     volume: Annotated[
         str | None,
         typer.Option(
-            help="Gas volume: paper (eq. 38b) or potential (the law's own); paper by default where the law has it."
+            metavar="VOLUME",
+            help="Gas volume: paper (eq. 38b) or potential (the law's own); paper by default where the law has it.",
         ),
     ] = None,
     stretched: Annotated[
-        str | None, typer.Option(help="Length at which cycles begin; by default the upper working length.")
+        str | None,
+        typer.Option(
+            metavar="LENGTH", help="Length at which cycles begin, such as '15 cm'; by default the upper working length."
+        ),
     ] = None,
-    ambient: Annotated[str | None, typer.Option(help="Absolute pressure of the surroundings, such as '1 bar'.")] = None,
-    law: Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")] = None,
+    contraction: Contraction = None,
+    ambient: Annotated[
+        str | None, typer.Option(metavar="PRESSURE", help="Absolute pressure of the surroundings, such as '1 bar'.")
+    ] = None,
+    law: Law = None,
     change: Set = None,
     curve: Annotated[
         bool,
         typer.Option("--curve", help="Also compute efficiency over pressure, from the threshold to twice --pressure."),
     ] = False,
-    figure: Annotated[
-        Path | None,
-        typer.Option("--figure", help="Draw the loops, or with --curve the efficiency: SVG, PDF or PNG file."),
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Compute input, output and efficiency of a muscle's working cycles."""
-    writable("--figure", figure, *PICTURES)
-    spec, chosen, muscles, which = _muscles(name, law, change, volume)
-    between = _conditions(
-        spec,
-        muscles[which],
-        pressure,
-        stretched,
-        ambient,
-        exchange=_exchange(accumulator, accumulator_pressure, muscles[which], chosen),
-        friction=_friction(spec, friction, none=no_friction),
-        reading=reading,
-    )
-    asked = CycleRequest(spec, chosen, muscles, which, between, _names(cycle))
-    cycles = {n: {v: cycle_energy.energy_cycle(m, n, between) for v, m in muscles.items()} for n in asked.names}
-    warnings = _cautions(spec, muscles[which], between, pressure, stretched)
-    curves = {n: _curve(asked, n) for n in asked.names} if curve else {}
-    if figure is not None:
-        _draw(asked, curves, figure)
-    if as_json:
-        print_json(_json(asked, cycles, curves) | {"warnings": warnings})
-    else:
-        _print(asked, cycles, curves)
+    """Compute input, output and efficiency of a muscle's working cycles.
+
+    $ mckibben energy nylon --pressure '5 bar' --cycle maximal --curve --out efficiency.svg
+    """
+    if no_friction and friction is not None:
+        raise InputError("--friction", None, "is allowed only without --no-friction")
+    with OUT.files(out) as files:
+        spec = specimen(name)
+        chosen = chosen_law(law, spec)
+        try:
+            computed = cycle_energy.energy(
+                spec,
+                pressure=parse(pressure, "Pa", field="--pressure"),
+                cycles=cycle or tuple(cycle_energy.CYCLES),
+                law=chosen,
+                parameters=parameters(change, chosen) if change else None,
+                volume=volume,
+                stretched_length=stretched,
+                contraction=contraction,
+                accumulator=accumulator,
+                accumulator_pressure=accumulator_pressure,
+                friction="0 N" if no_friction else friction,
+                reading=reading,
+                ambient=ambient,
+                curves=curve,
+            )
+        except InputError as error:
+            raise error.changed(field=OPTIONS.get(error.field, error.field)) from None
+        warnings = _cautions(computed, pressure, stretched)
+        files.write("figure", lambda path: _draw(computed, path))
+        files.write_rows(computed.rows(), _units())
+        content = computed.to_dict() | {"warnings": warnings}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(computed)
+            files.say()
 
 
-def _cautions(
-    spec: Specimen, muscle: CycleMuscle, between: cycle_energy.Conditions, pressure: str, stretched: str | None
-) -> list[str]:
+def _units() -> dict[str, str]:
+    """SI units of the columns of a table of cycles."""
+    energies = ("input", "output", "compression", "delivery", *cycle_energy.LOSSES)
+    lengths = {"shortened_length": "m", "taut_length": "m"}
+    volumes = {"shortened_volume": "m^3", "stretched_volume": "m^3"}
+    return dict.fromkeys(energies, "J") | lengths | volumes | {"load": "N", "start_pressure": "Pa"}
 
-    longest = float(muscle.length_range()[1])
+
+def _cautions(computed: WorkingCycles, pressure: str, stretched: str | None) -> list[str]:
+    longest = float(computed.muscles[computed.volume].length_range()[1])
+    between = computed.conditions
     return caution(
-        muscle_models.plausible.pressure_caution(between.pressure, spec, text=pressure),
+        muscles.plausible.pressure_caution(between.pressure, computed.specimen, text=pressure),
         None
         if stretched is None
-        else muscle_models.plausible.length_caution(
+        else muscles.plausible.length_caution(
             between.stretched_length, longest, text=stretched, name="stretched length"
         ),
     )
 
 
-def _names(cycle: list[str] | None) -> list[str]:
-
-    for name in cycle or []:
-        if name not in cycle_energy.CYCLES:
-            raise InputError("--cycle", name, known=cycle_energy.CYCLES)
-    return list(dict.fromkeys(cycle or cycle_energy.CYCLES))
-
-
-def _muscles(
-    name: str, law: str | None, change: list[str] | None, volume: str | None
-) -> tuple[Specimen, str, dict[str, CycleMuscle], str]:
-    """Specimen, name of its law, the muscle with each available volume, and the name of the requested volume."""
-    spec = specimen(name)
-    chosen = chosen_law(law, spec)
-    if volume == "":
-        raise InputError("--volume", volume, "must be the name of a volume")
-    chosen, muscles = cycle_energy.cycles.cycle_muscles(
-        spec, chosen, volume or "", parameters(change, chosen) if change else None
-    )
-    return spec, chosen, muscles, next(iter(muscles))
-
-
-def _conditions(
-    spec: Specimen, muscle: CycleMuscle, pressure: str, stretched: str | None, ambient: str | None, **more: Any
-) -> cycle_energy.Conditions:
-
-    around = cycle_energy.cycles.surroundings(spec)
-    if ambient is not None:
-        around = components.Environment(pressure_abs=parse(ambient, "Pa", field="--ambient"))
-    between = cycle_energy.Conditions(
-        pressure=parse(pressure, "Pa", field="--pressure"),
-        stretched_length=_stretched(spec, muscle, stretched),
-        ambient=around,
-        exchange_pressure=more["exchange"],
-        friction=more["friction"],
-        reading=more["reading"],
-    )
-    between.check(muscle)
-    return between
-
-
-def _stretched(spec: Specimen, muscle: CycleMuscle, text: str | None) -> float:
-    """Length at the start of cycles [m], below that of the threads if the specimen states it."""
-    if text is None:
-        return cycle_energy.cycles.stretched_length(spec, muscle)
-    length = parse(text, "m", field="--stretched")
-    cycle_energy.cycles.check_threads(spec, length, field="--stretched", shown=text)
-    return length
-
-
-def _exchange(wanted: bool, text: str | None, muscle: CycleMuscle, law: str) -> float:
-
-    if text is not None and wanted:
-        raise InputError(
-            "--accumulator-pressure", None, "is allowed only without --accumulator, which is at the threshold"
-        )
-    if text is not None:
-        return parse(text, "Pa", field="--accumulator-pressure")
-    cure = "--accumulator-pressure with one, such as '0.9 bar'"
-    return cycle_energy.cycles.at_threshold(muscle, law, field="--accumulator", cure=cure) if wanted else 0.0
-
-
-def _friction(spec: Specimen, text: str | None, *, none: bool) -> float:
-
-    if none and text is not None:
-        raise InputError("--friction", None, "is allowed only without --no-friction")
-    if none:
-        return 0.0
-    if text is not None:
-        return parse(text, "N", field="--friction")
-    return cycle_energy.cycles.coulomb_friction(spec)
-
-
-def _curve(asked: CycleRequest, name: str) -> EnergyCurve:
-
-    muscle, between = asked.muscles[asked.volume], asked.conditions
-    at = cycle_energy.cycles.pressures(muscle, between, 2.0 * between.pressure, CURVE_POINTS - 1)
-    return cycle_energy.energy_curve(muscle, name, at, between)
-
-
-def _draw(asked: CycleRequest, curves: dict[str, EnergyCurve], path: Path) -> None:
-
-    if curves:
-        drawn = [energy_figures.EfficiencyLine(n, c) for n, c in curves.items()]
-        fig = energy_figures.efficiency_figure(drawn, title=asked.spec.title)
+def _draw(computed: WorkingCycles, path: Path) -> None:
+    title = computed.specimen.title
+    if computed.curves:
+        drawn = [energy_figures.EfficiencyLine(n, c) for n, c in computed.curves.items()]
+        fig = energy_figures.efficiency_figure(drawn, title=title)
     else:
-        muscle = asked.muscles[asked.volume]
-        loops = [cycle_energy.cycle_loops(muscle, n, asked.conditions) for n in asked.names]
-        fig = energy_figures.loops_figure(loops, title=asked.spec.title)
+        fig = energy_figures.loops_figure(computed.loops(), title=title)
     style.save(fig, path)
 
 
-def _json(
-    asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]
-) -> dict[str, JsonValue]:
-
-    c, cycles = asked.conditions, []
-    for name, by in found.items():
-        beside = {v: {k: getattr(e, k) for k in ("input", "output", "efficiency")} for v, e in by.items()}
-        del beside[asked.volume]
-        cycles.append(
-            {
-                "name": name,
-                "title": cycle_energy.CYCLES[name],
-                **by[asked.volume]._asdict(),
-                "volume": asked.volume,
-                "beside": beside,
-            }
-        )
-    return {
-        "cycles": cycles,
-        "specimen": asked.spec.id,
-        "law": asked.law,
-        "volume": asked.volume,
-        "pressure": c.pressure,
-        "exchange_pressure": c.exchange_pressure,
-        "ambient_pressure": float(c.ambient.pressure_abs),
-        "stretched_length": c.stretched_length,
-        "overstretched": _overstretched(asked),
-        "friction": c.friction,
-        "reading": c.reading,
-    } | ({"curves": [_curve_json(v) for v in curves.values()]} if curves else {})
-
-
-def _curve_json(curve: EnergyCurve) -> dict[str, JsonValue]:
-    return {"name": curve.name, "pressure": curve.pressure} | {
-        k: getattr(curve.cycles, k) for k in ("input", "output", "efficiency")
-    }
-
-
-def _overstretched(asked: CycleRequest) -> bool:
-    return bool(asked.muscles[asked.volume].law.overstretched(asked.conditions.stretched_length))
-
-
-def _print(asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves: dict[str, EnergyCurve]) -> None:
-
-    c = asked.conditions
+def _print(computed: WorkingCycles) -> None:
+    c, found, curves = computed.conditions, computed.cycles, computed.curves
     around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
     source = f"an accumulator at {with_unit(c.exchange_pressure, 'Pa')}" if c.exchange_pressure else "the surroundings"
-    title = f"{asked.spec.title}, {asked.law}, at {with_unit(c.pressure, 'Pa')}, air from {source} and back"
+    title = f"{computed.specimen.title}, {computed.law}, at {with_unit(c.pressure, 'Pa')}, air from {source} and back"
     rows = [
         [
             name,
@@ -278,26 +193,26 @@ def _print(asked: CycleRequest, found: dict[str, dict[str, EnergyCycle]], curves
     columns = ["cycle", "", "volume", "input, J", "output, J", "efficiency, %", "down to, cm", "load at first, N"]
     table(title, columns, rows, right=[3, 4, 5, 6, 7])
     rows = [
-        [name, volume, f"{e.output:.3f}", *(f"{round(getattr(e, k), 3) + 0.0:.3f}" for k in LOSSES)]
+        [name, volume, f"{e.output:.3f}", *(f"{round(getattr(e, k), 3) + 0.0:.3f}" for k in cycle_energy.LOSSES)]
         for name, by in found.items()
         for volume, e in by.items()
     ]
     typer.echo("")
-    table("Where the input goes, J", ["cycle", "volume", "output", *LOSSES], rows, right=range(2, 9))
+    table("Where the input goes, J", ["cycle", "volume", "output", *cycle_energy.LOSSES], rows, right=range(2, 9))
     if curves:
         typer.echo("")
         _print_curves(curves)
     said = f"\nBegins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, friction {with_unit(c.friction, 'N')}."
     isotonic = any(name != "maximal" for name in found) and c.friction
     typer.echo(said + (f" Reading '{c.reading}': {cycle_energy.READINGS[c.reading]}." if isotonic else ""))
-    if "paper" in asked.muscles and abs(next(iter(found.values()))["paper"].unaccounted) > 5e-4:
+    if "paper" in computed.muscles and abs(next(iter(found.values()))["paper"].unaccounted) > 5e-4:
         typer.echo("Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull.")
-    if _overstretched(asked):
-        most = with_unit(float(asked.muscles[asked.volume].law.length_range()[1]), "m")
+    if computed.overstretched:
+        most = with_unit(float(computed.muscles[computed.volume].law.length_range()[1]), "m")
         typer.echo(f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper.")
 
 
-def _print_curves(curves: dict[str, EnergyCurve]) -> None:
+def _print_curves(curves: Mapping[str, EnergyCurve]) -> None:
 
     first = next(iter(curves.values()))
     rows = [

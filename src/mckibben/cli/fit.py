@@ -15,113 +15,161 @@ from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
 from ..report.figures import fit_figures, style
 from ..specimens import Specimen
+from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds, Paths
+from ._progress import progress
 from ._terminal import (
-    PICTURES,
     FigureLook,
     FigureWidth,
     Json,
+    RestLength,
     Set,
     assignments,
     caution,
     options_named,
     pairs,
     print_json,
-    progress,
     table,
-    writable,
 )
-from .read import GearRatio, Sheet, Topic, column_places, format_options
+from .read import Branch, GearRatio, PressureZero, Sheet, Topic, column_places, format_options
 
 if TYPE_CHECKING:
     from ..identification import Ranking
     from ..recordings import ForceMap
 
+OUT = OutputKinds(report=REPORT, figure=FIGURE, specimen=SPECIMEN, table=TABLE, result=OBJECT)
+
 
 def fit(
-    files: Annotated[
+    tables: Annotated[
         list[str],
         typer.Argument(
-            metavar="FILE..",
+            metavar="TABLE",
             help="Tables of any format, specimens that ship with a force map, or a .toml file of constraints.",
         ),
     ],
     law: Annotated[
         list[str] | None,
-        typer.Option("--law", help="Law to fit, all, or one of your own as my.py:MyLaw; repeatable, all by default."),
+        typer.Option(
+            "--law",
+            metavar="LAW",
+            help="Law to fit, or one of your own as my.py:MyLaw; 'all', and by default, all laws.",
+        ),
     ] = None,
-    rest_length: Annotated[str | None, typer.Option(help="Rest length of the muscle, such as '300 mm'.")] = None,
+    rest_length: RestLength = None,
     like: Annotated[
         str | None, typer.Option(metavar="SPECIMEN", help="Take known dimensions from this specimen.")
     ] = None,
     change: Set = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Column that holds length, pressure, ...; - for none; repeatable."),
+        typer.Option(
+            metavar="NAME=COLUMN", help="Column that holds length, pressure, .., such as force=3; - for none."
+        ),
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none, such as kPa, or 'kPa abs'."),
+        typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none, such as 'pressure=kPa abs'."),
     ] = None,
-    branch: Annotated[str | None, typer.Option(help="Keep only rows with this value in the branch column.")] = None,
-    pressure_zero: Annotated[
-        str | None, typer.Option(help="Reading of the pressure channel at zero, such as '9.2 kPa'.")
-    ] = None,
+    branch: Branch = None,
+    pressure_zero: PressureZero = None,
     sheet: Sheet = None,
     topic: Topic = None,
     gear_ratio: GearRatio = None,
     slack: Annotated[bool, typer.Option(help="Use slack points to say where a law may not pull.")] = True,
     train_below: Annotated[
-        str | None, typer.Option(help="Also fit up to this gauge pressure and predict the points above it.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a report with figures, .html or .pdf.")
-    ] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw laws and ranking into this SVG, PDF or PNG file.")] = None,
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Save the fitted laws as a specimen file.")
+        str | None,
+        typer.Option(
+            metavar="PRESSURE",
+            help="Also fit up to this gauge pressure, such as '4 bar', and predict the points above it.",
+        ),
     ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit tension laws to a measured table of length, pressure and tension, and rank them."""
-    if any(f.endswith(".toml") for f in files):
-        _constraints(files, as_json)
+    """Fit tension laws to a measured table of length, pressure and tension, and rank them.
+
+    $ mckibben fit measured.csv --rest-length '300 mm' --out report.html --out my-muscle.toml
+    """
+    if any(f.endswith(".toml") for f in tables):
+        if out:
+            raise InputError("--out", str(out[0]), "is allowed only with tables: printed constraints are not drawn")
+        _constraints(tables, as_json)
         return
-    if report is not None:
-        document.checked_place(report, field="--report")
-    writable("--save", save, ".toml")
-    writable("--figure", figure, *PICTURES)
+    with OUT.files(out) as files:
+        for place in files["report"]:
+            document.checked_place(place, field="--out")
+        if files["specimen"] and len(tables) > 1:
+            raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
+        rankings, warnings = _ranked(
+            tables, law, rest_length, like, change, column, unit, branch, pressure_zero, train_below, slack=slack,
+            **format_options(sheet, topic, gear_ratio),
+        )  # fmt: skip
+        files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
+        files.write("figure", lambda path: style.save(fit_figures.overview(rankings), path))
+        files.write("specimen", rankings[0].save)
+        if files["table"]:
+            files.write_rows(_rows(rankings), {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"})
+        results = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
+        content = results[0] if len(results) == 1 else {"maps": results}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+            return
+        for ranking in rankings:
+            show_ranking(ranking)
+        files.say()
+
+
+def _rows(rankings: list[Ranking]) -> list[dict[str, Any]]:
+    """A row per table and law: errors [N], and the parameters as one cell."""
+    return [
+        {
+            "table": ranking.title,
+            "law": fit.law,
+            "rmse": fit.rmse,
+            "max_error": fit.max_error,
+            "cv_rmse": fit.cv_rmse,
+            "cv_max_error": fit.cv_max_error,
+            "aicc": fit.aicc,
+            "converged": fit.converged,
+            "parameters": [f"{name} = {with_unit(e.value, e.unit)}" for name, e in fit.parameters.items()],
+        }
+        for ranking in rankings
+        for fit in ranking.fits
+    ]
+
+
+def _ranked(
+    tables: list[str],
+    law: list[str] | None,
+    rest_length: str | None,
+    like: str | None,
+    change: list[str] | None,
+    column: list[str] | None,
+    unit: list[str] | None,
+    branch: str | None,
+    pressure_zero: str | None,
+    train_below: str | None,
+    *,
+    slack: bool,
+    **options: Any,
+) -> tuple[list[Ranking], list[list[str]]]:
+    """Read the tables and rank the laws on each; with the cautions about each table."""
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
     below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
-    if save is not None and len(files) > 1:
-        raise InputError("--save", None, "is allowed only with one table")
     reading = {
         "columns": column_places(column) or {},
         "units": pairs(unit, "--unit", "pressure=kPa"),
         "branch": branch,
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
-        **format_options(sheet, topic, gear_ratio),
+        **options,
     }
     with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
-        loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in files]
+        loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in tables]
         warnings = [_cautions(points, spec) for points, spec in loaded]
-        rankings = [_ranking(points, spec, law, change, below, slack) for points, spec in loaded]
-    if report is not None:
-        fit_report.write_fit_report(rankings, report)
-    if figure is not None:
-        style.save(fit_figures.overview(rankings), figure)
-    if save is not None:
-        rankings[0].save(save)
-    if as_json:
-        results = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
-        print_json(results[0] if len(results) == 1 else {"maps": results})
-        return
-    for ranking in rankings:
-        show_ranking(ranking)
-    for path in (report, figure, save):
-        if path is not None:
-            typer.echo(f"Written: {path}")
+        return [_ranking(points, spec, law, change, below, slack) for points, spec in loaded], warnings
 
 
 def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:

@@ -11,7 +11,9 @@ import typer
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import joint_figures, recording_figures, style
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, caution, pairs, print_json, table, writable
+from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
+from ._progress import told
+from ._terminal import FigureLook, FigureWidth, Json, NoiseSeed, caution, pairs, print_json, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from ..recordings.recording import Recording
     from ..simulation.simulation import Simulation
 
+OUT = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
 SHOWN = (
     "joint.angle",
     "joint.velocity",
@@ -30,71 +33,84 @@ SHOWN = (
 
 def run_joint(
     flexor: Annotated[
-        str, typer.Argument(metavar="[FLEXOR]", help="Muscle that turns the joint to positive angles.")
+        str, typer.Argument(metavar="SPECIMEN", help="Flexor, the muscle that turns the joint to positive angles.")
     ] = "nylon",
     extensor: Annotated[
-        str | None, typer.Argument(metavar="[EXTENSOR]", help="Antagonist muscle; of the same kind by default.")
+        str | None, typer.Argument(metavar="SPECIMEN", help="Extensor, its antagonist; of the same kind by default.")
     ] = None,
     play: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Table of valve commands over time, or a recording with its commands."),
+        typer.Option(metavar="RECORD", help="Table of valve commands over time, or a recording with its commands."),
     ] = None,
     command: Annotated[
         list[str] | None,
-        typer.Option("--command", metavar="NAME=VALUES", help="Command over time, such as flexor='0, 0.3 @ 0.2 s'."),
+        typer.Option("--command", metavar="NAME=COURSE", help="Command over time, such as flexor='0, 0.3 @ 0.2 s'."),
     ] = None,
     angle: Annotated[
-        str | None, typer.Option(metavar="VALUES", help="Set-points of the angle, such as '0 deg, 17 deg @ 0.3 s'.")
+        str | None, typer.Option(metavar="COURSE", help="Set-points of the angle, such as '0 deg, 17 deg @ 0.3 s'.")
     ] = None,
     stiffness: Annotated[
-        str, typer.Option(metavar="VALUES", help="Set-points of the stiffness, with --angle.")
+        str, typer.Option(metavar="COURSE", help="Set-points of the stiffness, with --angle.")
     ] = "1 N*m/rad",
     duration: Annotated[
-        str | None, typer.Option(help="Duration of the run; that of the table, else 1 s, by default.")
+        str | None,
+        typer.Option(
+            metavar="TIME", help="Duration of the run, such as '2 s'; that of the table, else 1 s, by default."
+        ),
     ] = None,
-    arm: Annotated[str, typer.Option(help="Moment arm of both muscles.")] = "2 cm",
-    inertia: Annotated[str, typer.Option(help="Moment of inertia about the axis.")] = "2e-3 kg*m^2",
-    supply: Annotated[str, typer.Option(help="Gauge pressure of the supply, without --angle.")] = "6 bar",
-    valve: Annotated[str, typer.Option(metavar="ID", help="Valve of each muscle, without --angle.")] = "MPYE-5-1-8-LF",
-    start: Annotated[str, typer.Option(help="Gauge pressure of both muscles at the start, without --angle.")] = "2 bar",
-    period: Annotated[str, typer.Option(help="Period of the commands, without --angle.")] = "2 ms",
-    seed: Annotated[int, typer.Option(help="Random seed for sensor noise, with --angle.")] = 0,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the run into this SVG, PDF or PNG file.")
-    ] = None,
+    arm: Annotated[str, typer.Option(metavar="SIZE", help="Moment arm of both muscles.")] = "2 cm",
+    inertia: Annotated[str, typer.Option(metavar="INERTIA", help="Moment of inertia about the axis.")] = "2e-3 kg*m^2",
+    supply: Annotated[
+        str, typer.Option(metavar="PRESSURE", help="Gauge pressure of the supply, without --angle.")
+    ] = "6 bar",
+    valve: Annotated[
+        str, typer.Option(metavar="VALVE", help="Valve of each muscle, without --angle.")
+    ] = "MPYE-5-1-8-LF",
+    start: Annotated[
+        str,
+        typer.Option(
+            "--start-pressure", metavar="PRESSURE", help="Gauge pressure of both muscles at the start, without --angle."
+        ),
+    ] = "2 bar",
+    period: Annotated[str, typer.Option(metavar="TIME", help="Period of the commands, without --angle.")] = "2 ms",
+    seed: NoiseSeed = 0,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.
 
     Without --angle the commands drive the valves directly: of a spool valve -1 vents and 1 fills. With --angle the
     controller of the rig 'modern' holds angle and stiffness.
-    """
-    writable("--out", out, ".nc", ".csv")
-    writable("--figure", figure, *PICTURES)
-    if angle is not None:
-        if play is not None or command:
-            raise InputError(
-                "--angle", angle, "must stand without --play and --command, which drive the valves directly"
-            )
-        recording = _held(flexor, extensor, angle, stiffness, duration, arm, inertia, seed)
-    else:
-        from ..simulation import Air, Joint, Simulation
 
-        system = Joint(flexor, flexor if extensor is None else extensor, arm=arm, inertia=inertia)
-        simulation = Simulation(system, Air(supply=supply, valve=valve), period=period)
-        recording = _played(simulation, play, command, duration, start)
-    warnings = caution(*_cautions(recording))
-    if out is not None:
-        recording.save(out)
-    if figure is not None:
+    $ mckibben joint nylon --command 'flexor=0, 0.3 @ 50 ms' --duration '0.3 s' --out joint.nc
+    """
+    with OUT.files(out) as files:
+        with told("running"):
+            if angle is not None:
+                if play is not None or command:
+                    raise InputError(
+                        "--angle", angle, "must stand without --play and --command, which drive the valves directly"
+                    )
+                recording = _held(flexor, extensor, angle, stiffness, duration, arm, inertia, seed)
+            else:
+                from ..simulation import Air, Joint, Simulation
+
+                system = Joint(flexor, flexor if extensor is None else extensor, arm=arm, inertia=inertia)
+                simulation = Simulation(system, Air(supply=supply, valve=valve), period=period)
+                recording = _played(simulation, play, command, duration, start)
+        warnings = caution(*_cautions(recording))
+        files.write("recording", lambda path: write_recording(recording, path))
         draw = recording_figures.time_figure if angle is None else joint_figures.joint_figure
-        style.save(draw(recording), figure)
-    _show(recording, out, warnings, as_json)
-    if figure is not None and not as_json:
-        typer.echo(f"Written: {figure}")
+        files.write("figure", lambda path: style.save(draw(recording), path))
+        content = _content(recording) | {"warnings": warnings}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _show(recording)
+            files.say()
 
 
 def _held(
@@ -198,18 +214,16 @@ def _cautions(recording: Recording) -> list[str | None]:
     return [pressure_caution(highest)]
 
 
-def _show(recording: Recording, out: Path | None, warnings: list[str], as_json: bool) -> None:
+def _content(recording: Recording) -> dict[str, Any]:
     balance = dict(recording.meta["balance"])
-    if as_json:
-        summary = recording.summary()
-        print_json({"channels": summary, "duration": recording.duration, "balance": balance, "warnings": warnings})
-        return
+    return {"channels": recording.summary(), "duration": recording.duration, "balance": balance}
+
+
+def _show(recording: Recording) -> None:
     rows = []
     for name in SHOWN:
         values, unit = recording[name], recording.unit(name)
         rows.append([name, *(with_unit(float(v), unit) for v in (values[0], values.min(), values.max(), values[-1]))])
     table(recording.meta["title"], ["channel", "start", "least", "largest", "end"], rows, right=(1, 2, 3, 4))
-    closed = ", ".join(f"{name} {share:.0e}" for name, share in balance.items())
+    closed = ", ".join(f"{name} {share:.0e}" for name, share in dict(recording.meta["balance"]).items())
     typer.echo(f"\n{len(recording)} samples in {recording.duration:g} s. Missing in the balances: {closed}.")
-    if out is not None:
-        typer.echo(f"Written: {out}")

@@ -12,145 +12,242 @@ from .. import muscles
 from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
-from ..quantities import declared, parse, shown_unit, values, with_unit
+from ..quantities import declared, from_si, parse, shown_unit, values, with_unit
 from ..report.figures import muscle_figures, style
-from ..specimens import Specimen, SpecimenNumber, specimen, specimens
+from ..specimens import Specimen, SpecimenNumber, save_specimen, specimen, specimens
+from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._terminal import (
-    PICTURES,
+    Contraction,
     FigureLook,
     FigureWidth,
     Json,
+    Law,
     Set,
+    SpecimenName,
     assignments,
     caution,
     chosen_law,
     print_json,
+    several,
     table,
-    writable,
 )
 
 Name = Annotated[
     str,
-    typer.Argument(metavar="SPECIMEN_OR_LAW", help="Id of a specimen, the .toml file of one, or the name of a law."),
+    typer.Argument(metavar="SPECIMEN|LAW", help="Id of a specimen, the .toml file of one, or the name of a law."),
 ]
-Law = Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")]
+SHOWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN)
+POINTS = OutputKinds(table=TABLE, result=OBJECT)
+# Units of a law's state at a point, in the order in which they are shown.
+UNITS = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
 
 
 def show(
-    name: Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")],
+    name: SpecimenName,
     law: Law = None,
-    figure: Annotated[
-        Path | None, typer.Option("--figure", help="Draw the muscle's curves into this SVG, PDF or PNG file.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, SHOWN.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Show the parameters of a muscle with their units and sources, and its law."""
-    writable("--figure", figure, *PICTURES)
-    spec = specimen(name)
-    chosen = chosen_law(law, spec)
-    built = None if spec.kind == "valve" else _law(spec, chosen, {})
-    groups = {"properties": spec.properties} | ({f"laws.{chosen}": spec.laws[chosen]} if built else {})
-    groups |= {f"friction.{k}": g for k, g in spec.friction.items()}
-    if figure is not None:
-        _draw(built, spec, figure)
-    if as_json:
-        entries = {f"{path}.{key}": _entry(p) for path, group in groups.items() for key, p in group.items()}
-        print_json(
-            {
-                "id": spec.id,
-                "title": spec.title,
-                "law": chosen,
-                "laws": list(spec.laws),
-                "parameters": entries,
-                "sources": spec.sources,
-            }
-        )
-        return
-    rows = []
-    for path, group in groups.items():
-        for key, p in group.items():
-            rows.append([f"{path}.{key}", _value(p), p.source, "inferred" if p.inferred else "", p.note])
-    table(f"{spec.title} ({spec.id})", ["parameter", "value", "source", "", "note"], rows, right=[1])
-    others = ", ".join(k for k in spec.laws if k != chosen) or "none"
-    typer.echo(f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {others}." if built else "")
-    for key in dict.fromkeys(spec.sources):
-        typer.echo(f"[{key}] {reference(key)}")
+    """Show the parameters of a muscle with their units and sources, and its law.
+
+    $ mckibben show nylon --out nylon.svg
+    """
+    with SHOWN.files(out) as files:
+        spec = specimen(name)
+        chosen = chosen_law(law, spec)
+        built = None if spec.kind == "valve" else _law(spec, chosen, {})
+        groups = {"properties": spec.properties} | ({f"laws.{chosen}": spec.laws[chosen]} if built else {})
+        groups |= {f"friction.{k}": g for k, g in spec.friction.items()}
+        numbers = [(f"{path}.{key}", p) for path, group in groups.items() for key, p in group.items()]
+        files.write("figure", lambda path: _draw(built, spec, path))
+        files.write("specimen", lambda path: save_specimen(spec, path))
+        files.write_rows([{"parameter": path} | _entry(p) for path, p in numbers])
+        content = {
+            "id": spec.id,
+            "title": spec.title,
+            "law": chosen,
+            "laws": list(spec.laws),
+            "parameters": {path: _entry(p) for path, p in numbers},
+            "sources": spec.sources,
+        }
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+            return
+        rows = [[path, _value(p), p.source, "inferred" if p.inferred else "", p.note] for path, p in numbers]
+        table(f"{spec.title} ({spec.id})", ["parameter", "value", "source", "", "note"], rows, right=[1])
+        others = ", ".join(k for k in spec.laws if k != chosen) or "none"
+        typer.echo(f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {others}." if built else "")
+        for key in dict.fromkeys(spec.sources):
+            typer.echo(f"[{key}] {reference(key)}")
+        files.say()
 
 
 def tension(
     name: Name,
-    length: Annotated[str, typer.Option(help="Distance between the anchors, such as '12 cm'.")],
-    pressure: Annotated[str | None, typer.Option(help="Gauge pressure, such as '5 bar'.")] = None,
-    activation: Annotated[str | None, typer.Option(help="Activation of a biological muscle, between 0 and 1.")] = None,
+    length: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help="Distance between the anchors, such as '12 cm', or a range '10:15 cm'."),
+    ] = None,
+    contraction: Contraction = None,
+    pressure: Annotated[
+        str | None, typer.Option(metavar="PRESSURE", help="Gauge pressure, such as '5 bar', or a range '1:5 bar'.")
+    ] = None,
+    activation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ACTIVATION", help="Activation of a biological muscle, between 0 and 1, or a range '0:1:0.25'."
+        ),
+    ] = None,
     wanted: Annotated[
-        str | None, typer.Option("--for", help="Find the lowest pressure for this tension instead.")
+        str | None,
+        typer.Option(
+            "--for", metavar="FORCE", help="Find the lowest pressure for this tension instead, such as '50 N'."
+        ),
     ] = None,
     law: Law = None,
     change: Set = None,
+    out: Annotated[Paths, POINTS.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Compute tension, volume and state of a muscle at one length and pressure."""
-    spec, chosen, built = _resolve(name, law, change)
-    biological = spec is not None and spec.kind == "biological"
-    at = parse(length, "m", field="--length")
-    _positive(at, "--length", length)
-    cautions = [] if biological else [muscles.plausible.length_caution(at, float(built.length_range()[1]), text=length)]
-    if spec is not None and biological:
-        drive = _activation(activation, pressure, spec)
-    elif activation is not None:
+    """Compute tension, volume and state of a muscle at one length and pressure.
+
+    A range of lengths, contractions or pressures, such as '1:5 bar' or '0:25:5 %', gives a table.
+
+    $ mckibben tension nylon --length '12 cm' --pressure '5 bar'
+    $ mckibben tension nylon --contraction '0:20:5 %' --pressure '1:5 bar' --out map.csv
+    """
+    with POINTS.files(out) as files:
+        spec, chosen, built = _resolve(name, law, change)
+        biological = spec is not None and spec.kind == "biological"
+        lengths = _lengths(length, contraction, muscles.Muscle(built, specimen=spec))
+        if wanted is not None:
+            drives = [_drive_for(wanted, pressure, activation, built, lengths)]
+        elif biological:
+            assert spec is not None
+            drives = _activations(activation, pressure, spec)
+        else:
+            drives = _pressures(pressure, activation, name)
+        warnings = [] if biological else caution(*_cautions(lengths, length, drives, pressure, built, spec))
+        points = [_point(built, at, drive, biological) for at in lengths for drive in drives]
+        about: dict[str, Any] = {"law": chosen, "specimen": None if spec is None else spec.id, "warnings": warnings}
+        defaults = [] if spec is not None else _defaults(built, change, chosen)
+        if spec is None:
+            about |= {"parameters": values(built), "defaults": defaults}
+        answer = points[0] | about if len(points) == 1 else {"points": points} | about
+        files.write_rows(points, UNITS | {"length": "m", "pressure": "Pa", "braid_length": "m"})
+        files.write_result(answer)
+        if as_json:
+            print_json(answer)
+            return
+        title = f"{built.title} law" if spec is None else f"{spec.title}, {chosen}"
+        if len(points) == 1:
+            _print_point(points[0], title, biological)
+        else:
+            _print_points(points, title, biological)
+        if defaults:
+            units = declared(type(built))
+            said = ", ".join(f"{n} = {with_unit(float(getattr(built, n)), units[n].unit)}" for n in defaults)
+            typer.echo(f"Not given, by default of the law: {said}.")
+        files.say()
+
+
+def _lengths(length: str | None, contraction: str | None, muscle: muscles.Muscle) -> list[float]:
+    """Lengths of the options [m]."""
+    if (length is None) == (contraction is None):
+        problem = "is missing: give a length such as '12 cm', or a contraction such as --contraction '20 %'"
+        raise InputError("--length", None, problem if length is None else "is allowed only without --contraction")
+    if length is None:
+        shares = several(contraction, "1", "--contraction")
+        try:
+            return [float(muscle.length_at(share)) for share in shares]
+        except InputError as error:
+            raise error.changed(field="--contraction") from None
+    lengths = several(length, "m", "--length")
+    for at in lengths:
+        _positive(at, "--length", length)
+    return lengths
+
+
+def _pressures(pressure: str | None, activation: str | None, name: str) -> list[float]:
+    """Gauge pressures of the options [Pa]."""
+    if activation is not None:
         raise InputError("--activation", activation, f"{name} is no biological muscle; give --pressure or --for")
-    elif wanted is not None:
-        if pressure is not None:
-            raise InputError("--for", None, "is allowed only without --pressure, which it finds")
-        drive = built.pressure_for(parse(wanted, "N", field="--for"), at)
-    else:
-        if pressure is None:
-            raise InputError(
-                "--pressure", None, "is missing: give a gauge pressure such as '5 bar', or a tension with --for"
-            )
-        drive = parse(pressure, "Pa", field="--pressure")
-        if drive < -1.1e5 or drive > 1e8:
-            raise InputError("--pressure", pressure, "must be between -1.1 bar (vacuum) and 1000 bar gauge")
-        cautions.append(muscles.plausible.pressure_caution(drive, spec, text=pressure))
-    state, free = built.state(at, drive), built.free_length(drive)
-    warnings = caution(*cautions)
-    answer: dict[str, Any] = {
+    if pressure is None:
+        raise InputError(
+            "--pressure", None, "is missing: give a gauge pressure such as '5 bar', or a tension with --for"
+        )
+    pressures = several(pressure, "Pa", "--pressure")
+    if min(pressures) < -1.1e5 or max(pressures) > 1e8:
+        raise InputError("--pressure", pressure, "must be between -1.1 bar (vacuum) and 1000 bar gauge")
+    return pressures
+
+
+def _drive_for(wanted: str, pressure: str | None, activation: str | None, built: Any, lengths: list[float]) -> float:
+    """The lowest gauge pressure [Pa] or activation [1] for a tension at one length."""
+    for option, value in (("--pressure", pressure), ("--activation", activation)):
+        if value is not None:
+            raise InputError("--for", None, f"is allowed only without {option}, which it finds")
+    if len(lengths) > 1:
+        raise InputError("--for", wanted, "is allowed only with one length")
+    return float(built.pressure_for(parse(wanted, "N", field="--for"), lengths[0]))
+
+
+def _cautions(
+    lengths: list[float],
+    length: str | None,
+    drives: list[float],
+    pressure: str | None,
+    built: Any,
+    spec: Specimen | None,
+) -> list[str | None]:
+    longest, single = float(built.length_range()[1]), len(lengths) == 1
+    said = [muscles.plausible.length_caution(at, longest, text=length if single else None) for at in lengths]
+    highest = max(drives)
+    said += [muscles.plausible.pressure_caution(highest, spec, text=pressure)] if pressure is not None else []
+    return list(dict.fromkeys(said))
+
+
+def _point(built: Any, length: float, drive: float, biological: bool) -> dict[str, Any]:
+    """State of a law at a length [m] and a gauge pressure [Pa] or activation [1]."""
+    state = built.state(length, drive)
+    return {
+        "length": length,
+        ("activation" if biological else "pressure"): drive,
         "tension": float(state.tension),
         "passive": float(state.passive),
         "active": float(state.active),
         "volume": float(state.volume),
         "slack": bool(state.slack),
         "overstretched": bool(state.overstretched),
-        "law": chosen,
         "stiffness": float(state.stiffness),
         "braid_length": float(state.braid_length),
-        "free_length": float(free),
-        "specimen": None if spec is None else spec.id,
-        "length": at,
-        ("activation" if biological else "pressure"): drive,
-        "warnings": warnings,
+        "free_length": float(built.free_length(drive)),
     }
-    defaults = [] if spec is not None else _defaults(built, change, chosen)
-    if spec is None:
-        answer |= {"parameters": values(built), "defaults": defaults}
-    if as_json:
-        print_json(answer)
-        return
-    shown = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
+
+
+def _print_point(point: dict[str, Any], title: str, biological: bool) -> None:
     rows = [
-        [k.replace("_", " "), "not known to this law" if answer[k] != answer[k] else with_unit(answer[k], u)]
-        for k, u in shown.items()
+        [k.replace("_", " "), "not known to this law" if point[k] != point[k] else with_unit(point[k], u)]
+        for k, u in UNITS.items()
     ]
-    words = ["slack" if answer["slack"] else "taut"] + (["overstretched"] if answer["overstretched"] else [])
-    force = f"activation {drive:g}" if biological else with_unit(drive, "Pa")
-    title = f"{built.title} law" if spec is None else f"{spec.title}, {chosen}"
-    table(f"{title}, at {with_unit(at, 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
-    if defaults:
-        units = declared(type(built))
-        said = ", ".join(f"{n} = {with_unit(float(getattr(built, n)), units[n].unit)}" for n in defaults)
-        typer.echo(f"Not given, by default of the law: {said}.")
+    words = ["slack" if point["slack"] else "taut"] + (["overstretched"] if point["overstretched"] else [])
+    force = f"activation {point['activation']:g}" if biological else with_unit(point["pressure"], "Pa")
+    table(f"{title}, at {with_unit(point['length'], 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
+
+
+def _print_points(points: list[dict[str, Any]], title: str, biological: bool) -> None:
+    drive = "activation" if biological else "pressure"
+    units = {"length": "m", drive: "1" if biological else "Pa", "tension": "N", "volume": "m^3", "stiffness": "N/m"}
+    heads = [name if unit == "1" else f"{name}, {shown_unit(unit)}" for name, unit in units.items()]
+    rows = []
+    for point in points:
+        numbers = [from_si(point[name], unit, shown_unit(unit)) for name, unit in units.items()]
+        words = ["slack"] * point["slack"] + ["overstretched"] * point["overstretched"]
+        rows.append([*("" if number != number else f"{number:.4g}" for number in numbers), ", ".join(words)])
+    table(title, [*heads, ""], rows, right=range(len(heads)))
 
 
 def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:
@@ -207,18 +304,18 @@ def _law(spec: Specimen, law: str, changes: dict[str, Any]) -> Any:
     return muscles.build.muscle(spec, law=law, **changes).law
 
 
-def _activation(activation: str | None, pressure: str | None, spec: Specimen) -> float:
-
+def _activations(activation: str | None, pressure: str | None, spec: Specimen) -> list[float]:
+    """Activations of the options [1]."""
     if pressure is not None:
         raise InputError("--pressure", pressure, f"{spec.id} is a biological muscle; give --activation from 0 to 1")
     if activation is None:
         raise InputError(
             "--activation", None, f"is missing: {spec.id} is a biological muscle, which needs one from 0 to 1"
         )
-    value = parse(activation, "1", field="--activation")
-    if not 0.0 <= value <= 1.0:
+    drives = several(activation, "1", "--activation")
+    if not all(0.0 <= value <= 1.0 for value in drives):
         raise InputError("--activation", activation, "must be between 0 and 1")
-    return value
+    return drives
 
 
 def _positive(value: float, field: str, text: str) -> None:
@@ -238,5 +335,5 @@ def _entry(p: SpecimenNumber) -> dict[str, JsonValue]:
 def _draw(law: Any, spec: Specimen, path: Path) -> None:
 
     if spec.kind != "mckibben":
-        raise InputError("--figure", spec.id, "curves are drawn for McKibben muscles only")
+        raise InputError("--out", spec.id, "curves are drawn for McKibben muscles only")
     style.save(muscle_figures.law_curves(law, title=spec.title), path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,12 +12,15 @@ import typer
 
 from ..documents import write_text
 from ..quantities import from_si, parse, with_unit
+from ..recordings.tables import write_table
 from ..studies import parts as catalogue
-from ._terminal import Json, print_json, table, writable
+from ._outputs import OBJECT, TABLE, OutputKinds, Paths
+from ._terminal import Json, print_json, table
 
 if TYPE_CHECKING:
     from ..studies.parts import Part
 
+OUT = OutputKinds(table=TABLE, result=OBJECT)
 # Columns of the table of each kind: number, heading, and unit in which it is shown.
 COLUMNS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "valves": (
@@ -44,7 +49,7 @@ def list_parts(
     what: Annotated[
         str | None,
         typer.Argument(
-            metavar="[KIND|NAME]",
+            metavar="PART",
             help="Kind to list: valves, tubes, sources, laws or muscles; or the name of a part, whose page is shown.",
         ),
     ] = None,
@@ -55,34 +60,46 @@ def list_parts(
         ),
     ] = None,
     max_mass: Annotated[str | None, typer.Option(metavar="MASS", help="Largest mass, such as '300 g'.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write one row per number, in SI units, to a .csv file.")
-    ] = None,
+    out: Annotated[Paths, OUT.option(note="A table has one row per number, in SI units.")] = None,
     as_json: Json = False,
 ) -> None:
     """List valves, tubes, gas sources, laws and muscles with numbers, units and sources.
 
-    Example: mckibben parts valves --min-flow "300 l/min"
+    $ mckibben parts valves --min-flow '300 l/min' --out valves.csv
     """
-    writable("--out", out, ".csv")
+    with OUT.files(out) as files:
+        some = _chosen(what, min_flow, max_mass)
+        files.write("table", lambda path: _write(some, path))
+        content = {"parts": [one.to_dict() for one in some]}
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        elif len(some) == 1 and what not in (None, *catalogue.KINDS):
+            _print_page(some[0])
+        else:
+            _print_lists(some)
+        if not as_json:
+            files.say()
+
+
+def _write(some: tuple[Part, ...], path: Path) -> None:
+    """Write one row per number."""
+    text = catalogue.csv_of(some)
+    if path.suffix == ".csv":
+        write_text(path, text)
+        return
+    heads, *rows = csv.reader(io.StringIO(text))
+    write_table({head: [row[i] for row in rows] for i, head in enumerate(heads)}, path)
+
+
+def _chosen(what: str | None, min_flow: str | None, max_mass: str | None) -> tuple[Part, ...]:
     if what is not None and what not in catalogue.KINDS and min_flow is None and max_mass is None:
-        some: tuple[Part, ...] = (catalogue.part(what),)
-    else:
-        some = catalogue.list_parts(
-            what,
-            min_flow=None if min_flow is None else parse(min_flow, "m^3/s", field="--min-flow"),
-            max_mass=None if max_mass is None else parse(max_mass, "kg", field="--max-mass"),
-        )
-    if out is not None:
-        write_text(out, catalogue.csv_of(some))
-    if as_json:
-        print_json({"parts": [one.to_dict() for one in some]})
-    elif len(some) == 1 and what not in (None, *catalogue.KINDS):
-        _print_page(some[0])
-    else:
-        _print_lists(some)
-    if out is not None and not as_json:
-        typer.echo(f"\nWritten: {out}")
+        return (catalogue.part(what),)
+    return catalogue.list_parts(
+        what,
+        min_flow=None if min_flow is None else parse(min_flow, "m^3/s", field="--min-flow"),
+        max_mass=None if max_mass is None else parse(max_mass, "kg", field="--max-mass"),
+    )
 
 
 def columns_of(kind: str, some: Iterable[Part]) -> tuple[list[str], dict[str, list[str]]]:

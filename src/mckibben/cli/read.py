@@ -10,30 +10,42 @@ import typer
 from .. import recordings
 from ..documents import JsonValue
 from ..quantities import from_si, parse, shown_unit
-from ._terminal import Json, options_named, pairs, print_json, table
+from ._outputs import OBJECT, TABLE, OutputFiles, OutputKinds, Paths
+from ._terminal import Json, RestLength, options_named, pairs, print_json, table
 
 if TYPE_CHECKING:
-    from ..recordings import FileReading
+    from ..recordings import FileReading, ForceMap, Recording
 
+OUT = OutputKinds(table=TABLE, result=OBJECT)
 PREAMBLE = 6  # lines before a header that a person is shown
 Column = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=COLUMN",
-        help="Column that holds length, contraction, pressure, force, time or a channel, by label or number; repeatable.",
+        help="Column that holds length, contraction, pressure, force, time or a channel, by label or number, such as "
+        "force='F [N]'.",
     ),
 ]
 Unit = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=UNIT", help="Unit of a column for which the file states none; repeatable."),
+    typer.Option(
+        metavar="NAME=UNIT",
+        help="Unit of a column for which the file states none, such as force=N or 'pressure=kPa abs'.",
+    ),
 ]
 Period = Annotated[
     str | None, typer.Option(metavar="TIME", help="Sample interval of a file without a time column, such as '2 ms'.")
 ]
-Sheet = Annotated[str | None, typer.Option(metavar="NAME", help="Sheet of a spreadsheet, by name or number.")]
-Topic = Annotated[str | None, typer.Option(metavar="NAME", help="Topic of a bag of ROS or an MCAP file.")]
+Sheet = Annotated[str | None, typer.Option(metavar="SHEET", help="Sheet of a spreadsheet, by name or number.")]
+Topic = Annotated[str | None, typer.Option(metavar="TOPIC", help="Topic of a bag of ROS or an MCAP file.")]
 GearRatio = Annotated[
     str | None, typer.Option(metavar="NUMBER", help="Gear ratio of the lever that recorded a .ddf file.")
+]
+Branch = Annotated[
+    str | None, typer.Option(metavar="LABEL", help="Keep only rows with this value in the branch column.")
+]
+PressureZero = Annotated[
+    str | None, typer.Option(metavar="PRESSURE", help="Reading of the pressure channels at zero, such as '9.2 kPa'.")
 ]
 
 
@@ -53,12 +65,10 @@ def read_file(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File of any format that mckibben reads.")],
     column: Column = None,
     unit: Unit = None,
-    rest_length: Annotated[str | None, typer.Option(help="Rest length of the muscle, such as '300 mm'.")] = None,
+    rest_length: RestLength = None,
     period: Period = None,
-    branch: Annotated[str | None, typer.Option(help="Keep only rows with this value in the branch column.")] = None,
-    pressure_zero: Annotated[
-        str | None, typer.Option(help="Reading of the pressure channels at zero, such as '9.2 kPa'.")
-    ] = None,
+    branch: Branch = None,
+    pressure_zero: PressureZero = None,
     kind: Annotated[
         str | None,
         typer.Option("--as", metavar="KIND", help="Read as a map or as a recording, where both are possible."),
@@ -66,10 +76,14 @@ def read_file(
     sheet: Sheet = None,
     topic: Topic = None,
     gear_ratio: GearRatio = None,
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Read a file of another program and show its columns, units, and the rows left out."""
-    with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
+    """Read a file of another program and show its columns, units, and the rows left out.
+
+    $ mckibben read measured.csv --rest-length '300 mm' --unit force=N --out map.csv
+    """
+    with OUT.files(out) as files, options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
         reading = recordings.understand(
             file,
             columns=column_places(column),
@@ -81,11 +95,25 @@ def read_file(
             kind=kind,  # type: ignore[arg-type]
             **format_options(sheet, topic, gear_ratio),
         )
-    summary = _summary(file, reading)
-    if as_json:
-        print_json(summary)
+        summary = _summary(file, reading)
+        _write(reading.data, files)
+        files.write_result(summary)
+        if as_json:
+            print_json(summary)
+        else:
+            _print(summary)
+            files.say()
+
+
+def _write(data: ForceMap | Recording, files: OutputFiles) -> None:
+    """Write the table in SI units: of a map length, pressure and tension, of a recording time and channels."""
+    if isinstance(data, recordings.ForceMap):
+        columns = {"length": data.length, "pressure": data.pressure, "tension": data.tension}
+        units = {"length": "m", "pressure": "Pa", "tension": "N"}
     else:
-        _print(summary)
+        columns = {"time": data.time, **{name: data[name] for name in data.names()}}
+        units = {"time": "s", **{name: data.unit(name) for name in data.names()}}
+    files.write_columns(columns, units)
 
 
 def _summary(file: Path, reading: FileReading) -> dict[str, JsonValue]:

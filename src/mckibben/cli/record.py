@@ -17,7 +17,8 @@ from ..experiments import waveforms
 from ..quantities import from_si, parse, shown_unit
 from ..recordings import mcap
 from ..report.figures import recording_figures, style
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, options_named, pairs, print_json, table, writable
+from ._outputs import FIGURE, KEPT_RECORDING, OBJECT, TABLE, OutputKinds, Paths, write_recording
+from ._terminal import End, FigureLook, FigureWidth, Json, Start, options_named, pairs, print_json, table
 from .read import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options
 
 if TYPE_CHECKING:
@@ -25,10 +26,13 @@ if TYPE_CHECKING:
     from ..recordings.formats import ImportResult
 
 
+SHOWN = OutputKinds(table=TABLE, result=OBJECT)
+PICTURE = OutputKinds(figure=FIGURE)
+REPAIRED = OutputKinds(recording=KEPT_RECORDING)
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown
 STEPS = 40  # rows of steps that a person is shown
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="Recording of mckibben (.nc, .csv or .mcap).")]
+File = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording of mckibben (.nc, .csv or .mcap).")]
 
 
 AnyFile = Annotated[
@@ -44,67 +48,89 @@ def show(
     sheet: Sheet = None,
     topic: Topic = None,
     gear_ratio: GearRatio = None,
+    out: Annotated[Paths, SHOWN.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Describe a recording: protocol, muscle, rig, steps, channels, balances, events."""
-    result = _read(file, column, unit, period, format_options(sheet, topic, gear_ratio))
+    """Describe a recording: protocol, muscle, rig, steps, channels, balances, events.
+
+    $ mckibben record show loop.nc
+    """
+    with SHOWN.files(out) as files:
+        description = _description(file, column, unit, period, format_options(sheet, topic, gear_ratio))
+        files.write_rows([{"channel": name} | s for name, s in description["channels"].items()])
+        files.write_result(description)
+        if as_json:
+            print_json(description)
+        else:
+            _print(description)
+            files.say()
+
+
+def _description(
+    file: Path, column: list[str] | None, unit: list[str] | None, period: str | None, options: dict[str, Any]
+) -> dict[str, Any]:
+    """What a file holds, with the remarks of its reader."""
+    result = _read(file, column, unit, period, options)
     description = _described(file, result.recording)
     description["warnings"] = [
         *description["warnings"],
         *(r for r in result.remarks if r not in description["warnings"]),
     ]
-    if as_json:
-        print_json(description)
-    else:
-        _print(description)
+    return description
 
 
 def plot(
     file: File,
-    out: Annotated[Path, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .pdf or .png).")],
-    channels: Annotated[str | None, typer.Option(metavar="A,B", help="Channels to draw, separated by commas.")] = None,
+    out: Annotated[list[Path], PICTURE.option()],
+    channels: Annotated[
+        str | None,
+        typer.Option(metavar="CHANNELS", help="Channels to draw, separated by commas, such as tension,span."),
+    ] = None,
     against: Annotated[
         str | None, typer.Option(metavar="CHANNEL", help="Draw over this channel instead of time, such as span.")
     ] = None,
-    label: Annotated[str | None, typer.Option(help="Draw only steps with this label.")] = None,
+    label: Annotated[str | None, typer.Option(metavar="LABEL", help="Draw only steps with this label.")] = None,
     case: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Draw only steps of this case, such as pressure='5 bar'; repeatable."),
+        typer.Option(metavar="NAME=VALUE", help="Draw only steps of this case, such as pressure='5 bar'."),
     ] = None,
-    start: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used.")
+    start: Start = None,
+    end: End = None,
+    title: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Title of the figure; by default the recording's own.")
     ] = None,
-    end: Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used.")] = None,
-    title: Annotated[str | None, typer.Option(help="Title of the figure; by default the recording's own.")] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
-    """Draw a recording over time, or one channel over another."""
-    writable("--out", out, *PICTURES)
-    known = recordings.read_recording(file)
-    parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
-    names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
-    if names == []:
-        raise InputError("--channels", channels, "must be names of channels, parted by commas")
+    """Draw a recording over time, or one channel over another.
 
-    if against is None:
-        drawn = recording_figures.time_figure(parts, channels=names, title=title)
-    else:
-        drawn = recording_figures.against_figure(parts, against, channels=names, title=title)
-    style.save(drawn, out)
-    if as_json:
-        print_json(
-            {
-                "file": str(out),
-                "segments": len(parts),
-                "samples": sum(len(p) for p in parts),
-                "start": float(parts[0].time[0]),
-                "end": float(parts[-1].time[-1]),
-            }
-        )
-    else:
-        typer.echo(f"Written: {out}")
+    $ mckibben record plot loop.nc --against span --out loop.svg
+    """
+    with PICTURE.files(out) as files:
+        known = recordings.read_recording(file)
+        parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
+        names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
+        if names == []:
+            raise InputError("--channels", channels, "must be names of channels, parted by commas")
+
+        if against is None:
+            drawn = recording_figures.time_figure(parts, channels=names, title=title)
+        else:
+            drawn = recording_figures.against_figure(parts, against, channels=names, title=title)
+        files.write("figure", lambda path: style.save(drawn, path))
+        if as_json:
+            print_json(
+                {
+                    "file": str(out[0]),
+                    "segments": len(parts),
+                    "samples": sum(len(p) for p in parts),
+                    "start": float(parts[0].time[0]),
+                    "end": float(parts[-1].time[-1]),
+                }
+            )
+        else:
+            files.say()
 
 
 def between(known: Recording, start: str | None, end: str | None) -> Recording:
@@ -302,7 +328,7 @@ _READ = "File to read: a recording, a log or a file of another program, of any f
 
 
 def convert_file(
-    source: Annotated[Path, typer.Argument(metavar="IN", help=_READ)],
+    source: Annotated[Path, typer.Argument(metavar="FILE", help=_READ)],
     target: Annotated[
         Path, typer.Argument(metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms or .parquet).")
     ],
@@ -314,7 +340,10 @@ def convert_file(
     gear_ratio: GearRatio = None,
     as_json: Json = False,
 ) -> None:
-    """Convert a recording, or a file of another program, to another file format."""
+    """Convert a recording, or a file of another program, to another file format.
+
+    $ mckibben record convert loop.nc loop.parquet
+    """
     asked = _stated(column, unit, period) | format_options(sheet, topic, gear_ratio)
     with options_named(sheet="--sheet NAME"):
         read = recordings.convert(source, target, **asked)
@@ -328,32 +357,31 @@ def convert_file(
 
 def repair(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a bench (.mcap) that is cut off or damaged.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Recording file to write (.nc or .csv); by default a .nc file beside the log."
-        ),
-    ] = None,
+    out: Annotated[Paths, REPAIRED.option(note="By default a .nc file beside the log.")] = None,
     as_json: Json = False,
 ) -> None:
     """Recover a recording from the log of a killed process.
 
     The log itself is not changed.
+
+    $ mckibben record repair killed.mcap --out killed.nc
     """
-    target = log.with_suffix(".nc") if out is None else out
-    if target.suffix.lower() not in (".nc", ".csv"):
-        raise InputError("--out", str(target), "must be a name that ends in .nc or .csv")
-    if out is None and target.exists():
-        raise InputError("file", str(target), "it is there already; say another name, or this one, with --out")
-    recording = mcap.read_log(log)
-    recording.recording.save(target)
-    if as_json:
-        print_json({**_written(log, target, recording.recording), "whole": recording.whole, "lost": recording.remarks})
-        return
-    _print_written(target, recording.recording)
-    typer.echo(
-        "The log was complete." if recording.whole else "\n".join(f"Note: {remark}" for remark in recording.remarks)
-    )
+    beside = log.with_suffix(".nc")
+    if not out and beside.exists():
+        raise InputError("file", str(beside), "it is there already; say another name, or this one, with --out")
+    with REPAIRED.files(out or [beside]) as files:
+        recording = mcap.read_log(log)
+        files.write("recording", lambda path: write_recording(recording.recording, path))
+        target = files["recording"][0]
+        if as_json:
+            content = _written(log, target, recording.recording)
+            print_json({**content, "whole": recording.whole, "lost": recording.remarks})
+            return
+        for path in files.named():
+            _print_written(path, recording.recording)
+        typer.echo(
+            "The log was complete." if recording.whole else "\n".join(f"Note: {remark}" for remark in recording.remarks)
+        )
 
 
 def _written(source: Path, target: Path, known: Recording) -> dict[str, JsonValue]:

@@ -17,7 +17,8 @@ from ..quantities import from_si, parse, shown_unit, split_values, with_unit
 from ..report import document
 from ..report import recording_report as reports
 from ..report.figures import energy_figures, frequency_figures, style
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, print_json, table, writable
+from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputFiles, OutputKinds, Paths
+from ._terminal import End, FigureLook, FigureWidth, Json, Start, print_json, table
 from .record import File, between
 
 if TYPE_CHECKING:
@@ -25,15 +26,12 @@ if TYPE_CHECKING:
 
 CYCLES = 20  # rows of cycles that a person is shown
 RESPONSES = 16  # rows of a frequency response that a person is shown
-Start = Annotated[str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used.")]
-End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used.")]
+OUT = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
+REPORTED = OutputKinds(report=REPORT)
 
 
 def energy(
     file: File,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="PICTURE", help="Picture file to write (.svg, .pdf or .png).")
-    ] = None,
     start: Start = None,
     end: End = None,
     measured: Annotated[bool, typer.Option("--measured", help="Estimate from measured channels alone.")] = False,
@@ -42,30 +40,60 @@ def energy(
     ] = None,
     accumulator: Annotated[
         str | None,
-        typer.Option(metavar="PRESSURE", help="Gauge pressure of an exhaust accumulator whose saving is computed."),
+        typer.Option(
+            "--accumulator-pressure",
+            metavar="PRESSURE",
+            help="Gauge pressure of an exhaust accumulator whose saving is computed, such as '1 bar'.",
+        ),
     ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Account for the exergy of a recording: supply, losses and shaft work."""
-    writable("--figure", figure, *PICTURES)
+    """Account for the exergy of a recording: supply, losses and shaft work.
+
+    $ mckibben record energy loop.nc --out energy.svg
+    """
+    with OUT.files(out) as files:
+        _account(
+            file, start, end, measured=measured, muscle=muscle, accumulator=accumulator, files=files, as_json=as_json
+        )
+
+
+def _account(
+    file: Path,
+    start: str | None,
+    end: str | None,
+    *,
+    measured: bool,
+    muscle: str | None,
+    accumulator: str | None,
+    files: OutputFiles,
+    as_json: bool,
+) -> None:
+    """Compute and write the account."""
     first, last = (
         None if t is None else parse(t, "s", field=name, bare=True) for t, name in ((start, "--from"), (end, "--to"))
     )
-    at = None if accumulator is None else parse(accumulator, "Pa", field="--accumulator", bare=True)
+    at = None if accumulator is None else parse(accumulator, "Pa", field="--accumulator-pressure", bare=True)
     record = recordings.read_recording(file)
     options: dict[str, Any] = {} if muscle is None else {"muscle": muscle}
     if muscle is not None and not measured and record.meta.get("energy"):
         raise InputError("--muscle", None, "is allowed only with --measured, for the recording carries its own law")
     account = energy_accounts.energy_account(record, start=first, end=last, measured=measured, **options)
     saving = None if at is None else account.saved_by_accumulator(at)
-    if figure is not None:
-        title = record.meta.get("title")
-        style.save(energy_figures.energy_flow_figure(account, **({"title": str(title)} if title else {})), figure)
+    title = {"title": str(record.meta["title"])} if record.meta.get("title") else {}
+    files.write("figure", lambda path: style.save(energy_figures.energy_flow_figure(account, **title), path))
+    files.write_rows(
+        [{"side": p.side, "part": p.name, "energy": p.value, "from": p.origin} for p in account.parts], {"energy": "J"}
+    )
+    figure = files.first("figure")
+    content = account.to_dict() | {"file": str(file), "figure": None if figure is None else str(figure)}
+    content |= {"saving": None if saving is None else saving._asdict()}
+    files.write_result(content)
     if as_json:
-        content = account.to_dict() | {"file": str(file), "figure": None if figure is None else str(figure)}
-        print_json(content | {"saving": None if saving is None else saving._asdict()})
+        print_json(content)
         return
     _print(account)
     if saving is not None:
@@ -73,8 +101,7 @@ def energy(
             f"\nAn exhaust accumulator at {saving.pressure / 1e3:.4g} kPa would keep at most {saving.exergy:.4g} J, "
             f"{100.0 * saving.share:.3g} % of the supply's, in {1e3 * saving.air:.4g} g of air."
         )
-    if figure is not None:
-        typer.echo(f"\nWritten: {figure}")
+    files.say()
 
 
 def _print(account: EnergyAccount) -> None:
@@ -125,18 +152,23 @@ def _print(account: EnergyAccount) -> None:
 
 def report(
     file: File,
-    out: Annotated[Path, typer.Option(metavar="REPORT", help="Report file to write (.html or .pdf).")],
+    out: Annotated[list[Path], REPORTED.option()],
     width: FigureWidth = None,
     look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
-    """Write a report of a recording: figures, balances, parameters, references."""
-    document.checked_place(out, field="--out")
-    reports.write_recording_report(file, out)
-    if as_json:
-        print_json({"file": str(out)})
-    else:
-        typer.echo(f"Written: {out}")
+    """Write a report of a recording: figures, balances, parameters, references.
+
+    $ mckibben record report loop.nc --out loop.html
+    """
+    with REPORTED.files(out) as files:
+        for place in files["report"]:
+            document.checked_place(place, field="--out")
+        files.write("report", lambda path: reports.write_recording_report(file, path))
+        if as_json:
+            print_json({"file": str(out[0])})
+        else:
+            files.say()
 
 
 def frequency(
@@ -147,27 +179,45 @@ def frequency(
     target: Annotated[str, typer.Option("--output", metavar="CHANNEL", help="Channel that answers, such as tension.")],
     resolution: Annotated[
         str | None,
-        typer.Option(metavar="FREQUENCY", help="Spacing of the frequencies; by default eight over the duration."),
+        typer.Option(
+            metavar="FREQUENCY",
+            help="Spacing of the frequencies, such as '0.5 Hz'; by default eight over the duration.",
+        ),
     ] = None,
     sines: Annotated[
         str | None,
-        typer.Option(metavar="F1,F2", help="Frequencies of sines in the input, such as '1 Hz, 2 Hz'."),
+        typer.Option(metavar="FREQUENCIES", help="Frequencies of sines in the input, such as '1 Hz, 2 Hz'."),
     ] = None,
     start: Start = None,
     end: End = None,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="PICTURE", help="Draw the response, .svg, .pdf or .png.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Estimate the frequency response between two channels.
 
     Chirps, noise and many sines are averaged over a band by Welch's method. At known frequencies the response is fitted
     by least squares of sines, without their transient.
+
+    $ mckibben record frequency chirp.nc --input command.pressure --output tension --out response.svg
     """
-    writable("--figure", figure, *PICTURES)
+    with OUT.files(out) as files:
+        _respond(file, source, target, resolution, sines, start, end, files, as_json)
+
+
+def _respond(
+    file: Path,
+    source: str,
+    target: str,
+    resolution: str | None,
+    sines: str | None,
+    start: str | None,
+    end: str | None,
+    files: OutputFiles,
+    as_json: bool,
+) -> None:
+    """Estimate and write the response."""
     if sines is not None and resolution is not None:
         raise InputError("--resolution", None, "is allowed only without --sines, which states the frequencies")
     recording = between(recordings.read_recording(file), start, end)
@@ -182,16 +232,18 @@ def frequency(
     above, below = (recording.channels[name].unit for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
     cutoff = response.cutoff()
-    if figure is not None:
-        title = frequency_figures.BodeTitles(
-            f"{target} over {source}", str(recording.meta.get("title") or file.name), unit
-        )
-        style.save(frequency_figures.bode_figure(response, title, cutoff=cutoff), figure)
+    title = frequency_figures.BodeTitles(f"{target} over {source}", str(recording.meta.get("title") or file.name), unit)
+    files.write(
+        "figure",
+        lambda path: style.save(frequency_figures.bode_figure(response, title, cutoff=cutoff), path),
+    )
+    courses = {name: getattr(response, name) for name in ("frequency", "magnitude", "phase", "coherence")}
+    files.write_columns(courses, {"frequency": "Hz", "magnitude": unit or "1", "phase": "rad"})
+    about = {"file": str(file), "input": source, "output": target, "unit": unit, "cutoff": cutoff}
+    content = {**about, **courses, "segments": response.segments}
+    files.write_result(content)
     if as_json:
-        values = {
-            name: getattr(response, name) for name in ("frequency", "magnitude", "phase", "coherence", "segments")
-        }
-        print_json({"file": str(file), "input": source, "output": target, "unit": unit, "cutoff": cutoff, **values})
+        print_json(content)
         return
     count = len(response.frequency)
     chosen = sorted({round(i) for i in np.geomspace(1, count, min(count, RESPONSES))})
@@ -209,65 +261,79 @@ def frequency(
     averaged = f", {response.segments} segments averaged" if sines is None else ""
     fallen = f"It falls by 3 dB at {cutoff:.4g} Hz." if np.isfinite(cutoff) else "It does not fall by 3 dB."
     typer.echo(f"\n{count} frequencies{averaged}. {fallen}")
-    if figure is not None:
-        typer.echo(f"Written: {figure}")
+    files.say()
 
 
 def repeatability(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FILE..", help="One recording with cycles, or several runs alike.")
+    recording: Annotated[
+        list[Path], typer.Argument(metavar="RECORDING", help="One recording with cycles, or several runs alike.")
     ],
     channel: Annotated[str, typer.Option(metavar="CHANNEL", help="Channel that is compared.")] = "tension",
     drive: Annotated[
         str, typer.Option(metavar="CHANNEL", help="Channel that has the cycles, of one recording.")
     ] = "span",
-    skip: Annotated[int, typer.Option(min=0, help="Number of first cycles that are left out.")] = 0,
+    skip: Annotated[int, typer.Option(metavar="N", min=0, help="Number of first cycles that are left out.")] = 0,
     start: Start = None,
     end: End = None,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="PICTURE", help="Draw all courses, .svg, .pdf or .png.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Report how well cycles or runs repeat each other.
 
     Cycles are compared at equal phase, runs at equal time. The drift is the slope of a straight line through the peaks.
+
+    $ mckibben record repeatability loop.nc --skip 1 --out cycles.svg
     """
-    writable("--figure", figure, *PICTURES)
-    records = [between(recordings.read_recording(file), start, end) for file in files]
+    with OUT.files(out) as files:
+        _repeat(recording, channel, drive, skip, start, end, files, as_json)
+
+
+def _repeat(
+    paths: list[Path],
+    channel: str,
+    drive: str,
+    skip: int,
+    start: str | None,
+    end: str | None,
+    files: OutputFiles,
+    as_json: bool,
+) -> None:
+    """Compare and write the courses."""
+    records = [between(recordings.read_recording(path), start, end) for path in paths]
     if len(records) == 1:
         result, each = repeating.between_cycles(records[0], channel=channel, drive=drive, skip=skip), "cycle"
     else:
         result, each = repeating.between_runs(records, channel=channel), "run"
     unit = records[0].channels[channel].unit
     shown_as = shown_unit(unit)
-    if figure is not None:
+    if files["figure"]:
         scale = from_si(1.0, unit, shown_as)
         scaled = result._replace(courses=scale * result.courses)
-        title = str(records[0].meta.get("title") or files[0].name)
+        title = str(records[0].meta.get("title") or paths[0].name)
         over = "Phase of the cycle" if each == "cycle" else "Time, s"
         name = channel.replace(".", " ").replace("_", " ").capitalize()
         drawn = frequency_figures.repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
-        style.save(drawn, figure)
+        files.write("figure", lambda path: style.save(drawn, path))
+    files.write_rows([{each: i + 1, "peak": float(peak)} for i, peak in enumerate(result.peaks)], {"peak": unit})
     peaks = repeating.spread(result.peaks)
     drift = repeating.trend(range(result.repetitions), result.peaks.tolist()).slope if result.repetitions > 2 else None
+    content = {
+        "files": [str(path) for path in paths],
+        "channel": channel,
+        "unit": unit,
+        "between": f"{each}s",
+        "repetitions": result.repetitions,
+        "rms": result.rms,
+        "largest": result.largest,
+        "relative_rms": result.relative_rms,
+        "peaks": {"values": result.peaks, **peaks._asdict()},
+        "drift": None if drift is None else drift._asdict(),
+    }
+    files.write_result(content)
     if as_json:
-        print_json(
-            {
-                "files": [str(file) for file in files],
-                "channel": channel,
-                "unit": unit,
-                "between": f"{each}s",
-                "repetitions": result.repetitions,
-                "rms": result.rms,
-                "largest": result.largest,
-                "relative_rms": result.relative_rms,
-                "peaks": {"values": result.peaks, **peaks._asdict()},
-                "drift": None if drift is None else drift._asdict(),
-            }
-        )
+        print_json(content)
         return
     rows = [
         [
@@ -282,5 +348,4 @@ def repeatability(
         interval = f"95 %: {with_unit(drift.low, unit)} to {with_unit(drift.high, unit)}"
         rows.append([f"drift of the peak per {each}", with_unit(drift.value, unit), interval])
     table(f"{channel} over {result.repetitions} {each}s", ["", "", ""], rows, right=[1])
-    if figure is not None:
-        typer.echo(f"\nWritten: {figure}")
+    files.say()

@@ -17,85 +17,97 @@ from ..report import document_pdf
 from ..report import reproduction_report as papers
 from ..report import words as words_module
 from ..report.figures import style
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, print_json, progress
+from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputKinds, Paths
+from ._progress import progress
+from ._terminal import FigureLook, FigureWidth, Json, print_json
 
 if TYPE_CHECKING:
     from ..report.paper_figures import PaperFigure
     from ..report.reproduction_report import Drawn
     from ..reproduction import RowOutcome
 
+OUT = OutputKinds(report=REPORT, table=TABLE, result=OBJECT)
 REPORTS = ("reproduction.html", "reproduction.pdf")  # what --out writes
 WIDTH = 120  # of the table, if the terminal states no other
 GAP = "  "
 
 
 def reproduce_papers(
-    part: Annotated[str | None, typer.Option(help="Compute only this part: I, II, III, IV or discussion.")] = None,
+    part: Annotated[
+        str | None, typer.Option(metavar="CHAPTER", help="Compute only this part: I, II, III, IV or discussion.")
+    ] = None,
     row: Annotated[
         list[str] | None,
-        typer.Option("--row", help="Compute only rows whose name begins like this, such as table1.nylon; repeatable."),
+        typer.Option(
+            "--row", metavar="ROW", help="Compute only rows whose name begins like this, such as table1.nylon."
+        ),
     ] = None,
     figure: Annotated[
         list[str] | None,
         typer.Option(
             "--figure",
-            metavar="ID",
-            help="Compute only this figure and its rows, such as 3a, and draw it into --out; repeatable.",
-        ),
-    ] = None,
-    report: Annotated[
-        list[Path] | None,
-        typer.Option("--report", metavar="FILE", help="Write rows and figures to an .html or .pdf file; repeatable."),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for both reports, or with --figure for the figures as files of --format.",
+            metavar="FIGURE",
+            help="Compute only this figure and its rows, such as 3a, and draw it into the folder of --out.",
         ),
     ] = None,
     format_: Annotated[
-        str, typer.Option("--format", metavar="FORMAT", help="Format of figures in --out: svg, pdf or png.")
+        str,
+        typer.Option("--format", metavar="FORMAT", help="Format of figures in a folder of --out: svg, pdf or png."),
     ] = "svg",
-    pdf: Annotated[bool, typer.Option(help="Write the PDF report beside the HTML one into --out.")] = True,
+    pdf: Annotated[bool, typer.Option(help="Write the PDF report beside the HTML one into a folder of --out.")] = True,
     recordings: Annotated[
         bool, typer.Option(help="Leave out rows that need recordings of the test machine, which take minutes.")
     ] = True,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option(folder="both reports, or with --figure the figures in --format,")] = None,
     as_json: Json = False,
 ) -> None:
     """Compute the papers' numbers and report whether each value is reproduced.
 
     The exit code is 1 when a value is not reproduced. Rows of loops, friction, steps and power come from recordings of
     the simulated machine, which take minutes; --no-recordings leaves them out.
+
+    $ mckibben reproduce --part IV --no-recordings --out energy.html
     """
     reproduction.rows.select(part, row)  # refuses a wrong word before anything is loaded
     ending = f".{format_}"
-    if ending not in PICTURES:
-        raise InputError("--format", format_, known=[one[1:] for one in PICTURES])
-    places = _places(report, out, pdf=pdf, figures_only=bool(figure))
-    pictures = _pictures(figure, part, row, recordings) if figure or places else []
-    rows = _rows(row, pictures) if figure else row
-    outcomes, drawn = _done(part, rows, pictures, recordings)
-    written = [str(p) for p in _write(places, outcomes, drawn, recordings)]
-    if figure:
-        written += _save(drawn, out or Path(), ending)
-    failed = sum(o.ok is False for o in outcomes)
-    if as_json:
-        print_json(_document(outcomes, failed) | ({"files": written} if written else {}))
-    else:
-        _print(outcomes)
-        for path in written:
-            typer.echo(f"Written: {path}")
+    if ending not in FIGURE:
+        raise InputError("--format", format_, known=[one[1:] for one in FIGURE])
+    with OUT.files(out, folder=True) as files:
+        folder = _folder(files["folder"])
+        places = _places(files["report"], folder, pdf=pdf, figures_only=bool(figure))
+        pictures = _pictures(figure, part, row, recordings) if figure or places else []
+        rows = _rows(row, pictures) if figure else row
+        outcomes, drawn = _done(part, rows, pictures, recordings)
+        written = [str(p) for p in _write(places, outcomes, drawn, recordings)]
+        if figure:
+            written += _save(drawn, folder or Path(), ending)
+        files.write_rows([_as_json(o) for o in outcomes])
+        failed = sum(o.ok is False for o in outcomes)
+        content = _document(outcomes, failed)
+        files.write_result(content)
+        written += [str(path) for kind in ("table", "result") for path in files[kind] if path in files.named()]
+        if as_json:
+            print_json(content | ({"files": written} if written else {}))
+        else:
+            _print(outcomes)
+            for path in written:
+                typer.echo(f"Written: {path}")
     if failed:
         raise typer.Exit(1)
 
 
-def _places(report: list[Path] | None, out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
+def _folder(folders: list[Path]) -> Path | None:
+    """The folder of ``--out``."""
+    if len(folders) > 1:
+        raise InputError("--out", str(folders[1]), "must be one folder, beside files")
+    return folders[0] if folders else None
+
+
+def _places(report: list[Path], out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
     """Paths of the reports; checked before minutes of computation, and before a folder is made."""
-    named = [document_module.checked_place(path, field="--report") for path in report or []]
+    named = [document_module.checked_place(path, field="--out") for path in report]
     names = [] if out is None or figures_only else [name for name in REPORTS if pdf or not name.endswith(".pdf")]
     if any(name.endswith(".pdf") for name in names):
         document_pdf.compiler("--no-pdf writes the HTML report alone")

@@ -21,17 +21,20 @@ from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import recording_figures, style
 from ..specimens import specimen
+from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
+from ._progress import progress
 from ._terminal import (
-    PICTURES,
     FigureLook,
     FigureWidth,
     Json,
+    Law,
     LockStep,
+    Muscle,
     NoiseSeed,
     Plumbing,
+    RigName,
     pairs,
     print_json,
-    progress,
     table,
     writable,
 )
@@ -43,14 +46,9 @@ if TYPE_CHECKING:
     from ..experiments.dry_run import Finding
     from ..recordings.recording import Recording
 
-PARTS = 1000  # of a progress bar
 _EXAMPLE = "pressure='5 bar', rig.plumbing.direct.tube.length='1 m' or muscle.law.passive_stiffness='3 N/cm'"
 
 Protocol = Annotated[str, typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file.")]
-Muscle = Annotated[str, typer.Option("--muscle", metavar="ID", help="Id of a specimen, or the .toml file of one.")]
-RigName = Annotated[
-    str, typer.Option("--rig", metavar="NAME|FILE", help="Rig of the test machine: paper, modern, or a .toml file.")
-]
 Change = Annotated[
     list[str] | None,
     typer.Option(
@@ -69,23 +67,24 @@ On = Annotated[
 ]
 CalibrationFile = Annotated[
     Path | None,
-    typer.Option("--calibration", metavar="FILE.toml", help="Calibration that is applied to the measured channels."),
+    typer.Option(
+        "--calibration", metavar="CALIBRATION", help="Calibration file that is applied to the measured channels."
+    ),
 ]
+OUT = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
 
 
 def run_protocol(
     protocol: Protocol,
     muscle: Muscle,
     rig: RigName = "paper",
-    law: Annotated[str | None, typer.Option("--law", help="Law to use instead of the specimen's default.")] = None,
+    law: Law = None,
     change: Change = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.nc|.csv", help="Save the recording into this file.")] = None,
-    figure: Annotated[
-        Path | None, typer.Option(help="Draw the measured channels into this SVG, PDF or PNG file.")
-    ] = None,
     plumbing: Plumbing = None,
     seed: NoiseSeed = 0,
-    step: Annotated[str, typer.Option(metavar="TIME", help="Largest time step of the physics.")] = "50 us",
+    step: Annotated[
+        str, typer.Option(metavar="TIME", help="Largest time step of the physics, such as '20 us'.")
+    ] = "50 us",
     accept_saturation: Annotated[
         bool, typer.Option("--accept-saturation", help="Run although the load cell's range will be exceeded.")
     ] = False,
@@ -96,65 +95,78 @@ def run_protocol(
     log: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.mcap",
+            metavar="OUT.mcap",
             help="Crash-safe log; runs in real time write one beside --out by default.",
         ),
     ] = None,
     calibration: CalibrationFile = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Run a protocol on a test machine; nothing moves until the dry run passes."""
-    writable("--out", out, ".nc", ".csv")
-    writable("--figure", figure, *PICTURES)
+    """Run a protocol on a test machine; nothing moves until the dry run passes.
+
+    $ mckibben run work-loop --muscle nylon --set cycles=2 --out loop.nc --out loop.svg
+    """
     writable("--log", log, ".mcap")
     if log is not None and log.exists():
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
     hardware_package.connect.check_connection(machine)
-    bench = prepared(
-        protocol,
-        muscle,
-        rig,
-        change,
-        calibration,
-        law=law,
-        plumbing=plumbing,
-        seed=seed,
-        step=_step(parse(step, "s", field="--step")),
-        accept_saturation=accept_saturation,
-    )
-    if bench.findings or dry:
-        _tell(bench, dry, as_json)
-        return
-    for caution in bench.cautions:
-        typer.echo(f"mckibben: {caution}", err=True)
-    if log is None and out is not None and (real_time or machine is not None):
-        log = _unused(out.with_suffix(".mcap"))
+    with OUT.files(out) as files:
+        bench = prepared(
+            protocol,
+            muscle,
+            rig,
+            change,
+            calibration,
+            law=law,
+            plumbing=plumbing,
+            seed=seed,
+            step=_step(parse(step, "s", field="--step")),
+            accept_saturation=accept_saturation,
+        )
+        if bench.findings or dry:
+            _tell(bench, dry, as_json)
+            return
+        for caution in bench.cautions:
+            typer.echo(f"mckibben: {caution}", err=True)
+        kept = files.first("recording")
+        if log is None and kept is not None and (real_time or machine is not None):
+            log = _unused(kept.with_suffix(".mcap"))
+        recording = _recorded(bench, machine, lock_step=lock_step, real_time=real_time, log=log)
+        files.write("recording", lambda path: write_recording(recording, path))
+        # what became of the run is told before it is drawn, so that no drawing can hide it
+        result = _result(recording, kept, log)
+        files.write_result(result)
+        if as_json:
+            print_json(result)
+        else:
+            _print(recording)
+        files.write("figure", lambda path: style.save(recording_figures.time_figure(recording), path))
+        if not as_json:
+            if log is not None:
+                typer.echo(f"Written: {log}")
+            files.say()
+    if recording.meta["result"] != "done":
+        raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
+
+
+def _recorded(
+    bench: PreparedRun, machine: str | None, *, lock_step: bool, real_time: bool, log: Path | None
+) -> Recording:
+    """Run a prepared protocol with a progress bar; Ctrl-C vents and keeps the samples so far."""
     button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
+        progress("running", bench.plan.duration, guarded=False) as bar,
         hardware_package.connect.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
-        with progress("running", PARTS) as advance:
-            recording = _run(bench, advance, button, real_time=real_time, hardware=hardware, log=log, ask=ask_person)
-    if out is not None:
-        recording.save(out)
-    # what became of the run is told before it is drawn, so that no drawing can hide it
-    if as_json:
-        print_json(_result(recording, out, log))
-    else:
-        _print(recording)
-    if figure is not None:
-        style.save(recording_figures.time_figure(recording), figure)
-    if not as_json:
-        for path in (out, log, figure):
-            if path is not None:
-                typer.echo(f"Written: {path}")
-    if recording.meta["result"] != "done":
-        raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
+        return protocol_run.run(
+            bench, progress=bar.at, stop=button, real_time=real_time, hardware=hardware, log=log, ask=ask_person
+        )
 
 
 def prepared(
@@ -209,19 +221,6 @@ def _step(value: float) -> float:
     if not 1e-7 <= value <= 1e-3:
         raise InputError("--step", None, f"must be between 0.1 us and 1 ms, got {value:g} s")
     return value
-
-
-def _run(bench: PreparedRun, advance: Any, button: software.emergency_stop.EmergencyStop, **where: Any) -> Recording:
-
-    shown = 0
-
-    def tell(time: float, total: float) -> None:
-        nonlocal shown
-        for _ in range(shown, int(PARTS * time / total)):
-            advance(f"{time:.1f} s of {total:.1f} s")
-            shown += 1
-
-    return protocol_run.run(bench, progress=tell, stop=button, **where)
 
 
 def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:

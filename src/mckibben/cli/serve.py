@@ -22,16 +22,22 @@ NEEDED = ("starlette", "uvicorn", "websockets")
 
 def serve_screen(
     host: Annotated[
-        str, typer.Option(help="Address to listen on; any other than the default can be reached from other machines.")
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address to listen on; any other than the default can be reached from other machines.",
+        ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 chooses a free one.")] = 8080,
+    port: Annotated[
+        int, typer.Option(metavar="N", min=0, max=65535, help="Port to listen on; 0 chooses a free one.")
+    ] = 8080,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the web interface in a browser.")] = True,
     folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder in which recordings are kept.")] = Path(
         "recordings"
     ),
-    muscle: Annotated[str, typer.Option(metavar="ID", help="Muscle mounted at start-up.")] = "nylon",
+    muscle: Annotated[str, typer.Option(metavar="SPECIMEN", help="Muscle mounted at start-up.")] = "nylon",
     rig: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="Rig at start-up; for a real machine its own rig file.")
+        str, typer.Option(metavar="RIG", help="Rig at start-up; for a real machine its own rig file.")
     ] = "paper",
     calibration: CalibrationFile = None,
     machine: On = None,
@@ -41,6 +47,8 @@ def serve_screen(
 
     It has pages for the bench, fits, comparisons, energy, circuits, the papers and recordings. Nothing is loaded from the
     internet.
+
+    $ mckibben serve --muscle nylon --rig modern
     """
     for name in NEEDED:
         library(name, "The web interface needs")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,13 +14,16 @@ from ..quantities import parse
 from ..report.figures import sizing_figures, style
 from ..specimens import save_specimen
 from ..studies import sizing as sizing_package
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, caution, print_json, table, told, writable
+from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds, Paths
+from ._progress import told
+from ._terminal import FigureLook, FigureWidth, Json, caution, print_json, table, writable
 
 if TYPE_CHECKING:
     from ..studies.sizing import Sizing
 
 
 TOP = 5
+OUT = OutputKinds(figure=FIGURE, specimen=SPECIMEN, table=TABLE, result=OBJECT)
 # Options by the name of the value that is refused, where they are not its own.
 OPTIONS = {
     "length": "--space",
@@ -32,9 +35,11 @@ OPTIONS = {
 
 
 def size_muscle(
-    stroke: Annotated[str, typer.Option(help="Stroke, such as '3 cm'.")],
-    pressure: Annotated[str, typer.Option(help="Gauge pressure, such as '5 bar'.")],
-    force: Annotated[str | None, typer.Option(help="Force at the end of the stroke, such as '50 N'.")] = None,
+    stroke: Annotated[str, typer.Option(metavar="LENGTH", help="Stroke, such as '3 cm'.")],
+    pressure: Annotated[str, typer.Option(metavar="PRESSURE", help="Gauge pressure, such as '5 bar'.")],
+    force: Annotated[
+        str | None, typer.Option(metavar="FORCE", help="Force at the end of the stroke, such as '50 N'.")
+    ] = None,
     load: Annotated[
         str | None,
         typer.Option(metavar="MASS", help="Mass that hangs on the muscle, instead of a force, such as '5 kg'."),
@@ -42,19 +47,23 @@ def size_muscle(
     space: Annotated[
         str | None, typer.Option(metavar="LENGTHxDIAMETER", help="Largest size, such as '20 cm x 3 cm'.")
     ] = None,
-    speed: Annotated[str | None, typer.Option(help="Speed of shortening with that force, such as '10 cm/s'.")] = None,
-    cycles: Annotated[str | None, typer.Option(help="Frequency of working cycles, such as '1 Hz'.")] = None,
+    speed: Annotated[
+        str | None, typer.Option(metavar="SPEED", help="Speed of shortening with that force, such as '10 cm/s'.")
+    ] = None,
+    cycles: Annotated[
+        str | None, typer.Option(metavar="FREQUENCY", help="Frequency of working cycles, such as '1 Hz'.")
+    ] = None,
     working_time: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="Time at work each day, such as '8 h', for the energy and air of a day."),
     ] = None,
-    tube: Annotated[str, typer.Option(help="Length of tube between valve and muscle.")] = "50 cm",
+    tube: Annotated[str, typer.Option(metavar="LENGTH", help="Length of tube between valve and muscle.")] = "50 cm",
     valve: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME|FILE|NUMBERS",
+            metavar="VALVE",
             help="Valve to try instead of all: a name, a .toml file, or numbers of its catalogue, such as "
-            "'Cv=0.3, switching_time=8 ms'; repeatable.",
+            "'Cv=0.3, switching_time=8 ms'.",
         ),
     ] = None,
     battery: Annotated[
@@ -65,42 +74,37 @@ def size_muscle(
     ] = None,
     tank: Annotated[
         str | None,
-        typer.Option(metavar="VOLUME at PRESSURE", help="Tank of air of your own, such as '2 l at 200 bar'."),
+        typer.Option(metavar="TANK", help="Tank of air of your own, such as '2 l at 200 bar'."),
     ] = None,
-    law: Annotated[
-        str, typer.Option(metavar="NAME", help="Law of the braids: linear_threshold, thick_wall or ideal.")
-    ] = "linear_threshold",
     muscle: Annotated[
         str | None,
         typer.Option(
-            metavar="ID", help="Candidate, or .toml file of a muscle, for which valves and gas sources are sought."
+            metavar="SPECIMEN",
+            help="Candidate, or .toml file of a muscle, for which valves and gas sources are sought.",
         ),
     ] = None,
+    law: Annotated[
+        str, typer.Option(metavar="LAW", help="Law of the braids: linear_threshold, thick_wall or ideal.")
+    ] = "linear_threshold",
     no_lines: Annotated[
         bool, typer.Option("--no-lines", help="Leave out valves and tubes, which are simulated.")
     ] = False,
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the chosen muscle as a specimen file, .toml.")
-    ] = None,
     circuit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the chosen muscle, valve and tube as a circuit, .toml.")
+        Path | None,
+        typer.Option(metavar="OUT", help="Write the chosen muscle, valve and tube as a circuit into this .toml file."),
     ] = None,
-    top: Annotated[int, typer.Option(help="Number of rows shown of each table.")] = TOP,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw force over stroke, and the lines, .svg, .pdf or .png.")
-    ] = None,
+    top: Annotated[int, typer.Option(metavar="N", help="Number of rows shown of each table.")] = TOP,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Find the muscle, valve, tube and gas source for a force and a stroke.
 
     The exit code is 2 when no muscle meets the requirements.
 
-    Example: mckibben size --force "50 N" --stroke "3 cm" --pressure "5 bar" --cycles "1 Hz" --working-time "8 h"
+    $ mckibben size --force '50 N' --stroke '3 cm' --pressure '5 bar' --cycles '1 Hz' --working-time '8 h' --out map.svg
     """
-    writable("--figure", figure, *PICTURES)
-    writable("--save", save, ".toml")
     writable("--circuit", circuit, ".toml")
     if top < 1:
         raise InputError("--top", top, "must be 1 or more")
@@ -110,44 +114,52 @@ def size_muscle(
                 option, None, f"is allowed only without --no-lines: a {option[2:]} takes a valve and a tube"
             )
     warnings = caution(muscles.plausible.pressure_caution(parse(pressure, "Pa", field="--pressure"), text=pressure))
-    try:
-        with told("sizing") as tell:
-            sizing = sizing_package.size(
-                force=force,
-                load=load,
-                stroke=stroke,
-                pressure=pressure,
-                space=space,
-                speed=speed,
-                rate=cycles,
-                working_time=working_time,
-                tube_length=tube,
-                valve=valve,
-                battery=battery,
-                tank=tank,
-                law=law,
-                muscle=muscle,
-                lines=not no_lines,
-                progress=tell,
-            )
-    except InputError as error:
-        raise _named(error, pressure) from None
-    if figure is not None:
-        style.save(sizing_figures.design_map(sizing, law=law), figure)
-    if save is not None:
-        save_specimen(sizing.to_specimen(), save, heading=f"sized by mckibben {__version__}; not measured")
-    if circuit is not None:
-        write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
-    if as_json:
-        print_json(sizing.to_dict(top) | {"warnings": warnings})
-    else:
-        _print(sizing, top)
-        for path in (figure, save, circuit):
-            if path is not None:
-                typer.echo(f"\nWritten: {path}")
+    with OUT.files(out) as files:
+        try:
+            with told("sizing") as tell:
+                sizing = sizing_package.size(
+                    force=force,
+                    load=load,
+                    stroke=stroke,
+                    pressure=pressure,
+                    space=space,
+                    speed=speed,
+                    rate=cycles,
+                    working_time=working_time,
+                    tube_length=tube,
+                    valve=valve,
+                    battery=battery,
+                    tank=tank,
+                    law=law,
+                    muscle=muscle,
+                    lines=not no_lines,
+                    progress=tell,
+                )
+        except InputError as error:
+            raise _named(error, pressure) from None
+        files.write("figure", lambda path: style.save(sizing_figures.design_map(sizing, law=law), path))
+        heading = f"sized by mckibben {__version__}; not measured"
+        files.write("specimen", lambda path: save_specimen(sizing.to_specimen(), path, heading=heading))
+        if circuit is not None:
+            write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
+        content = sizing.to_dict(top) | {"warnings": warnings}
+        files.write_rows([_scalars(row) for row in content["muscles"]])
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(sizing, top)
+            files.say()
+            if circuit is not None:
+                typer.echo(f"Written: {circuit}")
     if not sizing.reached:
         typer.echo(f"mckibben: {sizing.sentence()}", err=True)
         raise typer.Exit(2)
+
+
+def _scalars(row: dict[str, Any]) -> dict[str, Any]:
+    """Numbers and words of a muscle, without its tables."""
+    return {key: value for key, value in row.items() if not isinstance(value, dict | list)}
 
 
 def _named(error: InputError, pressure: str) -> InputError:

@@ -14,7 +14,9 @@ from ..quantities import from_si
 from ..report.figures import circuit_figures, loop_figures, style, tube_figures, validation_figures
 from ..studies import jumping_robot, muscle_loops, tube_models, validation, validation_page
 from ..studies import tube_study as tubes
-from ._terminal import PICTURES, FigureLook, FigureWidth, Json, print_json, progress, table, told, writable
+from ._outputs import FIGURE, OBJECT, OutputKinds, Paths
+from ._progress import progress, told
+from ._terminal import FigureLook, FigureWidth, Json, print_json, table
 from .circuit import circuit_fit_json, show_circuit_fit
 
 if TYPE_CHECKING:
@@ -24,67 +26,75 @@ if TYPE_CHECKING:
     from ..studies.tube_study import Claim, TubeStudy
     from ..studies.validation import StaticResult, Validation
 
+OUT = OutputKinds(figure=FIGURE, result=OBJECT)
+PAGE = OutputKinds(page=(".md",), result=OBJECT)
+
 
 def study_tube(
     quick: Annotated[
         bool, typer.Option("--quick", help="Use one seed, and the reference with wall heat only.")
     ] = False,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the models and their errors, .svg, .pdf or .png.")
-    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Compare lumped models of a tube with the distributed one, claim by claim.
 
     The exit code is 1 when a target is missed.
+
+    $ mckibben study tube --quick --out tube.svg
     """
-    writable("--figure", figure, *PICTURES)
     options: dict[str, Any] = {"seeds": tubes.QUICK_SEEDS, "thermals": tubes.QUICK_THERMALS} if quick else {}
-    with progress("tube study", tubes.stages(**options)) as advance:
-        study = tubes.tube_study(**options, progress=advance)
-    judged = tubes.claims(study)
-    if figure is not None:
-        style.save(tube_figures.tube_figure(study), figure)
-    if as_json:
-        print_json(_as_json(study, judged))
-    else:
-        _print(study, judged)
+    with OUT.files(out) as files:
+        with progress("tube study", tubes.stages(**options)) as advance:
+            study = tubes.tube_study(**options, progress=advance)
+        judged = tubes.claims(study)
+        files.write("figure", lambda path: style.save(tube_figures.tube_figure(study), path))
+        content = _as_json(study, judged)
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            _print(study, judged)
+            files.say()
     if any(c.source == "target" and c.verdict in (tubes.NOT, tubes.PARTLY) for c in judged):
         raise typer.Exit(1)
 
 
 def study_robot(
-    trials: Annotated[list[Path], typer.Argument(metavar="FOLDER..", help="Folders of the trials to fit, one each.")],
+    trials: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Folders of the trials to fit, one each.")],
     predict: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FOLDER", help="Trial to predict with the fitted parameters; repeatable."),
+        typer.Option(metavar="FOLDER", help="Trial to predict with the fitted parameters."),
     ] = None,
-    free: Annotated[
-        list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 19; repeatable.")
-    ] = None,
-    evaluations: Annotated[int, typer.Option(help="Largest number of evaluations of the circuit.", min=1)] = 40,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw measured and predicted pressures (.svg, .pdf or .png).")
-    ] = None,
+    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 19.")] = None,
+    evaluations: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Largest number of evaluations of the circuit.")
+    ] = 40,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit the air of a jumping robot to some of its jumps, and predict the others."""
-    writable("--figure", figure, *PICTURES)
-    with told("fitting") as tell:
-        result, all_trials = jumping_robot.robot_study(
-            trials, predict or [], free=free or (), evaluations=evaluations, progress=tell
-        )
-    title = jumping_robot.robot_plan().title
-    if figure is not None:
-        style.save(circuit_figures.overview(result, all_trials, title=title), figure)
-    if as_json:
-        print_json(circuit_fit_json(result))
-    else:
-        show_circuit_fit(result, title)
+    """Fit the air of a jumping robot to some of its jumps, and predict the others.
+
+    $ mckibben study robot 0p02_knee_80psi 0p06_65psi --predict 0p09_65psi --out robot.svg
+    """
+    with OUT.files(out) as files:
+        with told("fitting") as tell:
+            result, all_trials = jumping_robot.robot_study(
+                trials, predict or [], free=free or (), evaluations=evaluations, progress=tell
+            )
+        title = jumping_robot.robot_plan().title
+        files.write("figure", lambda path: style.save(circuit_figures.overview(result, all_trials, title=title), path))
+        content = circuit_fit_json(result)
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            show_circuit_fit(result, title)
+            files.say()
 
 
 def study_loops(
@@ -94,31 +104,33 @@ def study_loops(
     friction: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME", help="Friction model to try: maxwell_slip, dahl or bouc_wen; by default the last two."
+            metavar="FRICTION", help="Friction model to try: maxwell_slip, dahl or bouc_wen; by default the last two."
         ),
-    ] = None,
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw loop, width and creep, .svg, .pdf or .png.")
     ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
+    out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:
     """Predict half of a muscle's loop and creep from the other half.
 
     The exit code is 1 when the width or the order of the branches is missed.
+
+    $ mckibben study loops dmsp_10_250_hysteresis --out loops.svg
     """
-    writable("--figure", figure, *PICTURES)
-    with progress("loops", muscle_loops.STAGES) as advance:
-        study = muscle_loops.loop_study(
-            folder, frictions=friction or identification.hysteresis_fit.SMOOTH, progress=advance
-        )
-    if figure is not None:
-        style.save(loop_figures.loops_figure(study), figure)
-    if as_json:
-        print_json(loops_json(study))
-    else:
-        show_loops(study)
+    with OUT.files(out) as files:
+        with progress("loops", muscle_loops.STAGES) as advance:
+            study = muscle_loops.loop_study(
+                folder, frictions=friction or identification.hysteresis_fit.SMOOTH, progress=advance
+            )
+        files.write("figure", lambda path: style.save(loop_figures.loops_figure(study), path))
+        content = loops_json(study)
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+        else:
+            show_loops(study)
+            files.say()
     if study.swapped or not study.width_holds:
         raise typer.Exit(1)
 
@@ -130,31 +142,32 @@ def study_validation(
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Data set, such as DMSP-20-300, loops or robot; repeatable, all by default."),
+        typer.Option(metavar="DATASET", help="Data set, such as DMSP-20-300, loops or robot; all by default."),
     ] = None,
-    law: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Law to fit; repeatable, all laws by default.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE.md", help="Write the documentation page, with its figure beside it.")
-    ] = None,
+    law: Annotated[list[str] | None, typer.Option(metavar="LAW", help="Law to fit; all laws by default.")] = None,
+    out: Annotated[Paths, PAGE.option(note="The figure of the page is written beside it.")] = None,
     as_json: Json = False,
 ) -> None:
     """Fit every tension law to every data set, and cross-validate it.
 
     With all data it takes a quarter of an hour or more, two minutes of it for the robot. Data sets that
     are not at hand are named.
+
+    $ mckibben study validation --only DMSP-10-250 --law ideal --out validation.md
     """
-    writable("--out", out, ".md")
-    with progress("validation", validation.stages(only or (), law or ())) as advance:
-        result = validation.validation(data, only=only or (), laws=law or (), progress=advance)
-    written = [] if out is None else [str(path) for path in write_page(result, out)]
-    if as_json:
-        print_json(validation_json(result) | ({"files": written} if written else {}))
-        return
-    show_validation(result)
-    for path in written:
-        typer.echo(f"Written: {path}")
+    with PAGE.files(out) as files:
+        with progress("validation", validation.stages(only or (), law or ())) as advance:
+            result = validation.validation(data, only=only or (), laws=law or (), progress=advance)
+        written: list[str] = []
+        files.write("page", lambda path: written.extend(str(one) for one in write_page(result, path)))
+        content = validation_json(result)
+        files.write_result(content)
+        if as_json:
+            print_json(content | ({"files": written} if written else {}))
+            return
+        show_validation(result)
+        for path in dict.fromkeys([*written, *map(str, files.named())]):
+            typer.echo(f"Written: {path}")
 
 
 def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, JsonValue]:

@@ -11,52 +11,49 @@ import typer
 from .. import batch
 from ..documents import JsonValue
 from ..quantities import with_unit
-from ._terminal import Json, print_json, progress, table
+from ._progress import progress
+from ._terminal import Json, print_json, table
 
 if TYPE_CHECKING:
     from ..batch.drive import SweepReport
     from ..batch.sweep import Sweep
 
-PARTS = 1000  # of the progress bar
-
 
 def sweep(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.toml", help="Sweep file with the variants and the outputs to keep.")
+        Path, typer.Argument(metavar="SWEEP", help="Sweep file with the variants and the outputs to keep.")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the results; an interrupted sweep resumes from it.")
+        Path,
+        typer.Option("--out", metavar="FOLDER", help="Folder of the results; an interrupted sweep resumes from it."),
     ],
     scheduler: Annotated[
         str,
         typer.Option(
-            metavar="dask|processes|serial|ADDRESS",
+            metavar="SCHEDULER",
             help="Where variants run: Dask or a pool of processes on this machine, this process, or a Dask scheduler such as tcp://host:8786.",
         ),
     ] = "dask",
-    workers: Annotated[int, typer.Option(min=0, help="Number of processes on this machine; 0 for one per core.")] = 0,
+    workers: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Number of processes on this machine; 0 for one per core.")
+    ] = 0,
     dry: Annotated[bool, typer.Option("--dry-run", help="Report what would be run, without running it.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."""
+    """Run a protocol on many variants of a rig and a muscle; resumable, results in zarr.
+
+    $ mckibben sweep tubes.toml --out results
+    """
     wanted, team = batch.sweep_file.read_sweep(file), batch.workers.Workers(scheduler, workers)
     if dry:
         _tell(wanted, as_json)
         return
-    shown = 0
-    with progress("sweep", PARTS) as advance:
+    with progress("sweep", 1.0, saved=f"what is done is in {out}, and the same command goes on") as bar:
 
         def tell(done: float, total: int) -> None:
-            nonlocal shown
-            upto = math.floor(PARTS * done / total)
-            advance(f"{math.floor(done):,} of {total:,} variants", max(0, upto - shown))
-            shown = max(shown, upto)
+            bar.reached(done, total, f"{math.floor(done):,} of {total:,} variants")
 
-        try:
-            report = batch.drive.run_sweep(wanted, out, workers=team, progress=tell)
-        except KeyboardInterrupt:
-            typer.echo(f"mckibben: interrupted; what is done is in {out}, and the same command goes on", err=True)
-            raise typer.Exit(130) from None
+        report = batch.drive.run_sweep(wanted, out, workers=team, progress=tell)
     if as_json:
         print_json(_result(report))
     else:

@@ -134,6 +134,25 @@ class Muscle(Module):
             force = force + direction * self.friction.largest_force(gauge)
         return jnp.maximum(force, 0.0)
 
+    def length_at(self, contraction: Quantity) -> Any:
+        """Length [m] at a contraction from the rest length, L = L0 (1 - contraction).
+
+        Args:
+            contraction: share of the rest length [1], a number, an array, or text such as ``"20 %"``; negative if stretched.
+
+        Raises:
+            InputError: the muscle states no rest length, or the contraction is not between -100 % and 100 %.
+        """
+        rest = self.rest_length
+        if rest is None:
+            raise InputError(
+                "contraction", None, f"needs a rest length, which {self.title} does not state; give a length"
+            )
+        share = in_si(contraction, "1", field="contraction")
+        if not is_traced(share) and not np.all(np.abs(np.asarray(share, float)) < 1.0):
+            raise InputError("contraction", str(contraction), "must be between -100 % and 100 %")
+        return rest * (1.0 - share)
+
     # ---- what it is
 
     @property

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ..quantities import leading_number, to_si, with_unit
+from ..errors import InputError
+from ..quantities import has_dimension, leading_number, to_si, usual_units, with_unit
 from ..specimens import Specimen
 
 # Muscles of catalogues are rated for 6 to 8 bar; the maps that ship reach 6.75 bar. Gauge [Pa].
@@ -72,6 +73,57 @@ def length_caution(length: float, longest: float, *, text: str | None = None, na
     shown, low, high = (with_unit(value, "m") for value in (length, 0.5 * longest, longest))
     said = f"a {name} of {shown} is far from those of this muscle, about {low} to {high}"
     return said + _likely(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
+
+
+# Sizes of quantities of muscles, rigs and their air, by SI unit of the dimension: smallest, typical, largest. What lies
+# beyond is a slip.
+USUAL_SIZES: dict[str, tuple[float, float, float]] = {
+    "m": (1e-6, 0.15, 20.0), "m^2": (1e-12, 1e-4, 1.0), "m^3": (1e-10, 1e-4, 10.0), "s": (1e-7, 0.1, 1e10),
+    "kg": (1e-6, 1.0, 2e3), "Pa": (1e2, 5e5, 3e7), "N": (1e-3, 50.0, 5e4), "N/m": (1e-1, 1e3, 1e8), "m/s": (1e-6, 0.1, 50.0),
+    "1/s": (1e-4, 10.0, 1e6), "m^3/s": (1e-9, 1e-3, 1.0), "rad": (1e-5, 0.5, 7.0), "m/s^2": (1e-3, 9.8, 1e3),
+    "kg*m^2": (1e-9, 2e-3, 10.0),
+}  # fmt: skip
+MORE_UNITS = {
+    "Pa": ("psi",), "N": ("kN", "mN"), "rad": ("deg",), "s": ("h", "day"), "m/s^2": ("cm/s^2",),
+    "1/s": ("1/min",), "kg*m^2": ("g*cm^2", "kg*cm^2", "g*m^2"),
+}  # fmt: skip
+
+
+def dimension_caution(
+    text: str, si_unit: str = "", *, name: str = "value", usual: tuple[float, float] | None = None
+) -> str | None:
+    """Caution about a quantity whose size can only be a slip; None if it is usual, zero, or no quantity.
+
+    Args:
+        text: as it was typed.
+        si_unit: of its dimension; empty to take the one of the text's own unit.
+        name: of the quantity, in the sentence.
+        usual: sizes from and to which it is usual [si_unit]; those of the dimension by default.
+    """
+    si_unit = si_unit or next((unit for unit in USUAL_SIZES if has_dimension(text, unit)), "")
+    least, typical, most = USUAL_SIZES.get(si_unit, (0.0, 1.0, math.inf))
+    low, high = usual or (least, most)
+    number = leading_number(text)
+    unit = "" if number is None else text.strip()[len(number) :].strip()
+    if number is None or not unit or ":" in unit:
+        return None
+    try:
+        value = abs(to_si(float(number), unit, si_unit, field=name))
+    except InputError:
+        return None  # whoever reads it says what is wrong
+    if value == 0.0 or low <= value <= high:
+        return None
+    units = [u for u in (*usual_units(si_unit), *MORE_UNITS.get(si_unit, ())) if u != "in"]
+    said = (
+        f"a {name} of {text.strip()} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
+    )
+    return said + _likely(number, si_unit, units, low, high, min(max(typical, low), high))
+
+
+def _short(value: float, si_unit: str) -> str:
+    """A value in the unit that gives it the fewest digits."""
+    shown = (f"{value / to_si(1.0, unit, si_unit, field=''):.3g} {unit}" for unit in usual_units(si_unit))
+    return min(shown, key=lambda words: (len(words.split()[0]) + 9 * ("e" in words.split()[0]), len(words)))
 
 
 def _likely(text: str | None, si_unit: str, units: Iterable[str], low: float, high: float, usual: float) -> str:

@@ -12,9 +12,11 @@ from ..._lazy import lazy_submodules
 from .curves import CycleLoops, CyclePath, EnergyCurve, best_pressure, cycle_loops, energy_curve, zero_pressure
 from .cycles import CYCLES, READINGS, Conditions, EnergyCycle, energy_cycle
 from .muscle import VOLUMES, CycleMuscle, cycle_muscle, has_paper_volume
+from .working_cycles import LOSSES, WorkingCycles, energy
 
 __all__ = [
     "CYCLES",
+    "LOSSES",
     "READINGS",
     "VOLUMES",
     "Conditions",
@@ -23,9 +25,11 @@ __all__ = [
     "CyclePath",
     "EnergyCurve",
     "EnergyCycle",
+    "WorkingCycles",
     "best_pressure",
     "cycle_loops",
     "cycle_muscle",
+    "energy",
     "energy_curve",
     "energy_cycle",
     "has_paper_volume",

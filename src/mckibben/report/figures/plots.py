@@ -25,6 +25,7 @@ from . import energy_figures, fit_figures, muscle_figures, recording_figures, si
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ...analysis.energy import WorkingCycles
     from ...analysis.energy_accounts import EnergyAccount
     from ...identification.ranking import Ranking
     from ...studies.comparison import MuscleTable
@@ -287,6 +288,33 @@ class SizingPlots:
         return ax
 
 
+class CyclePlots:
+    """Plots of working cycles; called, it draws the efficiency where curves were computed, else the loops."""
+
+    def __init__(self, cycles: WorkingCycles) -> None:
+        self._cycles = cycles
+
+    def __call__(self) -> Axes:
+        """`efficiency` if there are curves, else `loops`."""
+        return self.efficiency() if self._cycles.curves else self.loops()
+
+    def loops(self) -> Axes:
+        """Piston and tendon over a cycle, a figure of two axes per cycle; the first."""
+        fig = energy_figures.loops_figure(self._cycles.loops(), title=self._cycles.specimen.title)
+        return shown(fig)
+
+    def efficiency(self) -> Axes:
+        """Efficiency over the pressure of the supply.
+
+        Raises:
+            InputError: the cycles were computed without ``curves=True``.
+        """
+        if not self._cycles.curves:
+            raise InputError("curves", None, "are missing: compute the cycles with curves=True")
+        lines = [energy_figures.EfficiencyLine(name, curve) for name, curve in self._cycles.curves.items()]
+        return shown(energy_figures.efficiency_figure(lines, title=self._cycles.specimen.title))
+
+
 class EnergyPlots:
     """Plots of an energy account; called, it draws the streams."""
 
@@ -358,6 +386,17 @@ def comparison_html(compared: MuscleTable) -> str:
     shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.rows()]
     rows = [(title, unit, *("" if v is None else f"{v:.4g}" for v in values)) for title, unit, values in shown]
     return _table("Comparison", repr(compared), ("property", "unit", *(c.name for c in compared.columns)), rows)
+
+
+def cycles_html(cycles: WorkingCycles) -> str:
+    """Working cycles as a table, and their loops."""
+    rows = [
+        (name, volume, f"{one.input:.3g}", f"{one.output:.3g}", f"{one.efficiency:.1%}")
+        for name, by_volume in cycles.cycles.items()
+        for volume, one in by_volume.items()
+    ]
+    heads = ("cycle", "volume", "input, J", "output, J", "efficiency")
+    return _table("Working cycles", repr(cycles), heads, rows) + _picture(CyclePlots(cycles)())
 
 
 def energy_html(account: EnergyAccount) -> str:

@@ -1,0 +1,283 @@
+"""What all commands have in common: help, former names of options, ``-`` for standard input, ``--quiet``, cautions.
+
+A command is a function with annotated parameters and a docstring; typer makes the parser of it. Everything here works on the
+parameters of that parser, so that a new command has it without a line of its own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import re
+import shutil
+import sys
+import tempfile
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import typer
+import typer.core
+
+from . import _progress, _terminal, _values
+
+WIDEST = 100  # columns of a help text; longer lines are hard to read
+EXAMPLE = "$ "  # begins a line of a docstring that is an example
+
+# Former names of options by command, which stay: what they are called now, or the words that stand for a flag. What stands
+# behind the sign of equality begins the value.
+FORMER: dict[str, dict[str, str | tuple[str, ...]]] = {
+    "show": {"--figure": "--out"},
+    "fit": {"--report": "--out", "--figure": "--out=figure:", "--save": "--out"},
+    "protocols": {"--toml": ("--out", "-")},
+    "run": {"--figure": "--out"},
+    "joint": {"--start": "--start-pressure", "--figure": "--out"},
+    "device": {"--port": "--out", "--for": "--duration"},
+    "energy": {"--figure": "--out"},
+    "compare": {"--figure": "--out=figure:", "--report": "--out"},
+    "reproduce": {"--report": "--out"},
+    "size": {"--figure": "--out", "--save": "--out"},
+    "circuit show": {"--svg": "--out"},
+    "circuit run": {"--figure": "--out"},
+    "circuit frequency": {"--figure": "--out"},
+    "circuit fit": {"--figure": "--out"},
+    "record energy": {"--figure": "--out", "--accumulator": "--accumulator-pressure"},
+    "record frequency": {"--figure": "--out"},
+    "record repeatability": {"--figure": "--out"},
+    "calibrate zero": {"--channel": "--channels"},
+    "calibrate pressure": {"--channel": "--channels"},
+    "calibrate skew": {"--channel": "--channels"},
+    "study tube": {"--figure": "--out"},
+    "study robot": {"--figure": "--out"},
+    "study loops": {"--figure": "--out"},
+}
+
+# Commands that end by Ctrl-C in their own way, or work with a machine that is vented first.
+OWN_INTERRUPTS = (
+    "console", "device", "serve", "calibrate zero", "calibrate weights", "calibrate pressure", "calibrate encoder",
+    "calibrate skew",
+)  # fmt: skip
+QUIET = ("-q", "--quiet")
+COMMON = (
+    ("-q, --quiet", "Print only errors, and what --json or --out - asks for."),
+    ("-h, --help", "Show this help and exit."),
+)
+
+
+class HelpEntry(NamedTuple):
+    """A line of the help: what is typed, and what it means."""
+
+    words: str
+    meaning: str
+
+
+class Command(typer.core.TyperCommand):
+    """A command of the table in `app`."""
+
+    words = ""  # of the command line, such as "circuit run"
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of the command line, those with former names of options too."""
+        words, quiet = _without_quiet(args)
+        if quiet:
+            _terminal.be_quiet()
+        rest: list[str] = super().parse_args(ctx, renamed(self.words, words))
+        return rest
+
+    def invoke(self, ctx: Any) -> Any:
+        """Call the function with ``-`` for standard input resolved, and cautions about unlikely values."""
+        with _standard_input(self.params, ctx.params) as values:
+            ctx.params.update(values)
+            _terminal.expect_cautions(_values.cautions(self.params, ctx.params))
+            with (
+                _terminal.silenced(),
+                _progress.protected() if self.words in OWN_INTERRUPTS else contextlib.nullcontext(),
+            ):
+                result = super().invoke(ctx)
+        _terminal.say_cautions()
+        return result
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help: usage, description, arguments, options and examples."""
+        formatter.write(help_text(self, ctx.command_path, help_width()))
+
+
+def help_width() -> int:
+    """Columns of a help text: those of the terminal, up to 100."""
+    return max(40, min(shutil.get_terminal_size((80, 24)).columns, WIDEST))
+
+
+# ---- former names
+
+
+def renamed(command: str, args: list[str]) -> list[str]:
+    """Words with the present names of options; a former one is noted once on standard error."""
+    former = FORMER.get(command, {})
+    words: list[str] = []
+    prefix = ""  # of the next word, the value of a former option
+    for i, word in enumerate(args):
+        if word == "--":
+            return words + args[i:]
+        name, equals, value = word.partition("=")
+        if prefix or name not in former:
+            words.append(prefix + word)
+            prefix = ""
+            continue
+        present = former[name]
+        *flags, last = (present,) if isinstance(present, str) else present
+        option, _, prefix = last.partition("=")
+        _terminal.note(f"{name} is called {' '.join([*flags, option])} now")
+        words += [*flags, f"{option}={prefix}{value}" if equals else option]
+        prefix = "" if equals else prefix
+    return words
+
+
+def _without_quiet(args: list[str]) -> tuple[list[str], bool]:
+    end = args.index("--") if "--" in args else len(args)
+    words = [word for word in args[:end] if word not in QUIET]
+    return words + args[end:], len(words) < end
+
+
+# ---- standard input
+
+
+@contextlib.contextmanager
+def _standard_input(params: list[Any], values: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Put what is piped in into a file, for parameters that name files and are given as ``-``."""
+    asked = [p for p in params if _values.is_input(p) and _has_dash(values.get(p.name))]
+    if not asked:
+        yield {}
+        return
+    with tempfile.TemporaryDirectory(prefix="mckibben-") as folder:
+        data = sys.stdin.buffer.read() if hasattr(sys.stdin, "buffer") else sys.stdin.read().encode()
+        path = Path(folder) / f"stdin{_suffix(data)}"
+        path.write_bytes(data)
+        _terminal.call_path(str(path), "standard input")
+        yield {p.name: _put(values[p.name], path) for p in asked}
+
+
+def _has_dash(value: Any) -> bool:
+    return any(str(one) == "-" for one in value) if isinstance(value, list | tuple) else str(value) == "-"
+
+
+def _put(value: Any, path: Path) -> Any:
+    if isinstance(value, list | tuple):
+        return [_put(one, path) for one in value]
+    return type(value)(path) if str(value) == "-" else value
+
+
+_BEGINNINGS = {
+    b"\x89HDF": ".nc", b"CDF": ".nc", b"\x89MCAP": ".mcap", b"PK\x03\x04": ".xlsx", b"PAR1": ".parquet", b"MATLAB": ".mat",
+    b"TDSm": ".tdms",
+}  # fmt: skip
+
+
+def _suffix(data: bytes) -> str:
+    """Suffix of a file with this content."""
+    for beginning, suffix in _BEGINNINGS.items():
+        if data.startswith(beginning):
+            return suffix
+    lines = (line.strip() for line in data[:4096].decode("utf-8", "replace").splitlines())
+    first = next((line for line in lines if line and not line.startswith("#")), "")
+    return ".toml" if re.match(r"\[|[\w.\"-]+\s*=\s", first) else ".csv"
+
+
+# ---- help
+
+
+def help_text(command: Any, path: str, width: int) -> str:
+    """The help of a command, no line wider than a width and no word or quoted value cut."""
+    description, examples = described(command)
+    sections = [f"Usage: {usage(command, path)}", *(_filled(paragraph, width, "  ") for paragraph in description)]
+    arguments, options = entries(command)
+    for title, rows in (("Arguments", arguments), ("Options", options)):
+        if rows:
+            sections.append(f"{title}:\n{_rows(rows, width)}")
+    if examples:
+        sections.append("\n".join([f"Example{'s' if len(examples) > 1 else ''}:", *(f"  {one}" for one in examples)]))
+    return "\n\n".join(sections) + "\n"
+
+
+def described(command: Any) -> tuple[list[str], list[str]]:
+    """Paragraphs of a command's description, and its examples."""
+    paragraphs, examples = [], []
+    for paragraph in inspect.cleandoc(command.help or "").split("\n\n"):
+        lines = paragraph.splitlines()
+        examples += [line.strip().removeprefix(EXAMPLE) for line in lines if line.strip().startswith(EXAMPLE)]
+        text = " ".join(line.strip() for line in lines if not line.strip().startswith(EXAMPLE))
+        if text:
+            paragraphs.append(text)
+    return paragraphs, examples
+
+
+def usage(command: Any, path: str) -> str:
+    """The usage line: required arguments and options by name."""
+    words = [path]
+    for p in command.params:
+        if p.param_type_name == "argument":
+            name = _metavar(p) + (" .." if p.nargs != 1 else "")
+            words.append(name if p.required else f"[{name}]")
+    words += [f"{p.opts[0]} {_metavar(p)}" for p in command.params if p.param_type_name == "option" and p.required]
+    return " ".join([*words, "[OPTIONS]"])
+
+
+def entries(command: Any) -> tuple[list[HelpEntry], list[HelpEntry]]:
+    """Arguments and options of a command with their meaning, bounds and default."""
+    arguments, options = [], []
+    for p in command.params:
+        if getattr(p, "hidden", False):
+            continue
+        meaning = " ".join(part for part in ((p.help or "").strip(), _remark(p)) if part)
+        if p.param_type_name == "argument":
+            arguments.append(HelpEntry(_metavar(p), meaning))
+        else:
+            names = ", ".join(p.opts) + (f" / {', '.join(p.secondary_opts)}" if p.secondary_opts else "")
+            options.append(HelpEntry(names if _is_flag(p) else f"{names} {_metavar(p)}", meaning))
+    return arguments, options + [HelpEntry(*one) for one in COMMON]
+
+
+def _remark(p: Any) -> str:
+    """Whether a parameter is required or repeatable, and its default."""
+    parts = []
+    if p.required:
+        parts.append("required")
+    if getattr(p, "multiple", False) or p.nargs == -1:
+        parts.append("repeatable")
+    if p.secondary_opts:
+        parts.append(f"default: {(p.opts if p.default else p.secondary_opts)[0]}")
+    elif p.default not in (None, "", False) and not callable(p.default):
+        parts.append(f"default: {p.default}")
+    return f"[{'; '.join(parts)}]" if parts else ""
+
+
+def _metavar(p: Any) -> str:
+    return str(p.metavar or p.name.upper())
+
+
+def _is_flag(p: Any) -> bool:
+    return bool(getattr(p, "is_flag", False))
+
+
+def rows_of_help(rows: list[tuple[str, str]], width: int) -> str:
+    """Two columns: names, and what they mean."""
+    return _rows([HelpEntry(*row) for row in rows], width)
+
+
+def _rows(rows: list[HelpEntry], width: int) -> str:
+    column = min(max(len(row.words) for row in rows), 28 if width < 90 else 34) + 4
+    lines = []
+    for row in rows:
+        text = _filled(row.meaning, width, " " * column)
+        head = f"  {row.words}"
+        lines.append(head.ljust(column) + text.lstrip() if len(head) + 2 <= column else f"{head}\n{text}")
+    return "\n".join(lines)
+
+
+def _filled(text: str, width: int, indent: str) -> str:
+    """Fill lines; a quoted value such as '12 cm', a number with its unit and a hyphenated word stay whole."""
+    whole = re.sub(r"'[^']{1,40}'", lambda quoted: quoted[0].replace(" ", "\0"), text)
+    filled = textwrap.fill(
+        whole, width, initial_indent=indent, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
+    return filled.replace("\0", " ")

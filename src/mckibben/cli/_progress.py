@@ -1,0 +1,184 @@
+"""Progress with the time left, and Ctrl-C: a command ends at once and says what is kept.
+
+Python's own handling of Ctrl-C waits until compiled code returns, which may take many seconds. A thread is woken by the
+signal itself and ends the process if the command has not ended within `PATIENCE`; not while a file is written, and not while
+a machine is moving, which is vented first.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import typer
+
+from . import _terminal
+
+PATIENCE = 0.12  # that a command has to end by itself after Ctrl-C [s]
+INTERRUPTED = 130
+
+
+class _Guard:
+    """State of the guard of one call."""
+
+    def __init__(self) -> None:
+        self.ended = threading.Event()
+        self.protected = 0
+        self.kept: list[str] = []
+        self.sentence = "nothing was written"
+
+
+_guard = _Guard()
+
+
+def sentence() -> str:
+    """What is said after Ctrl-C."""
+    kept = f"kept: {', '.join(_guard.kept)}" if _guard.kept else _guard.sentence
+    return f"interrupted; {kept}"
+
+
+def keep(path: str) -> None:
+    """Name a file that stays whatever happens from now on."""
+    _guard.kept.append(path)
+
+
+def ended() -> None:
+    """Tell that the command has ended by itself after Ctrl-C."""
+    _guard.ended.set()
+
+
+@contextlib.contextmanager
+def protected() -> Iterator[None]:
+    """Let Ctrl-C not end the process by force: while a file is written or a machine moves."""
+    guard = _guard
+    guard.protected += 1
+    try:
+        yield
+    finally:
+        guard.protected -= 1
+
+
+@contextlib.contextmanager
+def guarded() -> Iterator[None]:
+    """End the process soon after Ctrl-C, even in the midst of compiled code."""
+    global _guard
+    if threading.current_thread() is not threading.main_thread() or os.name == "nt":
+        yield
+        return
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    before, _guard = _guard, _Guard()
+    woken, wakes = socket.socketpair()
+    wakes.setblocking(False)
+    former = signal.set_wakeup_fd(wakes.fileno(), warn_on_full_buffer=False)
+    watcher = threading.Thread(target=_watch, args=(woken, _guard), name="interrupts", daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(former)
+        _guard.ended.set()
+        wakes.close()
+        watcher.join(1.0)
+        woken.close()
+        _guard = before
+
+
+def _watch(woken: socket.socket, guard: _Guard) -> None:
+    with contextlib.suppress(OSError):
+        while data := woken.recv(1):
+            if data[0] == signal.SIGINT:
+                while not guard.ended.wait(PATIENCE):
+                    if not guard.protected:
+                        _end(guard)
+                return
+
+
+def _end(guard: _Guard) -> None:
+    """End the process and those that it has started."""
+    multiprocessing = sys.modules.get("multiprocessing")
+    for child in multiprocessing.active_children() if multiprocessing is not None else []:
+        with contextlib.suppress(OSError):
+            child.kill()
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[2K\x1b[?25h")  # the line of the progress, and a cursor again
+    typer.echo(f"{_terminal.program(31)}: {sentence()}", err=True)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(INTERRUPTED)
+
+
+# ---- progress
+
+
+class Progress:
+    """A bar with the time left, or a line with the time passed where the amount of work is not known."""
+
+    def __init__(self, bar: Any, task: Any, what: str) -> None:
+        self._bar, self._task, self._what = bar, task, what
+
+    def __call__(self, words: str = "", by: float = 1.0) -> None:
+        """Tell what is done now, and how many parts more are done."""
+        if self._bar is not None:
+            self._bar.update(self._task, advance=by, description=f"{self._what}: {words}" if words else self._what)
+
+    def tell(self, words: str) -> None:
+        """Tell what is done now."""
+        self(words, 0.0)
+
+    def at(self, done: float, total: float) -> None:
+        """Tell how far it is, both in seconds of the run."""
+        if self._bar is not None:
+            words = f"{self._what}: {done:.1f} s of {total:.1f} s"
+            self._bar.update(self._task, completed=done, total=total, description=words)
+
+    def reached(self, done: float, total: float, words: str) -> None:
+        """Tell how much is done altogether, with words."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, total=total, description=f"{self._what}: {words}")
+
+
+@contextlib.contextmanager
+def progress(
+    what: str, total: float | None = None, *, saved: str = "nothing was written", guarded: bool = True
+) -> Iterator[Progress]:
+    """Show progress on standard error, on a terminal only.
+
+    Args:
+        what: is done, such as ``fitting``.
+        total: parts of the work; None if that is not known.
+        saved: what stays after Ctrl-C, as a sentence.
+        guarded: whether Ctrl-C may end the process by force.
+    """
+    _terminal.say_cautions()
+    _guard.sentence = saved
+    with contextlib.nullcontext() if guarded else protected():
+        if not sys.stderr.isatty() or _terminal.is_quiet():
+            yield Progress(None, None, what)
+            return
+        from rich import progress as rich_progress
+        from rich.console import Console
+
+        columns: list[Any] = [rich_progress.TextColumn("{task.description}")]
+        if total is None:
+            columns = [rich_progress.SpinnerColumn(), *columns, rich_progress.TimeElapsedColumn()]
+        else:
+            left = rich_progress.TimeRemainingColumn(elapsed_when_finished=True)
+            columns += [rich_progress.BarColumn(), left, rich_progress.TextColumn("left")]
+        with rich_progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            yield Progress(bar, bar.add_task(what, total=total), what)
+
+
+@contextlib.contextmanager
+def told(what: str) -> Iterator[Callable[[str], None]]:
+    """Progress of work of unknown amount; yields a function that is told what is done now."""
+    with progress(what) as bar:
+        yield bar.tell
