@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError, not_found
-from ..report.figures import formats
 
 if TYPE_CHECKING:
+    from ..report.figures import formats
     from ..specimens import Specimen
 
 
@@ -69,25 +69,31 @@ LockStep = Annotated[
 
 def _use_style(context: typer.Context, name: str) -> str:
     """Draw the figures of a command in a style."""
-    context.with_resource(formats.applied(_named(name, None)))
+    if name != "screen":  # which needs nothing loaded
+        from ..report.figures import formats
+
+        context.with_resource(formats.applied(_named(name, None)))
     return name
 
 
 def _use_width(context: typer.Context, width: str | None) -> str | None:
     """Draw the figures of a command, in its style, at a width."""
     if width is not None:
+        from ..report.figures import formats
+
         context.with_resource(formats.applied(_named(formats.current_style().name, width)))
     return width
 
 
 def _named(name: str, width: str | None) -> formats.FigureStyle:
+    from ..report.figures import formats
+
     try:
         return formats.named_style(name, width=width)
     except InputError as error:
         raise error.changed(field=f"--{error.field}") from None
 
 
-PICTURES = formats.SUFFIXES  # endings of the files of figures
 FigureLook = Annotated[
     str,
     typer.Option(
