@@ -16,10 +16,8 @@ from ..components.system import Coupling, System
 from .native import EngineFunction, compile_function
 from .side_by_side import find_places, known_prefix
 
-BLOCK = 16  # cells of a group are filled up to a multiple of it, so that all vectors of cells are full
-SHORTEST = (
-    80  # numbers from which on the compiler keeps an array, and does not write its elements out (it does up to 64)
-)
+BLOCK = 8  # cells of a group are filled up to a multiple of it, so that all vectors of cells are full
+SHORTEST = 72  # rows of a group at least: up to 64 numbers of an array are written out by the compiler
 
 
 class CellGroup(NamedTuple):

@@ -18,9 +18,6 @@ from ._analysis import Divergence, Entry, Schedule, WideLoop, find_wide_loops
 from ._graph import Buffer, Graph, Loop, Node, Store
 from ._llvm_text import LLVM_OPS, Memory, number
 
-# Vectors in flight side by side, by the operations of the longest body: what waits for one is done for another, until the
-# registers no longer hold them. Measured with AVX-512 on bodies of 220, 670, 1,000 and 1,400 operations.
-IN_FLIGHT = ((300, 4), (1_500, 2))
 LONGEST = 4000  # lines of a block: LLVM's time for one grows faster than its length
 
 
@@ -42,7 +39,6 @@ class Body(Memory):
     """Text in the order of a schedule."""
 
     wide: dict[Loop, WideLoop] = {}  # loops that do several trips at once
-    vector = 1  # trips that one vector holds
 
     def entries(self, entries: list[Entry], root: bool = False) -> None:
         """Write a block."""
@@ -89,18 +85,9 @@ class Body(Memory):
         """Write a loop and name what it leaves behind."""
         width = self.width
         if loop in self.wide:
-            self.width, self.steps = self.trips_at_once(loop), self.wide[loop].steps
+            self.width, self.steps = self.wide[loop].width, self.wide[loop].steps
         self._loop(loop)
         self.width, self.steps = width, {}
-
-    def trips_at_once(self, loop: Loop) -> int:
-        """Trips of a wide loop that are done at once."""
-        longest = len(self.plan.bodies[loop])
-        assert isinstance(loop.trips, int)
-        many = next((many for most, many in IN_FLIGHT if longest <= most), 1)
-        while many > 1 and loop.trips % (many * self.vector):
-            many //= 2
-        return many * self.vector
 
     def _in_order(self, wide: WideLoop, loop: Loop) -> None:
         """Write what depends on carried values, for one trip after the other."""
@@ -178,7 +165,7 @@ def emit(
     if vector:
         wide = find_wide_loops(plan, vector)
         nodes = divergence.nodes.union(*(w.vectors for w in wide.values()))
-        body.divergence, body.wide, body.vector = divergence._replace(nodes=nodes), wide, vector
+        body.divergence, body.wide = divergence._replace(nodes=nodes), wide
     head: list[str] = []
     _memory(body, head)
     body.entries(plan.root, root=True)

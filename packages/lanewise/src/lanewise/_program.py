@@ -35,7 +35,7 @@ from ._analysis import Schedule, find_divergence, make_schedule, rewrite
 from ._elementary import expand_elementary
 from ._graph import Buffer, Graph, Loop, Node, Store, gc_paused
 from ._kernel import BoundKernel, Kernel, Slot, cache_key, compile_assembly, function_attributes, host, load_object
-from ._llvm import IN_FLIGHT, emit
+from ._llvm import emit
 from ._llvm_text import fits
 from ._passes import optimise
 from .cache import load_or_make
@@ -223,6 +223,9 @@ class _Reader:
 # ---- programs
 
 
+# Vectors in flight side by side, by the operations of the longest body: what waits for one is done for another, until the
+# registers no longer hold them. Measured with AVX-512 on bodies of 220, 670, 1,000 and 1,400 operations.
+IN_FLIGHT = ((300, 4), (1_500, 2))
 REGISTERS = 24  # that may hold what a loop carries
 MODES = ("default", "strict", "fast")
 REALS = {"float64": "double", "float32": "float"}
