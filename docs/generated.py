@@ -529,7 +529,10 @@ def public_names(_: Path) -> str:
             if wrong := failures(name):
                 raise ExampleError(f"{name}:\n{wrong}")
             options = f'heading: "mckibben.{name}", toc_label: {name}, heading_level: 3, show_root_full_path: false'
-            parts.append(f"::: {_place(name)}\n    options: {{{options}}}")
+            place, value = _place(name), getattr(mckibben, name)
+            if not hasattr(value, "__name__"):  # an object that is called: what it does stands in its class
+                place, options = f"{type(value).__module__}.{type(value).__name__}", f'{options}, filters: ["!^_[^_]"]'
+            parts.append(f"::: {place}\n    options: {{{options}}}")
     return _page("mckibben", PUBLIC_WORDS, *parts)
 
 

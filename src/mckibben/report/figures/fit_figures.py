@@ -116,6 +116,7 @@ def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room
     levels, near = levels_of(points)
     low, high = float(points.length.min()), float(points.length.max())
     reach = max(high, float(points.rest_length.max())) if points.rest_length is not None else high
+    reach = max(high, min(reach, float(law.length_range()[1])))  # beyond its range a law is no curve to draw
     margin = 0.025 * (reach - low)
     lengths = np.linspace(low - margin, reach, FINE)
     tension = tension_grid(law, lengths, levels)
