@@ -137,3 +137,17 @@ def test_the_picture_of_a_single_map_is_filled_from_side_to_side(figures):
     boxes = [ax.get_position() for ax in figures["overview"].axes]
     assert min(b.x0 for b in boxes) < 0.1
     assert max(b.x1 for b in boxes) > 0.8  # the columns of the ranking stand to the right of its axes
+
+
+def test_curves_of_a_law_are_drawn_though_its_range_ends_below_the_rest_length():
+    """A law fitted to lengths below the rest length states nothing beyond them: its curves end there, and are there."""
+    law = law_from_specimen(specimen("nylon"), changes={"upper_length": 0.13})
+    lengths, pressures = (grid.ravel() for grid in np.meshgrid([0.12, 0.13], [3e5, 5e5]))
+    points = ForceMap("short", lengths, pressures, np.asarray(law.tension(lengths, pressures)))
+    figure = Figure()
+    axes = figure.add_subplot()
+    fit_figures.draw_curves(axes, law, points.with_rest_length(0.14), top=points.largest)
+    ends = [line.get_xydata()[-1] for line in axes.lines if line.get_linestyle() == "-" and len(line.get_xydata()) > 9]
+    # Each curve ends at its point at 13 cm; the grid ends there exactly.
+    assert sorted(end[1] for end in ends) == pytest.approx(sorted(points.tension[lengths == 0.13]), rel=1e-9)
+    assert {round(float(end[0]), 6) for end in ends} == {13.0}
