@@ -61,7 +61,7 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
 
 
-def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
+def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:
     """The tables of a text.
 
     Raises:
@@ -84,7 +84,7 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, Any]:
     )
 
 
-def parse_json(text: str | bytes, **options: Any) -> Any:
+def parse_json(text: str | bytes, **options: Any) -> JsonValue:
     """The value of a text of JSON.
 
     Args:
@@ -121,7 +121,7 @@ def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
     return False
 
 
-def _holds_deep(document: Any) -> bool:
+def _holds_deep(document: JsonValue) -> bool:
     """Whether tables and lists go too deep, as dotted keys within tables within tables can."""
     level = [document]
     for _ in range(DEEPEST):
@@ -136,7 +136,7 @@ def _holds_deep(document: Any) -> bool:
     return True
 
 
-def read_toml(path: str | os.PathLike[str], *, field: str = "file") -> dict[str, Any]:
+def read_toml(path: str | os.PathLike[str], *, field: str = "file") -> dict[str, JsonValue]:
     """The tables of a file.
 
     Raises:
@@ -145,7 +145,7 @@ def read_toml(path: str | os.PathLike[str], *, field: str = "file") -> dict[str,
     return parse_toml(read_text(path, field=field), where=os.fspath(path), field=field)
 
 
-def with_own_paths(document: Any, where: str | os.PathLike[str], key: str = "specimen") -> Any:
+def with_own_paths(document: JsonValue, where: str | os.PathLike[str], key: str = "specimen") -> JsonValue:
     """The tables of a file with the files that they name under a key, found from the folder of the file itself.
 
     Args:
@@ -158,7 +158,7 @@ def with_own_paths(document: Any, where: str | os.PathLike[str], key: str = "spe
     return [with_own_paths(v, where, key) for v in document] if isinstance(document, list) else document
 
 
-def _own_path(value: Any, where: str | os.PathLike[str]) -> Any:
+def _own_path(value: Any, where: str | os.PathLike[str]) -> JsonValue:
     return own_path(value, where) if isinstance(value, str) and value.lower().endswith(".toml") else value
 
 

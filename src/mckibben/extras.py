@@ -6,7 +6,7 @@ Ask before the work begins: a person who has waited for a minute does not want t
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from types import ModuleType
 
 from .errors import MissingLibraryError
 
@@ -35,7 +35,7 @@ LIBRARIES = {
 }
 
 
-def library(module: str, purpose: str, *, instead: str = "", where: str | None = None) -> Any:
+def library(module: str, purpose: str, *, instead: str = "", where: str | None = None) -> ModuleType:
     """Import an optional library, or a module of it.
 
     Args:

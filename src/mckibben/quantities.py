@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._jax import Scalar, is_loaded, is_traced, jax, jnp
+from ._jax import Array, Scalar, is_loaded, is_traced, jax, jnp
 from .errors import InputError, shortened
 
 # What a person reads; the SI unit on the left is what the package computes with.
@@ -112,7 +112,7 @@ def quantity(
     return dataclasses.field(metadata={"quantity": declared, "converter": as_array}, kw_only=True, **options)
 
 
-def as_array(value: object) -> Any:
+def as_array(value: object) -> Array:
     """A number or array, which may be traced, as an array of floats: of JAX where that is loaded, else of NumPy.
 
     It compiles nothing, as `jax.numpy.asarray` would.

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from .documents import JsonValue
 from .errors import InputError, choice
 from .quantities import Quantity, declared, parse
 
@@ -143,7 +144,7 @@ class FileTable:
             raise self.fail(key, raw, f"must be a list of tables, [[{key}]]")
         return tuple(FileTable.of(one, self.field(f"{key}.{i}"), self.where) for i, one in enumerate(raw, 1))
 
-    def derived(self, values: Mapping[str, Any]) -> FileTable:
+    def derived(self, values: Mapping[str, JsonValue]) -> FileTable:
         """A table at the same place with other values."""
         return dataclasses.replace(self, values=values)
 
@@ -155,7 +156,7 @@ class FileTable:
 class FrozenTable(Mapping[str, Any]):
     """An immutable, hashable table."""
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Mapping[str, JsonValue]) -> None:
         self._values = {str(k): frozen(v) for k, v in values.items()}
 
     def __getitem__(self, key: str) -> Any:
@@ -173,7 +174,7 @@ class FrozenTable(Mapping[str, Any]):
     def __repr__(self) -> str:
         return f"FrozenTable({self.plain()!r})"
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, JsonValue]:
         """Convert to dicts and lists."""
         return {k: thawed(v) for k, v in self._values.items()}
 
@@ -351,7 +352,7 @@ def verbatim(doc: str = "", *, key: str = "", **options: Any) -> Any:
 def by_name(kinds: tuple[type, ...], demand: str, **options: Any) -> Any:
     """Declare a table of values of some plain types by name; `demand` describes them."""
 
-    def read(raw: object, place: Place) -> dict[str, Any]:
+    def read(raw: object, place: Place) -> dict[str, JsonValue]:
         values = place.table(raw).values
         for name, value in values.items():
             if not isinstance(value, kinds) or isinstance(value, bool):
@@ -379,7 +380,7 @@ def nested(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any
 def named(kind: Kind, doc: str = "", *, owner: str = "", pattern: str = NAME, **options: Any) -> Any:
     """Declare tables of a type by name; `owner` as for `read_table`."""
 
-    def read(raw: object, place: Place) -> dict[str, Any]:
+    def read(raw: object, place: Place) -> dict[str, JsonValue]:
         table = place.table(raw)
         for name in table.values:
             if not re.fullmatch(pattern, name):
@@ -464,7 +465,7 @@ def read_table(
         raise table.located(error) from None
 
 
-def read_stated(kind: type[Any], table: FileTable, keys: Iterable[str]) -> dict[str, Any]:
+def read_stated(kind: type[Any], table: FileTable, keys: Iterable[str]) -> dict[str, JsonValue]:
     """Read those of some fields of a type that a table states, by the name of the field; raises as `read_table`."""
     fields = table_fields(kind)
     return {
@@ -481,7 +482,7 @@ def write_table(
     bare: bool = False,
     skip: Iterable[str] = (),
     always: Iterable[str] = (),
-) -> dict[str, Any]:
+) -> dict[str, JsonValue]:
     """Write a value to the table that reads back to it; fields at their defaults are omitted.
 
     Args:
@@ -501,7 +502,7 @@ def write_table(
     return out
 
 
-def _write_part(value: object, place: Place) -> dict[str, Any]:
+def _write_part(value: object, place: Place) -> dict[str, JsonValue]:
     return write_table(value, units=place.units, bare=place.bare)
 
 

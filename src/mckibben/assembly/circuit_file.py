@@ -41,7 +41,7 @@ from .._jax import Scalar, Tree
 from ..accessors import implementation
 from ..components import Environment, paths
 from ..components.module import map_leaves
-from ..documents import parse_toml, read_text, with_own_paths
+from ..documents import JsonValue, parse_toml, read_text, with_own_paths
 from ..engine import STEP, Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
 from ..errors import InputError
@@ -245,7 +245,7 @@ class CircuitPlan:
         return self.period / max(1, round(np.ceil(self.period / self.step - 1e-9)))
 
     @property
-    def owner(self) -> dict[str, Any]:
+    def owner(self) -> dict[str, JsonValue]:
         """Root objects of the dotted paths of declared parameters."""
         return {"nodes": self.circuit.nodes, "elements": self.circuit.elements, "gas": self.circuit.gas}
 
@@ -273,7 +273,7 @@ class CircuitPlan:
                 document = _put_value(document, path, words, [*leaves(document), *known], self.where)
         return build_plan(document, where=self.where, digest=self.digest).overridden(overrides)
 
-    def overridden(self, values: Mapping[str, Any]) -> CircuitPlan:
+    def overridden(self, values: Mapping[str, JsonValue]) -> CircuitPlan:
         """Return a plan with parameters of the built circuit replaced [SI]; the values may be traced."""
         for path in values:
             paths.declaration(self.owner, path)
@@ -369,7 +369,7 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
     return build_plan(document, where=where, digest=hashlib.sha256(text.encode()).hexdigest())
 
 
-def build_plan(document: Mapping[str, Any], *, where: str, digest: str) -> CircuitPlan:
+def build_plan(document: Mapping[str, JsonValue], *, where: str, digest: str) -> CircuitPlan:
     """The plan of a document that was read; raises as `read_circuit` does."""
     top = FileTable(document, "", where)
     top.schema(SCHEMA)
@@ -439,7 +439,7 @@ def _uses(
 
 
 def _signals(
-    stated: Mapping[str, Any], uses: Mapping[str, list[tuple[str, str]]], where: str
+    stated: Mapping[str, JsonValue], uses: Mapping[str, list[tuple[str, str]]], where: str
 ) -> dict[str, PlannedSignal]:
     for signal, drives in uses.items():
         if signal not in stated:

@@ -88,7 +88,7 @@ class Machine(System):
             needed += [] if name is None or name in lengths else [name]
         return tuple(dict.fromkeys([*needed, *self.load.signals()]))
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """Signals, with delayed commands of elements that have dead time, see `Circuit.commands`."""
         return self.circuit.commands(signals)
 
@@ -197,7 +197,7 @@ class Machine(System):
         assert load is not None
         return Machine(Circuit(nodes, elements, ends, circuit.gas), {ALONE: self.units[muscle]}, load, self.environment)
 
-    def parts(self, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def parts(self, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> list[IndependentPart]:
         """Parts for each muscle, if the muscles are independent and many."""
         made = []
         for muscle, names in self.names_by_part().items():

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Tree, jax, jnp
 from ..components import Environment, Module, Scalar, field
 from ..components.flow import FlowElement, Gases, GasState
 from ..components.rows import for_each_unit
@@ -40,7 +40,7 @@ class LineVolume(FlowElement):
     paths: ClassVar[tuple[tuple[int, int], ...]] = ()
     volume: Scalar = quantity("m^3", (0.0, 1e3), "volume", symbol="V")
 
-    def flows(self, gas: Gases, state: Any, memory: Any, command: Any) -> tuple[Scalar, ...]:
+    def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """No flow."""
         return ()
 
@@ -54,11 +54,11 @@ class SignalArray(Module):
 
     signal: Signal
 
-    def at(self, index: Any, share: Any, period: Any) -> Value:
+    def at(self, index: Tree, share: Scalar, period: Scalar) -> Value:
         """Values (n,), see `Signal.at`."""
         return self._each(lambda s: s.at(index, share, period))
 
-    def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Value:
+    def within(self, index: Tree, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> Value:
         """Values (n,), see `Signal.within`."""
         return self._each(lambda s: s.within(index, begin, end, share, period))
 
@@ -88,11 +88,11 @@ class MachineArray(System):
     # See `for_each_unit`.
     mapped: bool = field(static=True, kw_only=True, default=False)
 
-    def _each(self, g: int, function: Any, *trees: Any) -> tuple[Any, Any]:
+    def _each(self, g: int, function: Any, *trees: Tree) -> tuple[Tree, Tree]:
         """Evaluate a function of (cell, *trees) for each cell of a group, and add up its second result."""
         flags = [*self.varied[g], True, *(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(trees))]
 
-        def one(cell: Machine, weight: Any, *own: Any) -> tuple[Any, Any]:
+        def one(cell: Machine, weight: Any, *own: Any) -> tuple[Tree, Tree]:
             result, share = function(cell, *own)
             return result, jax.tree.map(lambda x: weight * x, share)
 
@@ -112,7 +112,7 @@ class MachineArray(System):
                 volumes[name] = volumes.get(name, 0.0) + volume
         return with_line_volumes(self.circuit, volumes)
 
-    def _inputs(self, g: int, state: Any, inputs: Mapping[str, Any], gases: Mapping[str, Any]) -> dict[str, Any]:
+    def _inputs(self, g: int, state: Tree, inputs: Mapping[str, Any], gases: Mapping[str, Any]) -> dict[str, Tree]:
         """Inputs of the cells of a group."""
         prefix = f"{g}."
         own = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
@@ -120,7 +120,7 @@ class MachineArray(System):
         ends = {str(n.signal): gases[name] for name, n in nodes.items() if isinstance(n, Junction)}
         return {**own, **ends}
 
-    def _cells(self, state: Any, inputs: Any, circuit: Circuit) -> list[Any]:
+    def _cells(self, state: Tree, inputs: Mapping[str, Value], circuit: Circuit) -> list[Any]:
         """States and inputs of the cells of each group; the load's state is part of every cell's."""
         gases = circuit.gas_states(state["circuit"], inputs)
         return [
@@ -128,7 +128,7 @@ class MachineArray(System):
             for g, own in enumerate(state["groups"])
         ]
 
-    def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of the shared gas, the load and all cells."""
         circuit = self._whole
         entering: dict[str, Inflow] = {}
@@ -154,11 +154,11 @@ class MachineArray(System):
             "groups": tuple(rates),
         }
 
-    def integrands(self, state: Any, memory: Any, inputs: Any) -> Any:
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """None: accounts are those of the machine."""
         return {}
 
-    def advance_memory(self, memory: Any, start: Moment, end: Moment, duration: Any) -> Any:
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the memory of the shared elements and of all cells."""
         circuit = self._whole
         before, after = (self._cells(moment.state, moment.inputs, circuit) for moment in (start, end))
@@ -172,7 +172,7 @@ class MachineArray(System):
         first, last = (Moment(moment.state["circuit"], moment.inputs) for moment in (start, end))
         return {"circuit": circuit.advance_memory(memory["circuit"], first, last, duration), "groups": tuple(groups)}
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """Signals with delayed commands, see `Circuit.commands`; those that differ from cell to cell as `SignalArray`."""
         out = self.circuit.commands(signals)
         for g, group in enumerate(self.groups):
@@ -186,7 +186,7 @@ class MachineArray(System):
                 out[prefix + name] = SignalArray(signal) if array else signal
         return out
 
-    def outputs(self, state: Any, memory: Any, inputs: Any) -> dict[str, Any]:
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Outputs of the shared circuit and of the load, and ``g.<name>`` (n,) of the cells of each group."""
         circuit = self._whole
         out = circuit.outputs(state["circuit"], memory["circuit"], inputs)
@@ -202,7 +202,7 @@ class MachineArray(System):
         return out | {f"load.{k}": v for k, v in self.load.outputs(state["load"], effort, inputs).items()}
 
 
-def with_line_volumes(circuit: Circuit, volumes: Mapping[str, Any]) -> Circuit:
+def with_line_volumes(circuit: Circuit, volumes: Mapping[str, Scalar]) -> Circuit:
     """A circuit with volumes added to some of its chambers [m^3]."""
     names = {_line_volume(node): node for node in circuit.chambers}
     elements = {name: LineVolume(volume=jnp.asarray(volumes.get(node, 0.0))) for name, node in names.items()}
@@ -214,12 +214,12 @@ def _line_volume(node: str) -> str:
     return f"{node}.lines"
 
 
-def _effort(cell: Machine, state: Any, memory: Any, inputs: Any) -> dict[str, Scalar]:
+def _effort(cell: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
     """What the muscle of a cell does to the load."""
     return cell.load.effort(state["load"], cell.pulls(state, memory, inputs)[2])
 
 
-def _added(sums: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+def _added(sums: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Tree]:
     return {name: value + sums.get(name, 0.0) for name, value in more.items()}
 
 
@@ -254,12 +254,12 @@ class MachineCoupling(Coupling):
     def __init__(self, cells: Mapping[str, Cell], nodes: list[str], elements: list[str]) -> None:
         self._cells, self._nodes, self._elements = dict(cells), nodes, elements
 
-    def cells(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def cells(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> list[IndependentPart]:
         """The cells as systems of their own, with states, memory and signals."""
         return [self._cell(system, muscle, cell, state, memory, signals) for muscle, cell in self._cells.items()]
 
     def _cell(
-        self, machine: Machine, muscle: str, cell: Cell, state: Any, memory: Any, signals: Mapping[str, Any]
+        self, machine: Machine, muscle: str, cell: Cell, state: Tree, memory: Tree, signals: Mapping[str, Tree]
     ) -> IndependentPart:
         circuit, room = machine.circuit, machine.environment
         renamed = {old: new for new, old in cell.signals.items()} | {f"{muscle}.length": f"{ALONE}.length"}
@@ -307,7 +307,7 @@ class MachineCoupling(Coupling):
             circuit.gas,
         )
 
-    def core(self, system: Any, state: Any, memory: Any, signals: Mapping[str, Any]) -> IndependentPart:
+    def core(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> IndependentPart:
         """The shared circuit and the load."""
         machine: Machine = system
         shared, load = self._shared(machine), machine.load.collected()
@@ -327,8 +327,8 @@ class MachineCoupling(Coupling):
         )
 
     def at_rest(
-        self, machine: Machine, pressures: Mapping[str, Any], inputs: Mapping[str, Value]
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        self, machine: Machine, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> tuple[dict[str, Tree], dict[str, Tree]]:
         """State and memory of the machine at rest, see `Machine.at_rest`: cell by cell, by one compiled program."""
         room = machine.environment.temperature
         state: dict[str, Any] = {"circuit": {"mass": {}, "pressure": {}, "elements": {}}, "muscles": {}}
@@ -360,19 +360,21 @@ class MachineCoupling(Coupling):
         return state, memory
 
     def assembled(
-        self, core: Any, groups: tuple[Any, ...], weights: tuple[Any, ...], varied: Any, mapped: bool
+        self, core: Tree, groups: tuple[Tree, ...], weights: tuple[Tree, ...], varied: Tree, mapped: bool
     ) -> System:
         """The core with its groups of cells."""
         made: System = core.replace(groups=groups, weights=weights, varied=varied, mapped=mapped)
         return made
 
 
-def at_rest(machine: Machine, pressures: Any, inputs: Any) -> tuple[Any, Any]:
+def at_rest(machine: Machine, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
     """`Machine.at_rest`, to be compiled."""
     return machine.at_rest(pressures, inputs)
 
 
-def _circuit_at_rest(circuit: Circuit, pressures: Any, inputs: Any, temperature: Any) -> tuple[Any, Any]:
+def _circuit_at_rest(
+    circuit: Circuit, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value], temperature: Any
+) -> tuple[Tree, Tree]:
     state = circuit.at_rest(pressures, inputs, temperature)
     return state, circuit.initial_memory(state, inputs)
 
@@ -443,7 +445,7 @@ def _cell(machine: Machine, joined: Mapping[str, list[str]], muscle: str, privat
         if old is not None and old != f"{muscle}.length" and old not in signals.values():
             signals[named(old, "signal", len(signals))] = old
 
-    def rank(element: str) -> tuple[Any, ...]:
+    def rank(element: str) -> tuple[Tree, ...]:
         return type(circuit.elements[element]).__name__, circuit.ends[element][0].index(node)
 
     while todo:

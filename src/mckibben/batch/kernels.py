@@ -139,7 +139,7 @@ class LaneKernels:
             new, result = self._count(tuple(leaves), sums, done._replace(carry=()), period)
         return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, result)
 
-    def tree(self, leaves: Sequence[Tree]) -> dict[str, Any]:
+    def tree(self, leaves: Sequence[Tree]) -> dict[str, Tree]:
         """Rebuild the tree of a lane, or of many."""
         return _tree(self.kind, leaves)
 
@@ -231,7 +231,7 @@ def physics(
             stiff=stiff,
         )
 
-    def one(before: Any, row: Any) -> tuple[Any, Any]:
+    def one(before: Any, row: Any) -> tuple[Tree, Tree]:
         state, ran, last = before
         after, result = sample(state, row)
         now = _told(result)
@@ -252,7 +252,7 @@ def physics(
     return ChunkPhysics(after, results, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
 
 
-def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Any]:
+def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Tree]:
     tree: dict[str, Any] = jax.tree.unflatten(kind.structure, leaves)
     if not kind.accounts:
         plant = tree["plant"]
@@ -262,7 +262,7 @@ def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Any]:
     return tree
 
 
-def _told(seen: sampled.SampleResult) -> dict[str, Any]:
+def _told(seen: sampled.SampleResult) -> dict[str, Tree]:
     """Values for a sentence about a sample."""
     measured = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     return {
@@ -270,7 +270,7 @@ def _told(seen: sampled.SampleResult) -> dict[str, Any]:
     }
 
 
-def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Any]:
+def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Tree]:
     """Channels of one sample by the names of a recording."""
     known = channels_of(seen)
     return {name: jnp.asarray(known[name], float) for name in names}

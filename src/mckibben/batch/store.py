@@ -21,6 +21,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -219,7 +220,7 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     )
 
 
-def zarr_library() -> Any:
+def zarr_library() -> ModuleType:
     """Load the library that stores results.
 
     Raises:

@@ -8,7 +8,6 @@ import itertools
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -138,7 +137,7 @@ class Sweep:
         except InputError as error:
             raise error.changed(where=error.where or self.where) from None
 
-    def _trials(self) -> Iterator[dict[str, Any]]:
+    def _trials(self) -> Iterator[dict[str, JsonValue]]:
         """Variants at the ends of every range, with every text, and at the corners if they are few."""
         base = self.variants.row(0)
         for path, values in self.variants.columns.items():

@@ -46,7 +46,7 @@ import numpy as np
 
 from ..bench.rig_file import rig as rig_of
 from ..bench.software.waveform_import import read_protocol
-from ..documents import read_toml
+from ..documents import JsonValue, read_toml
 from ..engine import STEP
 from ..engine.native import ENGINES
 from ..errors import InputError
@@ -141,7 +141,7 @@ class SweepRunTable:
     engine: str = word(among=ENGINES, default="auto")
 
 
-def _read_rows(raw: object, place: Place) -> tuple[Mapping[str, Any], ...]:
+def _read_rows(raw: object, place: Place) -> tuple[Mapping[str, JsonValue], ...]:
     if not isinstance(raw, list):
         raise place.fail(raw, "must be a list of tables, [[list]]")
     return tuple(place.below(i).table(one).values for i, one in enumerate(raw, 1))

@@ -279,7 +279,7 @@ def _words(entry: FileTable, key: str) -> tuple[str, ...]:
     return paths
 
 
-def put_rig_value(document: dict[str, Any], path: str, value: str, where: str) -> None:
+def put_rig_value(document: dict[str, JsonValue], path: str, value: str, where: str) -> None:
     """Replace a value in the tables of a rig's file; whole numbers and truth values may be written as text.
 
     Args:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jnp
+from .._jax import Tree, jnp
 from ..assembly.accounts import Accounts, accounts
 from ..components.module import map_leaves
 from ..engine import sampled
@@ -160,12 +160,12 @@ class SensorNoise:
         self.opened = {f.channel: f.at for f in bench.faults}
         self.begin, self.count = begin, 0
 
-    def first(self) -> dict[str, Any]:
+    def first(self) -> dict[str, Tree]:
         """Return the row of a sample without noise."""
         zero = np.zeros(())
         return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
 
-    def next(self) -> dict[str, Any]:
+    def next(self) -> dict[str, Tree]:
         """Draw the rows of the next chunk."""
         draws = self.chance.standard_normal((len(self.names), CHUNK))
         times = self.begin + self.period * (self.count + np.arange(CHUNK))

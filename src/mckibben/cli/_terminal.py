@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..documents import JsonValue
 from ..errors import InputError, not_found
 
 if TYPE_CHECKING:
@@ -186,14 +187,14 @@ def note(sentence: str) -> None:
         typer.echo(f"mckibben: note: {sentence}", err=True)
 
 
-def print_json(value: dict[str, Any]) -> None:
+def print_json(value: dict[str, JsonValue]) -> None:
     """Print one JSON object on standard output; a number that is not finite becomes null."""
     out = stdout()
     out.write(json_text(value) + "\n")
     out.flush()
 
 
-def json_text(value: dict[str, Any]) -> str:
+def json_text(value: dict[str, JsonValue]) -> str:
     """One JSON object, with the cautions about unlikely values among its ``warnings``."""
     say_cautions()
     if _call.said:

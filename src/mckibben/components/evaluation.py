@@ -16,7 +16,7 @@ import numpy as np
 
 from lanewise import LoweringError, Program, UnavailableError
 
-from .._jax import is_jax_array, is_traced, jax
+from .._jax import Tree, is_jax_array, is_traced, jax
 from .module import flatten
 from .programs import find_program, lower_or_load
 
@@ -74,7 +74,7 @@ def _is_number(leaf: Any) -> bool:
     return (isinstance(leaf, NUMBERS) or is_jax_array(leaf)) and not np.shape(leaf) and not is_traced(leaf)
 
 
-def _kernel(method: Callable[..., Any], owner: Any, structure: Any, count: int) -> tuple[Program, Any]:
+def _kernel(method: Callable[..., Tree], owner: Any, structure: Any, count: int) -> tuple[Program, Tree]:
     """The program of a method, and a tree like its results; what cannot be lowered is refused again without a trial."""
     key = (method, structure)
     known = _known.get(key)
@@ -91,7 +91,7 @@ def _kernel(method: Callable[..., Any], owner: Any, structure: Any, count: int) 
     return known
 
 
-def _load_or_lower(method: Callable[..., Any], examples: tuple[Any, ...]) -> tuple[Program, Any]:
+def _load_or_lower(method: Callable[..., Tree], examples: tuple[Tree, ...]) -> tuple[Program, Tree]:
     known = find_program(method, *examples)
     if known is not None:
         return known
@@ -99,7 +99,7 @@ def _load_or_lower(method: Callable[..., Any], examples: tuple[Any, ...]) -> tup
     return program, jax.tree.unflatten(tree, [0.0] * tree.num_leaves)
 
 
-def _call(run: tuple[Program, Any], leaves: list[Any], arguments: tuple[Any, ...]) -> Any:
+def _call(run: tuple[Program, Tree], leaves: list[Any], arguments: tuple[Tree, ...]) -> Any:
     """Results for arguments of any shapes that broadcast."""
     program, example = run
     values = [np.asarray(x, float) for x in arguments]

@@ -17,7 +17,7 @@ import functools
 import types
 import weakref
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -113,11 +113,11 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         shown = ", ".join(f"{f.name}={_shown(getattr(self, f.name))}" for f in dataclasses.fields(self))
         return f"{type(self).__name__}({shown})"
 
-    def replace(self, **changes: Any) -> Any:
+    def replace(self, **changes: object) -> Self:
         """Return a copy with some fields changed, checked like a new one."""
         return dataclasses.replace(self, **changes)
 
-    def with_fields(self, **values: Any) -> Any:
+    def with_fields(self, **values: object) -> Self:
         """Return a copy with fields that hold these values, which are neither converted nor checked.
 
         It is for taking a value apart: all its numbers stay the same objects.
@@ -128,7 +128,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         return made
 
 
-def flatten(tree: Tree) -> tuple[list[Any], Any]:
+def flatten(tree: Tree) -> tuple[list[Tree], Tree]:
     """The leaves of a tree in the order of `jax.tree.leaves`, and its structure, which has a hash if all static fields have.
 
     It does what `jax.tree.flatten` does for modules, tables, lists, tuples and None, and needs no JAX.
@@ -152,7 +152,7 @@ def flatten(tree: Tree) -> tuple[list[Any], Any]:
     return [leaf for leaves, _ in flat for leaf in leaves], (head, tuple(structure for _, structure in flat))
 
 
-def unflatten(structure: Any, leaves: Sequence[Any]) -> Any:
+def unflatten(structure: Tree, leaves: Sequence[Tree]) -> Tree:
     """The tree of a structure of `flatten` with other leaves; what is put together is not checked again."""
     made, rest = _unflattened(structure, list(leaves))
     if rest:
@@ -182,7 +182,7 @@ def _unflattened(structure: Any, leaves: list[Any]) -> tuple[Any, list[Any]]:
     return made, leaves
 
 
-def map_leaves(function: Callable[..., Any], *trees: Any) -> Any:
+def map_leaves(function: Callable[..., Tree], *trees: Tree) -> Tree:
     """Apply a function to the leaves of trees of one structure, as `jax.tree.map` does; it needs no JAX."""
     (first, structure), *others = map(flatten, trees)
     for _, other in others:

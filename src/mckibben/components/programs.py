@@ -43,7 +43,7 @@ import numpy as np
 import lanewise
 from lanewise import Leaf, Program, cache
 
-from .._jax import is_jax_array, is_loaded, is_traced, jax
+from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax
 from .._lazy import LazyModule
 from ..registry import FILE_MODULE
 from .module import Module, flatten
@@ -58,7 +58,7 @@ class UnnamedError(Exception):
     """An object has no unambiguous name, so that there is no key."""
 
 
-def program_key(function: Callable[..., Any], examples: Sequence[Any]) -> str | None:
+def program_key(function: Callable[..., Tree], examples: Sequence[Tree]) -> str | None:
     """The key of a function's program; None if it has none.
 
     Args:
@@ -274,7 +274,7 @@ class _Name:
                     todo.append(home)
 
 
-def _plain(value: tuple[Any, ...]) -> bool:
+def _plain(value: tuple[Tree, ...]) -> bool:
     return all(isinstance(v, PLAIN) or (type(v) is tuple and _plain(v)) for v in value)
 
 
@@ -282,7 +282,7 @@ def _collection(value: Any) -> bool:
     return type(value) in (dict, list, tuple) or (isinstance(value, tuple) and hasattr(value, "_fields"))
 
 
-def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "") -> tuple[Program, Any]:
+def lower_or_load(function: Callable[..., Tree], *examples: Any, title: str = "") -> tuple[Program, Tree]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
     name = _kept_name(function, examples)
     known = None if name is None else load_program(name)
@@ -294,17 +294,17 @@ def lower_or_load(function: Callable[..., Any], *examples: Any, title: str = "")
     return program, tree
 
 
-def find_program(function: Callable[..., Any], *examples: Any) -> tuple[Program, Any] | None:
+def find_program(function: Callable[..., Tree], *examples: Any) -> tuple[Program, Tree] | None:
     """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
     name = _kept_name(function, examples)
     return None if name is None else load_program(name)
 
 
-def _kept_name(function: Callable[..., Any], examples: Sequence[Any]) -> str | None:
+def _kept_name(function: Callable[..., Tree], examples: Sequence[Tree]) -> str | None:
     return None if cache.cache_folder() is None else program_key(function, examples)
 
 
-def load_program(key: str) -> tuple[Program, Any] | None:
+def load_program(key: str) -> tuple[Program, Tree] | None:
     """The program of a key and a tree like its results, without JAX; None if none is kept."""
     found = cache.load(f"{key}.program")
     if found is None:

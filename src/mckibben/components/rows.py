@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import Tree, jax, jnp
 from .module import Module, Scalar, field
 
 
@@ -25,7 +25,7 @@ class UnitRows(Module):
         return together.reshape(*self.shape, *together.shape[1:])
 
 
-def as_rows(tree: Any) -> Any:
+def as_rows(tree: Tree) -> Tree:
     """Replace arrays (.., n) of more than one axis by their rows."""
     return jax.tree.map(_as_rows, tree)
 
@@ -38,15 +38,15 @@ def _as_rows(leaf: Any) -> Any:
     return UnitRows(tuple(flat[k] for k in range(flat.shape[0])), shape=shape)
 
 
-def without_rows(tree: Any) -> Any:
+def without_rows(tree: Tree) -> Tree:
     """Replace rows by the arrays that they are of."""
     is_rows = lambda x: isinstance(x, UnitRows)  # noqa: E731
     return jax.tree.map(lambda x: x.whole if is_rows(x) else x, tree, is_leaf=is_rows)
 
 
 def for_each_unit(
-    function: Callable[..., tuple[Any, Any]], trees: Any, varied: Sequence[bool], *, mapped: bool
-) -> tuple[Any, Any]:
+    function: Callable[..., tuple[Tree, Tree]], trees: Tree, varied: Sequence[bool], *, mapped: bool
+) -> tuple[Tree, Tree]:
     """Evaluate a function for each unit of a group.
 
     Args:
@@ -63,7 +63,7 @@ def for_each_unit(
     leaves, structure = jax.tree.flatten(trees)
     per_unit = [jnp.moveaxis(jnp.asarray(leaf), -1, 0) for leaf, v in zip(leaves, varied, strict=True) if v]
 
-    def one(row: list[Any]) -> tuple[Any, Any]:
+    def one(row: list[Any]) -> tuple[Tree, Tree]:
         rest = iter(row)
         own = [next(rest) if v else leaf for leaf, v in zip(leaves, varied, strict=True)]
         result, share = function(*without_rows(jax.tree.unflatten(structure, own)))
@@ -74,7 +74,7 @@ def for_each_unit(
         results, shares = jax.vmap(one)(per_unit)
         return results, jax.tree.map(lambda x: x.sum(0), shares)
 
-    def added(sums: Any, row: list[Any]) -> tuple[Any, Any]:
+    def added(sums: Any, row: list[Any]) -> tuple[Tree, Tree]:
         result, share = one(row)
         return jax.tree.map(lambda a, b: a + b, sums, share), result
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from typing import Any
 
 from .._jax import Tree
 from .module import Module, Scalar
@@ -30,7 +29,7 @@ class Plant(System):
         """The inputs that the output converters hold, by signal, for the commands of the software by name [SI]."""
 
     @abc.abstractmethod
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """Signals of the machine, with delayed ones for parts that have dead time."""
 
     def straight(self) -> tuple[str, ...]:

@@ -46,16 +46,16 @@ class Coupling(abc.ABC):
     """A system cut into cells, many of them of one structure, and a core by which they act on each other."""
 
     @abc.abstractmethod
-    def cells(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def cells(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> list[IndependentPart]:
         """The cells of a system with its state, memory and signals; numbers are taken, none is computed."""
 
     @abc.abstractmethod
-    def core(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> IndependentPart:
+    def core(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> IndependentPart:
         """The core of a system with its state, memory and signals."""
 
     @abc.abstractmethod
     def assembled(
-        self, core: Any, groups: tuple[Any, ...], weights: tuple[Any, ...], varied: Any, mapped: bool
+        self, core: Tree, groups: tuple[Tree, ...], weights: tuple[Tree, ...], varied: Tree, mapped: bool
     ) -> System:
         """The system again, with its cells in groups of one structure.
 
@@ -94,7 +94,7 @@ class System(Module):
     def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Recorded outputs, by name [SI]."""
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """Signals, with delayed ones for parts that have dead time.
 
         Every run calls this on the signals it is given. What is late already stays as it is.
@@ -108,7 +108,7 @@ class System(Module):
         """
         return jnp.zeros(())
 
-    def parts(self, state: Tree, memory: Tree, signals: Mapping[str, Any]) -> list[IndependentPart]:
+    def parts(self, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> list[IndependentPart]:
         """The parts that can be integrated side by side; empty if each acts on the others, or where they are few."""
         return []
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lanewise import Program
 
-from .._jax import jax
+from .._jax import Tree, jax
 from ..components.rows import as_rows
 from ..components.system import Coupling, System
 from .native import EngineFunction, compile_function
@@ -39,12 +39,12 @@ class CellGroup(NamedTuple):
         return (np.arange(self.places.shape[1]) < len(self.outputs)).astype(float)
 
 
-def find_groups(coupling: Coupling, whole: tuple[Any, Any, Any, Any]) -> list[CellGroup] | None:
+def find_groups(coupling: Coupling, whole: tuple[Tree, Tree, Tree, Tree]) -> list[CellGroup] | None:
     """Group the cells of (system, state, memory, signals) by structure; None if one has a number that the whole has not."""
     outputs: list[dict[str, str]] = []
     structures: list[Any] = []
 
-    def taken_apart(*trees: Any) -> list[Any]:
+    def taken_apart(*trees: Tree) -> list[Any]:
         cells = coupling.cells(*trees)
         outputs[:] = [cell.outputs for cell in cells]
         structures[:] = [jax.tree.structure(cell[:4]) for cell in cells]
@@ -82,8 +82,8 @@ class CoupledRun:
         self,
         coupling: Coupling,
         groups: list[CellGroup],
-        example: tuple[Any, Any, Any, Any],
-        function: Callable[..., Any],
+        example: tuple[Tree, Tree, Tree, Tree],
+        function: Callable[..., Tree],
         wanted: tuple[str, ...] | None,
         engine: str,
     ) -> None:
@@ -104,7 +104,7 @@ class CoupledRun:
         """The program for the example, called with the leaves of `arguments`; see `EngineFunction.program`."""
         return self.run.program
 
-    def arguments(self, *whole: Any) -> tuple[System, Any, Any, Any]:
+    def arguments(self, *whole: Tree) -> tuple[System, Tree, Tree, Tree]:
         """(system, state, memory, signals) with the cells as arrays."""
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(whole)]
         single = np.array([float(leaf) if leaf.ndim == 0 and leaf.dtype == float else np.nan for leaf in leaves])
@@ -128,7 +128,7 @@ class CoupledRun:
         system = self.coupling.assembled(core.system, tuple(systems), weights, tuple(varied), mapped)
         return system, state, memory, signals
 
-    def _run_of(self, arguments: tuple[Any, ...]) -> EngineFunction:
+    def _run_of(self, arguments: tuple[Tree, ...]) -> EngineFunction:
         """The compiled run for what differs from cell to cell in these."""
         shapes = tuple(np.shape(leaf) for leaf in jax.tree.leaves(arguments))
         key = jax.tree.structure(arguments), shapes
@@ -136,7 +136,7 @@ class CoupledRun:
             self._runs[key] = compile_function(self._function, *arguments, engine=self._engine, title="machine")
         return self._runs[key]
 
-    def __call__(self, *whole: Any, **options: Any) -> dict[str, Any]:
+    def __call__(self, *whole: Tree, **options: Any) -> dict[str, Tree]:
         """Run the whole.
 
         Args:

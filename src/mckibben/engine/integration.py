@@ -212,7 +212,7 @@ def compile_march(
     system: Tree,
     state: Tree,
     memory: Tree,
-    signals: Mapping[str, Any],
+    signals: Mapping[str, Tree],
     *,
     period: float,
     inner: int,
@@ -266,7 +266,7 @@ def _outputs(
     samples: int,
     stiff: bool,
     outputs: Any,
-) -> dict[str, Any]:
+) -> dict[str, Tree]:
     _, kept = march(system, state, memory, signals, period, inner, samples, stiff, integrals=False)
     if outputs is None:
         return dict(kept[2])
@@ -276,11 +276,11 @@ def _outputs(
     return {name: kept[2][name] for name in outputs}
 
 
-def _inputs(signals: Any, index: Scalar, share: Scalar, period: Scalar) -> dict[str, Any]:
+def _inputs(signals: Any, index: Scalar, share: Scalar, period: Scalar) -> dict[str, Tree]:
     return {name: s.at(index, share, period) for name, s in signals.items()}
 
 
-def _within(signals: Any, index: Scalar, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> dict[str, Any]:
+def _within(signals: Any, index: Scalar, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> dict[str, Tree]:
     return {name: s.within(index, begin, end, share, period) for name, s in signals.items()}
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 import lanewise
 
+from .._jax import Tree
 from ..components import programs
 from ..components.module import flatten, map_leaves, unflatten
 from ..errors import EngineError, InputError
@@ -50,7 +51,7 @@ class EngineFunction:
 
     def __call__(
         self,
-        *trees: Any,
+        *trees: Tree,
         lanes: int | None = None,
         mode: str = "default",
         real: str = "float64",
@@ -74,14 +75,14 @@ class _KeptFunction:
     def __init__(self, program: lanewise.Program, result: Any, examples: Any) -> None:
         self.program, self._structure, self._result = program, flatten(examples)[1], flatten(result)[1]
 
-    def __call__(self, *trees: Any, **options: Any) -> Any:
+    def __call__(self, *trees: Tree, **options: Any) -> Any:
         leaves, structure = flatten(trees)
         if structure != self._structure:
             raise lanewise.ArgumentError("arguments", "arguments must be trees like the examples")
         return unflatten(self._result, self.program.call(leaves, **options))
 
 
-def _find_kept(function: Callable[..., Any], examples: tuple[Any, ...], engine: str) -> _KeptFunction | None:
+def _find_kept(function: Callable[..., Tree], examples: tuple[Tree, ...], engine: str) -> _KeptFunction | None:
     """The function as it was lowered before; None if it has to be lowered, or needs JAX to be run."""
     if engine not in ("auto", "native") or importlib.util.find_spec("llvmlite") is None:
         return None
@@ -103,7 +104,7 @@ def laboratory_errors() -> Iterator[None]:
 
 
 def compile_function(
-    function: Callable[..., Any], *examples: Any, engine: str = "auto", title: str = ""
+    function: Callable[..., Tree], *examples: Tree, engine: str = "auto", title: str = ""
 ) -> EngineFunction:
     """Compile a JAX function for one lane or many, or find what was lowered before.
 
@@ -126,7 +127,7 @@ def compile_function(
         )
 
 
-def differentiable(function: Callable[..., Any], *examples: Any, **options: Any) -> Callable[..., Any]:
+def differentiable(function: Callable[..., Tree], *examples: Tree, **options: Any) -> Callable[..., Tree]:
     """Compile a JAX function whose derivatives are kernels too, or find what was lowered before.
 
     Args:
@@ -142,7 +143,7 @@ MOST_KNOWN = 64  # functions with the shapes of their arguments that are remembe
 MOST_ALIKE = 16  # structures of each
 
 
-def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "default", **fixed: Hashable) -> Any:
+def call_compiled(function: Callable[..., Tree], *trees: Tree, mode: str = "default", **fixed: Hashable) -> Tree:
     """Call a function that is compiled when it is first called with trees of this structure and these shapes.
 
     Args:
@@ -155,8 +156,8 @@ def call_compiled(function: Callable[..., Any], *trees: Any, mode: str = "defaul
 
 
 def call_in_lanes(
-    function: Callable[..., Any], shared: tuple[Any, ...], varied: tuple[Any, ...], *, mode: str = "default"
-) -> Any:
+    function: Callable[..., Tree], shared: tuple[Tree, ...], varied: tuple[Tree, ...], *, mode: str = "default"
+) -> Tree:
     """Call a function that is compiled once for many cases, as `call_compiled` does; each case is a lane.
 
     Args:
@@ -181,7 +182,7 @@ def call_in_lanes(
     return unflatten(structure, [np.moveaxis(x, -1, 0) for x in leaves])
 
 
-def _compiled_for(function: Callable[..., Any], trees: tuple[Any, ...], fixed: dict[str, Hashable]) -> EngineFunction:
+def _compiled_for(function: Callable[..., Tree], trees: tuple[Tree, ...], fixed: dict[str, Hashable]) -> EngineFunction:
     """A function compiled for trees of this structure and these shapes, from memory if it was before."""
     leaves, structure = flatten(trees)
     kinds = tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)

@@ -24,14 +24,14 @@ from .native import compile_function
 class Packed:
     """A compiled function of vectors that returns several trees as vectors, ready to be called."""
 
-    def __init__(self, function: Callable[..., tuple[Any, ...]], *examples: Any) -> None:
+    def __init__(self, function: Callable[..., tuple[Tree, ...]], *examples: Tree) -> None:
         """Compile a function for arguments like the examples; it returns a tuple of trees."""
         vectors, self._backs = zip(*(_packed(e) for e in examples), strict=True)
         shapes = jax.eval_shape(function, *examples)
         self._structures = [jax.tree.structure(tree) for tree in shapes]
         self._outs = [_packed(jax.tree.map(lambda s: np.zeros(s.shape, s.dtype), tree))[1] for tree in shapes]
 
-        def flat(*given: Any) -> tuple[Any, ...]:
+        def flat(*given: Any) -> tuple[Tree, ...]:
             trees = function(*(back(v) for back, v in zip(self._backs, given, strict=True)))
             return tuple(_packed(tree)[0] for tree in trees)
 
@@ -72,7 +72,7 @@ _lock = threading.Lock()
 MOST_COMPILED = 24  # that are remembered
 
 
-def compile_once(function: Callable[..., tuple[Any, ...]], constants: Sequence[Any], *examples: Any) -> Packed:
+def compile_once(function: Callable[..., tuple[Tree, ...]], constants: Sequence[Tree], *examples: Tree) -> Packed:
     """Fix the first arguments of a function, and compile it at the first call with such values.
 
     Concurrent requests for the same share one compilation. What `programs.program_key` cannot name is compiled every time.

@@ -24,7 +24,7 @@ class Prediction(NamedTuple):
 
 
 def prediction(
-    function: Callable[..., Any], count: int, *fixed: Any, engine: str = "auto", name: Hashable = None
+    function: Callable[..., Tree], count: int, *fixed: Tree, engine: str = "auto", name: Hashable = None
 ) -> Prediction:
     """The prediction of a JAX function that returns one array, by native kernels where it can be lowered.
 
@@ -54,7 +54,7 @@ def prediction(
     )
 
 
-def _made(function: Callable[..., Any], count: int, fixed: Any, engine: str) -> tuple[Tree, Tree]:
+def _made(function: Callable[..., Tree], count: int, fixed: Any, engine: str) -> tuple[Tree, Tree]:
     made = compile_function(function, np.zeros(count), *fixed, engine=engine)
     if made.engine == "xla":
         jacobian = jax.jit(jax.jacfwd(function))

@@ -137,7 +137,7 @@ def act(
     def one(i: Any, physics: Any) -> Any:
         first, then = i / inner, (i + 1) / inner
 
-        def inputs(share: Scalar) -> dict[str, Any]:
+        def inputs(share: Scalar) -> dict[str, Tree]:
             return {n: s.within(last, first, then, share, period) for n, s in signals.items()}
 
         return step(plant, physics, inputs, h, stiff)

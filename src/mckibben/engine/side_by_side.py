@@ -18,7 +18,7 @@ class LeafPlace(int):
     """The place of a leaf among those of a tree, in the place of the leaf."""
 
 
-def find_places(taken_apart: Callable[..., Sequence[Any]], trees: tuple[Any, ...]) -> list[int]:
+def find_places(taken_apart: Callable[..., Sequence[Tree]], trees: tuple[Tree, ...]) -> list[int]:
     """Places among the leaves of trees of the numbers that a function takes from them; -1 for one that it computes."""
     leaves, structure = jax.tree.flatten(trees)
     places = [LeafPlace(k) for k in range(len(leaves))]
@@ -48,7 +48,7 @@ class Split(NamedTuple):
     outputs: list[dict[str, str]]
 
     @classmethod
-    def of(cls, whole: tuple[Any, Any, Any, Any]) -> Split | None:
+    def of(cls, whole: tuple[Tree, Tree, Tree, Tree]) -> Split | None:
         """Split a (system, state, memory, signals); None if it has no parts, or parts of several structures."""
         outputs: list[dict[str, str]] = []
         structures: list[Any] = []
@@ -97,7 +97,9 @@ class SideBySide:
         reason: why it is not native although that was requested.
     """
 
-    def __init__(self, split: Split, function: Callable[..., Any], wanted: tuple[str, ...] | None, engine: str) -> None:
+    def __init__(
+        self, split: Split, function: Callable[..., Tree], wanted: tuple[str, ...] | None, engine: str
+    ) -> None:
         self.split, self.wanted = split, wanted
         self._place: dict[str, tuple[int, str]] = {}
         for part, names in enumerate(split.outputs):
@@ -113,7 +115,7 @@ class SideBySide:
         """The program of a part, see `EngineFunction.program`."""
         return self.run.program
 
-    def __call__(self, *whole: Any, **options: Any) -> dict[str, Any]:
+    def __call__(self, *whole: Tree, **options: Any) -> dict[str, Tree]:
         """Run the whole.
 
         Args:

@@ -6,8 +6,8 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity, has_dimension, parse
 from ..schema import shown
@@ -67,7 +67,7 @@ def read_amount(
     return amount
 
 
-def relative_unit(entry: object, unit: str) -> tuple[Any, str]:
+def relative_unit(entry: object, unit: str) -> tuple[JsonValue, str]:
     """Rewrite a waveform's table whose lengths are all in rest lengths, with its unit; else return both unchanged."""
     relative = [text for text in _texts(entry) if _is_relative(text, unit)]
     if not relative or has_both(entry, unit):
@@ -88,7 +88,7 @@ def has_both(entry: object, unit: str) -> bool:
     return bool(relative) and any(has_dimension(text, unit) for text in texts if text not in relative)
 
 
-def in_metres(entry: object, unit: str, rest_length: float) -> Any:
+def in_metres(entry: object, unit: str, rest_length: float) -> JsonValue:
     """A waveform's table with every value in rest lengths as one in `unit`, for a rest length [m]."""
 
     def write(text: str) -> str:
@@ -98,7 +98,7 @@ def in_metres(entry: object, unit: str, rest_length: float) -> Any:
     return _rewritten(entry, write)
 
 
-def in_si(entry: object, unit: str) -> Any:
+def in_si(entry: object, unit: str) -> JsonValue:
     """A waveform's table with every value of the dimension of `unit` in it; those in rest lengths stay."""
 
     def write(text: str) -> str:
@@ -108,7 +108,7 @@ def in_si(entry: object, unit: str) -> Any:
     return _rewritten(entry, write)
 
 
-def table_words(entry: Any, unit: str) -> str:
+def table_words(entry: JsonValue, unit: str) -> str:
     """Describe a waveform's table: ``sine, amplitude 1.2 cm, mean 0.9 L0``; numbers are in `unit` or named."""
     if isinstance(entry, Mapping):
         named = [f"{key.replace('_', ' ')} {table_words(value, unit)}" for key, value in entry.items() if key != "kind"]
@@ -132,7 +132,7 @@ def _is_relative(text: str, unit: str) -> bool:
     return match is not None and RELATIVE[match[2]] == unit
 
 
-def _rewritten(entry: object, write: Callable[[str], str]) -> Any:
+def _rewritten(entry: object, write: Callable[[str], str]) -> JsonValue:
     """Rewrite all texts of a table."""
     if isinstance(entry, Mapping):
         return {key: _rewritten(value, write) for key, value in entry.items()}

@@ -16,6 +16,7 @@ import numpy as np
 
 from .. import schema
 from .._jax import Scalar
+from ..documents import JsonValue
 from ..errors import InputError
 from ..registry import Registry
 from ..schema import FileTable, Place, frozen, read_table
@@ -208,7 +209,7 @@ class RampTo(Command):
         return isinstance(raw, Mapping) and "to" in raw and "kind" not in raw
 
     @classmethod
-    def read(cls, raw: Any, place: Place, channel: str) -> RampTo:
+    def read(cls, raw: JsonValue, place: Place, channel: str) -> RampTo:
         """Make it of ``to`` and one of ``in`` and ``at``."""
         unit, table = CHANNELS[channel], FileTable(raw, place.field, place.where or "")
         table.only(("to", "in", "at"), "a line has")
@@ -279,7 +280,7 @@ class DirectionDependent(Command):
         return channel == "pressure" and isinstance(raw, Mapping) and "shortening" in raw and "kind" not in raw
 
     @classmethod
-    def read(cls, raw: Any, place: Place, channel: str) -> DirectionDependent:
+    def read(cls, raw: JsonValue, place: Place, channel: str) -> DirectionDependent:
         """Make it of its table."""
         return read_table(cls, FileTable(raw, place.field, place.where or ""), owner="pressure by direction has")
 

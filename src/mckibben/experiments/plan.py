@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 from .commands import ANYWHERE, Command, Deferred, Reach, SetPoints, StepClock, kept
 from .sentence import case_words
@@ -121,7 +122,7 @@ class _State:
         self.mode, self.motor = "span", span
         self.pulled: Reach | None = None
 
-    def plan(self, step: ProtocolStep, index: int, path: str, case: Mapping[str, Any], start: int) -> PlannedStep:
+    def plan(self, step: ProtocolStep, index: int, path: str, case: Mapping[str, JsonValue], start: int) -> PlannedStep:
         mode = step.mode or self.mode
         if mode != self.mode:
             # nobody knows the force or speed at which control begins; the span is known if it was driven so far

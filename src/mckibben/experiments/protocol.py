@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .. import schema
+from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FrozenTable, Place, read_table, write_table
 from .amounts import read_amount
@@ -31,7 +32,7 @@ SENSORS = ("pressure sensor", "span sensor", "tension sensor")  # that are sugge
 _NAME = r"[a-z][a-z0-9_]*"
 
 
-def check_values(p: ProtocolParameter, values: tuple[Any, ...], place: Place) -> None:
+def check_values(p: ProtocolParameter, values: tuple[JsonValue, ...], place: Place) -> None:
     """Refuse values that a parameter cannot have, by the place where they are stated."""
     for value in values:
         if p.unit == "word":
@@ -45,7 +46,7 @@ def check_values(p: ProtocolParameter, values: tuple[Any, ...], place: Place) ->
                 raise place.fail(value, f"must be between {p.low} and {p.high}")
 
 
-def check_options(choice: ProtocolChoice, values: tuple[Any, ...], place: Place) -> None:
+def check_options(choice: ProtocolChoice, values: tuple[JsonValue, ...], place: Place) -> None:
     """Refuse values that are no options of a choice, by the place where they are stated."""
     options = [name for name, _ in choice.options]
     for value in values:
@@ -55,7 +56,7 @@ def check_options(choice: ProtocolChoice, values: tuple[Any, ...], place: Place)
             raise place.fail(value, known=options)
 
 
-def read_values(raw: object, place: Place) -> tuple[Any, ...]:
+def read_values(raw: object, place: Place) -> tuple[JsonValue, ...]:
     """Read one value or several."""
     values = tuple(raw) if isinstance(raw, list | tuple) else (raw,)
     if not values:
@@ -63,15 +64,15 @@ def read_values(raw: object, place: Place) -> tuple[Any, ...]:
     return values
 
 
-def _read_inferred(raw: object, place: Place) -> tuple[Any, ...]:
+def _read_inferred(raw: object, place: Place) -> tuple[JsonValue, ...]:
     return () if raw is False else read_values(raw, place)
 
 
-def _few(values: tuple[Any, ...], place: Place | None = None) -> Any:
+def _few(values: tuple[JsonValue, ...], place: Place | None = None) -> Any:
     return values[0] if len(values) == 1 else list(values)
 
 
-def _all(values: tuple[Any, ...], place: Place) -> list[Any]:
+def _all(values: tuple[JsonValue, ...], place: Place) -> list[Any]:
     return list(values)
 
 
@@ -143,7 +144,7 @@ class ProtocolChoice:
         check_options(self, self.inferred, Place("inferred"))
         check_options(self, self.values, Place("value"))
 
-    def sets(self, option: str) -> dict[str, Any]:
+    def sets(self, option: str) -> dict[str, JsonValue]:
         """The parameters that an option sets."""
         return dict(dict(self.options)[option])
 
@@ -160,7 +161,7 @@ def _read_named(kind: type[T]) -> Callable[[Any, Place], tuple[T, ...]]:
     return read
 
 
-def _write_named(values: tuple[Any, ...], place: Place) -> dict[str, Any]:
+def _write_named(values: tuple[JsonValue, ...], place: Place) -> dict[str, JsonValue]:
     return {value.name: write_table(value, skip=("name",)) for value in values}
 
 
@@ -170,7 +171,7 @@ def _read_steps(raw: object, place: Place) -> tuple[FrozenTable, ...]:
     return tuple(FrozenTable(place.below(i).table(one).values) for i, one in enumerate(raw, 1))
 
 
-def _write_steps(steps: tuple[FrozenTable, ...], place: Place) -> list[dict[str, Any]]:
+def _write_steps(steps: tuple[FrozenTable, ...], place: Place) -> list[dict[str, JsonValue]]:
     return [step.plain() for step in steps]
 
 
@@ -235,7 +236,7 @@ class Protocol:
         """The values of every choice and parameter by name; those that choices set are empty."""
         return {c.name: c.values for c in self.choices} | {p.name: p.values for p in self.parameters}
 
-    def cases(self) -> list[dict[str, Any]]:
+    def cases(self) -> list[dict[str, JsonValue]]:
         """Cases in the order in which they are run: the value of each name."""
         varied = {name: values for name, values in self.variables().items() if values}
         listed = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
@@ -245,7 +246,7 @@ class Protocol:
             cases = [cases[i] for i in np.argsort(chance, kind="stable")]
         return cases
 
-    def blocks(self) -> Iterator[tuple[dict[str, Any], list[tuple[str, ProtocolStep]]]]:
+    def blocks(self) -> Iterator[tuple[dict[str, JsonValue], list[tuple[str, ProtocolStep]]]]:
         """The case and the steps of each, with their dotted paths: `first`, every case, `last`."""
         cases = self.cases()
         if self.first:
@@ -274,7 +275,7 @@ class Protocol:
         """Describe the whole protocol, with all its numbers."""
         return protocol_sentence(self)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, JsonValue]:
         """Return the protocol as tables of text, which `read.build_protocol` takes and recordings contain."""
         return {"schema": SCHEMA} | write_table(self, always=("sample_rate",))
 
@@ -292,7 +293,7 @@ class Protocol:
         """Names of the parameters and choices with more than one value: what tells the cases apart."""
         return tuple(name for name, values in self.variables().items() if len(values) > 1)
 
-    def _with_choices(self, case: Mapping[str, Any]) -> dict[str, Any]:
+    def _with_choices(self, case: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
         full = dict(case)
         for choice in self.choices:
             full |= choice.sets(case[choice.name])

@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..accessors import implementation
-from ..documents import parse_toml, read_text
+from ..documents import JsonValue, parse_toml, read_text
 from ..errors import InputError
 from ..quantities import split_values
 from ..schema import FileTable, Place, read_stated, read_table
@@ -62,7 +62,7 @@ def parse_protocol(text: str, *, where: str) -> Protocol:
     return build_protocol(parse_toml(text, where=where, field="protocol"), where=where)
 
 
-def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
+def build_protocol(document: Mapping[str, JsonValue], *, where: str) -> Protocol:
     """Read a protocol from tables of text; raises as `read_protocol` does."""
     top = FileTable(document, "", where)
     if "schema" in document or "protocol" not in document:
@@ -74,7 +74,7 @@ def build_protocol(document: Mapping[str, Any], *, where: str) -> Protocol:
     return checked(read_table(Protocol, top, owner="a protocol has", beside=("schema",)), where)
 
 
-def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | None = None) -> Protocol:
+def with_values(protocol: Protocol, given: Mapping[str, JsonValue], *, where: str | None = None) -> Protocol:
     """Return a protocol with other values of its parameters, choices and settings.
 
     Args:
@@ -103,7 +103,7 @@ def with_values(protocol: Protocol, given: Mapping[str, Any], *, where: str | No
 
 def _read(
     raw: object, name: str, owner: T, check: Callable[[T, tuple[Any, ...], Place], None], where: str | None
-) -> tuple[Any, ...]:
+) -> tuple[JsonValue, ...]:
     place = Place(name, where)
     values = read_values(raw, place)
     check(owner, values, place)
@@ -203,7 +203,7 @@ def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
     return with_values(base, in_words(base, values))
 
 
-def in_words(protocol: Protocol, values: Mapping[str, Any]) -> dict[str, Any]:
+def in_words(protocol: Protocol, values: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
     """Values of parameters as the words of a file: a number [SI] gets the unit of its parameter.
 
     The name ``pressure`` stands for the only parameter that is a pressure, where none has that name.

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FileTable, FrozenTable
 from .amounts import read_amount
@@ -53,7 +54,7 @@ def clauses(protocol: Protocol) -> list[tuple[str, str]]:
     return sentences
 
 
-def case_words(case: Mapping[str, Any]) -> str:
+def case_words(case: Mapping[str, JsonValue]) -> str:
     """Describe a case, such as ``pressure 5 bar, frequency 1 Hz``."""
     return ", ".join(f"{_named(k)} {v}" for k, v in case.items())
 
@@ -70,7 +71,7 @@ def _named(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _varied(cases: list[dict[str, Any]]) -> dict[str, list[Any]]:
+def _varied(cases: list[dict[str, JsonValue]]) -> dict[str, list[Any]]:
     """Names with more than one value in all the cases, with these values."""
     names: dict[str, list[Any]] = {}
     for case in cases:
@@ -96,11 +97,11 @@ def _listed(protocol: Protocol, name: str) -> str:
     return ", ".join(shown) + (f" {words[0][1]}" if same else "")
 
 
-def _option(sets: Mapping[str, Any], option: str) -> str:
+def _option(sets: Mapping[str, JsonValue], option: str) -> str:
     return f"{option} ({case_words(sets)})" if sets else option
 
 
-def _told(protocol: Protocol, case: Mapping[str, Any]) -> dict[str, Any]:
+def _told(protocol: Protocol, case: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
     """Case with phrases such as ``this lubricant`` for parameters that are text, for use in sentences."""
     words = {p.name: f"this {_named(p.name)}" for p in protocol.parameters if p.unit == "word" and len(p.values) > 1}
     phrases = {**case, **words}
@@ -111,7 +112,7 @@ def _told(protocol: Protocol, case: Mapping[str, Any]) -> dict[str, Any]:
     return phrases
 
 
-def _parts(parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str) -> str:
+def _parts(parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], path: str) -> str:
     said = []
     for i, part in enumerate(parts, 1):
         place = f"{path}.{i}"
@@ -128,7 +129,7 @@ def _parts(parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str) -
     return "; ".join(said)
 
 
-def _marked(parts: tuple[FrozenTable, ...], case: Mapping[str, Any], varied: Mapping[str, list[Any]]) -> str:
+def _marked(parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], varied: Mapping[str, list[Any]]) -> str:
     """The steps of one case; a number that changes with a name is called after it: ``at this frequency``."""
     base = _TOKENS.findall(_parts(parts, case, "steps"))
     marked = list(base)
@@ -149,7 +150,7 @@ def _sampled(protocol: Protocol) -> str:
     return f"Sampled at {shown}; needs {', '.join(protocol.required())}."
 
 
-def _inferred(protocol: Protocol, cases: list[dict[str, Any]]) -> list[str]:
+def _inferred(protocol: Protocol, cases: list[dict[str, JsonValue]]) -> list[str]:
     said = []
     for c in protocol.choices:
         options = [o for o in c.values if o in c.inferred]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from .. import schema
+from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FileTable, FrozenTable, Place, read_table, thawed
 from .commands import MODES, OPEN, Command, Follow, RampTo, read_command
@@ -98,7 +99,7 @@ class ProtocolStep:
 
 
 def bind(
-    parts: tuple[FrozenTable, ...], case: Mapping[str, Any], path: str, where: str | None = None
+    parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], path: str, where: str | None = None
 ) -> list[tuple[str, ProtocolStep]]:
     """Steps with the values of a case, groups and repeats unrolled, each with its dotted path.
 
@@ -131,7 +132,7 @@ def repeats(entry: FileTable) -> int:
     return entry.whole("repeat", 0, 100_000, 1)
 
 
-def substituted(value: object, case: Mapping[str, Any], path: str, where: str | None) -> Any:
+def substituted(value: object, case: Mapping[str, JsonValue], path: str, where: str | None) -> JsonValue:
     """Replace ``$names`` by their values; a list of steps is left for later."""
     if isinstance(value, Mapping):
         return {k: v if k == "steps" else substituted(v, case, f"{path}.{k}", where) for k, v in value.items()}

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, overload
 import numpy as np
 
 from ..accessors import Accessor, implementation
+from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 from ..muscles.build import law_from_specimen
@@ -87,7 +88,7 @@ class Ranking:
     def __repr__(self) -> str:
         return f"Ranking({self.title!r}, {len(self)} laws, best {self.best.law}: rmse {self.best.rmse:.3g} N)"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Every fit, published law and skipped law as plain values [SI], for JSON."""
         return {
             "map": self.points.name,
@@ -148,7 +149,7 @@ def fit(
     table: Table,
     law: str | type[TensionLaw] | Iterable[str | type[TensionLaw]] | ForceMap | None = None,
     *,
-    known: Mapping[str, Any] | None = None,
+    known: Mapping[str, JsonValue] | None = None,
     like: Specimen | str | None = None,
     rest_length: float | str | None = None,
     train_below: float | str | None = None,
@@ -222,8 +223,8 @@ def load_table(
 
 
 def known_in_si(
-    known: Mapping[str, Any], laws: str | type[TensionLaw] | Iterable[str | type[TensionLaw]] | None
-) -> dict[str, Any]:
+    known: Mapping[str, JsonValue], laws: str | type[TensionLaw] | Iterable[str | type[TensionLaw]] | None
+) -> dict[str, JsonValue]:
     """Parameters that are not to be fitted, in SI; raises `InputError` for one that none of the laws has."""
     names = [law_key(law) for law in ([laws] if isinstance(laws, str | type) else laws or LAWS)]
     fields = {key: q for name in names for key, q in declared(law_type(name)).items()} if known else {}

@@ -95,7 +95,7 @@ class Circuit(System):
         kept = {name: self.elements[name].initial_memory(self._at(name, gases)) for name in self.elements}
         return {name: memory for name, memory in kept.items() if flatten(memory)[0]}
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """Signals, with ``<element>.command`` of every element that has dead time, delayed by it.
 
         A run does this itself. What is late already stays as it is.

@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity, declared, with_unit
 from .leak import Leak
@@ -140,7 +141,7 @@ def one_size(given: Mapping[str, float], prefix: str, where: str | None) -> None
         raise InputError(prefix + sizes[1], with_unit(given[sizes[1]], units[sizes[1]]), allowed, where=where)
 
 
-def put_value(values: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+def put_value(values: Mapping[str, JsonValue], key: str, value: Any) -> dict[str, JsonValue]:
     """The values of an element, as a file has them, with one replaced or added.
 
     A key that the file has under its other name keeps that name. A size takes the place of one that is stated in another

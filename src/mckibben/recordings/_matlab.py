@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 from ._isolation import check_self_contained, read_in_process
@@ -105,7 +106,7 @@ def read_matlab(path: Path) -> ImportResult | ForeignTable:
     return ForeignTable(columns, {"values": {k.replace("$", "_"): v for k, v in notes.items()}}, remarks)
 
 
-def content(path: str | Path) -> tuple[dict[str, Any], list[str]]:
+def content(path: str | Path) -> tuple[dict[str, JsonValue], list[str]]:
     """The variables of a file, and the reader's warnings."""
     import pymatreader
 
@@ -142,7 +143,7 @@ def _checked(path: Path) -> bool:
     return True
 
 
-def _leaves(found: Mapping[str, Any], before: str, depth: int) -> list[tuple[str, Any]]:
+def _leaves(found: Mapping[str, JsonValue], before: str, depth: int) -> list[tuple[str, Any]]:
     """All values that are no structs, under their dotted names."""
     leaves: list[tuple[str, Any]] = []
     for key, value in found.items():

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..extras import library
 from .formats import ForeignColumn
 
@@ -76,7 +77,7 @@ def json_message(message: object) -> LoggedMessage:
     return LoggedMessage(dict(_json_numbers(message, "")) if isinstance(message, Mapping) else {})
 
 
-def _json_numbers(message: Mapping[str, Any], before: str) -> Iterator[tuple[str, Number]]:
+def _json_numbers(message: Mapping[str, JsonValue], before: str) -> Iterator[tuple[str, Number]]:
     for key, value in message.items():
         if isinstance(value, Mapping):
             yield from _json_numbers(value, f"{before}{key}.")

@@ -38,7 +38,7 @@ def freeze(meta: Mapping[str, JsonValue]) -> Frozen:
     return _plain(meta, "meta")
 
 
-def _plain(value: Any, path: str) -> Any:
+def _plain(value: Any, path: str) -> JsonValue:
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, str):
@@ -72,7 +72,7 @@ def to_json(meta: Mapping[str, JsonValue], *, ascii_only: bool = False) -> str:
     return json.dumps(_marked(meta), ensure_ascii=ascii_only, allow_nan=False)
 
 
-def from_json(text: str) -> Any:
+def from_json(text: str) -> JsonValue:
     """Parse what `to_json` wrote."""
     return parse_json(text, object_hook=lambda table: float(table[_MARK]) if _MARK in table else table)
 
@@ -87,7 +87,7 @@ def _is_line(text: object) -> bool:
     return isinstance(text, str) and bool(text) and text.isprintable()
 
 
-def _marked(value: Any) -> Any:
+def _marked(value: Any) -> JsonValue:
     if isinstance(value, float) and not math.isfinite(value):
         return {_MARK: repr(value)}
     if isinstance(value, dict):

@@ -98,7 +98,7 @@ def check_schema(schema: object, where: str | None = None) -> None:
         raise InputError("schema", int(schema), problem, where=where)
 
 
-def parse(text: object, what: str, where: str | None = None) -> Any:
+def parse(text: object, what: str, where: str | None = None) -> JsonValue:
     """Parse JSON, None of nothing; `InputError` where it is damaged."""
     if text is None:
         return None

@@ -109,7 +109,7 @@ class LiveLog:
             os.fsync(self._file.fileno())
             _sync_folder(self.path.absolute().parent)
 
-    def append(self, times: float | Sequence[float] | np.ndarray, values: Mapping[str, Any] | np.ndarray) -> None:
+    def append(self, times: float | Sequence[float] | np.ndarray, values: Mapping[str, JsonValue] | np.ndarray) -> None:
         """Add one sample, or several.
 
         Args:

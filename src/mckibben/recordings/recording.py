@@ -263,7 +263,7 @@ class Recording:
         moved = {n: c.with_values(np.interp(time, self.time, c.values)) for n, c in self.channels.items()}
         return Recording(time, moved, self.meta)
 
-    def summary(self) -> dict[str, dict[str, Any]]:
+    def summary(self) -> dict[str, dict[str, JsonValue]]:
         """Statistics of each channel: min, max, mean of the samples [its unit], unit and kind. NaN are ignored."""
         figures_of: dict[str, dict[str, Any]] = {}
         for name, channel in self.channels.items():

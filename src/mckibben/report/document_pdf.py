@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ..citations import known_keys, reference
@@ -62,7 +63,7 @@ def pdf(document: Document) -> bytes:
     return bytes(typst.compile(files, format="pdf", font_paths=_fonts(), pdf_standards="ua-1"))
 
 
-def compiler(instead: str = "HTML reports do without it") -> Any:
+def compiler(instead: str = "HTML reports do without it") -> ModuleType:
     """Load the library for PDF files; `instead` states what works without it.
 
     Raises:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._jax import Tree
 from ..assembly.build import INFERRED, PORTED, AirLine, circuit_for
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
@@ -149,7 +150,7 @@ class Air:
             return self.heat
         return WallHeat(conductance=in_si(self.heat, "W/K", "heat"), wall_temperature=room.temperature)
 
-    def _document(self, supply: float) -> dict[str, Any]:
+    def _document(self, supply: float) -> dict[str, Tree]:
         valve = published_valve(self.valve) if isinstance(self.valve, str) else type(self.valve).__name__
         return {"supply": with_unit(supply, "Pa"), "valve": valve}
 

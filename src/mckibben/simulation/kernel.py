@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .._jax import Tree, jax
+from ..documents import JsonValue
 from ..engine.native import EngineFunction, compile_function
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
@@ -62,7 +63,7 @@ class Programs:
         run = self._function("outputs", functools.partial(outputs_at, self.layouts), *self.examples[:2])
         return dict(run(plant, carry, mode=MODE))
 
-    def _function(self, key: Any, function: Callable[..., Any], *examples: Any) -> EngineFunction:
+    def _function(self, key: Any, function: Callable[..., Tree], *examples: Tree) -> EngineFunction:
         if key not in self._compiled:
             self._compiled[key] = compile_function(function, *examples, title="a simulation")
         return self._compiled[key]
@@ -189,7 +190,7 @@ class SampleKernel:
         return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE)
 
 
-def _by_xla(function: EngineFunction, given: Sequence[Any], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
+def _by_xla(function: EngineFunction, given: Sequence[Tree], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
     """The same call where there is no kernel."""
     for target, value in zip(wanted, function(*given, lanes=lanes), strict=True):
         target[...] = value
@@ -210,7 +211,7 @@ class RecordingKernel:
 
     def replay(
         self, carry: np.ndarray, commands: np.ndarray, bound: float
-    ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    ) -> tuple[JsonValue, dict[str, JsonValue], dict[str, JsonValue]]:
         """Go through samples again.
 
         Args:

@@ -87,7 +87,7 @@ def _accounts(simulation: Simulation, begin: Tree, end: Tree, sums: dict[str, fl
     return accounts(simulation.machine, begin[:2], ended, first, last)
 
 
-def _inputs(plant: Tree, history: Any, period: Scalar) -> dict[str, Any]:
+def _inputs(plant: Tree, history: Any, period: Scalar) -> dict[str, Tree]:
     return sampled.inputs_of(plant, sampled.Carry((), (), (), (), history), None, period)
 
 
@@ -116,7 +116,7 @@ def _described(output: str) -> tuple[str, str, str]:
     return unit, name, meaning
 
 
-def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationState) -> dict[str, Any]:
+def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationState) -> dict[str, Tree]:
     machine, room = simulation.machine, simulation.machine.environment
     stated = [published(muscle) for muscle in simulation.system.muscles.values()]
     specimens = [spec for spec in stated if spec is not None]

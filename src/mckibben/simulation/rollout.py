@@ -49,7 +49,7 @@ class Rollout:
     """
 
     def __init__(
-        self, simulation: Simulation, policy: Callable[..., Any], steps: int, cost: Callable[..., Any] | None
+        self, simulation: Simulation, policy: Callable[..., Tree], steps: int, cost: Callable[..., Any] | None
     ) -> None:
         if not (isinstance(steps, int) and steps >= 1):
             raise InputError("steps", steps, "must be a whole number of 1 or more")
@@ -98,7 +98,7 @@ class Rollout:
         held = {name: np.asarray(commands)[:, k] for k, name in enumerate(self.simulation.commands)}
         return self.simulation.Observation(time, *columns), held
 
-    def _start(self) -> tuple[Any, Any, Any, Any]:
+    def _start(self) -> tuple[Tree, Tree, Tree, Tree]:
         state = self.simulation.save_state()
         return state.carry, state.observed, state.commands, np.float64(state.sample)
 

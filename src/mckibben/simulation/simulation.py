@@ -23,6 +23,7 @@ import numpy as np
 from .._jax import Scalar, Tree
 from ..assembly.machine import Machine
 from ..components import paths
+from ..documents import JsonValue
 from ..errors import InputError
 from ..recordings.recording import Recording
 from .air import AirCircuit, air_circuit
@@ -256,7 +257,7 @@ class Simulation:
         """
         return SimulationBatch(self, lanes, changes or {})
 
-    def rollout(self, policy: Callable[..., Any], *, steps: int, cost: Callable[..., Any] | None = None) -> Rollout:
+    def rollout(self, policy: Callable[..., Tree], *, steps: int, cost: Callable[..., Any] | None = None) -> Rollout:
         """A run under a policy as a JAX function of the policy's parameters, with its gradient; see `Rollout`.
 
         Args:
@@ -341,7 +342,7 @@ class Simulation:
             raise InputError("command", name, known=self.commands)
         return self._places[name]
 
-    def _set_checked(self, commands: Mapping[str, Any]) -> None:
+    def _set_checked(self, commands: Mapping[str, JsonValue]) -> None:
         for name, value in commands.items():
             place = self._place(name)
             self._buffer[place] = in_si(value, self._unit(name), name)
@@ -384,7 +385,7 @@ def _whole_steps(period: float, step: float) -> int:
     return max(1, math.ceil(period / step - 1e-9))
 
 
-def _shown(system: Mechanism, units: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str, str], ...]:
     """Fields of an observation, and the outputs that they show; a single muscle needs no name."""
     fields = dict(system.fields())
     for name in units:

@@ -87,7 +87,7 @@ class CommandedMachine(Plant):
         """The signals of spans."""
         return tuple(d.signal for d in self.drives if d.straight)
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """As the machine has it."""
         return self.machine.commands(signals)
 
@@ -279,7 +279,7 @@ def recorded_vectors(
     return layouts.carry.packed(end.carry), end.integrals, machine.outputs(state, memory, end.inputs)
 
 
-def outputs_at(layouts: Layouts, plant: Tree, carry: Tree) -> dict[str, Any]:
+def outputs_at(layouts: Layouts, plant: Tree, carry: Tree) -> dict[str, Tree]:
     """All outputs in a carry."""
     machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
     inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)

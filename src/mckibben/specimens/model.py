@@ -120,7 +120,7 @@ class Specimen:
         return hash((self.id, self.law, self.where))  # its tables have no hash
 
     @classmethod
-    def read(cls, raw: Mapping[str, Any], *, where: str) -> Specimen:
+    def read(cls, raw: Mapping[str, JsonValue], *, where: str) -> Specimen:
         """Make one of the tables of a file.
 
         Raises:

@@ -6,7 +6,7 @@ A value that is refused stays in its field with the sentence of the command line
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_unit
@@ -61,7 +61,13 @@ def fields(owner: object, names: Mapping[str, str] | None = None) -> dict[str, Q
 
 
 def field(
-    name: str, quantity: Quantity, value: float, change: Callable[[float], Any], *, label: str = "", about: bool = True
+    name: str,
+    quantity: Quantity,
+    value: float,
+    change: Callable[[float], object],
+    *,
+    label: str = "",
+    about: bool = True,
 ) -> Element:
     """Build one field with its label, unit, meaning and bounds.
 
@@ -114,7 +120,7 @@ def field(
 def form(
     owner: object,
     values: Mapping[str, float],
-    change: Callable[[str, float], Any],
+    change: Callable[[str, float], object],
     names: Mapping[str, str] | None = None,
 ) -> Element:
     """Build fields for all declared parameters of a type or an instance.

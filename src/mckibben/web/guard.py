@@ -16,6 +16,8 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
 from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
+from ..documents import JsonValue
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -144,7 +146,7 @@ class Guard:
             scope = {**scope, "headers": [h for h in scope["headers"] if h[0].lower() != b"accept-encoding"]}
         taken, left = 0, False
 
-        async def counted() -> MutableMapping[str, Any]:
+        async def counted() -> MutableMapping[str, JsonValue]:
             nonlocal taken, left
             message = await receive()
             left = left or message["type"] == "http.disconnect"
@@ -171,7 +173,7 @@ class _Safe:
         self._start: MutableMapping[str, Any] | None = None
         self._body = b""
 
-    async def __call__(self, message: MutableMapping[str, Any]) -> None:
+    async def __call__(self, message: MutableMapping[str, JsonValue]) -> None:
         if message["type"] == "http.response.start":
             heads = {k.lower(): v for k, v in message.get("headers", [])}
             if heads.get(b"content-type", b"").startswith(b"text/html") and b"content-encoding" not in heads:

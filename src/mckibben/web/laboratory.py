@@ -144,7 +144,7 @@ class Laboratory:
             self._told = made
         return made[2]
 
-    def act(self, page: str, action: str, words: Mapping[str, Any] | None = None) -> dict[str, JsonValue]:
+    def act(self, page: str, action: str, words: Mapping[str, JsonValue] | None = None) -> dict[str, JsonValue]:
         """Perform an action for a page; errors of the user are returned, not raised.
 
         Returns:

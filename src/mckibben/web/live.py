@@ -68,7 +68,7 @@ class Lines:
             if self._open.get(page) is line:
                 del self._open[page]
 
-    def _saved(self, hello: dict[str, Any]) -> str | None:
+    def _saved(self, hello: dict[str, JsonValue]) -> str | None:
         """Name of the file into which an earlier server saved its run, for a page that was connected to it."""
         if not hello.get("server") or hello["server"] == self.lab.server:
             return None
@@ -94,14 +94,14 @@ class PageConnection:
         self._moving, self._stops, self._acts = False, 0, 0
         self._kept: dict[str, Any] = {}
 
-    def remember(self, hello: dict[str, Any]) -> None:
+    def remember(self, hello: dict[str, JsonValue]) -> None:
         """Store what the page has already; a page of another server has nothing."""
         self.stream = bool(hello.get("stream"))
         if hello.get("server") == self.lab.server:
             self._seen = (_whole(hello.get("epoch")), _whole(hello.get("seen")))
             self._told = _whole(hello.get("log"))
 
-    async def run(self, hello: dict[str, Any]) -> None:
+    async def run(self, hello: dict[str, JsonValue]) -> None:
         """Greet the page, and serve it until its socket closes."""
         from starlette.websockets import WebSocketDisconnect
 
@@ -168,7 +168,7 @@ class PageConnection:
             self._acts -= not stops
         await self._send({"type": "answer", "id": number, **answer})
 
-    async def _send(self, message: dict[str, Any]) -> None:
+    async def _send(self, message: dict[str, JsonValue]) -> None:
         await self._put(json.dumps(message, separators=(",", ":"), default=float))
 
     async def _put(self, text: str) -> None:
@@ -212,7 +212,7 @@ class PageConnection:
             await self._send({"type": "log", "log": log})
 
 
-def _key(toasts: list[dict[str, Any]]) -> list[Any]:
+def _key(toasts: list[dict[str, JsonValue]]) -> list[Any]:
     return [(t["number"], t["waits"]) for t in toasts]
 
 

@@ -17,13 +17,14 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import InputError, MckibbenError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
+T = TypeVar("T")
 SMALL = 2 * 2**20  # up to so much is read in the server, sooner than a process begins [B]
 SMALL_ARRAYS = 32 * 2**20  # the same of a netCDF file, whose numbers need not be made from words [B]
 PATIENCE = 60.0  # longest time of a reader for a small file [s]
@@ -134,7 +135,7 @@ def return_large_blocks() -> None:
         ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, ctypes.c_int(BLOCK))
 
 
-def read_outside(function: Callable[..., Any], path: Path, *given: Any) -> Any:
+def read_outside(function: Callable[..., T], path: Path, *given: object) -> T:
     """Call a function with a file: in a separate process if the file is large, else at once.
 
     Raises:
@@ -142,7 +143,8 @@ def read_outside(function: Callable[..., Any], path: Path, *given: Any) -> Any:
     """
     if is_small(path):
         return function(path, *given)
-    return ReaderProcess(function, path, *given).result()
+    result: T = ReaderProcess(function, path, *given).result()
+    return result
 
 
 def is_small(path: Path) -> bool:

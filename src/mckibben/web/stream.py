@@ -50,7 +50,7 @@ class Stream:
             self.about = {"kind": kind, "name": name}
             return self.epoch
 
-    def add(self, columns: Mapping[str, Any]) -> None:
+    def add(self, columns: Mapping[str, JsonValue]) -> None:
         """Add samples (n,) of every channel [SI]; a missing one is NaN."""
         n = len(next(iter(columns.values())))
         block = np.full((len(CHANNELS), n), np.nan, np.float32)

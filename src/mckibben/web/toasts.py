@@ -49,8 +49,8 @@ class Toasts:
     def tell(
         self,
         text: str,
-        undo: Callable[[], Any] | None = None,
-        commit: Callable[[], Any] | None = None,
+        undo: Callable[[], object] | None = None,
+        commit: Callable[[], object] | None = None,
         lasts: float = LASTS,
     ) -> int:
         """Add a notice; return its number."""

@@ -9,9 +9,9 @@ those of the muscle.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ..._jax import jnp
+from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.system import Value
 from ...quantities import quantity
@@ -55,7 +55,7 @@ class Body(Load):
         """Return the load with one muscle, which pulls as all of them do."""
         return self.replace(held=(TOGETHER,))
 
-    def effort(self, state: Any, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Sum of the tensions [N]."""
         return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 

@@ -13,7 +13,7 @@ pendulum. Range: angles within the stops, which are one-sided springs; a moment 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import jnp
 from ...components import Module, Scalar, field
@@ -91,7 +91,7 @@ class LinkChain(Load):
         """Return the chain with one muscle of the moment arm 1 m about each joint."""
         return self.replace(arms={f"{TOGETHER}.{joint}": {joint: unit_arm()} for joint in self.order})
 
-    def effort(self, state: ChainState, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+    def effort(self, state: ChainState, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Moment of the muscles about each joint, as a tension at 1 m [N]."""
         moments = self.muscle_moments(state, tensions)
         return {f"{TOGETHER}.{joint}": moment for joint, moment in zip(self.order, moments, strict=True)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..._jax import Tree
 from ...components import Module, Scalar
@@ -44,7 +44,7 @@ class Load(Module):
         """Return the load with muscles that pull as all of its own do together, with the tensions that `effort` states."""
         return None
 
-    def effort(self, state: Any, tensions: Mapping[str, Any]) -> dict[str, Scalar]:
+    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Sums over the muscles: tensions of those of `collected` [N]."""
         return {}
 

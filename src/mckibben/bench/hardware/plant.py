@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from typing import Any
 
 from ..._jax import Tree, jnp
 from ...assembly.machine import Machine
@@ -50,7 +49,7 @@ class MeasuredPlant(Plant):
         room = float(self.machine.environment.pressure_abs)
         return self.initial({n: room + p for n, p in pressures.items()}, inputs)
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, Any]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, Tree]:
         """Commands of the machine."""
         return self.machine.commands(signals)
 

@@ -25,7 +25,7 @@ from .plant import InstrumentedPlant
 class SampleRows(Protocol):
     """External inputs of each sample, chunk by chunk: sensor noise and disconnected wires."""
 
-    def next(self) -> dict[str, Any]:
+    def next(self) -> dict[str, Tree]:
         """Rows of the next chunk, (n,) each."""
 
 
@@ -125,7 +125,7 @@ class SimulatedMachine:
 
 def _observe(
     plant: InstrumentedPlant, period: float, latency: float, carry: sampled.Carry, row: Tree
-) -> tuple[Any, ...]:
+) -> tuple[Tree, ...]:
     """Compute counts of the inputs, and true values at a sample."""
     return sampled.observe(plant, carry, row, period=period, latency=latency)
 

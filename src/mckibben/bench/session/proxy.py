@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...documents import JsonValue
 from ...engine import STEP
 from ...errors import LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
@@ -424,7 +425,12 @@ class SessionServer:
 
 
 def serve_machine(
-    line: Connection, words: str | None, rig: Rig, muscle: Specimen | str, lock_step: bool, options: dict[str, Any]
+    line: Connection,
+    words: str | None,
+    rig: Rig,
+    muscle: Specimen | str,
+    lock_step: bool,
+    options: dict[str, JsonValue],
 ) -> None:
     """Main function of the process: serve the machine named by `words` over a pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; whoever operates the machine lets go of it

@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class SampleRing:
         self._times = np.zeros(size)
         self._arrays: dict[str, np.ndarray] = {}
 
-    def add(self, times: np.ndarray, arrays: Mapping[str, Any]) -> None:
+    def add(self, times: np.ndarray, arrays: Mapping[str, JsonValue]) -> None:
         """Add samples (n,); a missing channel is NaN."""
         n = len(times)
         if n > self.size:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import Tree, jnp
 from ...components import Module, Scalar
+from ...documents import JsonValue
 from ...experiments.dry_run import Limits
 from ...quantities import quantity
 from .sequencer import SPAN, TENSION, VELOCITY, SampleSetpoints
@@ -110,7 +111,7 @@ class Manual(Module):
         stays = ManualRow(pressure, zero + 1.0, mode, zero + jnp.nan, zero)
         return ManualPlace(mode, jnp.asarray(False), pressure, zero + 1.0, mode, span, zero, zero, zero, zero, stays)
 
-    def heard(self, place: ManualPlace, row: Mapping[str, Any]) -> ManualPlace:
+    def heard(self, place: ManualPlace, row: Mapping[str, JsonValue]) -> ManualPlace:
         """Place with the requests of a sample; see `ROW`."""
         mode = jnp.asarray(row["mode"]).astype(int)
         return place._replace(asked=ManualRow(row["pressure"], row["open"], mode, row["motor"], row["alone"]))

@@ -14,6 +14,7 @@ import numpy as np
 
 from ... import schema
 from ..._jax import Scalar
+from ...documents import JsonValue
 from ...errors import InputError
 from ...quantities import Quantity
 from ...schema import FileTable
@@ -418,7 +419,7 @@ class PointTable(Waveform):
     file: str = ""
 
     @classmethod
-    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, Any]]:
+    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, JsonValue]]:
         """Take in the points of the file that a table names; their time then begins at 0 s."""
         if "file" not in table:
             return table, {}
@@ -492,7 +493,7 @@ class Sequence(Waveform):
     lasting: tuple[float, ...] = ()
 
     @classmethod
-    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, Any]]:
+    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, JsonValue]]:
         """Separate the times of the parts, which each states beside its kind."""
         table.only(("parts",), "a sequence has")
         parts = table.listed("parts")

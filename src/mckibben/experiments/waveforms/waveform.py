@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from ..._jax import Scalar
+from ...documents import JsonValue
 from ...errors import InputError
 from ...quantities import with_unit
 from ...schema import FileTable, Place, read_table
@@ -55,7 +56,7 @@ class Waveform(abc.ABC):
         return 0.0
 
     @classmethod
-    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, Any]]:
+    def prepared(cls, table: FileTable, unit: str, files: ReadTable | None) -> tuple[FileTable, dict[str, JsonValue]]:
         """Rewrite a table that states the waveform by other keys than its fields: the table, and fields derived from it."""
         return table, {}
 

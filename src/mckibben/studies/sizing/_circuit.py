@@ -130,7 +130,7 @@ class _Watched(System):
         """Advance the memory of the circuit."""
         return self.circuit.advance_memory(memory, start, end, duration)
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, JsonValue]:
+    def commands(self, signals: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
         """Commands of the circuit."""
         return self.circuit.commands(signals)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...assembly.build import INFERRED as ASSEMBLED
+from ...documents import JsonValue
 from ...errors import InputError
 from ...muscles.law import TensionLaw
 from ...pneumatics.build import ELEMENTS
@@ -70,7 +71,7 @@ def _parameter(law: TensionLaw, name: str) -> float | None:
 
 def circuit_of(
     muscle: Judged, wish: Requirements, line: LineResult | None, valves: Mapping[str, Specimen]
-) -> dict[str, Any]:
+) -> dict[str, JsonValue]:
     """A muscle, valve and tube as the tables of a circuit's file.
 
     Args:
@@ -139,7 +140,7 @@ def _words(value: float, unit: str) -> str | float:
     return float(value) if unit == "1" else f"{float(value)!r} {unit}"
 
 
-def toml_of(document: Mapping[str, Any]) -> str:
+def toml_of(document: Mapping[str, JsonValue]) -> str:
     """Text of a circuit's file."""
     import tomlkit
 

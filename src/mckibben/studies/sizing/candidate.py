@@ -16,6 +16,7 @@ from ..._jax import Scalar
 from ...analysis.energy.muscle import PotentialMuscle, Probe
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
+from ...documents import JsonValue
 from ...muscles.elements import Tendon
 from ...muscles.law import TensionLaw
 from ...pneumatics.gas import AIR
@@ -128,7 +129,7 @@ class Judged:
         name = min(self.margins, key=lambda n: self.margins[n])
         return name, self.margins[name]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Candidate and margins as plain values in SI."""
         m = self.muscle
         return {

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...components import Environment
+from ...documents import JsonValue
 from ...errors import InputError
 from ...pneumatics.build import known_keys
 from ...pneumatics.gas import AIR
@@ -143,12 +144,12 @@ def _plain(key: str, words: str, unit: str) -> float:
     return parse(f"{words} m^3/h" if bare else words, unit, field=f"valve.{key}")
 
 
-def _usual(one: tuple[float, str, tuple[float, float], str]) -> dict[str, Any]:
+def _usual(one: tuple[float, str, tuple[float, float], str]) -> dict[str, JsonValue]:
     value, unit, span, note = one
     return {"value": value, "unit": unit, "inferred": True, "range": list(span), "note": note}
 
 
-def _scaled(whole: dict[str, Any], share: float, unit: str, note: str) -> dict[str, Any]:
+def _scaled(whole: dict[str, JsonValue], share: float, unit: str, note: str) -> dict[str, JsonValue]:
     scaled = {**whole, "value": whole["value"] * share, "unit": unit}
     if "range" in whole:
         scaled["range"] = [end * share for end in whole["range"]]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from ...accessors import Accessor, implementation
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...extras import library
 from ...quantities import in_si, with_unit
@@ -131,7 +132,7 @@ class Sizing:
         """The chosen muscle as a specimen, which every command and page takes."""
         return specimen_of(self.chosen.muscle, self.wish.pressure)
 
-    def to_circuit(self) -> dict[str, Any]:
+    def to_circuit(self) -> dict[str, JsonValue]:
         """The chosen muscle behind the best valve and tube, as the tables of a circuit's file.
 
         The muscle is held at the end of its stroke, the valve opens after 20 ms.
@@ -141,7 +142,7 @@ class Sizing:
         """
         return circuit_of(self.chosen, self.wish, self.line, self.valves)
 
-    def to_dict(self, top: int | None = None) -> dict[str, Any]:
+    def to_dict(self, top: int | None = None) -> dict[str, JsonValue]:
         """The whole answer as plain values in SI, for JSON.
 
         Args:

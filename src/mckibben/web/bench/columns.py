@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from ...bench.rig import Rig
+from ...documents import JsonValue
 from ...pneumatics.gas import AIR
 from ...quantities import from_si, shown_unit
 
@@ -29,7 +29,7 @@ class Columns:
         room = rig.environment
         self.density = float(AIR.density(room.pressure_abs, room.temperature))
 
-    def of(self, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    def of(self, arrays: Mapping[str, JsonValue]) -> dict[str, np.ndarray]:
         """Return columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is in terms of ambient air [m^3/s]."""
         names = {
             "pressure": "pressure",
@@ -46,7 +46,7 @@ class Columns:
             columns["flow"] = flow / self.density
         return columns
 
-    def _flow(self, arrays: Mapping[str, Any]) -> np.ndarray | None:
+    def _flow(self, arrays: Mapping[str, JsonValue]) -> np.ndarray | None:
         """Return the mass flow towards the muscle [kg/s]; None if no channel contains it."""
         if TUBE in arrays:
             return np.asarray(arrays[TUBE], float)
@@ -57,7 +57,7 @@ class Columns:
         return np.asarray(arrays[into[0]], float) - np.asarray(arrays[out[0]], float)
 
 
-def factors() -> dict[str, dict[str, Any]]:
+def factors() -> dict[str, dict[str, JsonValue]]:
     """Return the displayed unit of every quantity, and its factor from SI."""
     units = {}
     for name, si in UNITS.items():

@@ -34,7 +34,7 @@ def rest_length(spec: Specimen) -> float:
     return rest_length_of(spec)
 
 
-def shape(spec: Specimen, law: Any = None) -> dict[str, Any] | None:
+def shape(spec: Specimen, law: Any = None) -> dict[str, JsonValue] | None:
     """Return thread length [m], turns, and whether they were inferred; None if unknown."""
     for name in ("ideal", "thick_wall"):
         group = spec.laws.get(name, {})
@@ -46,7 +46,7 @@ def shape(spec: Specimen, law: Any = None) -> dict[str, Any] | None:
     return _of_law(spec, law) or _of_volume(spec)
 
 
-def _of_law(spec: Specimen, law: Any) -> dict[str, Any] | None:
+def _of_law(spec: Specimen, law: Any) -> dict[str, JsonValue] | None:
     try:
         shape_of_law = braid.braid_of(unit_from_specimen(spec).law if law is None else law)
     except MckibbenError:
@@ -54,7 +54,7 @@ def _of_law(spec: Specimen, law: Any) -> dict[str, Any] | None:
     return None if shape_of_law is None else {**shape_of_law._asdict(), "inferred": False}
 
 
-def _of_volume(spec: Specimen) -> dict[str, Any] | None:
+def _of_volume(spec: Specimen) -> dict[str, JsonValue] | None:
     group = spec.laws.get(spec.law, {})
     if not {"rest_volume", "shortest_length"} <= group.keys() or "diameter_shortened" not in spec.properties:
         return None

@@ -199,7 +199,7 @@ def _limits(bench: PreparedRun, curves: dict[str, np.ndarray]) -> list[dict[str,
     return rows
 
 
-def _cure(bench: PreparedRun) -> dict[str, Any] | None:
+def _cure(bench: PreparedRun) -> dict[str, JsonValue] | None:
     """Find the largest value of one number, below the given one, with which the dry run passes."""
     finding, protocol = bench.findings[0], bench.protocol
     units = next((u for key, u in CAUSES.items() if finding.field.startswith(key)), ())

@@ -168,7 +168,7 @@ class Bench:
             raise InputError(what, None, "is refused: the run is being stopped")
         return self.running
 
-    def _require_manual(self, what: str, wanted: Mapping[str, Any]) -> ManualControl:
+    def _require_manual(self, what: str, wanted: Mapping[str, JsonValue]) -> ManualControl:
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
             raise InputError(what, None, f"is refused: the protocol sets the {names}; stop the run first")

@@ -100,7 +100,7 @@ def short(why: str) -> str:
     return said.split(" at ")[0].split(":")[0].split(",")[0][:60]
 
 
-def ended(run: RunController, said: dict[str, Any], why: str) -> dict[str, JsonValue]:
+def ended(run: RunController, said: dict[str, JsonValue], why: str) -> dict[str, JsonValue]:
     """Summarise the last run until the next one begins."""
     return {
         **said,

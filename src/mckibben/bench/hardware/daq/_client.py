@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class OverrunError(LineLostError):
     """Samples were overwritten on the card, or in transfer, before they were read."""
 
 
-def library(module: str = "nidaqmx") -> Any:
+def library(module: str = "nidaqmx") -> ModuleType:
     """Load the client library, or a module of it.
 
     Raises:

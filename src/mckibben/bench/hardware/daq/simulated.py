@@ -18,7 +18,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, Protocol
 
 from ....errors import InputError
 from ..interface import CountedMachine
@@ -202,11 +202,40 @@ class DaqTask:
     running: bool = False
 
 
-def answers(call: Callable[[Calls, Any], dict[str, Any]]) -> Any:
+class Session(Protocol):
+    """The name of a task, as requests state it."""
+
+    name: str
+
+
+class Request(Protocol):
+    """A request of the client: the fields of all those that are answered here; each message has some of them."""
+
+    task: Session
+    session_name: str
+    physical_channel: str
+    lines: str
+    counter: str
+    source: str
+    attribute_raw: int
+    action_raw: int
+    error_code: int
+    fill_mode_raw: int
+    sample_mode_raw: int
+    units_raw: int
+    num_samps_per_chan: int
+    samps_per_chan: int
+    value: int
+    rate: float
+    timeout: float
+    write_array: Any
+
+
+def answers(call: Callable[[Calls, Request], dict[str, object]]) -> Any:
     """Declare a call of the service; errors of the card are reported as a device server does."""
     name = call.__name__
 
-    def answered(self: Calls, request: Any, context: Any) -> Any:
+    def answered(self: Calls, request: Request, context: Any) -> Any:
         try:
             answer = call(self, request)
         except CardError as error:
@@ -238,20 +267,20 @@ class Calls:
         if wiring.motor is not None:
             self.outputs[wiring.motor.channel.lower()] = "motor", wiring.motor
 
-    def task(self, request: Any) -> DaqTask:
+    def task(self, request: Request) -> DaqTask:
         """Return the task of a request."""
         if request.task.name not in self.tasks:
             raise CardError(NO_TASK)
         return self.tasks[request.task.name]
 
-    def running(self, request: Any) -> DaqTask:
+    def running(self, request: Request) -> DaqTask:
         """Return the task of a write request, which must have been started."""
         task = self.task(request)
         if not task.running:
             raise CardError(NOT_STARTED)
         return task
 
-    def add(self, request: Any, kind: str, channel: str, known: Iterable[str]) -> dict[str, Any]:
+    def add(self, request: Request, kind: str, channel: str, known: Iterable[str]) -> dict[str, object]:
         """Add a terminal to a task."""
         device, _, rest = channel.partition("/")
         if device.lower() not in {t.split("/")[0].lower() for t in self.wiring.terminals().values()}:
@@ -264,17 +293,17 @@ class Calls:
         return {}
 
     @answers
-    def GetSystemInfoAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def GetSystemInfoAttributeUInt32(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Return the version of the driver."""
         return {"value": VERSION.get(request.attribute_raw, 0)}
 
     @answers
-    def GetErrorString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def GetErrorString(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Return the text of an error code."""
         return {"error_string": TEXTS.get(request.error_code, "")}
 
     @answers
-    def CreateTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def CreateTask(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Create a task, and its session."""
         with self.lock:
             name = request.session_name or f"_unnamedTask<{next(self.numbers)}>"
@@ -283,7 +312,7 @@ class Calls:
         return {"task": {"name": name}, "new_session_initialized": new}
 
     @answers
-    def ClearTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def ClearTask(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Stop a task, and release its terminals."""
         task = self.task(request)
         self.halt(task)
@@ -292,30 +321,30 @@ class Calls:
         return {}
 
     @answers
-    def GetTaskAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def GetTaskAttributeString(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Return the name of a task."""
         if request.attribute_raw != TASK_NAME:
             raise CardError(BAD_VALUE)
         return {"value": self.task(request).name}
 
     @answers
-    def CreateAIVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def CreateAIVoltageChan(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Add an analogue input."""
         return self.add(request, "ai", request.physical_channel, self.inputs)
 
     @answers
-    def CreateAOVoltageChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def CreateAOVoltageChan(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Add an analogue output."""
         return self.add(request, "ao", request.physical_channel, self.outputs)
 
     @answers
-    def CreateDOChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def CreateDOChan(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Add a digital output."""
         shut_off = self.wiring.shut_off
         return self.add(request, "do", request.lines, [] if shut_off is None else [shut_off.line])
 
     @answers
-    def CreateCIAngEncoderChan(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def CreateCIAngEncoderChan(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Add a counter, in ticks."""
         if request.units_raw != TICKS:
             raise CardError(BAD_VALUE, "Property: DAQmx_CI_AngEncoder_Units")
@@ -323,13 +352,13 @@ class Calls:
         return self.add(request, "ci", request.counter, [] if encoder is None else [encoder.counter])
 
     @answers
-    def SetChanAttributeString(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def SetChanAttributeString(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Accept the terminals of the encoder's signals, which are fixed."""
         self.task(request)
         return {}
 
     @answers
-    def CfgSampClkTiming(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def CfgSampClkTiming(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Set rate and clock source: the inputs have their own clock, and the counter uses it."""
         task = self.task(request)
         clock = "" if task.kind == "ai" else self.wiring.sample_clock
@@ -341,13 +370,13 @@ class Calls:
         return {}
 
     @answers
-    def SetBufferAttributeUInt32(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def SetBufferAttributeUInt32(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Set the number of samples that may wait to be read."""
         self.task(request).size = request.value
         return {}
 
     @answers
-    def GetTimingAttributeDouble(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def GetTimingAttributeDouble(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Return the actual sample rate."""
         if request.attribute_raw != SAMPLE_RATE:
             raise CardError(BAD_VALUE)
@@ -362,7 +391,7 @@ class Calls:
             task.reserved = True
 
     @answers
-    def TaskControl(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def TaskControl(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Reserve a task."""
         if request.action_raw != RESERVE:
             raise CardError(BAD_VALUE)
@@ -370,7 +399,7 @@ class Calls:
         return {}
 
     @answers
-    def StartTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def StartTask(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Start a task; with the task of the inputs the clock starts."""
         task = self.task(request)
         self.reserve(task)
@@ -382,7 +411,7 @@ class Calls:
         return {}
 
     @answers
-    def StopTask(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def StopTask(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Stop a task."""
         self.halt(self.task(request))
         return {}
@@ -393,7 +422,7 @@ class Calls:
             self.card.stop()
         task.running = False
 
-    def samples(self, request: Any) -> tuple[DaqTask, list[tuple[Sequence[int], int]], int]:
+    def samples(self, request: Request) -> tuple[DaqTask, list[tuple[Sequence[int], int]], int]:
         """Return the samples that a read requests, or a status if they do not arrive in time."""
         task = self.task(request)
         if request.fill_mode_raw != BY_CHANNEL:
@@ -406,20 +435,20 @@ class Calls:
             return task, [], error.code
 
     @answers
-    def ReadAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def ReadAnalogF64(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Return levels, channel by channel."""
         task, samples, status = self.samples(request)
         levels = [self.scales[c].volts(counts[self.inputs[c]]) for c in task.channels for counts, _ in samples]
         return {"status": status, "read_array": levels, "samps_per_chan_read": len(samples)}
 
     @answers
-    def ReadCounterF64Ex(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def ReadCounterF64Ex(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Return ticks."""
         _, samples, status = self.samples(request)
         return {"status": status, "read_array": [float(n) for _, n in samples], "samps_per_chan_read": len(samples)}
 
     @answers
-    def WriteAnalogF64(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def WriteAnalogF64(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Set the levels of the outputs, which take effect together."""
         levels: dict[str, int] = {}
         for channel, level in zip(self.running(request).channels, request.write_array, strict=True):
@@ -429,7 +458,7 @@ class Calls:
         return {"samps_per_chan_written": 1}
 
     @answers
-    def WriteDigitalLines(self, request: Any) -> dict[str, Any]:  # noqa: N802
+    def WriteDigitalLines(self, request: Request) -> dict[str, object]:  # noqa: N802
         """Set the level of the shut-off."""
         self.running(request)
         assert self.wiring.shut_off is not None

@@ -7,6 +7,7 @@ from typing import Any
 
 from ....assembly.circuit_file import CircuitPlan
 from ....bench.rig_file import read_rig, rig
+from ....documents import JsonValue
 from ....errors import InputError
 from ....quantities import parse
 from .document import text_of
@@ -79,12 +80,12 @@ def rig_text(plan: CircuitPlan, name: str) -> str:
     return text_of(new)
 
 
-def _inside(words: Mapping[str, Any], nodes: Mapping[str, Any]) -> bool:
+def _inside(words: Mapping[str, JsonValue], nodes: Mapping[str, JsonValue]) -> bool:
     """Whether an orifice joins two chambers: a fitting, which a test machine includes in its volumes."""
     return all(nodes[str(words[k])]["kind"] in ("volume", "muscle", "junction") for k in ("from", "to"))
 
 
-def _only(elements: Mapping[str, Any], kind: str, words: str) -> str:
+def _only(elements: Mapping[str, JsonValue], kind: str, words: str) -> str:
     names = [n for n, e in elements.items() if e["kind"] == kind]
     if len(names) != 1:
         raise InputError("elements", None, f"must have {words} of {kind} for the bench, got {len(names)}")

@@ -10,6 +10,7 @@ import numpy as np
 from ....assembly.circuit_file import TIME, CircuitPlan
 from ....assembly.circuit_parts import HEATS
 from ....components import paths
+from ....documents import JsonValue
 from ....muscles.build import rest_length_of
 from ....pneumatics.build import known_keys, passages_of, with_usual_unit
 from ....pneumatics.heat import WallHeat
@@ -107,7 +108,7 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
     _fields(shown, lambda k, v: put(lambda d: _changed(d, "elements", name, k, v)))
 
 
-def _size(words: Mapping[str, Any]) -> str:
+def _size(words: Mapping[str, JsonValue]) -> str:
     """Name of the parameter that states the size of all passages alike; empty if a specimen or each passage does."""
     return next((n for n in map(canonical, words) if n in SIZES), "")
 

@@ -108,7 +108,7 @@ class CircuitPage:
 
     # ---- what a person does
 
-    def _guarded(self, do: Callable[[], Any]) -> bool:
+    def _guarded(self, do: Callable[[], object]) -> bool:
         try:
             do()
         except InputError as error:

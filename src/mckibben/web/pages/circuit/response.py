@@ -81,7 +81,7 @@ class WatchedCircuit(System):
         """Advance the memory of the circuit."""
         return self.circuit.advance_memory(memory, start, end, duration)
 
-    def commands(self, signals: Mapping[str, Any]) -> dict[str, JsonValue]:
+    def commands(self, signals: Mapping[str, Tree]) -> dict[str, JsonValue]:
         """Commands of the circuit."""
         return self.circuit.commands(signals)
 
@@ -133,7 +133,7 @@ def ready(plan: CircuitPlan, method: IntegrationMethod | None = None) -> bool:
     return _key(plan, _given(plan), method or IntegrationMethod()) in _kept
 
 
-def _given(plan: CircuitPlan) -> tuple[Any, ...]:
+def _given(plan: CircuitPlan) -> tuple[Tree, ...]:
     room = plan.environment
     pressures = {n: np.asarray(p + float(room.pressure_abs)) for n, p in plan.starts.items()}
     return plan.circuit, plan.inputs(), pressures, np.asarray(float(room.temperature))

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ....documents import JsonValue
 from ....quantities import from_si
 from ....studies.comparison import ComparedMuscle, MuscleColumn
 from ...bench import drawing
@@ -31,7 +32,7 @@ class ComparisonGrid:
     ) -> None:
         self.face, self.columns = face, columns
 
-    def show(self, surfaces: dict[str, Any]) -> None:
+    def show(self, surfaces: dict[str, JsonValue]) -> None:
         """Build all of it, within the open element."""
         columns, count = self.columns, len(self.columns)
         with box("div", "cmp").style(**{"--columns": str(count)}):
@@ -84,7 +85,7 @@ class ComparisonGrid:
                 words, packed = html.escape(drawings.sizes(one)), html.escape(json.dumps(spec))
                 raw(f'<canvas class="drawn" role="img" aria-label="{words}" data-muscle="{packed}"></canvas>')
 
-    def _surfaces(self, columns: Any, surfaces: dict[str, Any]) -> None:
+    def _surfaces(self, columns: Any, surfaces: dict[str, JsonValue]) -> None:
         shown = [s for s in surfaces.values() if s is not None]
         scale = {
             "low": min((float(s.lengths[0]) for s in shown), default=0.6) - 0.04,

@@ -37,7 +37,7 @@ _guards: dict[Any, threading.Lock] = {}
 _guard = threading.Lock()
 
 
-def _once(key: Any, make: Callable[[], Any]) -> Any:
+def _once(key: Any, make: Callable[[], object]) -> Any:
     """Result shared by all visitors, computed once; errors are not cached."""
     with _guard:
         lock = _guards.setdefault(key, threading.Lock())
@@ -199,6 +199,6 @@ def value_of(one: MuscleColumn, name: str) -> float | None:
     return None if value is None or value != value else PROPERTIES[name].shown(value)
 
 
-def plain(values: Mapping[str, Any]) -> dict[str, JsonValue]:
+def plain(values: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
     """Convert arrays to lists with as many digits as a drawing needs."""
     return {k: np.round(v, 5).tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}

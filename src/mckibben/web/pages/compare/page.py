@@ -6,6 +6,7 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
+from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....muscles.plausible import pressure_caution
 from ....quantities import Quantity, parse, with_unit
@@ -212,7 +213,9 @@ class ComparePage:
         except MckibbenError:
             pass  # said in its column
 
-    def _computed(self) -> tuple[list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], dict[str, Any]]:
+    def _computed(
+        self,
+    ) -> tuple[list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], dict[str, JsonValue]]:
         """Compute every column with its muscle, or the reason why there is none; and the curves."""
         columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]] = []
         biological = self.values == "recordings"
@@ -243,7 +246,7 @@ class ComparePage:
     # ---- what is shown
 
     def _show(
-        self, columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], more: dict[str, Any]
+        self, columns: list[tuple[str, MuscleColumn | None, ComparedMuscle | None, str]], more: dict[str, JsonValue]
     ) -> None:
         self.main.clear()
         known = [c for _, c, _, _ in columns if c is not None]

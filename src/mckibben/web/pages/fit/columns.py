@@ -157,7 +157,7 @@ def _unit_words(unit: str, what: str) -> str:
 
 
 def words_field(
-    name: str, label: str, unit: str, words: str, change: Callable[[str], Any], about: str = "", mark: str = ""
+    name: str, label: str, unit: str, words: str, change: Callable[[str], object], about: str = "", mark: str = ""
 ) -> None:
     """Build an optional text field; input is checked by `change`, whose `InputError` is shown below it.
 

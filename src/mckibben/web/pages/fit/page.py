@@ -327,7 +327,7 @@ class FitProgress:
         stop: called by the button.
     """
 
-    def __init__(self, place: Element, work: FitJob, stop: Callable[[], Any]) -> None:
+    def __init__(self, place: Element, work: FitJob, stop: Callable[[], object]) -> None:
         self._place, self._work, self._stop = place, work, stop
         self._said: Any = None
         self._bar: Any = None

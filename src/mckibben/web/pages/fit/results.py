@@ -33,7 +33,7 @@ def number(value: float | None, places: int = 2) -> str:
     return ("\u2212" if value < 0.0 and float(f"{value:.{places}f}") != 0.0 else "") + text_
 
 
-def ranking(study: Ranking, chosen: str, pick: Callable[[str], Any]) -> None:
+def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
     """Build the table of laws, best first, and published ones below; a click or Enter picks a row."""
     rows = _rows(study)
     widest = max((r["rmse"] for r in rows if math.isfinite(r["rmse"])), default=1.0)
@@ -100,7 +100,7 @@ def _rows(study: Ranking) -> list[dict[str, JsonValue]]:
 
 
 def _row(
-    row: dict[str, Any], largest: float, widest: float, held: bool, chosen: str, pick: Callable[[str], Any]
+    row: dict[str, JsonValue], largest: float, widest: float, held: bool, chosen: str, pick: Callable[[str], object]
 ) -> None:
     picked = bool(row["law"]) and row["law"] == chosen
     with box("tr", "sel" if picked else "") as line:
@@ -263,7 +263,7 @@ def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
     }
 
 
-def figure(kind: str, data: dict[str, Any], name: str, height: int) -> str:
+def figure(kind: str, data: dict[str, JsonValue], name: str, height: int) -> str:
     """Element that the browser draws into."""
     needed = {
         "tension": "points slack curves labelled x top rest source",
@@ -328,7 +328,7 @@ def _rounded(values: np.ndarray) -> list[float]:
     return [_short(v) for v in values]
 
 
-def values(data: dict[str, Any]) -> None:
+def values(data: dict[str, JsonValue]) -> None:
     """Table of the points, for screen readers."""
     rows = [[number(p["L"], 2), number(p["P"], 3), number(p["F"], 1), number(p["e"], 2)] for p in data["points"][:400]]
     with box("details", "values"):

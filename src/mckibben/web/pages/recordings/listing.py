@@ -28,7 +28,7 @@ GLASS = (
 THIN = "\u2009\u2060"
 
 
-def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
+def tools(words: dict[str, str], change: Callable[[str, str], object]) -> Element:
     """Build search and filters; return the place of the filters, to be filled when the entries are known."""
     with box("div", "hd finds"):
         with box("div", "field grow"):
@@ -41,7 +41,7 @@ def tools(words: dict[str, str], change: Callable[[str, str], Any]) -> Element:
         return box("div", "row wrap")
 
 
-def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Callable[[str, str], Any]) -> None:
+def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Callable[[str, str], object]) -> None:
     """Build the filters: muscle, protocol, and origin of a recording."""
     for key, label, values in (
         ("muscle", "Muscle", sorted({e.muscle for e in entries if e.muscle})),
@@ -86,7 +86,7 @@ class RecordingLines:
         pick: told the name of the one that is chosen or let go.
     """
 
-    def __init__(self, place: Element, pick: Callable[[str], Any]) -> None:
+    def __init__(self, place: Element, pick: Callable[[str], object]) -> None:
         self._place, self._pick = place, pick
         self._shown: dict[str, tuple[RecordingEntry, str, str | None]] = {}
         self._made: dict[str, Any] = {}
