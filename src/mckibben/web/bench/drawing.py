@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ...assembly.build import unit_from_specimen
 from ...documents import JsonValue
 from ...errors import MckibbenError
 from ...muscles import braid
+from ...muscles.build import muscle as muscle_of
 from ...muscles.build import rest_length_of
 from ...specimens import Specimen, specimens
 
@@ -48,7 +48,7 @@ def shape(spec: Specimen, law: Any = None) -> dict[str, JsonValue] | None:
 
 def _of_law(spec: Specimen, law: Any) -> dict[str, JsonValue] | None:
     try:
-        shape_of_law = braid.braid_of(unit_from_specimen(spec).law if law is None else law)
+        shape_of_law = braid.braid_of(muscle_of(spec).law if law is None else law)
     except MckibbenError:
         return None
     return None if shape_of_law is None else {**shape_of_law._asdict(), "inferred": False}
