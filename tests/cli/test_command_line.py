@@ -254,6 +254,14 @@ def test_ctrl_c_ends_at_once_and_says_what_is_kept(work, code):
     assert err == ("mckibben: interrupted; three of ten parts are kept\n" if code == 130 else "")
 
 
+def test_ctrl_c_in_a_command_is_said_in_one_sentence(run, monkeypatch):
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mckibben.cli.muscles.specimen", interrupt)
+    assert run("show", "nylon") == (130, "", "mckibben: interrupted; nothing was written\n")
+
+
 def test_progress_is_silent_where_standard_error_is_no_terminal(run, tmp_path: Path):
     code, _, err = run("circuit", "run", str(Path(__file__).parents[2] / "examples/circuits/filling-a-tank.toml"), "-q")
     assert (code, err) == (0, "")

@@ -182,6 +182,13 @@ class CommandGroup(typer.core.TyperGroup):
         super().__init__(**options)
         self.commands: Any = CommandTable(group)
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; Ctrl-C is reported by `main`, while typer would end without a word."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Abort from None
+
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the table."""
         return list(self.commands)
