@@ -17,12 +17,12 @@ from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import run as protocol_run
 from ..documents import JsonValue
-from ..errors import InputError
+from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
 from ..report.figures import recording_figures, style
 from ..specimens import specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
-from ._progress import progress
+from ._progress import INTERRUPTED, progress
 from ._terminal import (
     FigureLook,
     FigureWidth,
@@ -164,9 +164,15 @@ def _recorded(
         hardware_package.connect.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
-        return protocol_run.run(
-            bench, progress=bar.at, stop=button, real_time=real_time, hardware=hardware, log=log, ask=ask_person
-        )
+        try:
+            return protocol_run.run(
+                bench, progress=bar.at, stop=button, real_time=real_time, hardware=hardware, log=log, ask=ask_person
+            )
+        except EmptyRunError as error:
+            if not button():
+                raise
+            typer.echo(f"mckibben: {error}", err=True)
+            raise typer.Exit(INTERRUPTED) from None
 
 
 def prepared(

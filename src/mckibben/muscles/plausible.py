@@ -122,7 +122,7 @@ def dimension_caution(
 
 def _short(value: float, si_unit: str) -> str:
     """A value in the unit that gives it the fewest digits."""
-    shown = (f"{value / to_si(1.0, unit, si_unit, field=''):.3g} {unit}" for unit in usual_units(si_unit))
+    shown = (f"{value / to_si(1.0, unit, si_unit, field=''):.4g} {unit}" for unit in usual_units(si_unit))
     return min(shown, key=lambda words: (len(words.split()[0]) + 9 * ("e" in words.split()[0]), len(words)))
 
 
