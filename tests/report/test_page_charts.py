@@ -5,7 +5,7 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.report.figures.page_charts import chart_figure
-from mckibben.web.save import figure_file, part_of, sent_chart
+from mckibben.web.save import figure_file, part_of, sent_chart, sent_figure
 
 
 def chart(**more):
@@ -47,6 +47,9 @@ def test_a_browser_gets_no_other_format_and_may_send_no_other_document():
     for document in (None, {"lines": [{"x": [1.0], "y": []}]}, {"name": "x", "lines": [], "x": 1, "y": 2}):
         with pytest.raises(InputError, match="document of a chart"):
             sent_chart(document)
+    for body in (b"", b"[1", b"\xff", b"[]"):
+        with pytest.raises(InputError, match="document of a chart"):
+            sent_figure(body)
     kept = sent_chart(chart(lines=[{"x": [0, 1], "y": [None, 1], "quantity": "__class__", "dash": "B"}]))
     assert kept["lines"][0]["quantity"] == ""  # a quantity that is none has no colour
 

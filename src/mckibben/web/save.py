@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from ..documents import parse_json
 from ..errors import InputError, MckibbenError
 from .elements import Element
 from .shelf import plain
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 FORMATS = ("svg", "pdf", "png")
 QUANTITIES = ("pressure", "tension", "length", "flow", "valve")
 _ONE = threading.Lock()  # settings of matplotlib are those of all threads
+LARGEST_CHART = 16 * 2**20  # document that a browser sends [B]
 MOST_VALUES = 400_000  # numbers of a chart that a browser sends to be drawn
 Draw = Callable[[dict[str, Any] | None], "Figure"]
 MakeFile = Callable[[str, object], tuple[str, bytes]]
@@ -106,6 +108,22 @@ def part_of(view: object) -> dict[str, Any] | None:
         if isinstance(ends, list) and len(ends) == 2 and all(isinstance(v, int | float) for v in ends):
             part[axis] = [float(v) for v in ends]
     return part or None
+
+
+def sent_figure(body: bytes) -> tuple[str, bytes]:
+    """Draw the chart that a script of a page sends with a wish, see `figure_file`, as JSON.
+
+    Raises:
+        InputError: if it is no chart, or there is no such format, width or style.
+    """
+    from ..report.figures.page_charts import chart_figure
+
+    try:
+        wish = parse_json(body)
+    except ValueError:
+        wish = {}
+    chart = sent_chart(wish.get("chart") if isinstance(wish, dict) else None)
+    return figure_file(chart["name"], lambda view: chart_figure(chart, view), wish)
 
 
 def sent_chart(document: object) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from typing import Any
 from urllib.parse import quote
 
 from .. import __version__
-from ..documents import parse_json
 from ..errors import InputError, MckibbenError
 from .bench import measured_data
 from .elements import Documents
@@ -26,7 +25,7 @@ from .laboratory import Laboratory
 from .live import Lines
 from .pages import bench as bench_page
 from .reader import return_large_blocks
-from .save import figure_file, sent_chart
+from .save import LARGEST_CHART, sent_figure
 from .shelf import LARGEST, check_size
 from .shell import HOME, PAGES, written
 from .transfers import IncomingFile
@@ -157,15 +156,10 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
         return PlainTextResponse(answer["said"])
 
     async def figure(request: Request) -> Response:
-        from ..report.figures.page_charts import chart_figure
-
         try:
-            wish = parse_json((await request.body()).decode("utf-8", "replace"))
-            chart = sent_chart(wish.get("chart") if isinstance(wish, dict) else None)
-            name, data = await asyncio.to_thread(
-                figure_file, chart["name"], lambda view: chart_figure(chart, view), wish
-            )
-        except (ValueError, MckibbenError) as error:
+            check_size("chart", int(request.headers.get("content-length", 0)), LARGEST_CHART)
+            name, data = await asyncio.to_thread(sent_figure, await request.body())
+        except MckibbenError as error:
             return PlainTextResponse(str(error), 400)
         return Response(data, media_type="application/octet-stream", headers={"x-name": quote(name)})
 
