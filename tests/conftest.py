@@ -24,6 +24,8 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 CACHE = Path(__file__).parents[1] / ".pytest_cache" / f"jax-{platform.node()}"
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+# The kernels of the package, for the tests and all that they start, where a test takes no folder of its own.
+os.environ.setdefault("MCKIBBEN_KERNELS", str(CACHE.with_name("kernels")))
 KEPT = 7 * 86400.0  # [s]; changed sources leave behind what nothing asks for again
 
 

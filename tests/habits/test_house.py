@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from mckibben.quantities import Quantity, declared, to_si
 PACKAGE = Path(mckibben.__file__).parent
 COMPILER = Path(lanewise.__file__).parent
 ROOT = Path(__file__).parents[2]
+DEFINITIONS = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 HEAVY = ("jax", "matplotlib", "pint", "scipy", "equinox", "pydantic")
 
 
@@ -117,34 +119,41 @@ def sources() -> list[Path]:
     return sorted(PACKAGE.rglob("*.py"))
 
 
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a module, parsed once; nobody changes it."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def definitions(body: list[Any]) -> Iterator[Any]:
+    """Classes and functions among statements and what these contain; much faster than all nodes by `ast.walk`."""
+    for node in body:
+        if isinstance(node, DEFINITIONS):
+            yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from definitions(getattr(node, part, []))
+
+
 def test_every_module_class_and_public_function_says_what_it_is() -> None:
     silent: list[str] = []
     for path in [*sources(), *sorted(COMPILER.rglob("*.py"))]:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = parsed(path)
         where = "/".join(path.parts[path.parts.index("src") + 1 :])
         if tree.body and ast.get_docstring(tree) is None and path.name not in ("__init__.py", "__main__.py"):
             silent.append(where)
-        silent += [
-            f"{where}:{node.name}"
-            for node in ast.walk(tree)
-            if isinstance(node, ast.ClassDef | ast.FunctionDef)
-            and _is_public(node, tree)
-            and ast.get_docstring(node) is None
-        ]
+        silent += [f"{where}:{node.name}" for node in public(tree) if ast.get_docstring(node) is None]
     assert not silent, silent
 
 
 @pytest.mark.parametrize("folder", [PACKAGE, COMPILER], ids=["mckibben", "lanewise"])
 def test_docstrings_raise_only_errors_that_exist(folder: Path) -> None:
     """Every error named under "Raises:" is a builtin one, or a class of the distribution or of one that it depends on."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(folder.rglob("*.py"))}
-    nodes = [(path, node) for path, tree in trees.items() for node in ast.walk(tree)]
+    nodes = [(path, node) for path in sorted(folder.rglob("*.py")) for node in definitions(parsed(path).body)]
     classes = {node.name for _, node in nodes if isinstance(node, ast.ClassDef)}
     classes |= set(vars(lanewise.errors)) if folder == PACKAGE else set()  # mckibben depends on the compiler
     documented = [
         (f"{path.relative_to(folder)}:{node.name}", error)
         for path, node in nodes
-        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
         for error in _documented_errors(ast.get_docstring(node) or "")
     ]
     assert documented
@@ -157,13 +166,17 @@ def _documented_errors(docstring: str) -> list[str]:
     return re.findall(r"^ {4}([\w.]+):", section[1], flags=re.MULTILINE) if section else []
 
 
-def _is_public(node: Any, tree: ast.Module) -> bool:
+def public(tree: ast.Module) -> list[Any]:
     """Names without an underscore at the top of a module, and methods of such classes; no signatures of overloads."""
-    if node.name.startswith("_") or any(getattr(d, "id", "") == "overload" for d in node.decorator_list):
-        return False
-    if node in tree.body:
-        return True
-    return any(isinstance(c, ast.ClassDef) and not c.name.startswith("_") and node in c.body for c in tree.body)
+    bodies = [tree.body, *(c.body for c in tree.body if isinstance(c, ast.ClassDef) and not c.name.startswith("_"))]
+    return [
+        node
+        for body in bodies
+        for node in body
+        if isinstance(node, ast.ClassDef | ast.FunctionDef)
+        and not node.name.startswith("_")
+        and not any(getattr(d, "id", "") == "overload" for d in node.decorator_list)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -176,7 +189,8 @@ def _is_public(node: Any, tree: ast.Module) -> bool:
     ],
 )
 def test_some_things_live_in_one_place(pattern: str, allowed: str) -> None:
-    users = [str(p.relative_to(PACKAGE)) for p in sources() if re.search(pattern, _code(p))]
+    named = [p for p in sources() if re.search(pattern, p.read_text(encoding="utf-8"))]
+    users = [str(p.relative_to(PACKAGE)) for p in named if re.search(pattern, _code(p))]
     assert users, "nobody does it any more: drop this line"
     assert all(user.startswith(allowed) or user.endswith(allowed) for user in users), users
 

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import jax, jnp
+from .._jax import jnp
+from ..components.module import flatten, unflatten
 from ..engine import sampled
 from ..engine.packed import compile_once
 from ..errors import InputError, LineLostError
@@ -178,8 +179,8 @@ class SampleLoop:
         constants = software, converters, inputs, names, shows, machine.period
         self._think = compile_once(_think, constants, state, counts, np.zeros(()), *rows)
         self._think(begun, counts, np.zeros(1), *rows)  # the first call of all is slow
-        leaves, shape = jax.tree.flatten(state)
-        self.places: dict[str, Any] = jax.tree.unflatten(shape, list(range(len(leaves))))
+        leaves, shape = flatten(state)
+        self.places: dict[str, Any] = unflatten(shape, range(len(leaves)))
         self._pressed, self._released = np.ones(1), np.zeros(1)
         self._halts = [self._think.index(4, name) for name in ("running", "code", "missed")]
         self.state: np.ndarray | None = None
@@ -351,7 +352,7 @@ class SampleLoop:
         return carried
 
     def _shared(self) -> list[int]:
-        return [int(i) for i in jax.tree.leaves({k: v for k, v in self.places.items() if k != OWN})]
+        return [int(i) for i in flatten({k: v for k, v in self.places.items() if k != OWN})[0]]
 
     def _following(self, after: SampleLoop) -> np.ndarray:
         """State after a protocol: its last set-points are held; after a velocity, the reached span."""

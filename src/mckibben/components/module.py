@@ -16,7 +16,7 @@ import dataclasses
 import functools
 import types
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transform
 
 import numpy as np
@@ -53,6 +53,11 @@ def field(*, static: bool = False, converter: Callable[[Any], Any] | None = None
     return dataclasses.field(metadata={"static": static, **more}, **options)
 
 
+_fields: dict[
+    type, tuple[tuple[str, ...], tuple[str, ...]]
+] = {}  # of every kind: names of static fields and of branches
+
+
 @dataclass_transform(field_specifiers=(dataclasses.field, field))
 class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract methods
     """An immutable value whose declared parameters are checked when they are concrete."""
@@ -72,6 +77,8 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         for name in [n for n, kind in annotations.items() if "AbstractVar" in str(kind)]:
             del annotations[name]
         dataclasses.dataclass(eq=False, repr=False)(cls)
+        static = tuple(f.name for f in dataclasses.fields(cls) if f.metadata.get("static", False))
+        _fields[cls] = static, tuple(f.name for f in dataclasses.fields(cls) if f.name not in static)
         when_loaded(functools.partial(_register, cls))
 
     def __post_init__(self) -> None:
@@ -133,53 +140,57 @@ def flatten(tree: Tree) -> tuple[list[Tree], Tree]:
 
     It does what `jax.tree.flatten` does for modules, tables, lists, tuples and None, and needs no JAX.
     """
-    if isinstance(tree, Module):
-        known = tree.__dict__
-        fields = dataclasses.fields(tree)
-        static = tuple(known[f.name] for f in fields if f.metadata.get("static", False))
-        parts: Any = [known[f.name] for f in fields if not f.metadata.get("static", False)]
-        head: Any = (type(tree), static)
-    elif isinstance(tree, dict):
+    leaves: list[Any] = []
+    return leaves, _take_apart(tree, leaves)
+
+
+def _take_apart(tree: Any, leaves: list[Any]) -> Any:
+    """The structure of a tree, whose leaves are added to a list."""
+    kind = type(tree)
+    if kind is np.ndarray or kind is float:
+        leaves.append(tree)
+        return "leaf"
+    if kind in _fields:
+        known, (static, branches) = tree.__dict__, _fields[kind]
+        head: Any = (kind, tuple([known[name] for name in static]))
+        return head, tuple([_take_apart(known[name], leaves) for name in branches])
+    if isinstance(tree, dict):
         names = sorted(tree)
-        head, parts = (dict, tuple(names)), [tree[name] for name in names]
-    elif type(tree) in (list, tuple) or (isinstance(tree, tuple) and hasattr(tree, "_fields")):
-        head, parts = type(tree), tree
-    elif tree is None:
-        return [], None
-    else:
-        return [tree], "leaf"
-    flat = [flatten(part) for part in parts]
-    return [leaf for leaves, _ in flat for leaf in leaves], (head, tuple(structure for _, structure in flat))
+        return (dict, tuple(names)), tuple([_take_apart(tree[name], leaves) for name in names])
+    if kind is list or kind is tuple or (isinstance(tree, tuple) and hasattr(tree, "_fields")):
+        return kind, tuple([_take_apart(part, leaves) for part in tree])
+    if tree is None:
+        return None
+    leaves.append(tree)
+    return "leaf"
 
 
 def unflatten(structure: Tree, leaves: Sequence[Tree]) -> Tree:
     """The tree of a structure of `flatten` with other leaves; what is put together is not checked again."""
-    made, rest = _unflattened(structure, list(leaves))
-    if rest:
-        raise ValueError(f"{len(rest)} leaves more than the structure has")
+    rest = iter(leaves)
+    made = _put_together(structure, rest)
+    if more := sum(1 for _ in rest):
+        raise ValueError(f"{more} leaves more than the structure has")
     return made
 
 
-def _unflattened(structure: Any, leaves: list[Any]) -> tuple[Any, list[Any]]:
+def _put_together(structure: Any, leaves: Iterator[Any]) -> Any:
     if structure is None:
-        return None, leaves
+        return None
     if structure == "leaf":
-        return leaves[0], leaves[1:]
+        return next(leaves)
     head, inner = structure
-    parts = []
-    for one in inner:
-        part, leaves = _unflattened(one, leaves)
-        parts.append(part)
+    parts = [_put_together(one, leaves) for one in inner]
     if isinstance(head, type):
-        return (head(parts) if head in (list, tuple) else tuple.__new__(head, parts)), leaves
+        return head(parts) if head in (list, tuple) else tuple.__new__(head, parts)
     kind, static = head
     if kind is dict:
-        return dict(zip(static, parts, strict=True)), leaves
+        return dict(zip(static, parts, strict=True))
     made: Any = object.__new__(kind)
-    values = iter(static), iter(parts)
-    for f in dataclasses.fields(kind):
-        made.__dict__[f.name] = next(values[0 if f.metadata.get("static", False) else 1])
-    return made, leaves
+    of_structure, branches = _fields[kind]
+    values = dict(zip((*of_structure, *branches), (*static, *parts), strict=True))
+    made.__dict__.update((f.name, values[f.name]) for f in dataclasses.fields(kind))
+    return made
 
 
 def map_leaves(function: Callable[..., Tree], *trees: Tree) -> Tree:
@@ -221,12 +232,31 @@ _older: weakref.WeakValueDictionary[int, Module] = weakref.WeakValueDictionary()
 
 @when_loaded
 def _convert_older() -> None:
-    """Make the numbers of values that are older than the loading of JAX arrays of JAX, as those of all later ones are."""
+    """Make the numbers of values that are older than the loading of JAX arrays of JAX, as those of all later ones are.
+
+    Arrays of NumPy among their branches are too: traced functions take elements of them at places that are traced.
+    """
     for value in list(_older.values()):
+        known = value.__dict__
         for f in dataclasses.fields(value):
             if "converter" in f.metadata:
-                value.__dict__[f.name] = f.metadata["converter"](value.__dict__[f.name])
+                known[f.name] = f.metadata["converter"](known[f.name])
+            elif not f.metadata.get("static", False):
+                known[f.name] = _converted(known[f.name])
     _older.clear()
+
+
+def _converted(branch: Any) -> Any:
+    """A branch with arrays of JAX in place of those of NumPy; modules convert their own."""
+    if isinstance(branch, np.ndarray | np.generic):
+        return jax.device_put(branch)
+    if type(branch) is dict:
+        return {name: _converted(part) for name, part in branch.items()}
+    if type(branch) in (list, tuple):
+        return type(branch)(map(_converted, branch))
+    if isinstance(branch, tuple) and hasattr(branch, "_fields"):
+        return tuple.__new__(type(branch), map(_converted, branch))
+    return branch
 
 
 def _is_field(value: Any) -> bool:
@@ -235,9 +265,7 @@ def _is_field(value: Any) -> bool:
 
 def _register(cls: type[Module]) -> None:
     """Tell JAX how such a value is taken apart and put together; what is put together is not checked again."""
-    fields = dataclasses.fields(cls)
-    static = tuple(f.name for f in fields if f.metadata.get("static", False))
-    branches = tuple(f.name for f in fields if f.name not in static)
+    static, branches = _fields[cls]
     keys = tuple(jax.tree_util.GetAttrKey(name) for name in branches)
 
     def flat(value: Any) -> Any:

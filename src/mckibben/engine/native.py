@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib.util
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,10 @@ class _KeptFunction:
         leaves, structure = flatten(trees)
         if structure != self._structure:
             raise lanewise.ArgumentError("arguments", "arguments must be trees like the examples")
+        return self.call(leaves, **options)
+
+    def call(self, leaves: Sequence[Any], **options: Any) -> Any:
+        """Run it on the leaves of arguments that are known to be trees like the examples."""
         return unflatten(self._result, self.program.call(leaves, **options))
 
 
@@ -152,7 +156,11 @@ def call_compiled(function: Callable[..., Tree], *trees: Tree, mode: str = "defa
         mode: mode of the native engine, see `lanewise.Program`.
         **fixed: more arguments, which fix its structure.
     """
-    return _compiled_for(function, trees, fixed)(*trees, mode=mode)
+    run, leaves = _compiled_for(function, trees, fixed)
+    if isinstance(run.compiled, _KeptFunction):  # a chunk of a run takes a few milliseconds, and its trees are large
+        with laboratory_errors():
+            return run.compiled.call(leaves, mode=mode)
+    return run(*trees, mode=mode)
 
 
 def call_in_lanes(
@@ -172,7 +180,7 @@ def call_in_lanes(
     lanes = len(flatten(varied)[0][0])
     one = map_leaves(lambda x: np.asarray(x)[0], varied)
     moved = map_leaves(lambda x: np.moveaxis(np.asarray(x), 0, -1), varied)
-    run = _compiled_for(function, (*shared, *one), {})
+    run, _ = _compiled_for(function, (*shared, *one), {})
     leaves, structure = flatten(run(*shared, *moved, lanes=lanes, mode=mode))
     if run.engine != "xla":  # what is the same in all lanes has no axis for them
         shapes = [(*leaf.shape, lanes) for leaf in run.program.results]
@@ -182,8 +190,10 @@ def call_in_lanes(
     return unflatten(structure, [np.moveaxis(x, -1, 0) for x in leaves])
 
 
-def _compiled_for(function: Callable[..., Tree], trees: tuple[Tree, ...], fixed: dict[str, Hashable]) -> EngineFunction:
-    """A function compiled for trees of this structure and these shapes, from memory if it was before."""
+def _compiled_for(
+    function: Callable[..., Tree], trees: tuple[Tree, ...], fixed: dict[str, Hashable]
+) -> tuple[EngineFunction, list[Any]]:
+    """A function compiled for trees of this structure and these shapes, from memory if it was before; and their leaves."""
     leaves, structure = flatten(trees)
     kinds = tuple((np.shape(leaf), getattr(leaf, "dtype", type(leaf))) for leaf in leaves)
     key = function, tuple(fixed.items()), kinds
@@ -195,4 +205,4 @@ def _compiled_for(function: Callable[..., Tree], trees: tuple[Tree, ...], fixed:
         bound = functools.partial(function, **fixed) if fixed else function
         run = compile_function(bound, *trees, title=function.__name__)
         _known[key] = [*alike[1 - MOST_ALIKE :], (structure, run)]
-    return run
+    return run, leaves

@@ -12,13 +12,53 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import Tree, flatten_util, jax, jnp
+from .._jax import Tree, jax, jnp
+from ..components.module import flatten, map_leaves, unflatten
 from ..components.programs import program_key
 from .native import compile_function
+
+
+class Layout(NamedTuple):
+    """How a tree lies in a vector of floats: its structure, and shape and type of each leaf."""
+
+    structure: Any
+    shapes: tuple[tuple[int, ...], ...]
+    kinds: tuple[str, ...]
+
+    @classmethod
+    def of(cls, tree: Tree) -> Layout:
+        """The layout of trees like this one."""
+        leaves, structure = flatten(tree)
+        kinds = tuple(np.dtype(getattr(leaf, "dtype", type(leaf))).str for leaf in leaves)
+        return cls(structure, tuple(np.shape(leaf) for leaf in leaves), kinds)
+
+    @property
+    def size(self) -> int:
+        """Numbers in the vector."""
+        return sum(int(np.prod(shape)) for shape in self.shapes)
+
+    def pack(self, tree: Tree) -> np.ndarray:
+        """The vector of a tree of concrete arrays; whole numbers and truth values become floats, exactly."""
+        parts = [np.asarray(leaf, float).reshape(-1) for leaf in flatten(tree)[0]]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def packed(self, tree: Tree) -> Tree:
+        """The same of a tree that may be traced."""
+        return _packed(tree)
+
+    def unpack(self, vector: Tree) -> Tree:
+        """The tree of a vector, which may be traced."""
+        leaves, at = [], 0
+        make: Any = np if isinstance(vector, np.ndarray) else jnp
+        for shape, kind in zip(self.shapes, self.kinds, strict=True):
+            count = int(np.prod(shape))
+            leaves.append(make.reshape(vector[at : at + count], shape).astype(kind))
+            at += count
+        return unflatten(self.structure, leaves)
 
 
 class Packed:
@@ -26,17 +66,13 @@ class Packed:
 
     def __init__(self, function: Callable[..., tuple[Tree, ...]], *examples: Tree) -> None:
         """Compile a function for arguments like the examples; it returns a tuple of trees."""
-        vectors, self._backs = zip(*(_packed(e) for e in examples), strict=True)
-        shapes = jax.eval_shape(function, *examples)
-        self._structures = [jax.tree.structure(tree) for tree in shapes]
-        self._outs = [_packed(jax.tree.map(lambda s: np.zeros(s.shape, s.dtype), tree))[1] for tree in shapes]
-
-        def flat(*given: Any) -> tuple[Tree, ...]:
-            trees = function(*(back(v) for back, v in zip(self._backs, given, strict=True)))
-            return tuple(_packed(tree)[0] for tree in trees)
-
-        made = compile_function(flat, *vectors, title="a sample")
+        inputs = tuple(map(Layout.of, examples))
+        vectors = [layout.pack(example) for layout, example in zip(inputs, examples, strict=True)]
+        made = compile_function(functools.partial(_of_vectors, function, inputs), *vectors, title="a sample")
+        described = compile_function(functools.partial(_described, function, inputs), *vectors, title="a sample")
+        self._outs = [_layout(tree) for tree in described(*vectors)]
         if made.engine == "xla":
+            flat = functools.partial(_of_vectors, function, inputs)
             self._call: Callable[..., Any] = jax.jit(flat).lower(*vectors).compile()
         else:
             kernel = made.program
@@ -48,23 +84,47 @@ class Packed:
 
     def tree(self, index: int, vector: np.ndarray) -> Tree:
         """A result as the tree that it is."""
-        return self._outs[index](vector)
+        return self._outs[index].unpack(np.asarray(vector))
 
     def columns(self, index: int, rows: np.ndarray) -> Tree:
         """Many vectors of a result (n, ..) as a tree of columns (n,); for results whose leaves are single numbers."""
         columns = [rows[:, i] for i in range(rows.shape[1])]
-        return jax.tree.unflatten(self._structures[index], columns)
+        return unflatten(self._outs[index].structure, columns)
 
     def size(self, index: int) -> int:
-        """Numbers in a result's vector."""
-        structure: Any = self._structures[index]
-        return int(structure.num_leaves)
+        """Leaves of a result."""
+        return len(self._outs[index].shapes)
 
     def index(self, index: int, name: str) -> int:
         """Position of a named number of a result, a table of single numbers, in its vector."""
-        structure: Any = self._structures[index]
-        places = jax.tree.unflatten(structure, list(range(structure.num_leaves)))
-        return int(places[name])
+        layout = self._outs[index]
+        return int(unflatten(layout.structure, range(len(layout.shapes)))[name])
+
+
+def _of_vectors(function: Callable[..., tuple[Any, ...]], inputs: tuple[Layout, ...], *vectors: Any) -> tuple[Any, ...]:
+    """The results of a function as vectors, its arguments too."""
+    trees = function(*(layout.unpack(v) for layout, v in zip(inputs, vectors, strict=True)))
+    return tuple(_packed(tree) for tree in trees)
+
+
+def _described(function: Callable[..., tuple[Any, ...]], inputs: tuple[Layout, ...], *vectors: Any) -> tuple[Any, ...]:
+    """The results of a function, each leaf as number of its type and its shape: found again on disk, it needs no tracing."""
+    trees = function(*(layout.unpack(v) for layout, v in zip(inputs, vectors, strict=True)))
+    return tuple(map_leaves(lambda leaf: np.array([jnp.asarray(leaf).dtype.num, *np.shape(leaf)]), t) for t in trees)
+
+
+def _layout(described: Any) -> Layout:
+    """The layout of a result of `_described`."""
+    leaves, structure = flatten(described)
+    kinds = {np.dtype(kind).num: np.dtype(kind).str for kind in np.typecodes["AllInteger"] + "d?"}
+    shapes = tuple(tuple(map(int, leaf[1:])) for leaf in leaves)
+    return Layout(structure, shapes, tuple(kinds[int(leaf[0])] for leaf in leaves))
+
+
+def _packed(tree: Tree) -> Tree:
+    """The vector of a tree that may be traced."""
+    parts = [jnp.reshape(jnp.asarray(leaf, float), (-1,)) for leaf in flatten(tree)[0]]
+    return jnp.concatenate(parts) if parts else jnp.zeros(0)
 
 
 _compiled: OrderedDict[str, Future[Packed]] = OrderedDict()
@@ -106,16 +166,4 @@ def compile_once(function: Callable[..., tuple[Tree, ...]], constants: Sequence[
 
 def pack(tree: Tree) -> np.ndarray:
     """Flatten a tree to a vector."""
-    return np.asarray(_packed(tree)[0])
-
-
-def _packed(tree: Tree) -> tuple[Any, Callable[[Any], Any]]:
-    leaves, structure = jax.tree.flatten(tree)
-    kinds = [jnp.asarray(leaf).dtype for leaf in leaves]
-    vector, back = flatten_util.ravel_pytree([jnp.asarray(leaf, float) for leaf in leaves])
-
-    def unpacked(given: Any) -> Any:
-        parts = [jnp.asarray(x).astype(kind) for x, kind in zip(back(jnp.asarray(given)), kinds, strict=True)]
-        return jax.tree.unflatten(structure, parts)
-
-    return vector, unpacked
+    return Layout.of(tree).pack(tree)

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import Tree, jax, jit, jnp
+from .._jax import Tree, is_traced, jax, jit, jnp
 from ..components import Hysteresis, Scalar
+from ..components.evaluation import evaluated
 from ..errors import InputError
 from ..quantities import declared, is_unit, with_unit
 from .hysteresis import FrictionLimit
 from .law import TensionLaw, law_name
 
-POINTS = 4096  # evaluations are padded to this many points, so that each law is compiled for one shape
+POINTS = 4096  # evaluations by XLA are padded to this many points, so that each law is compiled for one shape
 AMBIENT = 101325.0  # [Pa]
 # Both sides are the same mixed derivative in float64: 3e-14 for a law whose inner minimum is iterated, 1e-15 for others.
 POTENTIAL = 1e-10
@@ -67,34 +68,42 @@ def pressures(law: TensionLaw, count: int = 64, *, lowest: float = -0.95e5, high
     return np.sort(np.concatenate([special, np.linspace(lowest, highest, count - special.size)]))
 
 
-def _with_slopes(
-    law: TensionLaw, span: Scalar, pressure: Scalar
-) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-    along = (
-        jnp.stack([jnp.ones_like(span), jnp.zeros_like(span)]),
-        jnp.stack([jnp.zeros_like(span), jnp.ones_like(span)]),
-    )
-
-    def derivative(dl: Scalar, dp: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-        return jax.jvp(lambda x, p: face(law, x, p), (span, pressure), (dl, dp))
-
-    return jax.vmap(derivative, out_axes=(None, 0))(*along)
+def _with_slopes(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[Scalar, ...]:
+    """F, V, and their derivatives to span and pressure."""
+    at, ones, zeros = (span, pressure), jnp.ones_like(span), jnp.zeros_like(span)
+    values, by_span = jax.jvp(lambda x, p: face(law, x, p), at, (ones, zeros))
+    _, by_pressure = jax.jvp(lambda x, p: face(law, x, p), at, (zeros, ones))
+    return *values, *by_span, *by_pressure
 
 
 _COMPILED = jit(_with_slopes)
 
 
-def evaluate(law: TensionLaw, span: Scalar, pressure: Scalar) -> dict[str, np.ndarray]:
-    """F [N], V [m^3] and their derivatives to span (F_L, V_L) and pressure (F_P, V_P), at points of any number."""
-    span, pressure = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
-    shape, parts = span.shape, []
-    span, pressure = span.ravel(), pressure.ravel()
+@evaluated
+def _at_points(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[Scalar, ...]:
+    """The same by a kernel; of a law of which there is none by XLA, for (n,) points."""
+    return (_with_slopes if is_traced(span) else _by_xla)(law, span, pressure)
+
+
+def _by_xla(law: TensionLaw, span: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, ...]:
+    parts = []
     for start in range(0, span.size, POINTS):
         x, p = span[start : start + POINTS], pressure[start : start + POINTS]
         room = POINTS - x.size
-        (F, V), (dF, dV) = _COMPILED(law, np.pad(x, (0, room), mode="edge"), np.pad(p, (0, room), mode="edge"))
-        parts.append(np.stack([F, V, dF[0], dV[0], dF[1], dV[1]])[:, : x.size])
-    rows = np.concatenate(parts, axis=1).reshape(6, *shape)
+        values = _COMPILED(law, np.pad(x, (0, room), mode="edge"), np.pad(p, (0, room), mode="edge"))
+        parts.append(np.stack(values)[:, : x.size])
+    return tuple(np.concatenate(parts, axis=1))
+
+
+def evaluate(law: TensionLaw, span: Scalar, pressure: Scalar) -> dict[str, np.ndarray]:
+    """F [N], V [m^3] and their derivatives to span (F_L, V_L) and pressure (F_P, V_P), at points of any number."""
+    span, pressure = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
+    points = span.ravel(), pressure.ravel()
+    try:
+        rows = _at_points(law, *points)
+    except jax.errors.ConcretizationTypeError:  # a branch on a value, which arrays name more clearly than a kernel can
+        rows = _by_xla(law, *points)
+    rows = (np.asarray(row).reshape(span.shape) for row in rows)
     return dict(zip(("F", "V", "F_L", "V_L", "F_P", "V_P"), rows, strict=True))
 
 

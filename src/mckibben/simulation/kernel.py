@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import Tree, jax
+from .._jax import Tree
+from ..components.module import map_leaves
 from ..documents import JsonValue
 from ..engine.native import EngineFunction, compile_function
+from ..engine.packed import Layout
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
 from ..errors import ConvergenceError
-from .stepping import CommandedMachine, Layout, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
+from .stepping import CommandedMachine, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
 BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
@@ -239,5 +241,5 @@ class RecordingKernel:
             for name, value in integrals.items():
                 sums[name] = sums.get(name, 0.0) + float(value)
             rows.append(outputs)
-        outputs = jax.tree.map(lambda *values: np.array(values, float), *rows)
+        outputs = map_leaves(lambda *values: np.array(values, float), *rows)
         return pilot.carry, sums, outputs

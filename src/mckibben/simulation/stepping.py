@@ -12,12 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import Tree, jax, jnp
+from .._jax import Tree, jnp
 from ..assembly.machine import Machine
 from ..components import Scalar, field
+from ..components.module import flatten
 from ..components.sampled import Plant
 from ..components.system import Moment
 from ..engine import sampled
+from ..engine.packed import Layout
 from ..engine.signals import Signal, Value
 from ..engine.step import zero_integrals
 
@@ -116,46 +118,6 @@ class CommandedMachine(Plant):
         return self.machine.admissible(state)
 
 
-class Layout(NamedTuple):
-    """How a tree lies in a vector of floats: its structure, and shape and type of each leaf. Hashable."""
-
-    structure: Any
-    shapes: tuple[tuple[int, ...], ...]
-    kinds: tuple[str, ...]
-
-    @classmethod
-    def of(cls, tree: Tree) -> Layout:
-        """The layout of trees like this one."""
-        leaves, structure = jax.tree.flatten(tree)
-        kinds = tuple(np.dtype(getattr(leaf, "dtype", type(leaf))).str for leaf in leaves)
-        return cls(structure, tuple(np.shape(leaf) for leaf in leaves), kinds)
-
-    @property
-    def size(self) -> int:
-        """Numbers in the vector."""
-        return sum(int(np.prod(shape)) for shape in self.shapes)
-
-    def pack(self, tree: Tree) -> np.ndarray:
-        """The vector of a tree of concrete arrays; whole numbers and truth values become floats, exactly."""
-        parts = [np.asarray(leaf, float).reshape(-1) for leaf in jax.tree.leaves(tree)]
-        return np.concatenate(parts) if parts else np.zeros(0)
-
-    def packed(self, tree: Tree) -> Tree:
-        """The same of a tree that may be traced."""
-        parts = [jnp.reshape(jnp.asarray(leaf, float), (-1,)) for leaf in jax.tree.leaves(tree)]
-        return jnp.concatenate(parts) if parts else jnp.zeros(0)
-
-    def unpack(self, vector: Tree) -> Tree:
-        """The tree of a vector, which may be traced."""
-        leaves, at = [], 0
-        make: Any = np if isinstance(vector, np.ndarray) else jnp
-        for shape, kind in zip(self.shapes, self.kinds, strict=True):
-            count = int(np.prod(shape))
-            leaves.append(make.reshape(vector[at : at + count], shape).astype(kind))
-            at += count
-        return jax.tree.unflatten(self.structure, leaves)
-
-
 class Layouts(NamedTuple):
     """Layouts of a commanded machine and of what goes from sample to sample, and the names of the commands."""
 
@@ -241,7 +203,7 @@ def advance_sample(
 def _seen(
     plant: CommandedMachine, state: Tree, memory: Tree, inputs: Mapping[str, Value]
 ) -> tuple[dict[str, Scalar], Scalar, Any]:
-    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((state, memory))]).all()
+    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in flatten((state, memory))[0]]).all()
     bound = plant.max_rate_bound(state, memory, inputs)
     return plant.sense(state, memory, inputs, {}), bound, plant.admissible(state) & finite
 

@@ -12,7 +12,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..._jax import Tree, jax
+from ..._jax import Tree
+from ...components.module import flatten, map_leaves
 from ...engine import sampled
 from ...engine.packed import compile_once, pack
 from ...errors import LineLostError
@@ -59,7 +60,7 @@ class SimulatedMachine:
         self._zero: int | None = 0
         self._rows = rows
         self._drawn: deque[np.ndarray] = deque()
-        physics, row = carry._replace(software=()), jax.tree.map(lambda x: x[0], self._draw())
+        physics, row = carry._replace(software=()), map_leaves(lambda x: x[0], self._draw())
         self._observe = compile_once(_observe, (plant, period, latency), physics, row)
         self._act = compile_once(_act, (plant, period, inner, latency), physics, np.zeros(3))
         self._physics = pack(physics)
@@ -84,7 +85,7 @@ class SimulatedMachine:
 
     def _draw(self) -> Any:
         rows = self._rows.next()
-        self._drawn.extend(np.stack([np.asarray(x, float) for x in jax.tree.leaves(rows)], axis=1))
+        self._drawn.extend(np.stack([np.asarray(x, float) for x in flatten(rows)[0]], axis=1))
         return rows
 
     def sample(self) -> tuple[list[int], int]:
