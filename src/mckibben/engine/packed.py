@@ -116,7 +116,7 @@ def _described(function: Callable[..., tuple[Any, ...]], inputs: tuple[Layout, .
 def _layout(described: Any) -> Layout:
     """The layout of a result of `_described`."""
     leaves, structure = flatten(described)
-    kinds = {np.dtype(kind).num: np.dtype(kind).str for kind in np.typecodes["AllInteger"] + "d?"}
+    kinds: dict[int, str] = {np.dtype(kind).num: np.dtype(kind).str for kind in np.typecodes["AllInteger"] + "d?"}
     shapes = tuple(tuple(map(int, leaf[1:])) for leaf in leaves)
     return Layout(structure, shapes, tuple(kinds[int(leaf[0])] for leaf in leaves))
 

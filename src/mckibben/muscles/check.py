@@ -82,7 +82,9 @@ _COMPILED = jit(_with_slopes)
 @evaluated
 def _at_points(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[Scalar, ...]:
     """The same by a kernel; of a law of which there is none by XLA, for (n,) points."""
-    return (_with_slopes if is_traced(span) else _by_xla)(law, span, pressure)
+    if is_traced(span):
+        return _with_slopes(law, span, pressure)
+    return _by_xla(law, np.asarray(span), np.asarray(pressure))
 
 
 def _by_xla(law: TensionLaw, span: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -100,10 +102,10 @@ def evaluate(law: TensionLaw, span: Scalar, pressure: Scalar) -> dict[str, np.nd
     span, pressure = np.broadcast_arrays(np.asarray(span, float), np.asarray(pressure, float))
     points = span.ravel(), pressure.ravel()
     try:
-        rows = _at_points(law, *points)
+        values = _at_points(law, *points)
     except jax.errors.ConcretizationTypeError:  # a branch on a value, which arrays name more clearly than a kernel can
-        rows = _by_xla(law, *points)
-    rows = (np.asarray(row).reshape(span.shape) for row in rows)
+        values = _by_xla(law, *points)
+    rows = (np.asarray(row).reshape(span.shape) for row in values)
     return dict(zip(("F", "V", "F_L", "V_L", "F_P", "V_P"), rows, strict=True))
 
 
