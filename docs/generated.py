@@ -463,6 +463,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
+    "hosts": ("hosts", "Muscles with their air as parts of other programs.", ["hosts.**"]),
     "recordings": ("recordings", "Recordings and measured tables, and their file formats.", ["recordings.**"]),
     "analysis": ("analysis", "Quantities computed from laws and recordings.", ["analysis.*"]),
     "energy": (

@@ -240,6 +240,10 @@ COMMANDS = {
         " --bladder @length:1_mm",
         {"--shore": "number", "--out": "saved"},
     ),
+    "export": ("export @specimen:nylon --out part", {
+        "--for": "name", "--name": "name", "--supply": "pressure", "--valve": "name", "--span": "length",
+        "--substep": "time",
+    }),
     "check": ("check @name:ideal", {"--set": "pair", "--lowest": "pressure"}),
     "joint": ("joint @specimen:nylon --command flexor=0.2 --duration @time:0.02_s", {
         "--play": "record", "--command": "pair", "--angle": "number", "--arm": "length", "--inertia": "number",

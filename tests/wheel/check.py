@@ -122,6 +122,7 @@ CALLS: dict[str, list[Call]] = {
             ["braid.toml"],
         )
     ],
+    "export": [Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"])],
     "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),

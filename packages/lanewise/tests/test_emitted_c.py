@@ -1,5 +1,6 @@
 """Emitted C compiles without a warning, and has the bits of the LLVM kernel."""
 
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from c_programs import COMPILER, InC, built, same_bits
-from lanewise import ArgumentError, lower, to_c
+from lanewise import ArgumentError, CFunction, lower, to_c, to_c_library
 from lanewise._c import dotted_path
 from lanewise._c_text import C_OPS
 from lowered_examples import (
@@ -195,3 +196,73 @@ def test_refusals_name_what_is_wrong(changes: dict[str, Any], message: str) -> N
     made, _ = lower(lambda s, u: ({"a": s["b"] + u, "b": s["a"] * u}, s["a"]), {"a": 1.0, "b": 2.0}, 3.0)
     with pytest.raises(ArgumentError, match=message):
         to_c(made, **{"name": "step", **changes})
+
+
+def _tank_steps(parameters: Any, state: Any, inputs: Any) -> tuple[Any, Any]:
+    flow = parameters["slope"] * (inputs["supply"] - state["level"])
+    return {"level": state["level"] + 0.1 * flow}, {"flow": flow}
+
+
+def _tank_starts(parameters: Any, inputs: Any) -> tuple[Any]:
+    return ({"level": parameters["share"] * inputs["supply"]},)
+
+
+TANK = ({"slope": 2.0, "share": 0.25, "unread": 7.0}, {"level": 0.0}, {"supply": 3.0})
+
+
+def _tank(**more: Any) -> dict[str, CFunction]:
+    steps = lower(_tank_steps, *TANK)[0]
+    starts = lower(_tank_starts, TANK[0], TANK[2])[0]
+    step = CFunction(steps, ("parameters", "state", "inputs"), ("state", "outputs"))
+    return {"step": step, "start": CFunction(starts, ("parameters", "inputs"), ("state",)), **more}
+
+
+@compiled
+def test_functions_of_a_library_share_structs_and_leave_out_what_none_reads(tmp_path: Path) -> None:
+    values = {"parameters": [TANK[0][name] for name in sorted(TANK[0])]}
+    made = to_c_library(_tank(), "tank", values=values, about=lambda group, path: f"{group}: {path}")
+    assert [m.path for m in made.structs["parameters"]] == ["share", "slope"]
+    assert "parameters: slope" in made.header and "unread" not in made.header
+    main = """
+    #include <stdio.h>
+    #include "tank.h"
+    int main(void)
+    {
+        tank_state state; tank_inputs inputs = {3.0}; tank_outputs outputs;
+        tank_start(&tank_default_parameters, &inputs, &state);
+        tank_step(&tank_default_parameters, &state, &inputs, &outputs);
+        printf("%.17g %.17g", state.level, outputs.flow);
+        return 0;
+    }
+    """
+    sources = {"tank.c": made.source, "tank.h": made.header, "main.c": main}
+    for file, text in sources.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    assert COMPILER
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract=off"]
+    command = [
+        COMPILER,
+        *flags,
+        str(tmp_path / "main.c"),
+        str(tmp_path / "tank.c"),
+        "-o",
+        str(tmp_path / "tank"),
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    printed = subprocess.run([str(tmp_path / "tank")], check=True, capture_output=True, text=True).stdout
+    level = 0.25 * 3.0
+    flow = 2.0 * (3.0 - level)
+    assert [float(word) for word in printed.split()] == [level + 0.1 * flow, flow]  # the same operations, each rounded
+
+
+def test_a_library_refuses_structs_that_differ_and_names_that_clash() -> None:
+    other = CFunction(lower(lambda state: (state["height"],), {"height": 1.0})[0], ("state",), ("outputs",))
+    with pytest.raises(
+        ArgumentError, match="state must have the same members in all functions; those of 'other' differ"
+    ):
+        to_c_library(_tank(other=other), "tank")
+    with pytest.raises(ArgumentError, match="both are called 'state'"):
+        to_c_library(_tank(state=_tank()["start"]), "tank")
+    with pytest.raises(ArgumentError, match="Unknown argument 'numbers' in values"):
+        to_c_library(_tank(), "tank", values={"numbers": []})

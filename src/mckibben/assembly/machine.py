@@ -278,7 +278,8 @@ class Machine(System):
         ``braid`` goes into the braids by their motion and ``filling`` by the gas, ``exchanged`` is the size of both,
         ``muscle_work`` is what the gas does in the muscles, the atmosphere's share included; ``delivered`` goes from the
         muscles into the load, ``outside`` enters the load from elsewhere, ``outside_turnover`` is its size; ``lost`` is
-        turned into heat by dampers, of which ``viscous`` in the muscles and their tendons.
+        turned into heat by dampers, of which ``viscous`` in the muscles and their tendons. The load's own follow with the
+        prefix ``load.``.
         """
         with_lengths, joined = self.with_lengths(state, inputs), self.joined
         now = joined.passing(state["circuit"], memory["circuit"], with_lengths)
@@ -304,7 +305,8 @@ class Machine(System):
             "delivered": delivered,
         }
         outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
-        return out | powers | outer
+        own = {f"load.{key}": value for key, value in self.load.accounts(state["load"], felt, inputs).items()}
+        return out | powers | outer | own
 
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance friction and creep along the path, and the memory of valves."""

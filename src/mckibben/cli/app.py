@@ -67,6 +67,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "parts": ("parts:list_parts", "List valves, tubes, gas sources, laws and muscles with numbers, units and sources."),
     "size": ("size:size_muscle", "Find the muscle, valve, tube and gas source for a force and a stroke."),
     "sweep": ("sweep:sweep", "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."),
+    "export": (
+        "export:export_part",
+        "Export a muscle with its air as a part of another program: spans in, tensions out.",
+    ),
     "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),
     "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
     "circuit show": ("circuit:show", "Describe a circuit, its fastest mode, and the method with which a run begins."),

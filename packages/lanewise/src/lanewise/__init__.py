@@ -17,7 +17,7 @@ from .errors import ArgumentError, CacheWarning, DriverError, LanewiseError, Low
 
 if TYPE_CHECKING:
     from ._adjoint import adjoint
-    from ._c import to_c
+    from ._c import CFunction, CLibrary, dotted_path, to_c, to_c_library
     from ._compiled import CompiledFunction, compile
     from ._derivatives import tangents
     from ._differentiable import Derivatives, differentiable
@@ -27,11 +27,14 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "ArgumentError", "CacheWarning", "CompiledFunction", "Derivatives", "DriverError", "LanewiseError", "Leaf",
-    "LoweringError", "Program", "UnavailableError", "adjoint", "compile", "differentiable", "lower", "tangents", "to_c",
-    "to_gpu", "to_ptx",
+    "ArgumentError", "CFunction", "CLibrary", "CacheWarning", "CompiledFunction", "Derivatives", "DriverError",
+    "LanewiseError", "Leaf", "LoweringError", "Program", "UnavailableError", "adjoint", "compile", "differentiable",
+    "dotted_path", "lower", "tangents", "to_c", "to_c_library", "to_gpu", "to_ptx",
 ]  # fmt: skip
 _MODULES = {
+    "CFunction": "_c",
+    "dotted_path": "_c",
+    "CLibrary": "_c",
     "CompiledFunction": "_compiled",
     "Derivatives": "_differentiable",
     "Leaf": "_program",
@@ -42,6 +45,7 @@ _MODULES = {
     "lower": "_lower",
     "tangents": "_derivatives",
     "to_c": "_c",
+    "to_c_library": "_c",
     "to_gpu": "_gpu",
     "to_ptx": "_gpu",
 }

@@ -13,6 +13,9 @@ The C allocates nothing, keeps no state of its own, and needs of the standard li
 <math.h> fabs, sqrt, floor, ceil, nearbyint and fma. Loops stay loops. Scratch memory, where a program has some, is a struct
 that the caller brings. Literals are decimal with all digits, which a compiler that rounds literals correctly reads exactly.
 
+`to_c_library` writes several programs into one pair of files over shared structs: the functions of a model that
+initialises, steps and observes one state. Parameters that none of them reads are left out.
+
 Same numbers: compiled without contraction (-ffp-contract=off; GCC with -std=c99 does so by itself), with arithmetic in the
 type itself (FLT_EVAL_METHOD 0, which 32-bit x87 is not), rounding to nearest, and without -ffast-math, the results in the
 modes ``default`` and ``strict`` have the same bits as those of the LLVM kernel, with both types of numbers. In mode ``fast``
@@ -24,7 +27,7 @@ sums, equal up to rounding.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -222,12 +225,26 @@ def to_c(
 
 
 class _FunctionText:
-    """The function with what it needs before it."""
+    """A function with what it needs before it.
+
+    Attributes:
+        name: of the function, with which its constants begin.
+        library: name with which structs and helpers begin, that of the function where it stands alone.
+    """
 
     def __init__(
-        self, program: Program, graph: Graph, plan: Schedule, groups: list[Group], *, name: str, real: Real
+        self,
+        program: Program,
+        graph: Graph,
+        plan: Schedule,
+        groups: list[Group],
+        *,
+        name: str,
+        real: Real,
+        library: str | None = None,
     ) -> None:
         self.name, self.real, self.groups = name, real, groups
+        self.library = name if library is None else library
         self.bases: dict[Buffer, str] = {}
         inputs = [b for b in graph.buffers if b.role == "argument"]
         wanted = [b for b in graph.buffers if b.role == "result"]
@@ -245,7 +262,7 @@ class _FunctionText:
         self.scratch = [b for b in alive if b.role == "scratch" and b.within is None]
         self.bases.update({b: f"{name}_c{b.serial}" for b in self.constants})
         self.bases.update({b: f"scratch->s{b.serial}" for b in self.scratch})
-        self.body = Statements(graph, plan, self.bases, real=real, prefix=name)
+        self.body = Statements(graph, plan, self.bases, real=real, prefix=self.library)
         self.read = {
             m.argument
             for g in groups
@@ -261,7 +278,7 @@ class _FunctionText:
         """Parameters of the function."""
         mark = "restrict " if restrict else ""
         parameters = [
-            f"{'const ' if g.is_read and not g.is_replaced else ''}{self.name}_{g.name} *{mark}{g.name}"
+            f"{'const ' if g.is_read and not g.is_replaced else ''}{self.library}_{g.name} *{mark}{g.name}"
             for g in self.groups
         ]
         if self.scratch:
@@ -281,18 +298,21 @@ def _header(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLik
         lines += [f"/* {group.describe()} */", f"typedef struct {f.name}_{group.name} {{"]
         lines += [f.declared(m.kind, m.name, m.shape) + f" /* {_about(f, m)} */" for m in group.members]
         lines += [f"}} {f.name}_{group.name};", ""]
-    if f.scratch:
-        lines += [
-            "/* memory that the function uses while it runs; it need not be set */",
-            f"typedef struct {f.name}_scratch {{",
-        ]
-        lines += [f.declared(b.kind, f"s{b.serial}", (b.size,)) for b in f.scratch]
-        lines += [f"}} {f.name}_scratch;", ""]
+    lines += _scratch(f)
     for group in f.groups:
         if group.name in values:
             lines += [f"extern const {f.name}_{group.name} {f.name}_default_{group.name};", ""]
     lines += [f"void {f.name}({f.parameters(restrict=False)});", "", "#ifdef __cplusplus", "}", "#endif", "", "#endif"]
     return "\n".join(lines) + "\n"
+
+
+def _scratch(f: _FunctionText) -> list[str]:
+    """The struct of a function's scratch memory, if it needs some."""
+    if not f.scratch:
+        return []
+    members = [f.declared(b.kind, f"s{b.serial}", (b.size,)) for b in f.scratch]
+    head = "/* memory that the function uses while it runs; it need not be set */"
+    return [head, f"typedef struct {f.name}_scratch {{", *members, f"}} {f.name}_scratch;", ""]
 
 
 def _about(f: _FunctionText, member: Member) -> str:
@@ -303,32 +323,44 @@ def _about(f: _FunctionText, member: Member) -> str:
 
 
 def _source(f: _FunctionText, about: str, values: Mapping[str, Sequence[ArrayLike]]) -> str:
-    real = f.real
+    lines = _beginning(about, f.name, f.body.helpers, f.library, f.real)
+    constants, function = _definition(f)
+    defaults = _defaults(f.name, f.real, _known_arguments([f], values), values, lambda _, m: _about(f, m))
+    return "\n".join([*lines, *constants, *defaults, *function]) + "\n"
+
+
+def _beginning(about: str, file: str, helpers: Iterable[str], prefix: str, real: Real) -> list[str]:
+    """The head of a source file, and the helper functions."""
     form = {
-        "p": f.name,
-        "P": f.name.upper(),
+        "p": prefix,
+        "P": prefix.upper(),
         "t": real.type,
         "s": real.suffix,
         "m": real.macro,
         "i": "int32_t" if real.suffix else "int64_t",
         "end": c_literal(2.0**63, real),
     }
-    lines = [f"/* {about}. */", f'#include "{f.name}.h"', "", "#include <float.h>", "#include <math.h>", ""]
+    lines = [f"/* {about}. */", f'#include "{file}.h"', "", "#include <float.h>", "#include <math.h>", ""]
     lines += ["#if defined(__clang__)", "#pragma STDC FP_CONTRACT OFF", "#endif", ""]
-    for name in sorted(f.body.helpers):
+    for name in sorted(helpers):
         lines += [C_HELPERS[name].format(**form), ""]
+    return lines
+
+
+def _definition(f: _FunctionText, before: str = "") -> tuple[list[str], list[str]]:
+    """The constants of a function, and the function itself behind a word such as ``static``."""
+    constants = []
     for buffer in f.constants:
         head = f"static const {f.memory(buffer.kind)} {f.bases[buffer]}[{buffer.size}] = "
-        lines += [head + _numbers(buffer.kind, buffer.data, real) + ";", ""]
-    lines += _defaults(f, values)
-    lines += [f"void {f.name}({f.parameters(restrict=True)})", "{"]
+        constants += [head + _numbers(buffer.kind, buffer.data, f.real) + ";", ""]
+    lines = [f"{before}void {f.name}({f.parameters(restrict=True)})", "{"]
     for group in f.groups:
         if group.is_replaced:
-            lines.append(f"    const {f.name}_{group.name} {group.name}_before = *{group.name};")
+            lines.append(f"    const {f.library}_{group.name} {group.name}_before = *{group.name};")
         used = any(m.result is not None or m.argument in f.read for m in group.members)
         if not used or (group.is_replaced and not any(m.argument in f.read for m in group.members)):
             lines.append(f"    (void){group.name}{'_before' if used else ''};")
-    return "\n".join([*lines, *f.body.lines, "}"]) + "\n"
+    return constants, [*lines, *f.body.lines, "}"]
 
 
 def _numbers(kind: str, data: Any, real: Real) -> str:
@@ -337,25 +369,180 @@ def _numbers(kind: str, data: Any, real: Real) -> str:
     return "{" + ", ".join(map(show, np.asarray(data).ravel().tolist())) + "}"
 
 
-def _defaults(f: _FunctionText, values: Mapping[str, Sequence[ArrayLike]]) -> list[str]:
-    """Structs with the numbers that the caller wants in the file."""
-    lines: list[str] = []
-    known = {g.name: g for g in f.groups if g.is_read}
+def _known_arguments(
+    functions: Sequence[_FunctionText], values: Mapping[str, Sequence[ArrayLike]]
+) -> dict[str, list[Member]]:
+    """Members of the arguments by name; refuses values of others, and values of other shapes."""
+    known = {g.name: [m for m in g.members if m.argument is not None] for f in functions for g in f.groups if g.is_read}
     for name, leaves in values.items():
         if name not in known:
             raise ArgumentError(
                 "values", f"Unknown argument {name!r} in values. Known are {', '.join(known) or 'none'}"
             )
-        members = [m for m in known[name].members if m.argument is not None]
-        if len(members) != len(leaves):
-            raise ArgumentError(name, f"{name} must be {len(members)} values, one for each member, got {len(leaves)}")
-        lines.append(f"const {f.name}_{name} {f.name}_default_{name} = {{")
-        for member, leaf in zip(members, leaves, strict=True):
+        if len(known[name]) != len(leaves):
+            count = len(known[name])
+            raise ArgumentError(name, f"{name} must be {count} values, one for each member, got {len(leaves)}")
+        for member, leaf in zip(known[name], leaves, strict=True):
             if np.shape(leaf) != member.shape:
                 raise ArgumentError(
                     member.path, f"{name}.{member.path} must have the shape {member.shape}, got {np.shape(leaf)}"
                 )
-            text = _numbers(member.kind, leaf, f.real)
-            lines.append(f"    {text if member.shape else text[1:-1]}, /* {_about(f, member)} */")
+    return known
+
+
+def _defaults(
+    prefix: str,
+    real: Real,
+    known: Mapping[str, Sequence[Member]],
+    values: Mapping[str, Sequence[ArrayLike]],
+    about: Callable[[str, Member], str],
+    left_out: Container[tuple[str, str]] = (),
+) -> list[str]:
+    """Structs with the numbers that the caller wants in the file."""
+    lines: list[str] = []
+    for name, leaves in values.items():
+        lines.append(f"const {prefix}_{name} {prefix}_default_{name} = {{")
+        for member, leaf in zip(known[name], leaves, strict=True):
+            if (name, member.path) in left_out:
+                continue
+            text = _numbers(member.kind, leaf, real)
+            lines.append(f"    {text if member.shape else text[1:-1]}, /* {about(name, member)} */")
         lines += ["};", ""]
     return lines
+
+
+# ---- several functions over shared structs
+
+
+class CFunction(NamedTuple):
+    """A program as a function of a library in C, and what its arguments and results are called, see `to_c`."""
+
+    program: Program
+    arguments: Sequence[str]
+    results: Sequence[str]
+
+
+class CLibrary(NamedTuple):
+    """Several functions in C over shared structs.
+
+    Attributes:
+        source: text of the .c file.
+        header: text of the .h file.
+        structs: members of each struct, in the order in which they lie there.
+    """
+
+    source: str
+    header: str
+    structs: dict[str, list[Member]]
+
+
+def to_c_library(
+    functions: Mapping[str, CFunction],
+    name: str,
+    *,
+    mode: str = "default",
+    real: str = "float64",
+    values: Mapping[str, Sequence[ArrayLike]] | None = None,
+    about: Callable[[str, str], str] | None = None,
+    title: str = "",
+    extern: Container[str] | None = None,
+) -> CLibrary:
+    """Several programs in C99, in one source file and one header.
+
+    Arguments and results of one name are one struct ``NAME_ARGUMENT``, whatever the function. Of a struct that functions
+    only read, it has the members that some function reads, and no others. Functions compiled for x86-64 by GCC on Linux
+    are compiled for processors with and without a fused multiply-add, of which the loader takes the faster; define
+    NAME_CLONES as nothing to have one.
+
+    Args:
+        functions: by name; the function in C is ``NAME_FUNCTION``.
+        name: name of the files, and the beginning of all names in them.
+        mode: see `Program`.
+        real: type of the numbers.
+        values: by name of an argument, numbers that the source is to hold, as in `to_c`.
+        about: what the header says of a member, from the name of its struct and its dotted path; the path by default.
+        title: first words of both files.
+        extern: functions that others may call; the rest are ``static``. All by default.
+
+    Returns:
+        Texts, and the structs.
+
+    Raises:
+        ArgumentError: as `to_c`, or functions whose structs of one name differ.
+    """
+    texts, structs = {}, dict[str, list[Member]]()
+    for called, (program, arguments, results) in functions.items():
+        _identifier("functions", called)
+        groups = make_groups(program, name, arguments, results)
+        graph, plan = program.prepared(mode, real)
+        kind = C_REALS[real]
+        texts[called] = _FunctionText(program, graph, plan, groups, name=f"{name}_{called}", real=kind, library=name)
+        for group in groups:
+            members = structs.setdefault(group.name, group.members)
+            if [(m.name, m.path, m.kind, m.shape) for m in members] != [
+                (m.name, m.path, m.kind, m.shape) for m in group.members
+            ]:
+                raise ArgumentError(
+                    "functions",
+                    f"{group.name} must have the same members in all functions; those of {called!r} differ",
+                )
+    for called in texts.keys() & structs.keys():
+        raise ArgumentError("functions", f"A function must have another name than a struct; both are called {called!r}")
+    left_out = _never_read(texts.values())
+    known = _known_arguments(list(texts.values()), values or {})
+    kept = {g: [m for m in members if (g, m.path) not in left_out] for g, members in structs.items()}
+    said = about or (lambda group, path: path)
+    kind = C_REALS[real]
+    head = f"{(title or name).replace('*/', '* /')}, mode {mode}, {kind.type}"
+    macro = f"{name.upper()}_CLONES"
+    helpers = {h for f in texts.values() for h in f.body.helpers}
+    source = [*_beginning(head, name, helpers, name, kind), *_clones(macro)]
+    comment = lambda called, member: said(called, member.path).replace("*/", "* /")  # noqa: E731
+    source += _defaults(name, kind, known, values or {}, comment, left_out)
+    for called, f in texts.items():
+        hidden = extern is not None and called not in extern
+        constants, function = _definition(f, f"{'static ' if hidden else ''}{macro} ")
+        source += [*constants, *function, ""]
+    guard = f"{name.upper()}_H"
+    header = [f"/* {head}. No two of the structs may overlap. */", f"#ifndef {guard}", f"#define {guard}", ""]
+    header += ["#include <stdint.h>", "", "#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
+    declared = next(iter(texts.values())).declared
+    for struct, members in kept.items():
+        if members:
+            lines = [f"{declared(m.kind, m.name, m.shape)} /* {comment(struct, m)} */" for m in members]
+            header += [f"typedef struct {name}_{struct} {{", *lines, f"}} {name}_{struct};", ""]
+    header += [line for f in texts.values() for line in _scratch(f)]
+    header += [f"extern const {name}_{argument} {name}_default_{argument};" for argument in values or {}]
+    header += [
+        f"void {f.name}({f.parameters(restrict=False)});"
+        for called, f in texts.items()
+        if extern is None or called in extern
+    ]
+    header += ["", "#ifdef __cplusplus", "}", "#endif", "", "#endif"]
+    return CLibrary("\n".join(source) + "\n", "\n".join(header) + "\n", kept)
+
+
+def _never_read(functions: Iterable[_FunctionText]) -> set[tuple[str, str]]:
+    """Members of structs that are read only, which no function reads, by struct and path."""
+    unread: set[tuple[str, str]] = set()
+    needed: set[tuple[str, str]] = set()
+    for f in functions:
+        for group in f.groups:
+            for member in group.members:
+                read = member.argument is not None and member.argument in f.read
+                (needed if read or member.result is not None else unread).add((group.name, member.path))
+    return unread - needed
+
+
+def _clones(macro: str) -> list[str]:
+    """The attribute that lets GCC compile a function for several processors."""
+    return [
+        f"#ifndef {macro}",
+        "#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && !defined(__FMA__)",
+        f'#define {macro} __attribute__((target_clones("default", "fma")))',
+        "#else",
+        f"#define {macro}",
+        "#endif",
+        "#endif",
+        "",
+    ]

@@ -68,6 +68,10 @@ class Load(Module):
     def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Power that enters from outside, and power that is lost [W]."""
 
+    def accounts(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Return further powers [W] or the like whose integrals are wanted; none by default."""
+        return {}
+
     @abc.abstractmethod
     def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Recorded outputs of the load [SI]."""

@@ -1,0 +1,68 @@
+"""``export``: a muscle with its air as a part of another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from ._terminal import Json, print_json
+
+
+def export_part(
+    source: Annotated[
+        str, typer.Argument(metavar="PART", help="Circuit file with muscles, or id or file of a muscle's specimen.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files; it is made where it is missing.")],
+    target: Annotated[str, typer.Option("--for", metavar="TARGET", help="Kind of program: c.")] = "c",
+    name: Annotated[str, typer.Option(help="Beginning of all names in C, and name of the files.")] = "muscle_part",
+    supply: Annotated[
+        str | None, typer.Option(help="Gauge pressure of the supply of a single muscle, 6 bar by default.")
+    ] = None,
+    valve: Annotated[
+        str | None, typer.Option(metavar="ID", help="Valve of a single muscle, MPYE-5-1-8-LF by default.")
+    ] = None,
+    span: Annotated[
+        str | None, typer.Option(help="Span of every muscle at the start; nine tenths of the rest length by default.")
+    ] = None,
+    substep: Annotated[str, typer.Option(help="Largest step of the muscle's physics.")] = "50 us",
+    as_json: Json = False,
+) -> None:
+    """Export a muscle with its air as a part of another program: spans in, tensions out.
+
+    Example: mckibben export nylon --for c --out nylon_c
+    """
+    from ..hosts import export, part_of
+
+    try:
+        part = part_of(source, supply=supply, valve=valve, span=span, substep=substep)
+        files = export(part, target, out, name=name)
+    except InputError as error:
+        options = {
+            "supply": "--supply",
+            "valve": "--valve",
+            "substep": "--substep",
+            "target": "--for",
+            "name": "--name",
+        }
+        field = "--span" if error.field.startswith("span") else options.get(error.field, error.field)
+        raise error.changed(field=field) from None
+    masses = part.smallest_masses()
+    if as_json:
+        print_json(
+            {
+                "files": [str(path) for path in files],
+                "muscles": list(part.muscles),
+                "commands": list(part.commands),
+                "smallest_mass_kg": {f"{h!r}": mass for h, mass in masses.items()},
+            }
+        )
+        return
+    for path in files:
+        typer.echo(str(path))
+    commands = ", ".join(part.commands) or "none"
+    typer.echo(f"Muscles {', '.join(part.muscles)}; commands {commands}.")
+    felt = ", ".join(f"{1e3 * mass:.3g} g at {1e3 * h:g} ms" for h, mass in masses.items())
+    typer.echo(f"Smallest mass at the end of a muscle that an explicit step can move: {felt}.")

@@ -1,0 +1,12 @@
+"""Muscles with their air as a part of other programs: spans in, tensions out.
+
+part = mckibben.hosts.Part("nylon", mckibben.Air(supply="6 bar"))
+mckibben.hosts.export(part, "c", "elbow")
+"""
+
+from __future__ import annotations
+
+from .export import export
+from .part import Part, part_of
+
+__all__ = ["Part", "export", "part_of"]

@@ -1,0 +1,250 @@
+"""A part as C: one source file and one header, with structs that say what every number is.
+
+    NAME_step(&NAME_default_parameters, &state, &inputs, 1e-3, NAME_SYNCHRONOUS, &outputs);
+
+The code allocates nothing, has no state of its own, and its state has no pointers: it may be copied with `memcpy`, kept, and
+brought back. A state of zeros is one that was never set; the part then rests at the span and command of its first step.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import lanewise
+
+from .._jax import jax
+from ..components.programs import lower_or_load
+from ..documents import write_text
+from ..errors import InputError
+from .coupling import Timing, advance, observe, rates, rest
+from .part import MODE, Part
+
+RESULTS = ("state", "outputs")
+UNITS_OF_OUTPUTS = {
+    "tension": ("N", "mean tension over the step, with which a mechanism is to be stepped"),
+    "tension_end": ("N", "tension at the end of the step"),
+    "pressure": ("Pa", "gauge pressure of the gas"),
+    "length": ("m", "length of the braid"),
+    "velocity": ("m/s", "rate of the braid's length, negative while it shortens"),
+    "volume": ("m^3", "volume of the braid"),
+    "temperature": ("K", "temperature of the gas"),
+    "friction": ("N", "friction and creep of the braid, positive when they oppose lengthening"),
+    "slack": ("1", "1 where the tendon is slack, else 0"),
+    "work": ("J", "work of the host on the muscle since the start"),
+    "rate_bound": ("1/s", "bound of the fastest mode"),
+    "sound": ("1", "1 if the state is finite and possible, else 0"),
+}
+UNITS_OF_STATES = {
+    "mass": ("kg", "mass of the gas"),
+    "pressure": ("Pa", "absolute pressure of the gas"),
+    "length": ("m", "length of the braid"),
+    "velocity": ("m/s", "rate of the braid's length"),
+}
+
+
+class Variable(NamedTuple):
+    """A number or an array of numbers at the border of a part.
+
+    Attributes:
+        group: struct that holds it: ``parameters``, ``state``, ``inputs`` or ``outputs``.
+        member: name of the member in C.
+        path: dotted path, by which users name it.
+        unit: SI unit; empty where none is declared.
+        bounds: least and largest value.
+        meaning: one phrase.
+        default: value at the start; empty for outputs.
+        shape: () for a number.
+    """
+
+    group: str
+    member: str
+    path: str
+    unit: str
+    bounds: tuple[float, float]
+    meaning: str
+    default: Any
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class PartSource:
+    """The C of a part.
+
+    Attributes:
+        name: beginning of all names.
+        part: the part.
+        files: text of each file by its name.
+        variables: all numbers at the border, in the order of their structs.
+    """
+
+    name: str
+    part: Part
+    files: dict[str, str]
+    variables: tuple[Variable, ...]
+
+    def of(self, group: str) -> list[Variable]:
+        """The variables of a struct."""
+        return [v for v in self.variables if v.group == group]
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write the files into a folder, each whole or not at all."""
+        folder.mkdir(parents=True, exist_ok=True)
+        return [write_text(folder / name, text) for name, text in self.files.items()]
+
+
+def c_source(part: Part, name: str = "muscle_part") -> PartSource:
+    """The C of a part.
+
+    Args:
+        part: the part.
+        name: beginning of all names, and name of the files.
+
+    Raises:
+        InputError: the name is none that C can have.
+        EngineError: the part cannot be lowered.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", name):
+        raise InputError("name", name, "must be lower-case letters, digits and _, beginning with a letter")
+    zero = {group: 0.0 for group in part.commands}
+    hosted, inputs = part.hosted, part.inputs(part.span, dict.fromkeys(part.muscles, 0.0), zero | part.command)
+    state, timing = part.example_state, Timing(np.float64(1e-3), np.float64(0.0))
+    both = ("parameters", "state", "inputs")
+    plan: dict[str, tuple[Any, tuple[Any, ...], tuple[str, ...], tuple[str, ...]]] = {
+        "rest": (rest, (hosted, inputs), ("parameters", "inputs"), ("state",)),
+        "advance": (advance, (hosted, state, inputs, timing), (*both, "timing"), RESULTS),
+        "observe": (observe, (hosted, state, inputs), both, ("outputs",)),
+        "derivatives": (rates, (hosted, state, inputs), both, ("rates",)),
+    }
+    functions = {}
+    for called, (function, examples, arguments, results) in plan.items():
+        wrapped = functools.partial(_single, function) if len(results) == 1 else function
+        program, _ = lower_or_load(wrapped, *examples, title=part.title)
+        functions[called] = lanewise.CFunction(program, arguments, results)
+    about = _Meanings(part)
+    defaults = {"parameters": jax.tree.leaves(hosted), "inputs": jax.tree.leaves(inputs)}
+    library = lanewise.to_c_library(
+        functions,
+        name,
+        mode=MODE,
+        values=defaults,
+        about=about.comment,
+        title=part.title,
+        extern=("rest", "observe", "derivatives"),
+    )
+    variables = tuple(about.variables(library.structs, defaults, functions))
+    header, source = _with_step(name, library)
+    return PartSource(name, part, {f"{name}.h": header, f"{name}.c": source}, variables)
+
+
+def _single(function: Any, *arguments: Any) -> tuple[Any]:
+    """A function with its one result in a tuple, so that the result has a name of its own."""
+    return (function(*arguments),)
+
+
+class _Meanings:
+    """What each member of a part's structs is."""
+
+    def __init__(self, part: Part) -> None:
+        self.part, self.declared = part, part.declared()
+        self.units = {drive.command: (drive.unit, drive.meaning) for drive in part.hosted.drives}
+
+    def comment(self, group: str, path: str) -> str:
+        """The comment behind a member."""
+        unit, bounds, meaning = self.of(group, path)
+        limits = f", {bounds[0]:g} to {bounds[1]:g}" if np.isfinite(bounds).all() else ""
+        return f"{path}{f' [{unit}]' if unit else ''}{limits}{': ' if meaning else ''}{meaning}"
+
+    def of(self, group: str, path: str) -> tuple[str, tuple[float, float], str]:
+        """Unit, bounds and meaning."""
+        free = (-np.inf, np.inf)
+        first, _, rest_of = path.partition(".")
+        if group == "parameters":
+            if path in self.declared:
+                stated = self.declared[path]
+                low, high = stated.bounds
+                return stated.unit, (float(low), float(high)), stated.doc
+            return (
+                ("Pa", (-1e5, 1e7), f"gauge pressure of {rest_of} at the start") if first == "start" else ("", free, "")
+            )
+        if group == "inputs":
+            if first == "command":
+                unit, meaning = self.units[rest_of]
+                return unit, free, meaning
+            what = {
+                "span": ("m", "span from the anchor to the host's attachment of"),
+                "rate": ("m/s", "rate of the span of"),
+            }
+            unit, meaning = what[first]
+            return unit, free, f"{meaning} {rest_of}"
+        if group == "outputs":
+            unit, meaning = UNITS_OF_OUTPUTS[path.rpartition(".")[2] if first == "muscle" else first]
+            return unit, free, meaning
+        if group in ("state", "rates"):
+            kind = path.split(".")
+            unit, meaning = next((UNITS_OF_STATES[word] for word in kind if word in UNITS_OF_STATES), ("", ""))
+            return unit, free, meaning
+        return {"period": ("s", free, "step of the host"), "staggered": ("1", free, "1 in a staggered host")}[first]
+
+    def variables(self, structs: Any, defaults: Any, functions: Any) -> Iterator[Variable]:
+        """All variables, with the values of their defaults."""
+        for group, members in structs.items():
+            known = dict(_named_leaves(functions, group, defaults[group])) if group in defaults else {}
+            for member in members:
+                unit, bounds, meaning = self.of(group, member.path)
+                yield Variable(
+                    group, member.name, member.path, unit, bounds, meaning, known.get(member.path), member.shape
+                )
+
+
+def _named_leaves(functions: Any, group: str, leaves: Any) -> Iterator[tuple[str, Any]]:
+    """Values of an argument's leaves by dotted path."""
+    program, arguments, _ = functions["advance"]
+    place = arguments.index(group)
+    names = [leaf.name for leaf in program.arguments if leaf.name.startswith(f"[{place}]")]
+    for name, value in zip(names, leaves, strict=True):
+        yield lanewise.dotted_path(name), np.asarray(value).tolist()
+
+
+def with_names(text: str, name: str, **words: str) -> str:
+    """A text with the name of a part for NAME, the same in capitals for UPPER, and other words."""
+    words = {"NAME": name, "UPPER": name.upper(), **words}
+    return re.sub("|".join(words), lambda match: words[match[0]], text)
+
+
+def _with_step(name: str, library: lanewise.CLibrary) -> tuple[str, str]:
+    """Header and source with the step that a host calls."""
+    declared, defined = (with_names(text, name) for text in (STEP_DECLARED, STEP_DEFINED))
+    mark = "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
+    assert library.header.endswith(mark)
+    return library.header.removesuffix(mark) + declared + mark, library.source + defined
+
+
+STEP_DECLARED = """
+/* What the rates of the host's spans belong to: the time of the spans, or half a step earlier (semi-implicit Euler). */
+enum { UPPER_SYNCHRONOUS = 0, UPPER_STAGGERED = 1 };
+
+/* Numbers of which a state consists: it may be kept as an array of double. */
+enum { UPPER_STATE_SIZE = (int)(sizeof(NAME_state) / sizeof(double)) };
+
+/* Go on by one step of the host [s]: the mechanism is then stepped with the mean tensions of the outputs.
+   A state of zeros rests at these spans and commands first. */
+void NAME_step(const NAME_parameters *parameters, NAME_state *state, const NAME_inputs *inputs, double period,
+               int staggered, NAME_outputs *outputs);
+"""
+
+STEP_DEFINED = """
+void NAME_step(const NAME_parameters *restrict parameters, NAME_state *restrict state, const NAME_inputs *restrict inputs,
+               double period, int staggered, NAME_outputs *restrict outputs)
+{
+    const NAME_timing timing = {period, staggered == UPPER_STAGGERED ? 1.0 : 0.0};
+    if (!(state->started > 0.0)) NAME_rest(parameters, inputs, state);
+    NAME_advance(parameters, state, inputs, &timing, outputs);
+}
+"""

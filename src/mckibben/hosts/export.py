@@ -1,0 +1,113 @@
+"""Export of a part for another program."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..documents import write_text
+from ..errors import InputError
+from ..recordings.provenance import versions
+from .c_source import PartSource, Variable, c_source, with_names
+from .part import Part
+
+
+def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = "muscle_part") -> list[Path]:
+    """Write a part for another program.
+
+    Args:
+        part: the part.
+        target: ``c`` for a source file and a header with a description, an example and a CMake file.
+        out: folder for the files; it is made.
+        name: beginning of all names in C, and of the names of the files.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        InputError: an unknown target, or a name that C cannot have.
+    """
+    if target not in TARGETS:
+        raise InputError("target", target, known=tuple(TARGETS))
+    return TARGETS[target](c_source(part, name), Path(out))
+
+
+def describe(source: PartSource) -> dict[str, Any]:
+    """What the files of a part hold, for programs that read them: numbers with their units, and the masses it can move."""
+    part = source.part
+    return {
+        "schema": 1,
+        "title": part.title,
+        "part": part.fingerprint,
+        "made_by": f"mckibben {versions()['mckibben']}",
+        "muscles": list(part.muscles),
+        "commands": list(part.commands),
+        "smallest_mass_kg": {f"{h:g} s": mass for h, mass in part.smallest_masses().items()},
+        **{group: [_described(v) for v in source.of(group)] for group in ("parameters", "state", "inputs", "outputs")},
+    }
+
+
+def _described(variable: Variable) -> dict[str, Any]:
+    low, high = (float(b) if np.isfinite(b) else None for b in variable.bounds)
+    stated = {"path": variable.path, "member": variable.member, "unit": variable.unit, "meaning": variable.meaning}
+    limits = {} if low is None and high is None else {"least": low, "most": high}
+    shape = {"shape": list(variable.shape)} if variable.shape else {}
+    default = {} if variable.default is None else {"default": variable.default}
+    return stated | limits | shape | default
+
+
+def _export_c(source: PartSource, out: Path) -> list[Path]:
+    files = source.write(out)
+    about = json.dumps(describe(source), indent=1, ensure_ascii=False) + "\n"
+    files.append(write_text(out / f"{source.name}.json", about))
+    first = sorted(source.part.muscles)[0]
+    tension = next(v.member for v in source.of("outputs") if v.path == f"tension.{first}")
+    command = source.part.hosted.drives[0]
+    filling = {"COMMAND": next(v.member for v in source.of("inputs") if v.path == f"command.{command.command}")}
+    filling["VALUE"] = "3e5" if command.unit == "Pa" else "1.0"
+    words = filling | {"TITLE": source.part.title.replace("*/", "* /"), "TENSION": tension}
+    for file, text in (("CMakeLists.txt", CMAKE), (f"{source.name}_example.c", EXAMPLE)):
+        files.append(write_text(out / file, with_names(text, source.name, **words)))
+    return files
+
+
+CMAKE = """# TITLE: a library, and an example that prints a tension
+cmake_minimum_required(VERSION 3.16)
+project(NAME LANGUAGES C)
+set(CMAKE_C_STANDARD 99)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+add_library(NAME NAME.c)
+target_include_directories(NAME PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+target_compile_options(NAME PRIVATE -ffp-contract=off)
+target_link_libraries(NAME PUBLIC m)
+add_executable(NAME_example NAME_example.c)
+target_link_libraries(NAME_example NAME)
+"""
+
+EXAMPLE = """/* TITLE: held at the span of its start and filled for a tenth of a second. */
+#include <stdio.h>
+#include "NAME.h"
+
+int main(void)
+{
+    NAME_state state = {0};
+    NAME_inputs inputs = NAME_default_inputs;
+    NAME_outputs outputs;
+    inputs.COMMAND = VALUE;
+    for (int k = 1; k <= 100; ++k) {
+        NAME_step(&NAME_default_parameters, &state, &inputs, 1e-3, UPPER_SYNCHRONOUS, &outputs);
+        if (outputs.sound != 1.0) return 1;
+        if (k % 20 == 0) printf("%.3f s  %.17g N\\n", 1e-3 * k, outputs.TENSION);
+    }
+    return 0;
+}
+"""
+
+TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {"c": _export_c}

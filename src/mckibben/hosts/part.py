@@ -1,0 +1,417 @@
+"""A part of another program from Python: muscles and their air, stepped by spans and commands.
+
+    part = Part("nylon", Air(supply="6 bar"))
+    state = part.rest(span=0.14)
+    state, seen = part.step(state, span=0.139, rate=-0.5, muscle=0.3, period=1e-3)
+    seen.tension                                  # [N], the mean over the step
+
+States are vectors that may be kept, copied, pickled and brought back; a part itself never changes.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+from collections import namedtuple
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._jax import jax
+from ..assembly.build import unit_from_specimen
+from ..assembly.circuit_file import CircuitPlan, read_circuit
+from ..assembly.loads import HostLoad
+from ..assembly.machine import Machine
+from ..components import paths
+from ..documents import parse_toml, read_text
+from ..engine.native import EngineFunction, compile_function
+from ..errors import ConvergenceError, InputError
+from ..quantities import Quantity
+from ..simulation.air import Air, air_circuit
+from ..simulation.mechanisms import WORKING_SHARE, Amount, AnyMuscle, in_si, muscle_unit, rest_length
+from ..simulation.stepping import Layout
+from ..specimens import specimen
+from .coupling import (
+    OF_MUSCLES,
+    HostedMuscles,
+    HostInputs,
+    PartOutputs,
+    PartState,
+    Timing,
+    advance,
+    observe,
+    rest,
+)
+
+MODE = "default"  # of the compiler: the same bits in every host
+SUBSTEP = 5e-5  # [s]
+SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
+STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
+
+
+class Layouts:
+    """How parameters, state, inputs and outputs of one structure of parts lie in vectors."""
+
+    def __init__(self, part: HostedMuscles, state: PartState, inputs: HostInputs) -> None:
+        self.part, self.state, self.inputs = (Layout.of(tree) for tree in (part, state, inputs))
+
+    @property
+    def key(self) -> tuple[Layout, Layout, Layout]:
+        """The three layouts, which can be hashed."""
+        return self.part, self.state, self.inputs
+
+
+def _advance(layouts: Any, part: Any, state: Any, inputs: Any, timing: Any) -> tuple[Any, Any]:
+    of_part, of_state, of_inputs = layouts
+    new, out = advance(
+        of_part.unpack(part), of_state.unpack(state), of_inputs.unpack(inputs), Timing(timing[0], timing[1])
+    )
+    return of_state.packed(new), Layout.of(out).packed(out)
+
+
+def _observe(layouts: Any, part: Any, state: Any, inputs: Any) -> Any:
+    of_part, of_state, of_inputs = layouts
+    out = observe(of_part.unpack(part), of_state.unpack(state), of_inputs.unpack(inputs))
+    return Layout.of(out).packed(out)
+
+
+def _rest(layouts: Any, part: Any, inputs: Any) -> Any:
+    of_part, of_state, of_inputs = layouts
+    return of_state.packed(rest(of_part.unpack(part), of_inputs.unpack(inputs)))
+
+
+class Part:
+    """Muscles and their air as a part of another program's mechanism; immutable.
+
+    Args:
+        muscles: id or file of a specimen, or a `Muscle`; or several by name. A single one is called ``muscle``.
+        air: an `Air`, or the path of a circuit file with the muscles by name; `Air()` by default.
+        span: span of each muscle at the start [m], one for all or by muscle; nine tenths of its rest length by default.
+        pressure: gauge pressure at the start [Pa], one for all or by muscle; none by default.
+        substep: largest step of the physics [s].
+        title: of what is made of it; names the muscles by default.
+
+    Attributes:
+        muscles: names of the muscles.
+        commands: names of the commands.
+        hosted: parameters and equations.
+        span: span of each muscle at the start [m].
+
+    Raises:
+        InputError: names what does not fit.
+    """
+
+    def __init__(
+        self,
+        muscles: AnyMuscle | Mapping[str, AnyMuscle],
+        air: Any = None,
+        *,
+        span: Amount | Mapping[str, Amount] | None = None,
+        pressure: Amount | Mapping[str, Amount] | None = None,
+        substep: Amount = SUBSTEP,
+        title: str = "",
+    ) -> None:
+        named = dict(muscles) if isinstance(muscles, Mapping) else {"muscle": muscles}
+        units = {name: muscle_unit(muscle, name) for name, muscle in named.items()}
+        usual = {name: WORKING_SHARE * rest_length(muscle, units[name]) for name, muscle in named.items()}
+        for name in units:
+            if not name.isidentifier():
+                raise InputError("muscles", name, "must be a name of letters, digits and _")
+        self.air = air_circuit(air, units)
+        load = HostLoad(held=tuple(units))
+        machine = Machine.of(self.air.circuit, units, load, self.air.environment)
+        starts = dict.fromkeys(units, 0.0) | {n: p for n, p in self.air.starts.items() if n in units}
+        starts |= _by_muscle(pressure, "Pa", "pressure", units)
+        chambers = {
+            node: starts.get(self.air.feeding.get(node, node), self.air.starts.get(node, 0.0))
+            for node in machine.circuit.chambers
+        }
+        self.span: dict[str, float] = {**usual, **_by_muscle(span, "m", "span", units)}
+        self.hosted: HostedMuscles = HostedMuscles.of(
+            machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
+        )
+        self.muscles, self.commands = tuple(units), self.hosted.commands
+        settled = {command: starts[muscle] for command, muscle in self.air.settles.items()}
+        self.command: dict[str, float] = {**dict.fromkeys(self.commands, 0.0), **self.air.begins, **settled}
+        self.title = title or f"{' and '.join(units)} with air"
+        self._prepare()
+
+    @classmethod
+    def from_circuit(
+        cls,
+        path: str | os.PathLike[str] | CircuitPlan,
+        *,
+        span: Amount | Mapping[str, Amount] | None = None,
+        substep: Amount = SUBSTEP,
+    ) -> Part:
+        """The part that a circuit file describes: each node of the kind ``muscle`` gets friction and a tendon.
+
+        Args:
+            path: the file; the lengths that it states or moves are spans of the start, which the other program then gives.
+            span: as for a part.
+            substep: as for a part.
+
+        Raises:
+            InputError: the file is no circuit, or has no muscle.
+        """
+        plan = path if isinstance(path, CircuitPlan) else read_circuit(Path(path))
+        units, usual = {}, {}
+        values = plan.values()
+        for name, node in plan.nodes.items():
+            if node.law is None:
+                continue
+            stated = plan.document["nodes"][name]["specimen"]
+            units[name] = unit_from_specimen(specimen(stated)).replace(law=node.law)
+            usual[name] = (
+                float(values[node.signal][0]) if node.length is None and node.signal else float(node.length or 0)
+            )
+        if not units:
+            raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
+        spans = usual | _by_muscle(span, "m", "span", units)
+        return cls(units, plan, span=spans, substep=substep, title=plan.title)
+
+    def _prepare(self) -> None:
+        inputs = self.inputs(self.span, dict.fromkeys(self.muscles, 0.0), self.command)
+        as_shapes = jax.eval_shape(rest, self.hosted, inputs)
+        example = jax.tree.map(lambda s: np.zeros(s.shape, s.dtype), as_shapes)
+        self.layouts = Layouts(self.hosted, example, inputs)
+        self.parameters = self.layouts.part.pack(self.hosted)
+        self._size = self.layouts.state.size
+        self.example_state, self.example_inputs = example, inputs
+        self._calls: dict[str, Any] = {}
+        self._places = {name: 2 * len(self.muscles) + k for k, name in enumerate(sorted(self.commands))}
+        numbered = self.layouts.state.unpack(np.arange(float(self.layouts.state.size)))
+        self._commands_in_state = np.array([int(numbered.command[n]) for n in sorted(self.commands)], int)
+        names = _output_names(self.muscles)
+        self.outputs = tuple(names)
+        self._Outputs: Any = _observation_type(names)
+
+    def __repr__(self) -> str:
+        return f"Part({', '.join(self.muscles)}; commands {', '.join(self.commands)})"
+
+    def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
+        """The inputs of a moment as a tree."""
+        return HostInputs(
+            {name: np.float64(span[name]) for name in self.muscles},
+            {name: np.float64(rate[name]) for name in self.muscles},
+            {name: np.float64(command[name]) for name in self.commands},
+        )
+
+    # ---- stepping
+
+    def rest(self, span: Any = None, **commands: float) -> np.ndarray:
+        """The state at rest, friction relaxed.
+
+        Args:
+            span: of each muscle [m], one for all or by muscle; those of the part by default.
+            **commands: as they have lasted [SI].
+        """
+        spans = self.span | _by_muscle(span, "m", "span", self.muscles)
+        vector = self._vector(spans, {}, self.command | self._checked(commands))
+        (state,) = self._call("rest", _rest, [vector], [self._size])
+        return state
+
+    def step(
+        self,
+        state: np.ndarray,
+        *,
+        period: float,
+        span: Any,
+        rate: Any = 0.0,
+        staggered: bool = False,
+        **commands: float,
+    ) -> tuple[np.ndarray, Any]:
+        """Go on by one step of the host.
+
+        Args:
+            state: at its start; it is not changed.
+            period: of the step [s].
+            span: span of each muscle at its start [m], one for all or by muscle.
+            rate: rates of the spans [m/s]; in a staggered host half a step older.
+            staggered: whether the host is one of the semi-implicit kind; see `mckibben.hosts.coupling`.
+            **commands: by name [SI]; those that are left out stay as they were.
+
+        Returns:
+            The state at the end, and a named tuple of outputs, see `outputs`; of a single muscle ``tension`` first.
+
+        Raises:
+            InputError: names an unknown command or muscle.
+            ConvergenceError: the state is not finite or not possible any more.
+        """
+        vector = self._moment(state, span, rate, commands)
+        timing = np.array([period, 1.0 if staggered else 0.0])
+        new, out = self._call("advance", _advance, [state, vector, timing], [self._size, len(self.outputs)])
+        seen = self._Outputs._make(out.tolist())
+        if seen.sound != 1.0:
+            raise ConvergenceError(f"The state is not finite or not possible any more after a step of {period:g} s.")
+        return new, seen
+
+    def observe(self, state: np.ndarray, *, span: Any, rate: Any = 0.0, **commands: float) -> Any:
+        """Outputs at a moment, as `step` returns them, without going on."""
+        vector = self._moment(state, span, rate, commands)
+        (out,) = self._call("observe", _observe, [state, vector], [len(self.outputs)])
+        return self._Outputs._make(out.tolist())
+
+    def _call(self, key: str, function: Any, given: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:
+        """Run one of the functions of vectors on places in memory that are kept for it."""
+        if key not in self._calls:
+            places = [np.zeros_like(vector) for vector in given]
+            bound = functools.partial(function, self.layouts.key)
+            compiled = compile_function(bound, self.parameters, *places, title="a part")
+            wanted = [np.zeros(size) for size in sizes]
+            self._calls[key] = places, wanted, _bind(compiled, [self.parameters, *places], wanted)
+        places, wanted, run = self._calls[key]
+        for place, vector in zip(places, given, strict=True):
+            place[:] = vector
+        run()
+        return [vector.copy() for vector in wanted]
+
+    def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
+        """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
+        spans = _by_muscle(span, "m", "span", self.muscles)
+        vector = self._vector(spans, _by_muscle(rate, "m/s", "rate", self.muscles), {})
+        vector[2 * len(self.muscles) :] = state[self._commands_in_state]
+        for name, value in self._checked(commands).items():
+            vector[self._places[name]] = value
+        return vector
+
+    def _vector(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> np.ndarray:
+        count = len(self.muscles)
+        vector = np.zeros(2 * count + len(self.commands))
+        for k, name in enumerate(sorted(self.muscles)):
+            if name not in span:
+                raise InputError("span", None, f"is missing for the muscle {name}")
+            vector[k], vector[count + k] = span[name], rate.get(name, 0.0)
+        for name, value in command.items():
+            vector[self._places[name]] = value
+        return vector
+
+    def _checked(self, commands: Mapping[str, Any]) -> dict[str, float]:
+        units = {drive.command: drive.unit for drive in self.hosted.drives}
+        for name in commands:
+            if name not in units:
+                raise InputError("command", name, known=self.commands)
+        return {name: in_si(value, units[name], name) for name, value in commands.items()}
+
+    # ---- what hosts need to know
+
+    def declared(self) -> dict[str, Quantity]:
+        """The declared parameters by dotted path."""
+        return dict(paths.parameters(self.hosted))
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of structure and parameters: which part it is."""
+        about = json.dumps([self.title, self.muscles, self.commands])
+        names = ",".join(self.declared())
+        return hashlib.sha256(f"{about}{names}".encode() + self.parameters.tobytes()).hexdigest()[:32]
+
+    def slope(self, period: float, *, span: Any = None, pressure: float = 3e5) -> float:
+        """Slope of the mean tension by the end of a step's ramp [N/m], the largest of the muscles at a pressure.
+
+        The smallest mass that an explicit host can move with a step h is about slope times h squared.
+
+        Args:
+            period: step of the host [s].
+            span: as for `rest`.
+            pressure: gauge pressure in all chambers [Pa].
+        """
+        filled = self._with_pressure(pressure)
+        spans = filled.span | _by_muscle(span, "m", "span", filled.muscles)
+        state = filled.rest(spans)
+        pulls = []
+        for stretch in (0.0, SLOPE_STRETCH):
+            ends = dict.fromkeys(filled.muscles, stretch / period)
+            pulls.append(filled.step(state, period=period, span=spans, rate=ends)[1])
+        differences = [pulls[1][k] - pulls[0][k] for k in range(len(filled.muscles))]
+        return max(differences) / SLOPE_STRETCH
+
+    def _with_pressure(self, pressure: float) -> Part:
+        other = object.__new__(Part)
+        other.__dict__.update(self.__dict__)
+        other.hosted = self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure)))
+        other.parameters = self.layouts.part.pack(other.hosted)
+        other._calls = {}
+        return other
+
+    def smallest_masses(self) -> dict[float, float]:
+        """Smallest mass [kg] felt at the end of a muscle that hosts can move, by their step [s]."""
+        return {h: self.slope(h) * h * h for h in STEPS_OF_HOSTS}
+
+
+def _bind(compiled: EngineFunction, given: list[np.ndarray], wanted: list[np.ndarray]) -> Callable[[], None]:
+    """A call without arguments, from and to fixed places in memory."""
+    if compiled.engine == "native":
+        return compiled.program.bind(given, wanted, lanes=None, mode=MODE)
+
+    def run() -> None:
+        results = compiled(*given)
+        for target, value in zip(wanted, results if isinstance(results, tuple) else (results,), strict=True):
+            target[...] = value
+
+    return run
+
+
+def part_of(
+    source: str | os.PathLike[str],
+    *,
+    supply: Amount | None = None,
+    valve: str | None = None,
+    span: Amount | None = None,
+    substep: Amount = SUBSTEP,
+) -> Part:
+    """The part that a word names: a circuit file with muscles, or a specimen with usual air.
+
+    Args:
+        source: path of a circuit file, or id or path of a specimen.
+        supply: gauge pressure of the supply of a specimen [Pa]; that of `Air` by default.
+        valve: valve of a specimen; that of `Air` by default.
+        span: span of every muscle at the start [m].
+        substep: largest step of the physics [s].
+
+    Raises:
+        InputError: it is neither, or a circuit file, which states its own air, has more stated for it.
+    """
+    stated: dict[str, Any] = {"supply": supply, "valve": valve}
+    stated = {name: value for name, value in stated.items() if value is not None}
+    path = Path(source)
+    if path.suffix == ".toml" and path.is_file() and "nodes" in parse_toml(read_text(path), where=str(path)):
+        for name, value in stated.items():
+            raise InputError(name, str(value), "must be left out for a circuit file, which states its own air")
+        return Part.from_circuit(path, span=span, substep=substep)
+    title = f"{specimen(os.fspath(source)).id} with air"
+    return Part(os.fspath(source), Air(**stated), span=span, substep=substep, title=title)
+
+
+def _observation_type(names: list[str]) -> Any:
+    return namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
+
+
+def _by_muscle(value: Any, unit: str, field: str, muscles: Any) -> dict[str, float]:
+    """One value for all muscles, or values by muscle, as SI numbers; empty for None."""
+    if value is None:
+        return {}
+    given = value if isinstance(value, Mapping) else dict.fromkeys(muscles, value)
+    for name in given:
+        if name not in muscles:
+            raise InputError(field, name, known=tuple(muscles))
+    return {name: in_si(one, unit, f"{field} of {name}") for name, one in given.items()}
+
+
+def _output_names(muscles: tuple[str, ...]) -> list[str]:
+    """Names of the outputs in the order of `PartOutputs`, as JAX flattens it; a single muscle needs no name."""
+    zero = dict.fromkeys(muscles, 0.0)
+    tree = PartOutputs(zero, {m: dict.fromkeys(OF_MUSCLES, 0.0) for m in muscles}, zero, 0.0, 0.0)
+    names = []
+    for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        words = [str(getattr(p, "key", getattr(p, "name", p))).strip(".") for p in path]
+        if words[0] == "muscle":
+            words = [words[1], words[2]]
+        elif len(words) == 2:
+            words = [words[1], words[0]]
+        names.append("_".join(words if len(muscles) > 1 else words[-1:]))
+    return names
