@@ -249,7 +249,7 @@ def size(
         True
     """
     if wish is None:
-        size_limits = dict(zip(("length", "diameter"), parse_space(space), strict=True)) if space else {}
+        size_limits = dict(zip(("length", "diameter"), parse_space(space), strict=True)) if space is not None else {}
         wish = _requirements(
             force=_force_of(force, load),
             stroke=stroke,
