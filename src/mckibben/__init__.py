@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .recordings import read_force_map as read_force_map
     from .recordings import read_recording as read_recording
     from .report.figures.formats import figure_style as figure_style
+    from .report.figures.plots import plot_loops as plot_loops
     from .report.figures.style import save_figure as save_figure
     from .reproduction import reproduce as reproduce
     from .simulation import Air as Air
@@ -113,6 +114,7 @@ PUBLIC: dict[str, dict[str, str]] = {
     "Figures": {
         "figure_style": "report.figures.formats",
         "save_figure": "report.figures.style",
+        "plot_loops": "report.figures.plots",
     },
     "Errors": {
         "InputError": "errors",

@@ -92,10 +92,11 @@ def simple() -> dict[str, Callable[[], Any]]:
         "correlation": lambda: fit_figures.correlation(best),
         "hold-out": lambda: fit_figures.hold_out(best),
         "overview": lambda: fit_figures.overview([study]),
-        "two overviews": lambda: fit_figures.overview([study, study]),
         "fit curves": lambda: study.plot.curves(),
         "recording": lambda: record().plot(),
         "against": lambda: record().plot.against("span", of="loops"),
+        "measured loop": lambda: record().select(None, 14.0).plot.loop(record(seed=2)),
+        "swept loops": lambda: mk.plot_loops([record(), record(seed=2)], words=["one", "other"]),
         "channels against": lambda: recording_figures.against_figure(parts, "span", channels=["tension", "pressure"]),
     }
 
@@ -123,7 +124,7 @@ def sizing() -> Any:
     best = judged("braid-12x180", "braid", 1.0, VERDICTS[0])
     others = (judged("nylon", "specimen", 0.9, VERDICTS[1]), judged("DMSP-10-250", "size", 0.6, VERDICTS[2]))
     lines = tuple(
-        SimpleNamespace(valve=valve, tube="PUN-6x1", to_force=t, mass=m, power=w, pareto=best_of)
+        SimpleNamespace(valve=valve, element="spool_valve", tube="PUN-6x1", to_force=t, mass=m, power=w, pareto=best_of)
         for valve, t, m, w, best_of in (
             ("mpye-5-1-8-hf", 0.021, 0.33, 20.0, True),
             ("mhe2-3-2", 0.052, 0.09, 5.0, True),
@@ -366,4 +367,4 @@ def studied() -> dict[str, Callable[[], Any]]:
 
 def figures() -> dict[str, Callable[[], Any]]:
     """All figures by name."""
-    return simple() | studied() | {f"paper {k}": FIGURES[k].draw for k in ("3a", "5a", "6a", "7a", "12a", "table1")}
+    return simple() | studied() | {f"paper {k}": FIGURES[k].draw for k in ("5a", "6a", "7a")}

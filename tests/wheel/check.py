@@ -181,7 +181,10 @@ CALLS: dict[str, list[Call]] = {
     "record plot": [
         Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"]),
         Call(("loop.nc", "--out", "plot.pdf", "--width", "column", "--style", "gray"), ["plot.pdf"]),
+        Call(("loop.nc", "--measured", "loop.nc", "--out", "over.svg"), ["over.svg"]),
+        Call(("loop.nc", "loop.nc", "--out", "both.svg"), ["both.svg"]),
     ],
+    "record list": [Call((".",))],
     "record convert": [
         Call(("loop.nc", "loop.csv"), ["loop.csv"]),
         Call(("loop.nc", "loop.mcap"), ["loop.mcap"]),

@@ -220,6 +220,21 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     )
 
 
+def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
+    """SI units of the varied parameters of a store by path, empty for words.
+
+    Raises:
+        InputError: if it is none.
+    """
+    place = Path(path)
+    place = place / NAME if (place / NAME).exists() else place
+    try:
+        group: Any = zarr_library().open_group(place, mode="r")
+        return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}
+    except (KeyError, ValueError, TypeError, OSError):
+        raise InputError("store", str(place), "must be the folder of a sweep's results") from None
+
+
 def zarr_library() -> ModuleType:
     """Load the library that stores results.
 

@@ -85,7 +85,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "record": ("", "Show, plot, report on, analyse, convert and repair recordings."),
     "record show": ("record:show", "Describe a recording: protocol, muscle, rig, steps, channels, balances, events."),
-    "record plot": ("record:plot", "Draw a recording over time, or one channel over another."),
+    "record list": ("record:list_recordings", "List the recordings of a folder by what differs between them."),
+    "record plot": (
+        "record:plot",
+        "Draw a recording over time, or one channel over another; of several recordings or a sweep their loops.",
+    ),
     "record convert": (
         "record:convert_file",
         "Convert a recording, or a file of another program, to another file format.",

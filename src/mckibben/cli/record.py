@@ -10,13 +10,15 @@ import typer
 
 from .. import recordings
 from ..analysis import segments as cuts
+from ..analysis.loop_residuals import loop_residuals
 from ..citations import known_keys, reference
 from ..documents import JsonValue
-from ..errors import InputError
+from ..errors import InputError, not_found
 from ..experiments import waveforms
 from ..quantities import from_si, parse, shown_unit
 from ..recordings import mcap
-from ..report.figures import recording_figures, style
+from ..recordings.differences import differing
+from ..report.figures import loop_comparison, recording_figures, style
 from ._outputs import FIGURE, KEPT_RECORDING, OBJECT, TABLE, OutputKinds, Paths, write_recording
 from ._terminal import End, FigureLook, FigureWidth, Json, Start, options_named, pairs, print_json, table
 from .read import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options
@@ -79,8 +81,16 @@ def _description(
     return description
 
 
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="RECORDING...", help="Recordings (.nc, .csv or .mcap), or the folder of a sweep, to compare."
+    ),
+]
+
+
 def plot(
-    file: File,
+    file: Files,
     out: Annotated[list[Path], PICTURE.option()],
     channels: Annotated[
         str | None,
@@ -99,16 +109,34 @@ def plot(
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title of the figure; by default the recording's own.")
     ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Draw measured data of any format over the loop, with residuals and their rms."
+        ),
+    ] = None,
+    column: Column = None,
+    unit: Unit = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     as_json: Json = False,
 ) -> None:
-    """Draw a recording over time, or one channel over another.
+    """Draw a recording over time, or one channel over another; of several recordings or a sweep their loops.
 
     $ mckibben record plot loop.nc --against span --out loop.svg
     """
     with PICTURE.files(out) as files:
-        known = recordings.read_recording(file)
+        if measured is not None or len(file) > 1 or file[0].is_dir():
+            drawn, content = _compare(file, measured, channels, against or "span", title, column, unit)
+            files.write("figure", lambda path: style.save(drawn, path))
+            if as_json:
+                print_json({"file": str(out[0])} | content)
+            else:
+                for words in content.get("words", ()):
+                    typer.echo(words)
+                files.say()
+            return
+        known = recordings.read_recording(file[0])
         parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
         names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
         if names == []:
@@ -131,6 +159,76 @@ def plot(
             )
         else:
             files.say()
+
+
+def _compare(
+    files: list[Path],
+    measured: Path | None,
+    channels: str | None,
+    across: str,
+    title: str | None,
+    column: list[str] | None,
+    unit: list[str] | None,
+) -> tuple[Any, dict[str, Any]]:
+    """The figure of several loops, or of a loop with measured data over it, and its numbers."""
+    channel = "tension" if channels is None else channels.strip()
+    if measured is None:
+        if len(files) == 1:
+            loops, x, y = loop_comparison.loops_of_sweep(files[0], across=across, channel=channel)
+        else:
+            known = [recordings.read_recording(file) for file in files]
+            loops, x, y = loop_comparison.loops_of_recordings(known, across=across, channel=channel)
+            title = title or str(known[0].meta.get("title", ""))
+        drawn = loop_comparison.swept_loops_figure(loops, x, y, title=title or "")
+        return drawn, {"loops": [one.words for one in loops]}
+    if len(files) > 1:
+        raise InputError("--measured", None, "is allowed only with one recording")
+    data = recordings.read(measured, columns=column_places(column), units=pairs(unit, "--unit", "tension=N") or None)
+    simulated = recordings.read_recording(files[0])
+    residuals = loop_residuals(simulated, data, across=across, channel=channel)
+    drawn = loop_comparison.measured_loop_figure(simulated, data, across=across, channel=channel, title=title)
+    words = [loop_comparison.residual_words(residuals, recording_figures.panels(simulated, [channel])[0])]
+    return drawn, {"rms": residuals.rms, "relative_rms": residuals.relative, "words": words}
+
+
+SUFFIXES = (".nc", ".csv", ".mcap")
+
+
+def list_recordings(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with recordings (.nc, .csv or .mcap).")],
+    everything: Annotated[
+        bool, typer.Option("--all", help="Show every entry of the metadata that differs, results too.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """List the recordings of a folder by what differs between them.
+
+    $ mckibben record list .
+    """
+    if not folder.is_dir():
+        raise not_found(folder, "folder")
+    known: dict[str, Recording] = {}
+    for file in sorted(folder.iterdir()):
+        if file.suffix.lower() not in SUFFIXES:
+            continue
+        try:
+            known[file.name] = recordings.read_recording(file)
+        except InputError as error:
+            typer.echo(f"mckibben: {file.name} is left out: {error}", err=True)
+    if not known:
+        raise InputError("DIR", str(folder), f"must hold recordings ({', '.join(SUFFIXES)})")
+    columns = differing([one.meta for one in known.values()], everything=everything)
+    rows = [
+        {"file": name, "duration": one.duration, "samples": len(one)} | {k: v[i] for k, v in columns.items()}
+        for i, (name, one) in enumerate(known.items())
+    ]
+    if as_json:
+        print_json({"folder": str(folder), "differing": list(columns), "recordings": rows})
+        return
+    shown = [[row["file"], f"{row['duration']:.4g}", *(str(row[c]) for c in columns)] for row in rows]
+    table("", ["recording", "duration, s", *columns], shown, right=[1])
+    same = "" if columns or len(known) < 2 else "\nThe recordings were set up alike; --all shows results."
+    typer.echo(f"\n{len(known)} recording{'s' if len(known) > 1 else ''}.{same}")
 
 
 def between(known: Recording, start: str | None, end: str | None) -> Recording:

@@ -11,7 +11,7 @@ from ...analysis.energy import CycleLoops, CyclePath, EnergyCurve, cycle_loops, 
 from ...analysis.energy_parts import EnergyAccount
 from ...quantities import from_si
 from ...reproduction import part4
-from . import style
+from . import formats, style
 from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, SMALL, number
 
 if TYPE_CHECKING:
@@ -366,6 +366,7 @@ def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: b
 
 
 FLOW_WIDTH, FLOW_HEIGHT = 8.4, 6.6  # [inch]
+LEAST_FLOW = 4.6  # width, below which the labels of streams are shorter [inch]
 IN_MUSCLE, BACK_TO_GAS = "work in the muscle", "work back to the gas"
 MUSCLE = ("shaft_work", "friction", "viscous", "tendon", "muscle", "other_walls")
 WORDS = {
@@ -559,4 +560,6 @@ def _label(ax: Axes, x: float, y: float, one: DrawnStream, supply: float, side: 
     text = f"{one.words}  {number(one.value, digits)} J{percentage}"
     if side == "right":
         text = f"{one.words}\n{number(one.value, digits)} J"
+    elif formats.drawn_width(FLOW_WIDTH) < LEAST_FLOW:  # no room for the share of the supply
+        text = f"{one.words}  {number(one.value, digits)} J"
     ax.text(x, y, text, fontsize=SMALL, color=INK, ha=side, va="center", clip_on=False)

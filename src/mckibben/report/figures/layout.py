@@ -102,6 +102,7 @@ class _Layout:
         self.widths = {ax: self.inches(ax)[2] for ax in self.primary}
         self.moved: set[Axes] = set()
         self.usual = usual
+        self.measured: dict[Axes, tuple[float, float, float, float]] = {}  # by `around`, until something moves
         self.lengths: dict[tuple[str, int], float] = {}  # of texts [pt]
         self.under: list[Any] = []  # keys, and texts of lists, that have been moved below their axes
 
@@ -132,6 +133,7 @@ class _Layout:
                 text.set_in_layout(True)
         for label in titles:
             label.set_visible(True)
+        self.measured.clear()
         self.down(bands)
 
     def bands(self) -> list[list[Panel]]:
@@ -153,6 +155,7 @@ class _Layout:
                 break
         for key in keys:
             key.set_in_layout(True)
+        self.measured.clear()
         return bands
 
     def estimate(self, count: int) -> None:
@@ -162,6 +165,7 @@ class _Layout:
             _, y, _, tall = ax.get_position().bounds
             for one in (ax, *self.twins[ax]):
                 one.set_position((0.12, y, max(wide - 0.65, 0.4) / self.width, tall))
+        self.measured.clear()
         self.settle()
 
     def shares(self, band: list[Panel], bands: list[list[Panel]]) -> list[float]:
@@ -222,6 +226,7 @@ class _Layout:
                 for one in (ax, *self.twins[ax]):
                     one.set_position(((x + before) / wide, y / high, across / wide, tall / high))
             x += before + across + after + APART
+        self.measured.clear()
         for i, panel in enumerate(band):
             end = self.inches(band[i + 1].axes[0])[0] - band[i + 1].around[0] - APART if i + 1 < len(band) else None
             for ax in panel.axes:
@@ -277,6 +282,7 @@ class _Layout:
         for key in keys:
             for member in key if isinstance(key, list) else [key]:
                 member.set_in_layout(False)
+        self.measured.clear()
         foot = 72.0 * self.around(ax)[3] + 5.0
         for key in keys:
             if isinstance(key, list):
@@ -290,6 +296,7 @@ class _Layout:
         for key in keys:
             for member in key if isinstance(key, list) else [key]:
                 member.set_in_layout(True)
+        self.measured.clear()
 
     # ---- what stands around axes
 
@@ -312,21 +319,22 @@ class _Layout:
 
     def around(self, ax: Axes) -> tuple[float, float, float, float]:
         """What stands left, right, above and below of axes, headings left out [inch]."""
-        box = ax.get_window_extent()
-        per = self.fig.dpi
-        boxes = self.boxes(ax)
-        counted = [one for one in self.under if one.get_in_layout()]
-        for one in counted:
-            one.set_in_layout(False)
-        beside = self.boxes(ax)  # a key below the axes takes the width that there is
-        for one in counted:
-            one.set_in_layout(True)
-        return (
-            max((box.x0 - min(b.x0 for b in beside)) / per, 0.0),
-            max((max(b.x1 for b in beside) - box.x1) / per, 0.0),
-            max((max(b.y1 for b in boxes) - box.y1) / per, 0.0),
-            max((box.y0 - min(b.y0 for b in boxes)) / per, 0.0),
-        )
+        if ax not in self.measured:
+            box, per = ax.get_window_extent(), self.fig.dpi
+            boxes = beside = self.boxes(ax)
+            if counted := [one for one in self.under if one.get_in_layout()]:
+                for one in counted:
+                    one.set_in_layout(False)
+                beside = self.boxes(ax)  # a key below the axes takes the width that there is
+                for one in counted:
+                    one.set_in_layout(True)
+            self.measured[ax] = (
+                max((box.x0 - min(b.x0 for b in beside)) / per, 0.0),
+                max((max(b.x1 for b in beside) - box.x1) / per, 0.0),
+                max((max(b.y1 for b in boxes) - box.y1) / per, 0.0),
+                max((box.y0 - min(b.y0 for b in boxes)) / per, 0.0),
+            )
+        return self.measured[ax]
 
     def boxes(self, ax: Axes) -> list[Any]:
         """Boxes of axes and of what belongs to them [pixel]."""
@@ -426,10 +434,11 @@ class _Layout:
             wide = self.inches(ax)[2]
             label = ax.xaxis.label
             if label.get_text() and ax.axison:
-                self.wrap(label, 72.0 * (wide + min(0.3, self.around(ax)[0])))
+                self.wrap(label, 72.0 * (wide + 0.2))
             _fewer_ticks(ax.xaxis, self.renderer)
             _fewer_ticks(ax.yaxis, self.renderer)
             _end_labels(ax, self.fig.dpi)
+        self.measured.clear()
 
     # ---- vertically
 

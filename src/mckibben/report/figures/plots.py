@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,8 +20,8 @@ from ...muscles import Muscle
 from ...muscles.braid import BraidShape, braid_of
 from ...muscles.build import law_from_specimen
 from ...quantities import from_si, in_si, shown_unit, values_in_si
-from ...recordings import Recording
-from . import energy_figures, fit_figures, muscle_figures, recording_figures, sizing_figures, style
+from ...recordings import ForceMap, Recording, read
+from . import energy_figures, fit_figures, loop_comparison, muscle_figures, recording_figures, sizing_figures, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -224,6 +225,43 @@ class RecordingPlots:
         style.quantity_axes(ax, x=(x.heading, x.quantity), y=(panel.heading, panel.quantity))
         return ax
 
+    @style.styled()
+    def loop(
+        self,
+        measured: Recording | ForceMap | str | Path | None = None,
+        *,
+        across: str = "span",
+        channel: str = "tension",
+        title: str | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw a loop of two channels, and measured data over it with their residuals.
+
+        Args:
+            measured: recording or table of your own, or its file in any format that `mckibben.read` takes; below the loop
+                stands the residual, simulated less measured, and the heading states its rms in the unit of the channel
+                and in % of the measured range.
+            across: channel on the horizontal axis.
+            channel: channel on the vertical axis.
+            title: instead of the recording's own.
+            ax: axes to draw the loop into, without the residuals.
+
+        Raises:
+            InputError: there is no such channel, no full cycle, or no common range.
+        """
+        if measured is None:
+            return self.against(across, channel, title=title, ax=ax)
+        data = read(measured) if isinstance(measured, str | Path) else measured
+        if ax is None:
+            drawn = loop_comparison.measured_loop_figure(
+                self._recording, data, across=across, channel=channel, title=title
+            )
+            return shown(drawn)
+        x, y = self._panel([across]), self._panel([channel])
+        loop_comparison.draw_measured_loop(ax, self._recording, data, x, y)
+        style.quantity_axes(ax, x=(x.heading, x.quantity), y=(y.heading, y.quantity))
+        return ax
+
     def _panel(self, names: Sequence[str]) -> recording_figures.ChannelPanel:
         known = recording_figures.checked_names(self._recording, names, field="channels")
         panels = recording_figures.panels(self._recording, known)
@@ -233,6 +271,45 @@ class RecordingPlots:
                 "channels", ", ".join(known), f"must be of one quantity for one pair of axes; they are {several}"
             )
         return panels[0]
+
+
+def plot_loops(
+    recordings: Sequence[Recording] | str | Path,
+    *,
+    across: str = "span",
+    channel: str = "tension",
+    words: Sequence[str] | None = None,
+    title: str = "",
+) -> Axes:
+    """Draw the loops of several recordings over one another, each labelled at its line by what it differs in.
+
+    Args:
+        recordings: recordings, or the folder of a sweep that kept the samples of both channels.
+        across: channel on the horizontal axis.
+        channel: channel on the vertical axis.
+        words: a label for each recording, instead of the metadata in which they differ.
+        title: heading; the title of the first recording where left out.
+
+    Raises:
+        InputError: there is no such channel, or the folder holds no samples of it.
+
+    Examples:
+        >>> import numpy as np
+        >>> import mckibben as mk
+        >>> turn = np.linspace(0.0, 6.28, 50)
+        >>> channels = {"span": mk.Channel(0.13 + 0.01 * np.cos(turn), "m"), "tension": mk.Channel(30 + np.sin(turn), "N")}
+        >>> slow, fast = (mk.Recording(turn, channels, {"rate": rate}) for rate in ("1 Hz", "2 Hz"))
+        >>> [text.get_text() for text in mk.plot_loops([slow, fast]).texts[1:]]
+        ['1 Hz', '2 Hz']
+    """
+    if isinstance(recordings, str | Path):
+        loops, x, y = loop_comparison.loops_of_sweep(recordings, across=across, channel=channel)
+    else:
+        if not recordings:
+            raise InputError("recordings", None, "must be one or more")
+        loops, x, y = loop_comparison.loops_of_recordings(recordings, across=across, channel=channel, words=words)
+        title = title or str(recordings[0].meta.get("title", ""))
+    return shown(loop_comparison.swept_loops_figure(loops, x, y, title=title))
 
 
 class RankingPlots:
