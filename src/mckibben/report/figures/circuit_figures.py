@@ -15,6 +15,7 @@ from ...quantities import from_si
 from ...recordings.recording import Recording
 from . import formats, style
 from .places import BannerRow, Margins, set_margins
+from .provenance import describe, recording_source
 from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, RULE, SMALL, SUNKEN
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def run_figure(recording: Recording) -> Figure:
         if i == 0:
             meta = recording.meta
             style.heading(ax, str(meta.get("title", "")), _note(recording), above=30.0)
+    describe(fig, recording_source(recording))
     return fig
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...quantities import from_si
 from ...recordings.recording import Recording
 from . import style
+from .provenance import describe, recording_source
 from .recording_figures import checked_names, envelope
 from .style import DASHES, SMALL, SUNKEN
 
@@ -83,6 +84,7 @@ def joint_figure(record: Recording, *, title: str | None = None) -> Figure:
             ax.tick_params(labelbottom=False)
         if i == 0:
             style.heading(ax, str(record.meta.get("title", "")) if title is None else title, above=24.0)
+    describe(fig, recording_source(record))
     return fig
 
 

@@ -13,6 +13,7 @@ from ...errors import InputError
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
 from . import formats, style
+from .provenance import describe, recording_source
 from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 
 if TYPE_CHECKING:
@@ -279,6 +280,7 @@ def time_figure(
             _head(ax, record, title, above=24.0 + (22.0 if steps else 0.0))
             if steps:
                 _lane(ax, steps, limits)
+    describe(fig, recording_source(record))
     return fig
 
 
@@ -324,6 +326,7 @@ def against_figure(
         _name_families(ax, families, panel, x)
         if len(panel.names) > 1:
             _key(ax, loc="best", bbox_to_anchor=None)
+    describe(fig, recording_source(record))
     return fig
 
 
