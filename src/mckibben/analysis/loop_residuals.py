@@ -68,17 +68,19 @@ def loop_residuals(
         return LoopResiduals(at, middle - values, np.ones(len(at), bool), float(np.ptp(measured.tension)))
     names = measured_channels(measured, across, channel)
     other = paths(measured, length=names[0], tension=names[1])
-    at, errors, rising = [], [], []
+    places: list[np.ndarray] = []
+    errors: list[np.ndarray] = []
+    rising: list[np.ndarray] = []
     for one, two, up in ((model.rising, other.rising, True), (model.falling, other.falling, False)):
         low, high = _common(one, two)
         if not low < high:
             raise InputError("measured", None, "must have a range in common with the simulated loop")
         grid = np.linspace(low + TRIM * (high - low), high - TRIM * (high - low), POINTS)
-        at.append(grid)
+        places.append(grid)
         errors.append(one.at(grid) - two.at(grid))
         rising.append(np.full(POINTS, up))
     span = float(np.nanmax(measured[names[1]]) - np.nanmin(measured[names[1]]))
-    return LoopResiduals(np.concatenate(at), np.concatenate(errors), np.concatenate(rising), span)
+    return LoopResiduals(np.concatenate(places), np.concatenate(errors), np.concatenate(rising), span)
 
 
 def measured_channels(measured: Recording, across: str, channel: str) -> tuple[str, str]:

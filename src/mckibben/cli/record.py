@@ -225,7 +225,7 @@ def list_recordings(
     if as_json:
         print_json({"folder": str(folder), "differing": list(columns), "recordings": rows})
         return
-    shown = [[row["file"], f"{row['duration']:.4g}", *(str(row[c]) for c in columns)] for row in rows]
+    shown = [[str(row["file"]), f"{row['duration']:.4g}", *(str(row[c]) for c in columns)] for row in rows]
     table("", ["recording", "duration, s", *columns], shown, right=[1])
     same = "" if columns or len(known) < 2 else "\nThe recordings were set up alike; --all shows results."
     typer.echo(f"\n{len(known)} recording{'s' if len(known) > 1 else ''}.{same}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def draw_measured_loop(
         names = measured_channels(measured, across, channel)
         values = measured[names[0]] * x.scale(), measured[names[1]] * y.scale()
     step = max(len(values[0]) // MOST_POINTS, 1)
-    look = {"ls": "none", "marker": "o", "ms": 3.0, "mfc": PANEL, "mec": INK, "mew": 0.7}
+    look: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.0, "mfc": PANEL, "mec": INK, "mew": 0.7}
     ax.plot(values[0][::step], values[1][::step], label="measured", zorder=3, **look)
     ax.legend(frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="best", borderpad=0.2)
 
