@@ -83,9 +83,7 @@ def _description(
 
 Files = Annotated[
     list[Path],
-    typer.Argument(
-        metavar="RECORDING...", help="Recordings (.nc, .csv or .mcap), or the folder of a sweep, to compare."
-    ),
+    typer.Argument(metavar="RECORDING", help="Recordings (.nc, .csv or .mcap), or the folder of a sweep, to compare."),
 ]
 
 
@@ -195,7 +193,7 @@ SUFFIXES = (".nc", ".csv", ".mcap")
 
 
 def list_recordings(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with recordings (.nc, .csv or .mcap).")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with recordings (.nc, .csv or .mcap).")],
     everything: Annotated[
         bool, typer.Option("--all", help="Show every entry of the metadata that differs, results too.")
     ] = False,
@@ -216,7 +214,7 @@ def list_recordings(
         except InputError as error:
             typer.echo(f"mckibben: {file.name} is left out: {error}", err=True)
     if not known:
-        raise InputError("DIR", str(folder), f"must hold recordings ({', '.join(SUFFIXES)})")
+        raise InputError("FOLDER", str(folder), f"must hold recordings ({', '.join(SUFFIXES)})")
     columns = differing([one.meta for one in known.values()], everything=everything)
     rows = [
         {"file": name, "duration": one.duration, "samples": len(one)} | {k: v[i] for k, v in columns.items()}
