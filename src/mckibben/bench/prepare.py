@@ -187,9 +187,13 @@ def prepare(
         >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
         True
     """
-    wanted = _protocol(protocol)
+    wanted = read_named_protocol(protocol)
     if values:
         wanted = with_values(wanted, in_words(wanted, values))
+    if "stimulator" in wanted.required():
+        raise InputError(
+            "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
+        )
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     spec = None
     if isinstance(muscle, MuscleUnit):
@@ -296,7 +300,8 @@ def expected(unit: MuscleUnit) -> Estimate:
     return tension
 
 
-def _protocol(wanted: Protocol | str | os.PathLike[str]) -> Protocol:
+def read_named_protocol(wanted: Protocol | str | os.PathLike[str]) -> Protocol:
+    """Return a protocol, that of a file, or a shipped one by its name."""
     if isinstance(wanted, Protocol):
         return wanted
     text = os.fspath(wanted)

@@ -13,6 +13,7 @@ from ..experiments.protocol import Protocol
 from ..muscles import Muscle
 from ..recordings.recording import Recording
 from ..specimens import Specimen
+from .biological_run import biological_subject, run_biological
 from .hardware.clock import Clock
 from .hardware.interface import Hardware
 from .prepare import OpenWire, PreparedRun, prepare
@@ -39,6 +40,9 @@ def run(
     **options: Any,
 ) -> Recording:
     """Run a protocol on a rig; a keyboard interrupt ends the run and keeps the samples so far.
+
+    A biological muscle needs no rig. It runs protocols that stimulate it, such as ``twitch``, ``tetanus``,
+    ``force-frequency`` and ``stimulated-work-loop``, and those for McKibben muscles with 5 bar as full excitation.
 
     Args:
         protocol: a protocol, the name of a shipped one, a ``.toml`` file, or what `prepare` made.
@@ -68,6 +72,12 @@ def run(
         prepared = protocol
     elif muscle is None:
         raise InputError("muscle", None, "is missing: a specimen, its id or file, or a muscle")
+    elif (biological := biological_subject(muscle)) is not None:
+        of_machine = {"display": display, "stop": stop, "ask": ask, "hardware": hardware, "log": log}
+        stated = [name for name, value in of_machine.items() if value is not None] + ["real_time"] * real_time
+        if stated:
+            raise InputError(stated[0], None, "is of a test machine, and a biological muscle runs without one")
+        return run_biological(protocol, biological, **options)
     else:
         prepared = prepare(protocol, muscle=muscle, rig=rig, **options)
     session = Session(prepared.rig, prepared.specimen or prepared.unit, hardware, unit=prepared.unit, by_hand=False)

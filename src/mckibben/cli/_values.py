@@ -93,6 +93,7 @@ def muscles_and_laws() -> Iterator[tuple[str, str]]:
 def protocols() -> Iterator[tuple[str, str]]:
     """Names and titles of the protocols."""
     yield from _titles(PACKAGE / "experiments" / "protocols")
+    yield from _titles(PACKAGE / "experiments" / "protocols" / "stimulation")
 
 
 def rigs() -> Iterator[tuple[str, str]]:

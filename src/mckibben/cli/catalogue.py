@@ -111,21 +111,24 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
 def _list(as_json: bool) -> None:
 
     known = [reading.shipped(name) for name in reading.protocol_names()]
+    stimulated = [reading.shipped(name) for name in reading.stimulation_protocol_names()]
     if as_json:
-        print_json({"protocols": [{"name": p.name, "title": p.title, "source": p.source} for p in known]})
+        rows = [{"name": p.name, "title": p.title, "source": p.source} for p in (*known, *stimulated)]
+        print_json({"protocols": rows})
         return
     table("Protocols", ["name", "what is done", "source"], [[p.name, p.title, p.source] for p in known])
+    typer.echo("")
+    rows_of = [[p.name, p.title, p.source] for p in stimulated]
+    table("Protocols with stimulation, of biological muscles", ["name", "what is done", "source"], rows_of)
 
 
 def _text(name: str, protocol: Protocol, change: list[str] | None) -> str:
     """Text of the file; with values changed, that of the changed protocol."""
-    from importlib import resources
-
     if change:
         return protocol.toml()
     if name.endswith(".toml"):
         return Path(name).read_text(encoding="utf-8")
-    return (resources.files("mckibben.experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
+    return reading.shipped_text(name)
 
 
 def _described(protocol: Protocol, text: str) -> dict[str, JsonValue]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import components
+from ..analysis import segments
 from ..assembly import build
-from ..bench import calibrate, rig_file, software
+from ..bench import biological_run, calibrate, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import run as protocol_run
@@ -41,6 +44,7 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
+    from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
     from ..experiments.dry_run import Finding
@@ -107,6 +111,8 @@ def run_protocol(
 ) -> None:
     """Run a protocol on a test machine; nothing moves until the dry run passes.
 
+    Biological muscles need no machine: twitch, tetanus, force-frequency and stimulated-work-loop stimulate them.
+
     $ mckibben run work-loop --muscle nylon --set cycles=2 --out loop.nc --out loop.svg
     """
     writable("--log", log, ".mcap")
@@ -115,6 +121,21 @@ def run_protocol(
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
     hardware_package.connect.check_connection(machine)
+    biological = biological_run.biological_subject(muscle, law=law)
+    if biological is not None:
+        of_machine = {
+            "--plumbing": plumbing,
+            "--on": machine,
+            "--calibration": calibration,
+            "--log": log,
+            "--real-time": real_time,
+            "--accept-saturation": accept_saturation,
+        }
+        for option, value in of_machine.items():
+            if value:
+                raise InputError(option, None, f"is of a test machine; {muscle} is biological and runs without one")
+        _run_biological(protocol, biological, change, out, dry=dry, as_json=as_json)
+        return
     with OUT.files(out) as files:
         bench = prepared(
             protocol,
@@ -152,6 +173,92 @@ def run_protocol(
             files.say()
     if recording.meta["result"] != "done":
         raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
+
+
+def _run_biological(
+    protocol: str, subject: BiologicalSubject, change: list[str] | None, out: Paths, *, dry: bool, as_json: bool
+) -> None:
+    """Run a protocol on a biological muscle, with the changes of ``--set``."""
+    changes = pairs(change, "--set", _EXAMPLE)
+    values = {}
+    for key, words in changes.items():
+        if key.startswith("rig."):
+            raise InputError(f"--set {key}", words, "is of a test machine; a biological muscle runs without one")
+        if key.startswith("muscle."):
+            path = key.removeprefix("muscle.").removeprefix("law.")
+            declared = components.paths.declaration(subject.muscle, path)
+            values[path] = parse(words, declared.unit, field=f"--set {key}")
+            declared.check(f"--set {key}", values[path])
+    subject = subject._replace(muscle=components.paths.put(subject.muscle, values))
+    of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
+    wanted = chosen_protocol(protocol, of_protocol)
+    if dry:
+        biological_run.check_protocol(subject.muscle, wanted)
+        duration = wanted.expand(rest_length=float(subject.muscle.rest_length)).duration
+        if as_json:
+            print_json({"result": "ready", "sentence": wanted.sentence(), "duration": duration, "findings": []})
+        else:
+            typer.echo(f"{wanted.sentence()}\n\nAt most {duration:.4g} s.")
+        return
+    with OUT.files(out) as files:
+        recording = biological_run.run_biological(wanted, subject)
+        files.write("recording", lambda path: write_recording(recording, path))
+        result: dict[str, JsonValue] = {
+            "result": recording.meta["result"],
+            "file": None if not files["recording"] else str(files.first("recording")),
+            "summary": recording.summary(),
+            "samples": len(recording),
+            **{name: [one._asdict() for one in each] for name, each in _stimulated(recording).items()},
+            **{key: recording.meta[key] for key in ("message", "steps", "maximum_tension")},
+        }
+        files.write_result(result)
+        files.write("figure", lambda path: style.save(recording_figures.time_figure(recording), path))
+        if as_json:
+            print_json(result)
+        else:
+            _print_biological(recording)
+            files.say()
+
+
+def _stimulated(recording: Recording) -> dict[str, Any]:
+    """Contractions and work loops of a recording, none where it shows none."""
+    each: dict[str, Any] = {"contractions": (), "loops": ()}
+    for name, read in (("contractions", recording.stimulated_contractions), ("loops", recording.stimulated_loops)):
+        with contextlib.suppress(InputError):
+            each[name] = read()
+    return each
+
+
+def _print_biological(recording: Recording) -> None:
+    _print(recording)
+    each, full = _stimulated(recording), recording.meta["maximum_tension"]
+    varied = segments.varied(recording)
+
+    def case(one: Any) -> str:
+        return ", ".join(one.case[name] for name in varied) or one.label
+
+    if each["contractions"]:
+        rows = [
+            [
+                case(c),
+                f"{c.peak:.4g}",
+                f"{c.peak / full:.3f}",
+                *map(_number, (1e3 * c.time_to_peak, 1e3 * c.half_relaxation_time)),
+            ]
+            + [*map(_number, (c.mean, 1e2 * c.ripple))]
+            for c in each["contractions"]
+        ]
+        heads = ["contraction", "peak, N", "of Fmax", "to peak, ms", "half relaxation, ms", "mean, N", "ripple, %"]
+        typer.echo("")
+        table("", heads, rows, right=range(1, 7))
+    if each["loops"]:
+        loops = [[case(o), str(o.cycles), f"{1e3 * o.work:.4g}", f"{1e3 * o.power:.4g}"] for o in each["loops"]]
+        typer.echo("")
+        table("", ["work loop", "cycles", "net work per cycle, mJ", "power, mW"], loops, right=range(1, 4))
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "\N{EN DASH}"
 
 
 def _recorded(
@@ -280,9 +387,9 @@ def _print(recording: Recording) -> None:
         for name, s in recording.summary().items()
         if s["kind"] == "measured"
     ]
-    title = f"{meta['title']}: {meta['specimen']} on the rig {meta['rig']}"
+    title = f"{meta['title']}: {meta['specimen']}" + (f" on the rig {meta['rig']}" if "rig" in meta else "")
     table(title, ["measured", "lowest", "mean", "highest"], rows)
-    closed = meta["balance"]
+    closed = meta.get("balance")
     typer.echo(f"\n{len(recording)} samples. {meta['message']}")
     if closed:
         typer.echo(f"Balances: mass {closed['mass']:.1e}, energy {closed['energy']:.1e} of what went through.")
@@ -293,7 +400,7 @@ def _print(recording: Recording) -> None:
             f"By the clock: {late['samples']} samples, {late['late']} late by a tenth of a period or more; lateness "
             f"{half:.3g} ms (median), {most:.3g} (99 %), {nearly:.3g} (99.9 %), {largest:.3g} (largest)."
         )
-    for name, one in meta["saturation"].items():
+    for name, one in meta.get("saturation", {}).items():
         typer.echo(f"{name}: {one['sentence']}")
     for event in meta["events"]:
         typer.echo(f"{event['time']:.4g} s: {event['text']}")

@@ -15,6 +15,7 @@ from .waveforms.waveform import RELATIVE, words
 
 # What a protocol drives: SI unit, and the unit relative to the muscle if there is one.
 CHANNELS = {"pressure": "Pa", "span": "m", "velocity": "m/s", "tension": "N"}
+COMMANDED = {**CHANNELS, "stimulation": "1"}  # with what only biological muscles take
 _RELATIVE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(L0/s|L0)\s*")
 
 

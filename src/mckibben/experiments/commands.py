@@ -20,9 +20,9 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..registry import Registry
 from ..schema import FileTable, Place, frozen, read_table
-from .amounts import CHANNELS, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
+from .amounts import COMMANDED, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
 from .waveforms import Constant, PointTable, Sine, Triangle, Waveform, read_waveform, time_words
-from .waveforms.waveform import RELATIVE
+from .waveforms.waveform import JUMP, RELATIVE
 
 if TYPE_CHECKING:
     from .steps import ProtocolStep
@@ -31,6 +31,8 @@ MOST_CYCLES = 100_000
 USUAL_REST_LENGTH = 0.14  # [m]
 OPEN = (1e-9, 1e7)  # times and rates that a step may state
 MODES = ("span", "velocity", "tension")  # what the motor can control
+DRIVES = {"pressure": frozenset(("valve",)), "stimulation": frozenset(("stimulator",))}  # of a muscle: parts they need
+MOST_STIMULI = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ class Follow(Command):
     @classmethod
     def read(cls, raw: object, place: Place, channel: str) -> Follow:
         """Make it of a waveform's table, or of a value."""
-        unit, where = CHANNELS[channel], place.where
+        unit, where = COMMANDED[channel], place.where
         if has_both(raw, unit):
             usual = read_waveform(in_metres(raw, unit, USUAL_REST_LENGTH), unit, field=place.field, where=where)
             return cls(usual, unit, frozen(in_si(raw, unit)), place.field)
@@ -177,8 +179,8 @@ class Follow(Command):
 
     def needs(self, channel: str) -> frozenset[str]:
         """The valve, or the motor where the set-point changes or is no span."""
-        if channel == "pressure":
-            return frozenset(("valve",))
+        if channel in DRIVES:
+            return DRIVES[channel]
         return frozenset(() if channel == "span" and isinstance(self.waveform, Constant) else ("motor",))
 
     def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
@@ -211,7 +213,7 @@ class RampTo(Command):
     @classmethod
     def read(cls, raw: JsonValue, place: Place, channel: str) -> RampTo:
         """Make it of ``to`` and one of ``in`` and ``at``."""
-        unit, table = CHANNELS[channel], FileTable(raw, place.field, place.where or "")
+        unit, table = COMMANDED[channel], FileTable(raw, place.field, place.where or "")
         table.only(("to", "in", "at"), "a line has")
         if ("in" in table) == ("at" in table):
             problem = "is missing" if "in" not in table else "cannot be stated beside at"
@@ -224,7 +226,7 @@ class RampTo(Command):
 
     def needs(self, channel: str) -> frozenset[str]:
         """The valve or the motor."""
-        return frozenset(("valve" if channel == "pressure" else "motor",))
+        return DRIVES.get(channel, frozenset(("motor",)))
 
     def duration(self, start: Reach, rest_length: float) -> float:
         """Time that the line takes [s]; NaN if only a speed is stated and the start is not known."""
@@ -340,6 +342,115 @@ class DirectionDependent(Command):
 
 
 @dataclass(frozen=True)
+class StimulusTrain(Command):
+    """Stimuli of a biological muscle: each excites it fully for `width` [s].
+
+    Without a rate there is one stimulus. With one they follow at `rate` [1/s] from `start` [s] on, for `lasts` [s] or to the
+    end of the step. With `phase` [rad] and `duty` [1] there is a train in each cycle of the span, which follows a sine: it
+    begins at a phase of the sine (0 at the mean length while the muscle lengthens, 90 degrees at the longest) and goes on
+    for a share of the cycle, as in the work loops of R. K. Josephson, Journal of Experimental Biology 114(1), 1985,
+    doi:10.1242/jeb.114.1.493. The set-point of a sample is the share of its period in which the muscle is excited, so that
+    every stimulus counts the same at any sample rate. No stimulus outlasts its step.
+    """
+
+    digest_name: ClassVar[str] = "Stimuli"
+    width: float = schema.number("s", (1e-6, 1e3), "excitation by one stimulus")
+    rate: float | None = schema.number("1/s", (1e-6, 1e5), "stimuli per time within a train", default=None)
+    start: float = schema.number("s", (0.0, 1e6), "first stimulus", default=0.0)
+    lasts: float | None = schema.number("s", OPEN, "duration of the train", default=None)
+    phase: float | None = schema.number("rad", (-7.0, 7.0), "phase of the span at which a train begins", default=None)
+    duty: float | None = schema.number("1", (0.0, 1.0), "share of the cycle that a train takes", default=None)
+
+    @classmethod
+    def accepts(cls, raw: object, channel: str) -> bool:
+        """Whether a stimulation is stated by the ``width`` of its stimuli."""
+        return channel == "stimulation" and isinstance(raw, Mapping) and "width" in raw and "kind" not in raw
+
+    @classmethod
+    def read(cls, raw: JsonValue, place: Place, channel: str) -> StimulusTrain:
+        """Make it of its table."""
+        table = FileTable(raw, place.field, place.where or "")
+        train = read_table(cls, table, owner="a stimulation has")
+        if (train.phase is None) != (train.duty is None):
+            missing, present = ("phase", "duty") if train.phase is None else ("duty", "phase")
+            raise table.fail(missing, None, f"is missing: {present} and {missing} are stated together")
+        if train.rate is None and (train.lasts is not None or train.duty is not None):
+            raise table.fail("rate", None, "is missing: a train of stimuli has one")
+        if train.duty is not None and (train.lasts is not None or train.start > 0.0):
+            raise table.fail(
+                "duty", None, "cannot be stated beside start or lasts: the cycle of the span times the trains"
+            )
+        return train
+
+    def needs(self, channel: str) -> frozenset[str]:
+        """The stimulator."""
+        return DRIVES["stimulation"]
+
+    def check(self, step: ProtocolStep) -> None:
+        """Refuse trains in cycles of a span that follows no sine."""
+        if self.duty is None:
+            return
+        if step.mode != "span" or not isinstance(step.motor, Follow) or not isinstance(step.motor.waveform, Sine):
+            demand = "with phase and duty needs a span that follows a sine in this step"
+            raise InputError("stimulation", None, demand)
+
+    def set_points(self, before: Reach, clock: StepClock) -> SetPoints:
+        """The share of each sample in which the muscle is excited; nothing after the step."""
+        starts = self._stimuli(clock)
+        count = len(clock.times)
+        edges = np.append(clock.times, clock.times[-1] + clock.duration / count)
+        values = np.zeros(count)
+        if starts.size:
+            ends = np.minimum(starts + self.width, np.append(starts[1:], np.inf))
+            corners = np.column_stack([starts, ends]).ravel()
+            excited = np.concatenate([[0.0], np.cumsum(np.diff(corners) * (np.arange(len(corners) - 1) % 2 == 0))])
+            values = np.clip(np.diff(np.interp(edges, corners, excited)) / np.diff(edges), 0.0, 1.0)
+        return SetPoints(_fixed(values), Reach(float(values.min()), float(values.max())), Reach(0.0, 0.0))
+
+    def _stimuli(self, clock: StepClock) -> np.ndarray:
+        """Times of the stimuli from the beginning of the step [s], rising."""
+        trains = self._trains(clock)
+        if self.rate is None:
+            return np.array([begin for begin, _ in trains])
+        count = sum(math.ceil(max(end - begin, 0.0) * self.rate) for begin, end in trains)
+        if count > MOST_STIMULI:
+            raise InputError(
+                "rate", f"{self.rate:g} Hz", f"must give at most {MOST_STIMULI} stimuli in a step, got {count}"
+            )
+        # a train of exactly n intervals has n stimuli, however the numbers are rounded
+        each = [
+            begin + np.arange(math.ceil((end - begin) * self.rate - 1e-9)) / self.rate
+            for begin, end in trains
+            if end > begin
+        ]
+        times = np.concatenate([*each, np.zeros(0)])
+        return times[(times >= -JUMP) & (times < clock.duration - JUMP)]
+
+    def _trains(self, clock: StepClock) -> list[tuple[float, float]]:
+        if self.duty is None or self.phase is None:
+            return [(self.start, clock.duration if self.lasts is None else self.start + self.lasts)]
+        motion = clock.step.motor
+        assert isinstance(motion, Follow) and isinstance(motion.waveform, Sine)  # `check` has seen to it
+        sine = motion.waveform
+        turned = math.pi if sine.amplitude < 0.0 else 0.0
+        first = ((self.phase - sine.phase - turned) / (2.0 * math.pi)) % 1.0
+        period = 1.0 / sine.frequency
+        cycles = math.ceil(clock.duration * sine.frequency) + 1
+        if cycles > MOST_CYCLES:
+            raise InputError("cycles", None, f"must be at most {MOST_CYCLES} with stimulation by phase, got {cycles}")
+        return [((first + k) * period, (first + k + self.duty) * period) for k in range(-1, cycles)]
+
+    def sentence(self, channel: str) -> str:
+        """Describe it as ``stimulation at 150 Hz, 5 ms each, from 60 deg on for 0.3 of each cycle``."""
+        said = "one stimulus" if self.rate is None else f"at {self.rate:g} Hz"
+        said += f" of {time_words(self.width)}" if self.rate is None else f", {time_words(self.width)} each"
+        if self.duty is not None and self.phase is not None:
+            return f"{channel} {said}, from {math.degrees(self.phase):.6g} deg on for {self.duty:g} of each cycle"
+        said += f", after {time_words(self.start)}" if self.start else ""
+        return f"{channel} {said}" + (f", for {time_words(self.lasts)}" if self.lasts is not None else "")
+
+
+@dataclass(frozen=True)
 class Isolate(Command):
     """Shut the muscle off from valve and vent: its gas stays."""
 
@@ -372,7 +483,13 @@ class Isolate(Command):
 COMMANDS: Registry[type[Command]] = Registry(
     "mckibben.steps",
     "step",
-    {"isolate": Isolate, "ramp": RampTo, "direction_dependent": DirectionDependent, "follow": Follow},
+    {
+        "isolate": Isolate,
+        "ramp": RampTo,
+        "direction_dependent": DirectionDependent,
+        "stimuli": StimulusTrain,
+        "follow": Follow,
+    },
 )
 
 
@@ -382,7 +499,7 @@ def read_command(raw: object, place: Place, channel: str) -> Command:
     Args:
         raw: the words.
         place: place of them.
-        channel: ``pressure``, ``span``, ``velocity`` or ``tension``.
+        channel: ``pressure``, ``stimulation``, ``span``, ``velocity`` or ``tension``.
 
     Raises:
         InputError: names the dotted path, the value and what it must be.

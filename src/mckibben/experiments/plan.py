@@ -28,7 +28,8 @@ class PlannedStep:
 
     `index` counts from 1, `path` is its place in the protocol; `start` and `count` are samples, the latest and the most
     where a test may end a step early. `pressure` [Pa] and `motor` [unit of `mode`] are set-points of shape (count,), or
-    `Deferred`; the pressure is None while the muscle is shut off. The `*_before` are where channels are when it begins,
+    `Deferred`; the pressure is None while the muscle is shut off. `stimulation` [1] is the excitation of
+    a biological muscle. The `*_before` are where channels are when it begins,
     `span` where the span goes in it; `pulled` is the tension [N] that the motor held when it begins, if that decided
     the span.
     """
@@ -47,6 +48,7 @@ class PlannedStep:
     pressure_reach: Reach
     span: Reach
     pulled: Reach | None = None
+    stimulation: np.ndarray | Deferred | None = None
 
     @property
     def until(self) -> Until | None:
@@ -119,6 +121,7 @@ class _State:
     def __init__(self, rest_length: float, dt: float, pressure: Reach, span: Reach) -> None:
         self.rest, self.dt = rest_length, dt
         self.pressure, self.span = pressure, span
+        self.stimulation = Reach(0.0, 0.0)
         self.mode, self.motor = "span", span
         self.pulled: Reach | None = None
 
@@ -135,6 +138,8 @@ class _State:
             raise InputError("samples", start + count, allowed)
         clock = StepClock(self.dt * np.arange(count), duration, self.rest, step)
         pressure, motor = _driven(step.pressure, before_p, clock), _driven(step.motor, before_m, clock)
+        stimulation = _driven(step.stimulation, self.stimulation, clock)
+        self.stimulation = stimulation.after
         assert motor.values is not None
         span, after_span = self._span(mode, motor, step)
         pulled = before_m if self.mode == mode == "tension" else self.pulled
@@ -155,12 +160,14 @@ class _State:
             pressure.reach,
             span,
             pulled,
+            stimulation.values,
         )
 
     def _duration(self, step: ProtocolStep, mode: str, path: str) -> float:
         lines = [0.0]
         for channel, command in step.commands():
-            seconds = command.duration(self.pressure if channel == "pressure" else self.motor, self.rest)
+            drives = {"pressure": self.pressure, "stimulation": self.stimulation}
+            seconds = command.duration(drives.get(channel, self.motor), self.rest)
             if seconds is not None and np.isnan(seconds):
                 demand = "its start is not known beforehand; state a time, in, instead of a speed"
                 raise InputError(f"{path}.{channel}.at", command.sentence(channel), demand)

@@ -306,7 +306,7 @@ def _plain(value: Any) -> Any:
         kind = getattr(value, "kind", "")
         # what only some have, such as lengths in two units, leaves the hash of the others as it was
         named = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
-        named = {k: v for k, v in named.items() if not (k == "mixed" and v is None)}
+        named = {k: v for k, v in named.items() if not (k in ("mixed", "stimulation") and v is None)}
         return [
             getattr(value, "digest_name", type(value).__name__),
             str(kind),

@@ -40,6 +40,7 @@ from .protocol import MOST_CASES, SCHEMA, Protocol, check_options, check_values,
 from .steps import names_in
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
+STIMULATION = "protocols/stimulation"  # folder of the protocols of biological muscles
 SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
 T = TypeVar("T")
 
@@ -165,9 +166,18 @@ def _check_choices(protocol: Protocol, where: str | None) -> None:
 
 
 def protocol_names() -> list[str]:
-    """Names of all shipped protocols, sorted."""
-    folder = resources.files(__package__) / "protocols"
-    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+    """Names of all shipped protocols of McKibben muscles on test machines, sorted."""
+    return _names_in("protocols")
+
+
+def stimulation_protocol_names() -> list[str]:
+    """Names of the shipped protocols that stimulate biological muscles, sorted."""
+    return _names_in(STIMULATION)
+
+
+def _names_in(folder: str) -> list[str]:
+    files = resources.files(__package__).joinpath(folder).iterdir()
+    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
 
 def shipped(name: str, *, where: str | None = None) -> Protocol:
@@ -176,8 +186,8 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
     Raises:
         InputError: if there is none of that name.
     """
-    if name not in protocol_names():
-        known = protocol_names()
+    known = [*protocol_names(), *stimulation_protocol_names()]
+    if name not in known:
         raise InputError("protocol", name, known=known, where=where)
     return _shipped(name)
 
@@ -230,7 +240,12 @@ def in_words(protocol: Protocol, values: Mapping[str, JsonValue]) -> dict[str, J
     }
 
 
+def shipped_text(name: str) -> str:
+    """Text of the file of a shipped protocol."""
+    folder = STIMULATION if name in stimulation_protocol_names() else "protocols"
+    return resources.files(__package__).joinpath(folder, f"{name}.toml").read_text(encoding="utf-8")
+
+
 @functools.cache
 def _shipped(name: str) -> Protocol:
-    file = resources.files(__package__) / "protocols" / f"{name}.toml"
-    return parse_protocol(file.read_text(encoding="utf-8"), where=f"{name}.toml")
+    return parse_protocol(shipped_text(name), where=f"{name}.toml")

@@ -11,14 +11,22 @@ from .. import schema
 from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FileTable, FrozenTable, Place, read_table, thawed
-from .commands import MODES, OPEN, Command, Follow, RampTo, read_command
+from .commands import DRIVES, MODES, OPEN, Command, Follow, RampTo, read_command
 from .until import Until, read_until
 from .waveforms import time_words
 
 GROUP_KEYS = ("label", "steps", "repeat")
 _NAME = re.compile(r"\$([a-z][a-z0-9_]*)")
 MOST_STEPS = 200_000
-PARTS = ("valve", "motor", "shut-off", "accumulators", "plate", "person")  # that a protocol can need; and "NAME sensor"
+PARTS = (
+    "valve",
+    "stimulator",
+    "motor",
+    "shut-off",
+    "accumulators",
+    "plate",
+    "person",
+)  # that a protocol can need; and "NAME sensor"
 
 
 def _read_until(raw: object, place: Place) -> Until:
@@ -27,7 +35,8 @@ def _read_until(raw: object, place: Place) -> Until:
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolStep:
-    """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls.
+    """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls. A McKibben muscle
+    is driven by `pressure`, a biological one by `stimulation`.
 
     It ends after `duration` [s] or `cycles` of its waveform, or earlier by `until`; with neither it lasts as long as its
     lines. `otherwise` says what follows when a test did not come true within the time: ``stop`` or ``go on``. `ask` is
@@ -38,6 +47,7 @@ class ProtocolStep:
     label: str = ""
     ask: str = ""
     pressure: Command | None = None
+    stimulation: Command | None = None
     mode: str | None = None
     motor: Command | None = None
     duration: float | None = schema.number("s", OPEN, "longest time", key="for", default=None)
@@ -50,6 +60,8 @@ class ProtocolStep:
         """Iterate over the commands with their channels."""
         if self.pressure is not None:
             yield "pressure", self.pressure
+        if self.stimulation is not None:
+            yield "stimulation", self.stimulation
         if self.motor is not None and self.mode is not None:
             yield self.mode, self.motor
 
@@ -66,7 +78,7 @@ class ProtocolStep:
 
     def frequency(self) -> float | None:
         """Frequency of the periodic waveform, the motor's first [1/s]."""
-        for command in (self.motor, self.pressure):
+        for command in (self.motor, self.pressure, self.stimulation):
             if isinstance(command, Follow):
                 rate = getattr(command.waveform, "frequency", None)
                 if rate is not None:
@@ -162,16 +174,18 @@ def read_step(entry: FileTable) -> ProtocolStep:
     Raises:
         InputError: names what is unknown, missing, out of bounds or in the wrong unit.
     """
-    keys = ("label", "ask", "pressure", *MODES, "for", "cycles", "until", "otherwise", "record", "repeat")
+    keys = ("label", "ask", *DRIVES, *MODES, "for", "cycles", "until", "otherwise", "record", "repeat")
     entry.only(keys, "a step has")
     modes = [m for m in MODES if m in entry]
     if len(modes) > 1:
         raise entry.fail(modes[1], None, f"cannot be stated beside {modes[0]}: the motor controls one of them")
-    commands: dict[str, Any] = {"mode": modes[0] if modes else None, "pressure": None, "motor": None}
-    for channel in [c for c in ("pressure", *modes) if c in entry]:
+    if "pressure" in entry and "stimulation" in entry:
+        raise entry.fail("stimulation", None, "cannot be stated beside pressure: a muscle takes one of the two")
+    commands: dict[str, Any] = {"mode": modes[0] if modes else None, **dict.fromkeys((*DRIVES, "motor"))}
+    for channel in [c for c in (*DRIVES, *modes) if c in entry]:
         place = Place(entry.field(channel), entry.where or None)
-        commands["pressure" if channel == "pressure" else "motor"] = read_command(entry.values[channel], place, channel)
-    step = read_table(ProtocolStep, entry.without("pressure", *modes, "repeat"), owner="a step has", **commands)
+        commands[channel if channel in DRIVES else "motor"] = read_command(entry.values[channel], place, channel)
+    step = read_table(ProtocolStep, entry.without(*DRIVES, *modes, "repeat"), owner="a step has", **commands)
     _check(entry, step)
     return step
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from ..analysis.energy_parts import EnergyAccount
     from ..analysis.loops import TensionLoop
+    from ..analysis.stimulation import StimulatedContraction, StimulatedLoop
     from ..report.figures.plots import RecordingPlots
     from .force_map import ForceMap
 
@@ -360,6 +361,24 @@ class Recording:
         each: tuple[TensionLoop, ...] = implementation("analysis.loops:loops")(
             self, length=length, tension=tension, skip=skip
         )
+        return each
+
+    def stimulated_contractions(self) -> tuple[StimulatedContraction, ...]:
+        """The contraction in every step with stimulation at constant length: peak, times, mean and ripple.
+
+        Raises:
+            InputError: a channel is missing or not finite, or nothing was stimulated at constant length.
+        """
+        each: tuple[StimulatedContraction, ...] = implementation("analysis.stimulation:stimulated_contractions")(self)
+        return each
+
+    def stimulated_loops(self) -> tuple[StimulatedLoop, ...]:
+        """The mean work loop of every step whose length cycles while the muscle is stimulated: net work and power.
+
+        Raises:
+            InputError: a channel is missing or not finite, or no step has full cycles.
+        """
+        each: tuple[StimulatedLoop, ...] = implementation("analysis.stimulation:stimulated_loops")(self)
         return each
 
     def force_map(

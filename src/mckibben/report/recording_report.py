@@ -12,6 +12,7 @@ import numpy as np
 from ..analysis.cycles import find_cycles
 from ..analysis.loops import loop
 from ..analysis.segments import segments, steps_of, varied
+from ..analysis.stimulation import StimulatedContraction, StimulatedLoop, stimulated_contractions, stimulated_loops
 from ..citations import bibtex, known_keys
 from ..documents import JsonValue
 from ..errors import InputError
@@ -40,6 +41,7 @@ from .blocks import (
 )
 from .document import Document, checked_place
 from .figures.recording_figures import against_figure, time_figure, usual_channels
+from .figures.stimulation_figures import force_frequency_figure
 from .origins import inferred_inputs, known_specimen, parameters
 from .words import (
     amount,
@@ -417,6 +419,55 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
     ]
 
 
+def stimulation_blocks(record: Recording) -> list[Block]:
+    """Tables of the contractions and work loops of a stimulated muscle, and tension against the rate of stimulation."""
+    if "excitation" not in record:
+        return []
+    apart = _told_apart(record)
+    blocks: list[Block] = []
+    for columns, rows_of in ((CONTRACTION_COLUMNS, stimulated_contractions), (LOOP_COLUMNS, stimulated_loops)):
+        try:
+            each: Sequence[StimulatedContraction | StimulatedLoop] = rows_of(record)
+        except InputError:
+            continue
+        rows = [
+            TableRow((_varied_case(one, apart), *(_number(getattr(one, name), scale) for name, scale, _, _ in columns)))
+            for one in each
+        ]
+        heads = (TableColumn("Case"), *(TableColumn(title, unit, True) for _, _, title, unit in columns))
+        title = "Contractions" if columns is CONTRACTION_COLUMNS else "Work loops with stimulation"
+        blocks += [Heading(title), ReportTable(heads, tuple(rows))]
+    drawn = force_frequency_figure(record)
+    if drawn is not None:
+        caption = "Largest and mean active tension over the rate of stimulation."
+        blocks.append(Figure(as_written(drawn), caption, caption))
+    return blocks
+
+
+# Field, factor from SI, title and unit of what is shown of a contraction and of a work loop.
+CONTRACTION_COLUMNS = (
+    ("peak", 1.0, "Peak", "N"),
+    ("time_to_peak", 1e3, "Time to peak", "ms"),
+    ("half_relaxation_time", 1e3, "Half relaxation", "ms"),
+    ("mean", 1.0, "Mean", "N"),
+    ("ripple", 1e2, "Ripple", "%"),
+)
+LOOP_COLUMNS = (
+    ("cycles", 1.0, "Cycles", "1"),
+    ("work", 1e3, "Work per cycle", "mJ"),
+    ("power", 1e3, "Power", "mW"),
+)
+
+
+def _varied_case(one: StimulatedContraction | StimulatedLoop, apart: Sequence[str]) -> str:
+    values = [f"{name.replace('_', ' ')} {one.case[name]}" for name in apart if name in one.case]
+    return listed(values) or one.label
+
+
+def _number(value: float, scale: float) -> str:
+    return significant(scale * value) if np.isfinite(value) else "\N{EN DASH}"
+
+
 def _told_apart(record: Recording) -> list[str]:
     """Names of what varies among the steps."""
     return [*varied(record)] if record.meta.get("steps") else []
@@ -552,7 +603,7 @@ def _figures(record: Recording) -> list[Block]:
     words += ["commands dashed"] * ("command" in kinds)
     caption = f"{listed(words)}. A line ends where samples are missing."
     over = Figure(as_written(time_figure(record)), caption[0].upper() + caption[1:], f"Over time: {listed(shown)}.")
-    return [over, *loop_blocks(record), Heading("Channels"), channels(record)]
+    return [over, *stimulation_blocks(record), *loop_blocks(record), Heading("Channels"), channels(record)]
 
 
 # ---- the rest

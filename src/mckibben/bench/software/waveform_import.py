@@ -17,7 +17,7 @@ from ...assembly.signal_table import read_points
 from ...documents import read_toml
 from ...errors import InputError
 from ...experiments import read
-from ...experiments.amounts import CHANNELS
+from ...experiments.amounts import COMMANDED
 from ...experiments.protocol import Protocol
 
 
@@ -43,8 +43,8 @@ def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
             step = {
                 key: _steps(value, f"{place}.{key}", where)
                 if key == "steps" and isinstance(value, list)
-                else _taken_in(value, CHANNELS[key], f"{place}.{key}", where)
-                if key in CHANNELS
+                else _taken_in(value, COMMANDED[key], f"{place}.{key}", where)
+                if key in COMMANDED
                 else value
                 for key, value in step.items()
             }

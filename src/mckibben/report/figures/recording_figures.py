@@ -102,6 +102,7 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     if measured:
         names = [*measured, *(n for n in record.names("true") if n.removeprefix("muscle.") in measured)]
         asked = [n for n in record.names("command") if n.rpartition(".")[2] in measured]
+        names += [n for n in ("excitation", "activation") if n in record]
         # a valve's command in bar nearly is the pressure's, and would hide it
         names += asked + [n for n in record.names("command") if _axes(n, record.unit(n))[1] == "valve"]
     else:

@@ -21,6 +21,7 @@ from ...analysis.segments import segments
 from ...analysis.shortening import fit_hill, force_velocity_point, power_density
 from ...analysis.steps import step_responses, twitch, unsettled
 from ...assembly.muscle_unit import MuscleUnit
+from ...bench.biological_run import fibre_run
 from ...bench.prepare import prepare
 from ...bench.rig import Rig
 from ...bench.run import run
@@ -28,7 +29,6 @@ from ...errors import ConvergenceError, InputError
 from ...experiments.protocol import Protocol
 from ...experiments.read import build_protocol, parse_protocol, protocol, with_values
 from ...recordings import Channel, Recording
-from ._fibre import fibre_run
 from .table import ComparedMuscle, MuscleColumn, law_column
 
 RIGS = ("paper", "modern")  # the first that takes all muscles of a comparison
@@ -149,7 +149,8 @@ def record_of(
         ConvergenceError: the run stopped before its end.
     """
     if muscle.fibre is not None:
-        return fibre_run(muscle.fibre, wanted, full_pressure=FULL, name=muscle.id)
+        record = fibre_run(muscle.fibre, wanted, full_pressure=FULL, name=muscle.id)
+        return record.with_channels({"drive": Channel(record["excitation"], "1", "command", "excitation")})
     bench = prepare(wanted, muscle=muscle.spec, unit=unit or muscle.unit, rig=rig)
     record = run(bench)
     if record.meta["result"] != "done":

@@ -1,8 +1,8 @@
 """Protocols on a biological muscle, as on a McKibben muscle in a test machine.
 
-The mapping: the set-point of the pressure over the full pressure is the excitation, span is span, and a tension that the
-motor holds is a load. There is no valve and no tube: the way from excitation to activation is the muscle's own. While the
-span is commanded the muscle follows it exactly,
+A protocol with stimulation states the excitation itself. Of a protocol for McKibben muscles the set-point of the pressure
+over the full pressure is the excitation; span is span, and a tension that the motor holds is a load. There is no valve and
+no tube: the way from excitation to activation is the muscle's own. While the span is commanded the muscle follows it exactly,
 
     da/dt = rate(a, u)                                      T = muscle(span, a, d span/dt)
 
@@ -10,32 +10,116 @@ and while a tension is held its end carries a mass that is so small that a chang
 
     da/dt = rate(a, u),   dL/dt = v,   m dv/dt = load - muscle(L, a, v),   m = F0 SETTLE / (vmax L0)
 
-Not modelled: the machine's own dynamics, and cross-bridges, whose elasticity a real quick release shows first.
+Not modelled: the machine's own dynamics, and cross-bridges, whose elasticity a real quick release shows first. Activation
+is of first order: the tension of a twitch begins to fall as soon as the excitation ends, earlier than that of a real muscle.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from ..._jax import Tree, jax, jnp
-from ...components import Scalar
-from ...components.system import Moment, System, Value
-from ...documents import JsonValue
-from ...engine import held, integrate, ramped
-from ...errors import InputError
-from ...experiments.commands import Deferred
-from ...experiments.plan import PlannedStep
-from ...experiments.protocol import Protocol
-from ...experiments.until import KINDS, START, advance
-from ...muscles.biological import BiologicalMuscle
-from ...quantities import quantity
-from ...recordings import Channel, Recording
+from .. import citations
+from .._jax import Tree, jax, jnp
+from ..components import Scalar
+from ..components.paths import resolved
+from ..components.system import Moment, System, Value
+from ..documents import JsonValue
+from ..engine import held, integrate, ramped
+from ..errors import InputError
+from ..experiments.commands import Deferred
+from ..experiments.plan import PlannedStep
+from ..experiments.protocol import Protocol
+from ..experiments.read import in_words, with_values
+from ..experiments.until import KINDS, START, advance
+from ..muscles import Muscle
+from ..muscles.biological import BiologicalMuscle
+from ..muscles.build import from_specimen
+from ..quantities import quantity
+from ..recordings import Channel, Recording
+from ..recordings.provenance import created, versions
+from ..specimens import Specimen, specimen
+from .prepare import read_named_protocol
 
 SETTLE = 1e-3  # [s]
 STEP = 1e-4  # largest step of the integration [s]
+FULL_PRESSURE = 5e5  # set-point that stands for full excitation where a protocol commands pressures [Pa]
+
+
+class BiologicalSubject(NamedTuple):
+    """A biological muscle to run: its equations, and its specimen if it has one."""
+
+    muscle: BiologicalMuscle
+    specimen: Specimen | None
+
+
+def biological_subject(muscle: object, *, law: str | None = None) -> BiologicalSubject | None:
+    """The biological muscle that a name, file, specimen or `Muscle` stands for; None if it stands for another kind.
+
+    Raises:
+        InputError: there is no such specimen, or it does not state the law.
+    """
+    if isinstance(muscle, BiologicalMuscle):
+        return BiologicalSubject(muscle, None)
+    if isinstance(muscle, Muscle):
+        return BiologicalSubject(cast(Any, muscle.law), muscle.specimen) if muscle.is_biological else None
+    if not isinstance(muscle, str | os.PathLike | Specimen):
+        return None
+    spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
+    return BiologicalSubject(from_specimen(spec, law), spec) if spec.kind == "biological" else None
+
+
+def run_biological(
+    protocol: Protocol | str | os.PathLike[str],
+    subject: BiologicalSubject,
+    *,
+    full_pressure: float = FULL_PRESSURE,
+    **values: Any,
+) -> Recording:
+    """Run a protocol on a biological muscle and record it, with what a report needs.
+
+    Args:
+        protocol: a protocol, the name of a shipped one, or the path of a ``.toml`` file.
+        subject: the muscle.
+        full_pressure: set-point that stands for full excitation where the protocol commands pressures [Pa].
+        **values: of the protocol's parameters: numbers [SI], text with a unit, or lists of them for one case after another.
+
+    Raises:
+        InputError: names what is unknown, or what only a test machine has.
+    """
+    wanted = read_named_protocol(protocol)
+    if values:
+        wanted = with_values(wanted, in_words(wanted, values))
+    spec = subject.specimen
+    record = fibre_run(subject.muscle, wanted, full_pressure=full_pressure, name="" if spec is None else spec.id)
+    sources = [*subject.muscle.cites, *(spec.sources if spec else ())]
+    sources += [key for key in citations.known_keys() if key in wanted.source]
+    stimulated = "stimulator" in wanted.required()
+    more: dict[str, JsonValue] = {
+        "sentence": wanted.sentence(),
+        "message": "The run reached its end.",
+        "events": [],
+        "warnings": [],
+        "inferred": spec.inferred() if spec else [],
+        "citations": list(dict.fromkeys(sources)),
+        "versions": versions(),
+        "created": created(),
+        "parameters": {f"units.muscle.law.{path}": one for path, one in resolved(subject.muscle).items()},
+        "maximum_tension": float(subject.muscle.maximum_tension),
+        **({} if stimulated else {"full_pressure": full_pressure}),
+    }
+    return Recording(record.time, dict(record.channels), {**record.meta, **more})
+
+
+def check_protocol(muscle: BiologicalMuscle, protocol: Protocol) -> None:
+    """Refuse a protocol that asks a biological muscle for something that only a machine has; raises `InputError`."""
+    for group in _groups(protocol.expand(rest_length=float(muscle.rest_length)).steps):
+        for step in group:
+            if step.until is not None and step.until.channel not in ("span", "tension", "velocity"):
+                raise _unknown_condition(step)
 
 
 class FibreState(NamedTuple):
@@ -100,13 +184,14 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
 
     Args:
         muscle: the tested muscle; its rest length is the protocol's ``L0``.
-        protocol: as for a test machine; it may command span and tension.
+        protocol: with stimulation, or as for a test machine; it may command span and tension.
         full_pressure: set-point that stands for full excitation [Pa].
         name: id of its specimen, for the recording.
 
     Returns:
-        Channels ``span`` [m], ``tension`` [N], ``velocity`` [m/s], ``activation`` and ``drive`` [1] of the recorded steps,
-        which the metadata lists as a test machine does.
+        Channels ``span`` [m] and ``tension`` [N] of ideal sensors, ``excitation`` [1], and of the muscle itself
+        ``muscle.length`` [m], ``muscle.tension`` [N], ``velocity`` [m/s] and ``activation`` [1] in the recorded steps, which
+        the metadata lists as a test machine does.
 
     Raises:
         InputError: the protocol asks for something that only a machine has.
@@ -118,8 +203,9 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
     loaded, held_end = LoadedFibre(muscle=muscle, mass=mass), HeldFibre(muscle=muscle)
     state = FibreState(jnp.zeros(()), jnp.asarray(plan.steps[0].span.low), jnp.zeros(()))
     listed, parts, time, pulled = [], [], 0.0, 0.0
+    stimulated = any(s.step.stimulation is not None for s in plan.steps)
     for group in _groups(plan.steps):
-        drive = np.concatenate([_drive(s, full_pressure) for s in group])
+        drive = np.concatenate([_drive(s, full_pressure, stimulated) for s in group])
         motor = np.concatenate([_motor(s, float(state.length), pulled, period) for s in group])
         mode, count = group[0].mode, len(drive)
         system: System = held_end if mode == "span" else loaded
@@ -164,9 +250,11 @@ def _groups(steps: Sequence[PlannedStep]) -> Iterator[list[PlannedStep]]:
         yield group
 
 
-def _drive(step: PlannedStep, full: float) -> np.ndarray:
-    assert isinstance(step.pressure, np.ndarray)  # nothing but a person's hand makes a pressure unknown beforehand
-    return step.pressure / full
+def _drive(step: PlannedStep, full: float, stimulated: bool) -> np.ndarray:
+    channel, values = ("stimulation", step.stimulation) if stimulated else ("pressure", step.pressure)
+    if not isinstance(values, np.ndarray):
+        raise InputError(f"{step.path}.{channel}", None, "must be stated again after a step that a test may end")
+    return np.asarray(values if stimulated else values / full)
 
 
 def _motor(step: PlannedStep, length: float, pulled: float, period: float) -> np.ndarray:
@@ -183,14 +271,18 @@ def _following(steps: Sequence[PlannedStep], last: PlannedStep, value: float) ->
     return float(after.motor[0])
 
 
+def _unknown_condition(step: PlannedStep) -> InputError:
+    assert step.until is not None
+    demand = "must be span, tension or velocity for a biological muscle"
+    return InputError(f"{step.path}.until", step.until.channel, demand)
+
+
 def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -> int:
     """Sample at which the condition of a step ends it; the last one if it never does."""
     test = step.until
     assert test is not None
     if test.channel not in seen:
-        raise InputError(
-            f"{step.path}.until", test.channel, "must be span, tension or velocity for a biological muscle"
-        )
+        raise _unknown_condition(step)
     kind, limit = KINDS.index(test.kind), test.amount.si(rest)
 
     def one(state: Tree, x: Scalar) -> tuple[Tree, Tree]:
@@ -216,20 +308,23 @@ def _listed(step: PlannedStep, start: float, end: float) -> dict[str, JsonValue]
     }
 
 
-_UNITS = {
-    "span": ("m", "length between the anchors"),
-    "tension": ("N", "tension"),
-    "velocity": ("m/s", "rate of the span"),
-    "activation": ("1", "activation"),
-    "drive": ("1", "excitation"),
+# Channels: the output that they hold, unit, kind and meaning. Sensors are ideal.
+_CHANNELS = {
+    "span": ("span", "m", "measured", "length between the anchors, of an ideal sensor"),
+    "tension": ("tension", "N", "measured", "tension, of an ideal sensor"),
+    "excitation": ("drive", "1", "command", "excitation, share of each sample"),
+    "activation": ("activation", "1", "true", "activation"),
+    "muscle.length": ("span", "m", "true", "length of the muscle"),
+    "muscle.tension": ("tension", "N", "true", "tension of the muscle"),
+    "velocity": ("velocity", "m/s", "true", "rate of the length"),
 }
 
 
 def _recording(parts: list[Any], listed: list[dict[str, Any]], protocol: Protocol, name: str, rest: float) -> Recording:
     time = np.concatenate([t for t, _ in parts])
     channels = {
-        n: Channel(np.concatenate([c[n] for _, c in parts]), unit, "command" if n == "drive" else "true", meaning)
-        for n, (unit, meaning) in _UNITS.items()
+        name: Channel(np.concatenate([outputs[of] for _, outputs in parts]), unit, kind, meaning)
+        for name, (of, unit, kind, meaning) in _CHANNELS.items()
     }
     meta = {
         "title": protocol.title,
