@@ -5,8 +5,8 @@ For every recorded step at constant length in which the excitation is not zero:
     peak                  largest tension less that at the first stimulus
     time to peak          from the first stimulus until the tension first is within 0.1 % of the peak
     half relaxation       from the end of the last excitation until half of the active tension then is left
-    mean, ripple          between the last two stimuli: mean active tension, and (largest - smallest)/largest; the ripple is 0
-                          of a fused contraction and 1 of twitches that relax completely
+    mean, ripple          between the last two stimuli: mean active tension, and (largest - smallest)/largest; the ripple is
+                          0 of a fused contraction and 1 of twitches that relax completely
 
 For every recorded step in which length cycles with stimulation, the net work of a cycle, the integral of -F dL, and the
 power, work over the duration of the cycle, as R. K. Josephson, Journal of Experimental Biology 114(1), 1985,
@@ -60,8 +60,9 @@ class StimulatedLoop(NamedTuple):
 def stimulated_loops(
     record: Recording, *, tension: str = "tension", length: str = "span", excitation: str = "excitation"
 ) -> tuple[StimulatedLoop, ...]:
-    """The mean work loop of every recorded step whose length goes through full cycles; arguments as in
-    `stimulated_contractions`.
+    """The mean work loop of every recorded step whose length goes through full cycles.
+
+    Arguments as in `stimulated_contractions`.
 
     Raises:
         InputError: a channel is missing or not finite, or there is no such step.

@@ -2,7 +2,8 @@
 
 A protocol with stimulation states the excitation itself. Of a protocol for McKibben muscles the set-point of the pressure
 over the full pressure is the excitation; span is span, and a tension that the motor holds is a load. There is no valve and
-no tube: the way from excitation to activation is the muscle's own. While the span is commanded the muscle follows it exactly,
+no tube: the way from excitation to activation is the muscle's own. While the span is commanded the muscle follows it
+exactly,
 
     da/dt = rate(a, u)                                      T = muscle(span, a, d span/dt)
 
@@ -312,7 +313,7 @@ def _listed(step: PlannedStep, start: float, end: float) -> dict[str, JsonValue]
 _CHANNELS = {
     "span": ("span", "m", "measured", "length between the anchors, of an ideal sensor"),
     "tension": ("tension", "N", "measured", "tension, of an ideal sensor"),
-    "excitation": ("drive", "1", "command", "excitation, share of each sample"),
+    "excitation": ("drive", "1", "true", "excitation, share of each sample"),
     "activation": ("activation", "1", "true", "activation"),
     "muscle.length": ("span", "m", "true", "length of the muscle"),
     "muscle.tension": ("tension", "N", "true", "tension of the muscle"),

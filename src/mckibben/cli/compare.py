@@ -18,7 +18,7 @@ from ..specimens import specimen
 from ..studies import comparison
 from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputKinds, Paths
 from ._progress import told
-from ._terminal import FigureLook, FigureWidth, Json, caution, print_json, table
+from ._terminal import FigureLook, FigureWidth, Json, caution, pairs, print_json, table
 
 if TYPE_CHECKING:
     from ..studies.comparison import ComparedMuscle
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..studies.comparison.protocols import Trials
 
 OUT = OutputKinds(report=REPORT, figure=FIGURE, table=TABLE, result=OBJECT)
+_EXAMPLE = "phase='60 deg' or duty=0.3"
 
 
 def compare_muscles(
@@ -45,6 +46,14 @@ def compare_muscles(
             "--protocols", help="Also run twitch, step, release, force-velocity and work loop on each muscle."
         ),
     ] = False,
+    stimulation: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--stimulation",
+            metavar="NAME=VALUE",
+            help=f"Stimulate biological muscles in the work loop: phase, duty, rate or width, such as {_EXAMPLE}.",
+        ),
+    ] = None,
     match: Annotated[
         str | None,
         typer.Option(
@@ -74,6 +83,11 @@ def compare_muscles(
             document.checked_place(place, field="--out")
     if rig is not None and not protocols and match is None:
         raise InputError("--rig", None, "is allowed only with --protocols or --match, which run on it")
+    stimulated = pairs(stimulation, "--stimulation", _EXAMPLE) if stimulation else None
+    if stimulated is not None:
+        if not protocols:
+            raise InputError("--stimulation", None, "is allowed only with --protocols, whose work loop it drives")
+        comparison.protocols.stimulated_loop(stimulated)
     full = parse(pressure, "Pa", field="--pressure")
     specs = [specimen(name) for name in muscles or []]
     if law is not None and not any(law in spec.laws for spec in specs):
@@ -95,7 +109,7 @@ def compare_muscles(
         matches: list[Match] = []
         with told("comparing") as tell:
             if protocols:
-                done = _done(chosen, rig, tell)
+                done = _done(chosen, rig, stimulated, tell)
                 compared = comparison.MuscleTable(
                     (*(t.column() for t in done), *compared.columns[len(done) :]), compared.published
                 )
@@ -131,10 +145,10 @@ def _target(name: str) -> ComparedMuscle:
     return target
 
 
-def _done(chosen: list[ComparedMuscle], rig: str | None, tell: Any) -> list[Trials]:
+def _done(chosen: list[ComparedMuscle], rig: str | None, stimulation: dict[str, str] | None, tell: Any) -> list[Trials]:
 
     on = rig or comparison.protocols.rig_for(chosen)
-    return [comparison.protocols.trials(s, rig=on, progress=tell) for s in chosen]
+    return [comparison.protocols.trials(s, rig=on, stimulation=stimulation, progress=tell) for s in chosen]
 
 
 def _matches(

@@ -238,16 +238,12 @@ def _print_biological(recording: Recording) -> None:
         return ", ".join(one.case[name] for name in varied) or one.label
 
     if each["contractions"]:
-        rows = [
-            [
-                case(c),
-                f"{c.peak:.4g}",
-                f"{c.peak / full:.3f}",
-                *map(_number, (1e3 * c.time_to_peak, 1e3 * c.half_relaxation_time)),
-            ]
-            + [*map(_number, (c.mean, 1e2 * c.ripple))]
-            for c in each["contractions"]
-        ]
+        rows = []
+        for c in each["contractions"]:
+            times = _number(1e3 * c.time_to_peak), _number(1e3 * c.half_relaxation_time)
+            rows.append(
+                [case(c), f"{c.peak:.4g}", f"{c.peak / full:.3f}", *times, _number(c.mean), _number(1e2 * c.ripple)]
+            )
         heads = ["contraction", "peak, N", "of Fmax", "to peak, ms", "half relaxation, ms", "mean, N", "ripple, %"]
         typer.echo("")
         table("", heads, rows, right=range(1, 7))

@@ -417,12 +417,10 @@ class StimulusTrain(Command):
             raise InputError(
                 "rate", f"{self.rate:g} Hz", f"must give at most {MOST_STIMULI} stimuli in a step, got {count}"
             )
-        # a train of exactly n intervals has n stimuli, however the numbers are rounded
-        each = [
-            begin + np.arange(math.ceil((end - begin) * self.rate - 1e-9)) / self.rate
-            for begin, end in trains
-            if end > begin
-        ]
+        each = []
+        for begin, end in trains:  # a train of exactly n intervals has n stimuli, however the numbers are rounded
+            stimuli = math.ceil(max(end - begin, 0.0) * self.rate - 1e-9)
+            each.append(begin + np.arange(stimuli) / self.rate)
         times = np.concatenate([*each, np.zeros(0)])
         return times[(times >= -JUMP) & (times < clock.duration - JUMP)]
 

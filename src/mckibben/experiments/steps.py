@@ -18,15 +18,8 @@ from .waveforms import time_words
 GROUP_KEYS = ("label", "steps", "repeat")
 _NAME = re.compile(r"\$([a-z][a-z0-9_]*)")
 MOST_STEPS = 200_000
-PARTS = (
-    "valve",
-    "stimulator",
-    "motor",
-    "shut-off",
-    "accumulators",
-    "plate",
-    "person",
-)  # that a protocol can need; and "NAME sensor"
+# Parts that a protocol can need; and "NAME sensor".
+PARTS = ("valve", "stimulator", "motor", "shut-off", "accumulators", "plate", "person")
 
 
 def _read_until(raw: object, place: Place) -> Until:
@@ -35,12 +28,12 @@ def _read_until(raw: object, place: Place) -> Until:
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolStep:
-    """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls. A McKibben muscle
-    is driven by `pressure`, a biological one by `stimulation`.
+    """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls.
 
-    It ends after `duration` [s] or `cycles` of its waveform, or earlier by `until`; with neither it lasts as long as its
-    lines. `otherwise` says what follows when a test did not come true within the time: ``stop`` or ``go on``. `ask` is
-    what a person has to do before it begins. Only recorded steps are kept.
+    A McKibben muscle is driven by `pressure`, a biological one by `stimulation`. The step ends after `duration` [s] or
+    `cycles` of its waveform, or earlier by `until`; with neither it lasts as long as its lines. `otherwise` says what
+    follows when a test did not come true within the time: ``stop`` or ``go on``. `ask` is what a person has to do before it
+    begins. Only recorded steps are kept.
     """
 
     digest_name: ClassVar[str] = "Step"  # under which the hash of a protocol knows it; never changes

@@ -20,7 +20,7 @@ WIDTH, HEIGHT = 5.2, 3.4  # [inch]
 
 @style.styled()
 def force_frequency_figure(record: Recording) -> Figure | None:
-    """Draw largest and mean active tension over the rate of stimulation; None unless `LEAST` rates alone tell steps apart."""
+    """Draw largest and mean active tension over the rate of stimulation; None unless `LEAST` rates tell steps apart."""
     try:
         each = [one for one in stimulated_contractions(record) if RATE in one.case]
     except InputError:

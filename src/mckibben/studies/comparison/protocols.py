@@ -38,6 +38,8 @@ FROM, TO, AT = 1.0, 0.85, 0.92  # lengths where it begins and ends, and where it
 LOAD = 0.5  # after the release [F0]
 SETTLED = 0.02  # within which the tension has to settle before it [F0]
 FREQUENCY, CYCLES = 1.0, 3  # of the work loop [Hz]
+MEAN, AMPLITUDE = 0.9, 0.08  # lengths of the work loop, those of the shipped one [L0]
+STIMULATION = ("phase", "duty", "rate", "width")  # of a biological muscle in the work loop
 SHORTENING, LENGTHENING = 0.9, 0.24  # drive in the work loop, the shipped 4.5 and 1.2 bar over 5 bar [1]
 WINDOW = 0.006  # over which velocities are taken [s]
 STIFF_AT = 0.9  # length at which stiffness is compared with tension, where neither muscle is at an end [L0]
@@ -72,12 +74,20 @@ class Trials:
         return MuscleColumn(of_law.name, of_law.title, "law and protocols", values, of_law.notes + self.notes)
 
 
-def normalised(name: str, muscle: ComparedMuscle) -> Protocol:
+def normalised(name: str, muscle: ComparedMuscle, stimulation: Mapping[str, str] | None = None) -> Protocol:
     """Scale a protocol to a muscle: full pressure, loads over F0.
 
+    Args:
+        name: one of `NAMES`.
+        muscle: which.
+        stimulation: values of the stimulation by which a biological muscle does the work loop, see `STIMULATION`; without
+            it its excitation is the pressure of a McKibben muscle over the full pressure.
+
     Raises:
-        InputError: if it is none of `NAMES`.
+        InputError: if it is none of `NAMES`, or the stimulation is out of its bounds.
     """
+    if stimulation is not None and name == "work-loop" and muscle.fibre is not None:
+        return stimulated_loop(stimulation)
     full = muscle.full if muscle.unit is not None else FULL
     pull = muscle.full_tension
     if name == "isometric-twitch":
@@ -103,6 +113,19 @@ def normalised(name: str, muscle: ComparedMuscle) -> Protocol:
         raise InputError("protocol", name, known=NAMES)
     wanted = protocol(name, **values[name])
     return _settling(wanted, SETTLED * pull) if name == "quick-release" else wanted
+
+
+def stimulated_loop(stimulation: Mapping[str, str]) -> Protocol:
+    """The work loop of a biological muscle by stimulation, over the lengths and at the frequency of the other muscles.
+
+    Raises:
+        InputError: a value is unknown or out of its bounds.
+    """
+    for key in stimulation:
+        if key not in STIMULATION:
+            raise InputError("stimulation", key, known=STIMULATION)
+    shape = {"mean": f"{MEAN} L0", "amplitude": f"{AMPLITUDE} L0", "frequency": f"{FREQUENCY} Hz", "cycles": CYCLES}
+    return with_values(protocol("stimulated-work-loop", **shape), stimulation)
 
 
 @functools.cache
@@ -164,6 +187,7 @@ def trials(
     *,
     rig: Rig | str | None = None,
     names: Sequence[str] = NAMES,
+    stimulation: Mapping[str, str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Trials:
     """Run every protocol on one muscle.
@@ -172,6 +196,7 @@ def trials(
         muscle: which.
         rig: on which a McKibben muscle does them; as `rig_for` says by default.
         names: names of the protocols.
+        stimulation: values of the stimulation in the work loop of a biological muscle, as of `normalised`.
         progress: called with a description of the next stage.
 
     Raises:
@@ -190,7 +215,7 @@ def trials(
     for name in names:
         tell(f"{muscle.id}: {name}")
         try:
-            records[name] = record_of(muscle, normalised(name, muscle), rig=on)
+            records[name] = record_of(muscle, normalised(name, muscle, stimulation), rig=on)
         except InputError as error:  # what the dry run found; other protocols may ask for less
             refused = error
             notes.append(f"no {name}: {error}")
