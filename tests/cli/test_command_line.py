@@ -15,7 +15,7 @@ import pytest
 from mckibben.bench.rig_file import rig_names
 from mckibben.cli import _values, main
 from mckibben.cli.completion import SCRIPTS, candidates
-from mckibben.experiments.read import protocol_names
+from mckibben.experiments.read import protocol_names, stimulation_protocol_names
 from mckibben.muscles.laws import LAWS
 from mckibben.muscles.plausible import dimension_caution
 from mckibben.recordings.tables import write_table
@@ -195,7 +195,7 @@ def test_the_names_that_are_read_from_files_are_those_of_the_registries():
     assert sorted(name for name, _ in _values.specimens()) == sorted(muscles)
     assert sorted(name for name, _ in _values.valves()) == sorted(specimen_ids("valve"))
     assert sorted(name for name, _ in _values.laws()) == sorted(LAWS)
-    assert [name for name, _ in _values.protocols()] == protocol_names()
+    assert [name for name, _ in _values.protocols()] == [*protocol_names(), *stimulation_protocol_names()]
     assert [name for name, _ in _values.rigs()] == rig_names()
 
 

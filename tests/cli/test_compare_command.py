@@ -70,7 +70,24 @@ def test_protocols_of_biological_muscles_and_their_figure(run, tmp_path):
     assert figure.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_stimulation_drives_the_work_loop_of_biological_muscles_alone(run):
+    found = []
+    for phase in ("60 deg", "240 deg"):
+        stimulation = ("--stimulation", f"phase={phase}", "--stimulation", "duty=0.4")
+        code, text, err = run("fast-fibre", "--protocols", *stimulation, "--json")
+        assert (code, err) == (0, "")
+        found.append({row["property"]: row["values"][0] for row in json.loads(text)["rows"]})
+    assert found[0]["cycle_work"] > 0.0 > found[1]["cycle_work"]  # a motor, and a brake
+    assert found[0]["twitch_tension"] == found[1]["twitch_tension"]
+
+
 REFUSED = {
+    "stimulation without protocols": (["fast-fibre", "--stimulation", "duty=0.4"], "only with --protocols"),
+    "an unknown stimulation": (
+        ["fast-fibre", "--protocols", "--stimulation", "lead=1 s"],
+        "Unknown stimulation 'lead'",
+    ),
+    "a duty above one": (["fast-fibre", "--protocols", "--stimulation", "duty=2"], "duty"),
     "nobody": ([], "muscles are missing"),
     "an unknown muscle": (["nylon", "wool"], "Unknown specimen 'wool'"),
     "a valve": (["MPP-3-1-8"], "must be a muscle"),

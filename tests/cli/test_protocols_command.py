@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from mckibben.cli import main
-from mckibben.experiments.read import parse_protocol, protocol, protocol_names, shipped
+from mckibben.experiments.read import parse_protocol, protocol, protocol_names, shipped, stimulation_protocol_names
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def test_the_list_holds_every_shipped_protocol(run):
     code, out, err = run("--json")
     found = json.loads(out)["protocols"]
     assert (code, err) == (0, "")
-    assert [p["name"] for p in found] == protocol_names()
+    assert [p["name"] for p in found] == [*protocol_names(), *stimulation_protocol_names()]
     assert all(p["title"] and set(p) == {"name", "title", "source"} for p in found)
     shown = run()[1]
     assert all(p["name"] in shown and p["title"] in shown for p in found)

@@ -178,3 +178,48 @@ def test_a_figure_that_cannot_be_drawn_hides_nothing(run, tmp_path, monkeypatch)
     words = ["isometric-step", "--muscle", "nylon", "--out", str(tmp_path / "one.svg")]
     code, out, err = run(*words)
     assert code == 2 and "The line was lost." in out and "it cannot be drawn" in err
+
+
+# ---- biological muscles
+
+
+def test_a_biological_muscle_runs_by_stimulation(run, tmp_path):
+    out, figure = tmp_path / "twitch.nc", tmp_path / "twitch.svg"
+    code, text, err = run(
+        "twitch", "--muscle", "fast-fibre", "--set", "muscle.rise_time=30 ms", "--set", "width=10 ms",
+        "--out", str(out), "--out", str(figure), "--json",
+    )  # fmt: skip
+    found = json.loads(text)
+    assert (code, err) == (0, "")
+    (one,) = found["contractions"]
+    assert one["peak"] == pytest.approx(found["maximum_tension"] * -np.expm1(-10.0 / 30.0), rel=1e-4)  # steps of 0.1 ms
+    assert read_recording(out).meta["specimen"] == "fast-fibre"
+    assert figure.stat().st_size > 10_000
+    code, text, err = run("stimulated-work-loop", "--muscle", "slow-fibre", "--set", "cycles=2")
+    assert (code, err) == (0, "") and "net work per cycle" in text
+    code, text, err = run("force-frequency", "--muscle", "slow-fibre", "--dry-run")
+    assert (code, err) == (0, "") and "At most 10 s." in text
+
+
+OF_A_MACHINE = {
+    "--plumbing is of a test machine": ("twitch", "--plumbing", "direct"),
+    "--real-time is of a test machine": ("twitch", "--real-time"),
+    "--set rig.step": ("twitch", "--set", "rig.step=1 ms"),
+    "steps.1.pressure cannot be shut off": ("shut.toml", "--dry-run"),
+    "Unknown parameter 'turns'": ("twitch", "--set", "muscle.turns=3"),
+    "--set rate must be": ("tetanus", "--set", "rate=0 Hz"),
+}
+
+
+@pytest.mark.parametrize("says", OF_A_MACHINE)
+def test_a_biological_muscle_refuses_what_only_a_machine_has(run, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shut = 'schema = 1\nname = "shut"\n[[steps]]\npressure = "shut"\nfor = "1 s"\n'
+    (tmp_path / "shut.toml").write_text(shut, encoding="utf-8")
+    code, text, err = run(*OF_A_MACHINE[says], "--muscle", "fast-fibre")
+    assert (code, text) == (2, "") and says in err and len(err.splitlines()) == 1
+
+
+def test_a_mckibben_muscle_refuses_stimulation(run):
+    code, text, err = run("twitch", "--muscle", "nylon")
+    assert (code, text) == (2, "") and "only biological muscles are stimulated" in err

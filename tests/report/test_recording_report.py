@@ -200,6 +200,24 @@ def test_a_recording_in_which_nothing_is_known_or_with_one_sample():
     assert "1 samples" in words(recording_report(Recording([1.0], {"p": Channel([2.0], "Pa")})))
 
 
+def test_contractions_are_a_table_and_tension_over_the_rate_of_stimulation_is_a_curve():
+    """Three tetani of 1, 2 and 3 N at 10, 20 and 30 Hz, each from the sample after the first stimulus on."""
+    time = np.arange(0.0, 3.0, 1e-3)
+    on = np.mod(time, 1.0) < 0.5
+    words = {"path": "steps.1", "label": "train", "ended_by": "time", "recorded": True, "sentence": ""}
+    steps = [
+        words | {"index": i, "case": {"rate": f"{10 * i} Hz"}, "start": i - 1.0, "end": float(i)} for i in (1, 2, 3)
+    ]
+    channels = {
+        "tension": Channel((1.0 + np.floor(time)) * np.roll(on, 1), "N"),
+        "excitation": Channel(on.astype(float), "1"),
+        "span": Channel(np.full(time.shape, 0.1), "m"),
+    }
+    document = recording_report(Recording(time, channels, {"steps": steps}))
+    assert [rows(document, f"rate {10 * i} Hz")[0][1] for i in (1, 2, 3)] == ["1", "2", "3"]
+    assert any("rate of stimulation" in figure.alt for figure in blocks(document, Figure))
+
+
 def test_pressure_cycles_without_length_cycles_are_drawn_over_pressure():
     time = np.linspace(0.0, 4.0, 400)
     drive = 2e5 + 1e5 * np.sin(2.0 * math.pi * time)

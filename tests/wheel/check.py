@@ -132,6 +132,7 @@ CALLS: dict[str, list[Call]] = {
     "protocols": [Call()],
     "run": [
         Call((*BENCH, "--set", "cycles=3", "--out", "loop.nc", "--out", "loop.svg"), ["loop.nc", "loop.svg"]),
+        Call(("twitch", "--muscle", "fast-fibre", "--out", "twitch.nc"), ["twitch.nc"]),
         needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
         needs("daq", *BENCH, "--on", "daq"),
     ],

@@ -254,7 +254,7 @@ def _print_biological(recording: Recording) -> None:
 
 
 def _number(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "\N{EN DASH}"
+    return f"{round(value, 4):.4g}" if math.isfinite(value) else "\N{EN DASH}"
 
 
 def _recorded(

@@ -453,7 +453,7 @@ CONTRACTION_COLUMNS = (
     ("ripple", 1e2, "Ripple", "%"),
 )
 LOOP_COLUMNS = (
-    ("cycles", 1.0, "Cycles", "1"),
+    ("cycles", 1.0, "Cycles", ""),
     ("work", 1e3, "Work per cycle", "mJ"),
     ("power", 1e3, "Power", "mW"),
 )
@@ -465,7 +465,7 @@ def _varied_case(one: StimulatedContraction | StimulatedLoop, apart: Sequence[st
 
 
 def _number(value: float, scale: float) -> str:
-    return significant(scale * value) if np.isfinite(value) else "\N{EN DASH}"
+    return significant(round(scale * value, 4)) if np.isfinite(value) else "\N{EN DASH}"
 
 
 def _told_apart(record: Recording) -> list[str]:
