@@ -235,6 +235,14 @@ def test_a_fibre_without_drive_does_no_work_round_a_cycle(fast: ComparedMuscle) 
     assert abs(work) < 1e-6 * pull.max() * np.ptp(length)
 
 
+def test_a_fibre_stimulated_while_it_shortens_is_a_motor_and_while_it_lengthens_a_brake(fast: ComparedMuscle) -> None:
+    work = []
+    for phase in ("60 deg", "240 deg"):
+        loop = trials(fast, names=("work-loop",), stimulation={"phase": phase, "duty": "0.4"})
+        work.append(loop.values["cycle_work"])
+    assert work[0] > 0.0 > work[1]
+
+
 def test_a_fibre_refuses_what_only_a_machine_can_do(fast: ComparedMuscle) -> None:
     from mckibben.experiments.read import parse_protocol
 
