@@ -59,7 +59,7 @@ def test_tension_grows_and_ripple_falls_with_the_rate_of_stimulation(fibre, forc
 
 
 def test_power_is_greatest_with_stimulation_from_shortly_before_shortening(loops):
-    """Josephson 1985: the tension has to be there when shortening begins, at 90 degrees, and gone when it ends."""
+    """Tension has to be there when shortening begins, at 90 degrees, and gone when it ends."""
     power = {one.case["phase"]: one.power for one in loops.stimulated_loops()}
     assert max(power, key=power.get) in ("60 deg", "90 deg")
     assert power["0 deg"] < 0.0 and power["240 deg"] < 0.0  # tension while it lengthens: the muscle is a brake

@@ -211,7 +211,7 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
         mode, count = group[0].mode, len(drive)
         system: System = held_end if mode == "span" else loaded
         end = np.append(drive, drive[-1])
-        goal = np.append(motor, _following(plan.steps, group[-1], motor[-1]))
+        goal = np.append(motor, _following(plan.steps, group[-1], motor))
         inputs = {"drive": held(end)} | ({"span": ramped(goal)} if mode == "span" else {"load": held(goal)})
         # a group that a test ends keeps its full length here, so that equal cases are compiled once
         outputs = integrate(system, state, inputs, period=period, step_size=min(STEP, period)).outputs
@@ -264,11 +264,13 @@ def _motor(step: PlannedStep, length: float, pulled: float, period: float) -> np
     return np.asarray(step.motor.at(length if step.mode == "span" else pulled, period * np.arange(step.count)))
 
 
-def _following(steps: Sequence[PlannedStep], last: PlannedStep, value: float) -> float:
-    """Set-point at the end of a group: the start of the next step of the same kind."""
-    after = steps[last.index] if last.index < len(steps) else None
-    if after is None or after.mode != last.mode or not isinstance(after.motor, np.ndarray):
-        return float(value)
+def _following(steps: Sequence[PlannedStep], last: PlannedStep, motor: np.ndarray) -> float:
+    """Set-point at the end of a group: the start of the next step of the same kind; after all steps a line goes on."""
+    if last.index >= len(steps):
+        return float(2.0 * motor[-1] - motor[-2]) if len(motor) > 1 else float(motor[-1])
+    after = steps[last.index]
+    if after.mode != last.mode or not isinstance(after.motor, np.ndarray):
+        return float(motor[-1])
     return float(after.motor[0])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...analysis.stimulation import stimulated_contractions
 from ...errors import InputError
@@ -31,14 +31,9 @@ def force_frequency_figure(record: Recording) -> Figure | None:
     rates = sorted(points)
     fig = style.figure(WIDTH, HEIGHT)
     ax = fig.add_axes((0.09, 0.16, 0.86, 0.62))
-    for name, words, look in (
-        ("peak", "largest", {"marker": "^", "ms": 4.5}),
-        (
-            "mean",
-            "mean between the last two stimuli",
-            {"marker": "o", "ms": 4.0, "ls": (0, (4, 2)), "mfc": style.PANEL},
-        ),
-    ):
+    mean: dict[str, Any] = {"marker": "o", "ms": 4.0, "ls": (0, (4, 2)), "mfc": style.PANEL}
+    looks = (("peak", "largest", {"marker": "^", "ms": 4.5}), ("mean", "mean between the last two stimuli", mean))
+    for name, words, look in looks:
         tensions = [getattr(points[rate], name) for rate in rates]
         ax.plot(rates, tensions, color=style.COLOURS["tension"], lw=style.LINE, label=words, **look)
     ax.set_ylim(bottom=0.0)
