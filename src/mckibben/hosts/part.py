@@ -29,11 +29,11 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import parse_toml, read_text
 from ..engine.native import EngineFunction, compile_function
+from ..engine.packed import Layout
 from ..errors import ConvergenceError, InputError
 from ..quantities import Quantity
 from ..simulation.air import Air, air_circuit
 from ..simulation.mechanisms import WORKING_SHARE, Amount, AnyMuscle, in_si, muscle_unit, rest_length
-from ..simulation.stepping import Layout
 from ..specimens import specimen
 from .coupling import (
     OF_MUSCLES,
