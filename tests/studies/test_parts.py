@@ -73,6 +73,7 @@ def test_the_name_of_a_tube_is_its_bore_in_circuits_rigs_and_simulations():
 
 def test_a_name_is_found_in_any_case_and_a_wrong_one_is_refused():
     assert part("pu-4X2").value("inner_diameter") == pytest.approx(2e-3)
+    assert part("mpye-5-1/8").id == "MPYE-5-1-8-LF"
     with pytest.raises(InputError, match="Unknown part 'PU-4x3'. Did you mean 'PU-4x2'"):
         part("PU-4x3")
     with pytest.raises(InputError, match="Unknown kind 'pumps'"):

@@ -193,7 +193,9 @@ def parts(kind: str | None = None, *, min_flow: float | None = None, max_mass: f
 
 
 def part(name: str) -> Part:
-    """Find a part of the catalogue by its name (any case), or a specimen by its ``.toml`` file.
+    """Find a part of the catalogue by its name, or a specimen by its ``.toml`` file.
+
+    Case does not matter, nor whether ``/`` or ``-`` is written; a valve without its flow means the one of low flow.
 
     Raises:
         InputError: there is none of that name.
@@ -205,13 +207,15 @@ def part(name: str) -> Part:
     """
     if name.lower().endswith(".toml"):
         return part_of_specimen(specimen(name))
-    for spec in specimens():
-        if spec.id.lower() == name.lower():
-            return part_of_specimen(spec)
-    for kind in KINDS:
-        for one in _OF_KIND[kind]() if kind != "valves" else ():
-            if one.id.lower() == name.lower():
-                return one
+    plain = name.lower().replace("/", "-")
+    for wanted in (plain, f"{plain}-lf"):
+        for spec in specimens():
+            if spec.id.lower() == wanted:
+                return part_of_specimen(spec)
+        for kind in KINDS:
+            for one in _OF_KIND[kind]() if kind != "valves" else ():
+                if one.id.lower().replace("/", "-") == wanted:
+                    return one
     raise InputError("part", name, known=[one.id for one in list_parts()])
 
 
