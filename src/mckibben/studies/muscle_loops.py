@@ -166,7 +166,7 @@ class StepCreep:
 class LoopStudy:
     """Result of the study: loops at two pressures with the best friction of each; the predicted loop; widths; creep.
 
-    `branches` are fits to the rising and to the falling branch alone, which say what a half must hold.
+    `branches` are fits to the rising branch alone and to the falling branch alone.
     """
 
     record: PathRecord

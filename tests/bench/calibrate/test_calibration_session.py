@@ -76,7 +76,7 @@ def test_a_sensor_that_repeats_its_reading_though_the_reference_moved_is_refused
             super().put({n: min(v, 15.0) for n, v in values.items()})
 
     source = Stuck(MODERN)
-    with pytest.raises(InputError, match="the reference went from 19.61 N to 29.42 N, which it has to follow"):
+    with pytest.raises(InputError, match="must follow the reference, which went from 19.61 N to 29.42 N"):
         session(source, SimulatedPerson(source)).weights([0.0, 1.0, 2.0, 3.0])
 
 
@@ -90,7 +90,7 @@ def test_a_refused_point_is_asked_for_again_where_somebody_can_do_it():
 
     done = session(source, ask, again=lambda error: told.append(str(error))).weights([0.0, 5.0])
     assert asked.count("hang 5 kg on the cell") == 2 and len(told) == 1
-    assert "has to follow" in told[0]
+    assert "must follow" in told[0]
     assert done.corrections["tension"].gain == pytest.approx(1.0, abs=1e-3)  # noise of 50 mN on 49 N
 
 

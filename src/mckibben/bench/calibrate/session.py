@@ -212,8 +212,8 @@ class CalibrationSession:
             step, moved = true - before.true, reading.mean - before.reading.mean
             if moved / step < LEAST_FOLLOWED:
                 at = f"{with_unit(reading.mean, grid.unit, 6)} after {with_unit(before.reading.mean, grid.unit, 6)}"
-                went = f"the reference went from {with_unit(before.true, grid.unit)} to {with_unit(true, grid.unit)}"
-                raise InputError(f"reading of {name}", at, f"{went}, which it has to follow")
+                went = f"from {with_unit(before.true, grid.unit)} to {with_unit(true, grid.unit)}"
+                raise InputError(f"reading of {name}", at, f"must follow the reference, which went {went}")
         return reading
 
     def _origin(self, method: str, reference: Reference, points: int) -> Origin:

@@ -104,7 +104,7 @@ def set_sheet(fig: Figure, sheet: Sheet | None) -> None:
 
 
 def sheet_of(fig: Figure) -> Sheet | None:
-    """The record of a figure that is still to be laid out."""
+    """The layout recorded for a figure by `set_sheet`; None if there is none."""
     sheet: Sheet | None = getattr(fig, _SHEET, None)
     return sheet
 

@@ -257,15 +257,15 @@ class Arrivals:
 
     Args:
         period: period of the samples [s].
-        lock_step: whether they have no time.
+        lock_step: whether the simulation waits for each sample, so that no sample can be late.
         patience: samples in a row that may be missing.
 
     Attributes:
-        lost: samples taken whose frame did not come, or damaged.
-        repeated: frames of samples that had been there.
-        late: frames that came more than a period late; dropped where their sample had been given up.
-        answers_late: samples that the device had no answer to when it took the next one.
-        answers_damaged: samples between which the device got damaged frames.
+        lost: samples whose frame did not arrive, or arrived damaged.
+        repeated: frames of samples that had already arrived.
+        late: frames that came more than a period late; dropped if their sample had been counted as lost.
+        answers_late: samples to which the device had no answer when it took the next one.
+        answers_damaged: samples for which the device received a damaged answer.
     """
 
     def __init__(self, period: float, lock_step: bool, patience: int) -> None:
