@@ -154,7 +154,7 @@ def test_a_part_that_cannot_be_loaded_is_refused_in_a_sentence(old: str, new: st
 def test_a_circuit_takes_a_valve_of_its_own(folder: Path) -> None:
     (folder / "tank.toml").write_text(TANK)
     plan = read_circuit(folder / "tank.toml")
-    assert "Needle" in repr(plan)
+    assert "Needle" in repr(plan.circuit)
     (folder / "tank.toml").write_text(TANK.replace("Needle", "Careful"))
     with pytest.raises(
         InputError, match="Careful is no kind: it must be a class derived from mckibben.components.flow"

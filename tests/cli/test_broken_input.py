@@ -390,7 +390,12 @@ def test_every_command_is_in_the_table():
                 found.add(f"{name}{word}")
 
     below(typer.main.get_command(app), "")
-    assert found - set(COMMANDS) == {"muscles", "completion", "help"}  # which read nothing
+    assert found - set(COMMANDS) == {
+        "muscles",
+        "completion",
+        "help",
+        "record list",
+    }  # which read nothing, or leave out what they cannot read
     assert set(COMMANDS) <= found
 
 

@@ -89,7 +89,7 @@ def test_options_of_one_name_take_one_kind_of_value():
     assert set(several) <= {
         "--from", "--to",  # ends of a range, of times or of frequencies
         "--set", "--start", "--unit", "--column", "--free", "--input", "--output",  # paths of what the command is about
-        "--predict", "--angle", "--figure", "--stiffness", "--channel", "--out", "--friction",
+        "--for", "--predict", "--angle", "--figure", "--stiffness", "--channel", "--out", "--friction",
     }, several  # fmt: skip
 
 

@@ -125,5 +125,5 @@ def test_a_braid_that_nothing_was_measured_of_is_a_muscle_that_can_be_saved(tmp_
         bladder_thickness="1 mm",
     )
     assert mk.muscle(braid.save(tmp_path / "braid.toml")).law == braid.law
-    with pytest.raises(InputError, match="missing a required argument: 'diameter'"):
+    with pytest.raises(InputError, match="incomplete without diameter, braid_angle"):
         mk.muscle.from_braid(rest_length="300 mm")

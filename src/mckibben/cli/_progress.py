@@ -66,15 +66,25 @@ def protected() -> Iterator[None]:
 
 @contextlib.contextmanager
 def guarded() -> Iterator[None]:
-    """End the process soon after Ctrl-C, even in the midst of compiled code."""
+    """End the process soon after Ctrl-C, even in the midst of compiled code; what is kept begins anew with every call."""
     global _guard
+    before, _guard = _guard, _Guard()
+    try:
+        with _watched():
+            yield
+    finally:
+        _guard = before
+
+
+@contextlib.contextmanager
+def _watched() -> Iterator[None]:
+    """A thread that ends the process, where this thread is the one that gets signals and nobody else handles them."""
     if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         yield
         return
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    before, _guard = _guard, _Guard()
     woken, wakes = socket.socketpair()
     wakes.setblocking(False)
     former = signal.set_wakeup_fd(wakes.fileno(), warn_on_full_buffer=False)
@@ -88,7 +98,6 @@ def guarded() -> Iterator[None]:
         wakes.close()
         watcher.join(1.0)
         woken.close()
-        _guard = before
 
 
 def _watch(woken: socket.socket, guard: _Guard) -> None:

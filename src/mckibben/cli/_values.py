@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..documents import parse_toml
+
 PACKAGE = Path(__file__).parents[1]
 DATA = (
     ".csv",
@@ -126,10 +128,8 @@ def _tables(folders: Iterable[str | Path]) -> Iterator[dict[str, Any]]:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a file; none if it cannot be read."""
-    import tomllib
-
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return parse_toml(path.read_text(encoding="utf-8"), where=str(path))
     except (OSError, ValueError):
         return {}
 
@@ -220,6 +220,8 @@ KINDS: dict[str, ValueKind] = {
     "RECORD": ValueKind(suffixes=DATA),
     "LOG": ValueKind(suffixes=(".mcap",)),
     "CIRCUIT": ValueKind(suffixes=(".toml",)),
+    "CIRCUIT|SPECIMEN": ValueKind(names=specimens, suffixes=(".toml",)),
+    "TARGET": ValueKind(names=words("c")),
     "SWEEP": ValueKind(suffixes=(".toml",)),
     "CALIBRATION": ValueKind(suffixes=(".toml",)),
     "CALIBRATION|RECORDING": ValueKind(suffixes=(".toml", *RECORDINGS)),

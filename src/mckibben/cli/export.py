@@ -13,32 +13,42 @@ from ._terminal import Json, print_json
 
 def export_part(
     source: Annotated[
-        str, typer.Argument(metavar="PART", help="Circuit file with muscles, or id or file of a muscle's specimen.")
+        str,
+        typer.Argument(metavar="CIRCUIT|SPECIMEN", help="Circuit file with muscles, or a muscle with usual air."),
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files; it is made where it is missing.")],
-    target: Annotated[str, typer.Option("--for", metavar="TARGET", help="Kind of program: c.")] = "c",
-    name: Annotated[str, typer.Option(help="Beginning of all names in C, and name of the files.")] = "muscle_part",
+    target: Annotated[str, typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c.")] = "c",
+    name: Annotated[
+        str, typer.Option(metavar="TEXT", help="Beginning of all names in C, and name of the files.")
+    ] = "muscle_part",
     supply: Annotated[
-        str | None, typer.Option(help="Gauge pressure of the supply of a single muscle, 6 bar by default.")
+        str | None,
+        typer.Option(metavar="PRESSURE", help="Gauge pressure of the supply of a muscle, '6 bar' by default."),
     ] = None,
     valve: Annotated[
-        str | None, typer.Option(metavar="ID", help="Valve of a single muscle, MPYE-5-1-8-LF by default.")
+        str | None, typer.Option(metavar="VALVE", help="Valve of a muscle, MPYE-5-1-8-LF by default.")
     ] = None,
     span: Annotated[
-        str | None, typer.Option(help="Span of every muscle at the start; nine tenths of the rest length by default.")
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="Span of every muscle at the start, such as '14 cm'; 0.9 of the rest length by default.",
+        ),
     ] = None,
-    substep: Annotated[str, typer.Option(help="Largest step of the muscle's physics.")] = "50 us",
+    substep: Annotated[str, typer.Option(metavar="TIME", help="Largest step of the muscle's physics.")] = "50 us",
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Folder for the files, made where missing; --name by default.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Export a muscle with its air as a part of another program: spans in, tensions out.
 
-    Example: mckibben export nylon --for c --out nylon_c
+    $ mckibben export nylon --for c --out nylon_c
     """
     from ..hosts import export, part_of
 
     try:
         part = part_of(source, supply=supply, valve=valve, span=span, substep=substep)
-        files = export(part, target, out, name=name)
+        files = export(part, target, Path(name) if out is None else out, name=name)
     except InputError as error:
         options = {
             "supply": "--supply",
