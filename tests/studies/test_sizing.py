@@ -43,7 +43,7 @@ from mckibben.studies.sizing import (
 )
 from mckibben.studies.sizing._circuit import courses, settled_courses
 from mckibben.studies.sizing.braid import frontier
-from mckibben.studies.sizing.candidate import Ends, air_of_cycle, ranked
+from mckibben.studies.sizing.candidate import LawAtPressure, air_of_cycle, ranked
 from mckibben.studies.sizing.sources import adiabatic_work
 
 WISH = Requirements(force=50.0, stroke=0.03, pressure=5e5)
@@ -375,7 +375,7 @@ def test_the_frontier_is_where_designs_end():
 
 def test_the_line_that_no_pressure_moves_is_the_same_at_every_sample():
     one = judged(of_specimen("nylon", MET["nylon"]), MET["nylon"])
-    ends = Ends(one.muscle.law, 5e5)
+    ends = LawAtPressure(one.muscle.law, 5e5)
     # 9.91 cm and the printed Fa, Pa and Kg of eq. 13: zero tension where 0.466 (5 - 0.062) (L - 9.91) = 16
     assert ends.free_length(0.154) == pytest.approx(0.0991 + 16.0 / (0.466e-2 * 4.938e5), abs=2e-5)
 

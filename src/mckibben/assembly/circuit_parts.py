@@ -234,7 +234,7 @@ class CompliantTable(ChamberTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MuscleTable(ChamberTable):
+class MuscleNodeTable(ChamberTable):
     """A muscle of a length, or of one that a signal gives."""
 
     specimen: str
@@ -290,7 +290,7 @@ NODES = {
     "atmosphere": AtmosphereTable,
     "volume": VolumeTable,
     "compliant": CompliantTable,
-    "muscle": MuscleTable,
+    "muscle": MuscleNodeTable,
     "junction": JunctionTable,
 }
 

@@ -72,7 +72,7 @@ class HelpEntry(NamedTuple):
     meaning: str
 
 
-class Command(typer.core.TyperCommand):
+class CommandWithHelp(typer.core.TyperCommand):
     """A command of the table in `app`."""
 
     words = ""  # of the command line, such as "circuit run"

@@ -22,7 +22,7 @@ from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from ._command import Command, help_width, rows_of_help
+from ._command import CommandWithHelp, help_width, rows_of_help
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable
 
@@ -167,7 +167,7 @@ class CommandTable(Mapping[str, Any]):
             )
         module, _, function = place.partition(":")
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        kind = type("Command", (Command,), {"words": words})
+        kind = type("CommandWithHelp", (CommandWithHelp,), {"words": words})
         run = getattr(importlib.import_module(f".{module}", __package__), function)
         single.command(name, cls=kind, context_settings=NAMES)(run)
         return typer.main.get_command(single)

@@ -56,7 +56,7 @@ INSTALLED = {
 }
 
 
-class Candidate(NamedTuple):
+class Completion(NamedTuple):
     """A word that may follow, and what it means."""
 
     word: str
@@ -112,7 +112,7 @@ def show_help(
 # ---- candidates
 
 
-def candidates(line: str) -> tuple[str, list[Candidate]]:
+def candidates(line: str) -> tuple[str, list[Completion]]:
     """The word that is being typed at the end of a command line, and the words that it may become."""
     words = _split(line)[1:] or [""]
     *before, last = words
@@ -120,12 +120,12 @@ def candidates(line: str) -> tuple[str, list[Candidate]]:
     if hasattr(command, "commands"):
         if rest:
             return last, []
-        known = [Candidate(name, summary) for name, summary in command.commands.summaries()]
-        known += [Candidate("--help", "Show this help and exit.")]
-        known += [Candidate("--version", "Print the version and exit.")] if command.params else []
+        known = [Completion(name, summary) for name, summary in command.commands.summaries()]
+        known += [Completion("--help", "Show this help and exit.")]
+        known += [Completion("--version", "Print the version and exit.")] if command.params else []
     elif command.words == "help":
         group, more = _command(rest)
-        known = [] if more else [Candidate(*one) for one in getattr(group, "commands", _NoCommands).summaries()]
+        known = [] if more else [Completion(*one) for one in getattr(group, "commands", _NoCommands).summaries()]
     else:
         known = list(_of_command(command, rest, last))
     return last, [one for one in known if one.word.startswith(last)]
@@ -170,7 +170,7 @@ def _command(words: list[str]) -> tuple[Any, list[str]]:
     return command, []
 
 
-def _of_command(command: Any, before: list[str], last: str) -> Iterator[Candidate]:
+def _of_command(command: Any, before: list[str], last: str) -> Iterator[Completion]:
     """Options and values that may follow within a command."""
     options = {
         name: p for p in command.params if p.param_type_name == "option" for name in (*p.opts, *p.secondary_opts)
@@ -192,13 +192,13 @@ def _of_command(command: Any, before: list[str], last: str) -> Iterator[Candidat
     if equals and name in options:
         start = f"{name}="
         found = values(options[name], last.removeprefix(start), arguments, before)
-        yield from (Candidate(start + one.word, one.meaning) for one in found)
+        yield from (Completion(start + one.word, one.meaning) for one in found)
         return
     if last.startswith("-"):
         for name, p in options.items():
             if p.name not in given or p.multiple:
-                yield Candidate(name, _first_sentence(p.help))
-        yield from (Candidate("--quiet", "Print only errors."), Candidate("--help", "Show this help and exit."))
+                yield Completion(name, _first_sentence(p.help))
+        yield from (Completion("--quiet", "Print only errors."), Completion("--help", "Show this help and exit."))
         return
     places = [p for p in command.params if p.param_type_name == "argument"]
     if places:
@@ -211,20 +211,20 @@ def _first_sentence(text: str | None) -> str:
     return (text or "").partition(";")[0].partition(". ")[0]
 
 
-def values(param: Any, last: str, arguments: list[str], before: list[str]) -> Iterator[Candidate]:
+def values(param: Any, last: str, arguments: list[str], before: list[str]) -> Iterator[Completion]:
     """Values that a parameter may have, beginning with what is typed."""
     kind = _values.kind_of(param)
     if kind.names is not None:
-        yield from (Candidate(*one) for one in kind.names() if one[0].startswith(last))
+        yield from (Completion(*one) for one in kind.names() if one[0].startswith(last))
     if param.metavar == "PATH=VALUE" and "=" not in last:
         yield from (
-            Candidate(f"{path}=", meaning) for path, meaning in _paths(arguments, before) if path.startswith(last)
+            Completion(f"{path}=", meaning) for path, meaning in _paths(arguments, before) if path.startswith(last)
         )
     if kind.suffixes:
         yield from _files(last, kind.suffixes)
 
 
-def _files(last: str, suffixes: Iterable[str]) -> Iterator[Candidate]:
+def _files(last: str, suffixes: Iterable[str]) -> Iterator[Completion]:
     """Files with these suffixes, and folders."""
     folder, name = os.path.split(last)
     try:
@@ -237,9 +237,9 @@ def _files(last: str, suffixes: Iterable[str]) -> Iterator[Candidate]:
             continue
         path = os.path.join(folder, entry.name)
         if entry.is_dir():
-            yield Candidate(f"{path}/")
+            yield Completion(f"{path}/")
         elif "" in wanted or entry.name.lower().endswith(wanted):
-            yield Candidate(path)
+            yield Completion(path)
 
 
 def _paths(arguments: list[str], before: list[str]) -> Iterator[tuple[str, str]]:

@@ -18,7 +18,7 @@ from ._outputs import OBJECT, TABLE, OutputKinds, Paths
 from ._terminal import Json, print_json, table
 
 if TYPE_CHECKING:
-    from ..studies.parts import Part
+    from ..studies.parts import ListedPart
 
 OUT = OutputKinds(table=TABLE, result=OBJECT)
 # Columns of the table of each kind: number, heading, and unit in which it is shown.
@@ -82,7 +82,7 @@ def list_parts(
             files.say()
 
 
-def _write(some: tuple[Part, ...], path: Path) -> None:
+def _write(some: tuple[ListedPart, ...], path: Path) -> None:
     """Write one row per number."""
     text = catalogue.csv_of(some)
     if path.suffix == ".csv":
@@ -92,7 +92,7 @@ def _write(some: tuple[Part, ...], path: Path) -> None:
     write_table({head: [row[i] for row in rows] for i, head in enumerate(heads)}, path)
 
 
-def _chosen(what: str | None, min_flow: str | None, max_mass: str | None) -> tuple[Part, ...]:
+def _chosen(what: str | None, min_flow: str | None, max_mass: str | None) -> tuple[ListedPart, ...]:
     if what is not None and what not in catalogue.KINDS and min_flow is None and max_mass is None:
         return (catalogue.part(what),)
     return catalogue.list_parts(
@@ -102,7 +102,7 @@ def _chosen(what: str | None, min_flow: str | None, max_mass: str | None) -> tup
     )
 
 
-def columns_of(kind: str, some: Iterable[Part]) -> tuple[list[str], dict[str, list[str]]]:
+def columns_of(kind: str, some: Iterable[ListedPart]) -> tuple[list[str], dict[str, list[str]]]:
     """Headings of the numbers of a kind that some of its parts state, and the cells of each part by its name."""
     stated = [c for c in COLUMNS[kind] if any(_cell(one, c[0], c[2]) for one in some)]
     return [heading for _, heading, _ in stated], {
@@ -110,7 +110,7 @@ def columns_of(kind: str, some: Iterable[Part]) -> tuple[list[str], dict[str, li
     }
 
 
-def _print_lists(some: tuple[Part, ...]) -> None:
+def _print_lists(some: tuple[ListedPart, ...]) -> None:
     for kind, title in catalogue.KINDS.items():
         rows = [one for one in some if one.kind == kind]
         if not rows:
@@ -133,14 +133,14 @@ def _print_lists(some: tuple[Part, ...]) -> None:
     )
 
 
-def _cell(one: Part, name: str, unit: str) -> str:
+def _cell(one: ListedPart, name: str, unit: str) -> str:
     number = one.number(name) or one.number(ALSO.get(name, ""))
     if number is None or number.value is None:
         return ""
     return f"{from_si(number.value, number.unit, unit):.4g}{'*' if number.inferred else ''}"
 
 
-def _print_page(one: Part) -> None:
+def _print_page(one: ListedPart) -> None:
     typer.echo(f"{one.id}: {one.title} ({one.kind}{f', {one.form}' if one.form else ''})")
     if one.note:
         typer.echo(one.note)

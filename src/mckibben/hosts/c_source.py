@@ -23,7 +23,7 @@ from .._jax import jax
 from ..components.programs import lower_or_load
 from ..documents import write_text
 from ..errors import InputError
-from .coupling import Timing, advance, observe, rates, rest
+from .coupling import HostStep, advance, observe, rates, rest
 from .part import MODE, Part
 
 RESULTS = ("state", "outputs")
@@ -49,7 +49,7 @@ UNITS_OF_STATES = {
 }
 
 
-class Variable(NamedTuple):
+class PartVariable(NamedTuple):
     """A number or an array of numbers at the border of a part.
 
     Attributes:
@@ -87,9 +87,9 @@ class PartSource:
     name: str
     part: Part
     files: dict[str, str]
-    variables: tuple[Variable, ...]
+    variables: tuple[PartVariable, ...]
 
-    def of(self, group: str) -> list[Variable]:
+    def of(self, group: str) -> list[PartVariable]:
         """The variables of a struct."""
         return [v for v in self.variables if v.group == group]
 
@@ -114,7 +114,7 @@ def c_source(part: Part, name: str = "muscle_part") -> PartSource:
         raise InputError("name", name, "must be lower-case letters, digits and _, beginning with a letter")
     zero = {group: 0.0 for group in part.commands}
     hosted, inputs = part.hosted, part.inputs(part.span, dict.fromkeys(part.muscles, 0.0), zero | part.command)
-    state, timing = part.example_state, Timing(np.float64(1e-3), np.float64(0.0))
+    state, timing = part.example_state, HostStep(np.float64(1e-3), np.float64(0.0))
     both = ("parameters", "state", "inputs")
     plan: dict[str, tuple[Any, tuple[Any, ...], tuple[str, ...], tuple[str, ...]]] = {
         "rest": (rest, (hosted, inputs), ("parameters", "inputs"), ("state",)),
@@ -192,13 +192,13 @@ class _Meanings:
             return unit, free, meaning
         return {"period": ("s", free, "step of the host"), "staggered": ("1", free, "1 in a staggered host")}[first]
 
-    def variables(self, structs: Any, defaults: Any, functions: Any) -> Iterator[Variable]:
+    def variables(self, structs: Any, defaults: Any, functions: Any) -> Iterator[PartVariable]:
         """All variables, with the values of their defaults."""
         for group, members in structs.items():
             known = dict(_named_leaves(functions, group, defaults[group])) if group in defaults else {}
             for member in members:
                 unit, bounds, meaning = self.of(group, member.path)
-                yield Variable(
+                yield PartVariable(
                     group, member.name, member.path, unit, bounds, meaning, known.get(member.path), member.shape
                 )
 

@@ -174,7 +174,7 @@ class HostedMuscles(Module):
         return tuple(dict.fromkeys(drive.command for drive in self.drives))
 
 
-class Timing(NamedTuple):
+class HostStep(NamedTuple):
     """A step of the host: its length [s], and 1 where its rates are half a step older than its positions, else 0."""
 
     period: Scalar
@@ -253,7 +253,9 @@ def rest(part: HostedMuscles, inputs: HostInputs) -> PartState:
     )
 
 
-def advance(part: HostedMuscles, state: PartState, inputs: HostInputs, timing: Timing) -> tuple[PartState, PartOutputs]:
+def advance(
+    part: HostedMuscles, state: PartState, inputs: HostInputs, timing: HostStep
+) -> tuple[PartState, PartOutputs]:
     """One step of the host; the state must have been set by `rest` or a step before."""
     machine = part.machine
     staggered = timing.staggered > 0.5

@@ -13,7 +13,7 @@ import numpy as np
 from ..documents import write_text
 from ..errors import InputError
 from ..recordings.provenance import versions
-from .c_source import PartSource, Variable, c_source, with_names
+from .c_source import PartSource, PartVariable, c_source, with_names
 from .part import Part
 
 
@@ -52,7 +52,7 @@ def describe(source: PartSource) -> dict[str, Any]:
     }
 
 
-def _described(variable: Variable) -> dict[str, Any]:
+def _described(variable: PartVariable) -> dict[str, Any]:
     low, high = (float(b) if np.isfinite(b) else None for b in variable.bounds)
     stated = {"path": variable.path, "member": variable.member, "unit": variable.unit, "meaning": variable.meaning}
     limits = {} if low is None and high is None else {"least": low, "most": high}

@@ -39,9 +39,9 @@ from .coupling import (
     OF_MUSCLES,
     HostedMuscles,
     HostInputs,
+    HostStep,
     PartOutputs,
     PartState,
-    Timing,
     advance,
     observe,
     rest,
@@ -53,7 +53,7 @@ SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
 STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
 
 
-class Layouts:
+class PartLayouts:
     """How parameters, state, inputs and outputs of one structure of parts lie in vectors."""
 
     def __init__(self, part: HostedMuscles, state: PartState, inputs: HostInputs) -> None:
@@ -68,7 +68,7 @@ class Layouts:
 def _advance(layouts: Any, part: Any, state: Any, inputs: Any, timing: Any) -> tuple[Any, Any]:
     of_part, of_state, of_inputs = layouts
     new, out = advance(
-        of_part.unpack(part), of_state.unpack(state), of_inputs.unpack(inputs), Timing(timing[0], timing[1])
+        of_part.unpack(part), of_state.unpack(state), of_inputs.unpack(inputs), HostStep(timing[0], timing[1])
     )
     return of_state.packed(new), Layout.of(out).packed(out)
 
@@ -178,7 +178,7 @@ class Part:
         inputs = self.inputs(self.span, dict.fromkeys(self.muscles, 0.0), self.command)
         as_shapes = jax.eval_shape(rest, self.hosted, inputs)
         example = jax.tree.map(lambda s: np.zeros(s.shape, s.dtype), as_shapes)
-        self.layouts = Layouts(self.hosted, example, inputs)
+        self.layouts = PartLayouts(self.hosted, example, inputs)
         self.parameters = self.layouts.part.pack(self.hosted)
         self._size = self.layouts.state.size
         self.example_state, self.example_inputs = example, inputs

@@ -75,7 +75,7 @@ class PartNumber(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class ListedPart:
     """A part of the catalogue: a valve, a tube, a gas source, a tension law or a muscle.
 
     Attributes:
@@ -131,7 +131,7 @@ class Part:
         return frame_of([self])
 
     def __repr__(self) -> str:
-        return f"Part({self.id!r}, {self.kind}: {self.title}, {len(self.numbers)} numbers)"
+        return f"ListedPart({self.id!r}, {self.kind}: {self.title}, {len(self.numbers)} numbers)"
 
     def _repr_html_(self) -> str:
         return str(implementation("report.figures.plots:part_html")(self))
@@ -139,7 +139,7 @@ class Part:
 
 def list_parts(
     kind: str | None = None, *, min_flow: float | None = None, max_mass: float | None = None
-) -> tuple[Part, ...]:
+) -> tuple[ListedPart, ...]:
     """List the parts of the catalogue.
 
     Args:
@@ -160,7 +160,9 @@ def list_parts(
     return tuple(found)
 
 
-def _compared(some: Iterable[Part], field: str, names: tuple[str, ...], limit: float, side: float) -> list[Part]:
+def _compared(
+    some: Iterable[ListedPart], field: str, names: tuple[str, ...], limit: float, side: float
+) -> list[ListedPart]:
     values = [(part, next((v for n in names if (v := part.value(n)) is not None), None)) for part in some]
     if not any(value is not None for _, value in values):
         raise InputError(field, None, "compares valves and gas sources: the parts that were asked for do not state it")
@@ -192,7 +194,7 @@ def parts(kind: str | None = None, *, min_flow: float | None = None, max_mass: f
     return frame_of(list_parts(kind, min_flow=min_flow, max_mass=max_mass))
 
 
-def part(name: str) -> Part:
+def part(name: str) -> ListedPart:
     """Find a part of the catalogue by its name, or a specimen by its ``.toml`` file.
 
     Case does not matter, nor whether ``/`` or ``-`` is written; a valve without its flow means the one of low flow.
@@ -219,7 +221,7 @@ def part(name: str) -> Part:
     raise InputError("part", name, known=[one.id for one in list_parts()])
 
 
-def frame_of(some: Iterable[Part]) -> pandas.DataFrame:
+def frame_of(some: Iterable[ListedPart]) -> pandas.DataFrame:
     """Data frame of parts, one row per number.
 
     Raises:
@@ -232,7 +234,7 @@ def frame_of(some: Iterable[Part]) -> pandas.DataFrame:
 COLUMNS = ("part", "kind", "title", "number", "value", "unit", "low", "high", "source", "inferred", "note")
 
 
-def rows_of(some: Iterable[Part]) -> list[dict[str, JsonValue]]:
+def rows_of(some: Iterable[ListedPart]) -> list[dict[str, JsonValue]]:
     """One row of `COLUMNS` per number of some parts."""
     rows = []
     for one in some:
@@ -243,7 +245,7 @@ def rows_of(some: Iterable[Part]) -> list[dict[str, JsonValue]]:
     return rows
 
 
-def csv_of(some: Iterable[Part]) -> str:
+def csv_of(some: Iterable[ListedPart]) -> str:
     """Text of a .csv file of parts, one row per number in SI units."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
@@ -255,7 +257,7 @@ def csv_of(some: Iterable[Part]) -> str:
 # ---- where they come from
 
 
-def part_of_specimen(spec: Specimen) -> Part:
+def part_of_specimen(spec: Specimen) -> ListedPart:
     """A specimen as a part of the catalogue."""
     if spec.kind == "valve":
         return _valve(spec)
@@ -269,8 +271,8 @@ def part_of_specimen(spec: Specimen) -> Part:
 
 def _made(
     kind: str, id_: str, title: str, form: str, numbers: tuple[PartNumber, ...], sources: Iterable[str], note: str = ""
-) -> Part:
-    return Part(id_, kind, title, form, numbers, tuple(sources), note, NAMED_IN[kind].format(id=id_))
+) -> ListedPart:
+    return ListedPart(id_, kind, title, form, numbers, tuple(sources), note, NAMED_IN[kind].format(id=id_))
 
 
 def _numbers(group: Mapping[str, SpecimenNumber], units: Mapping[str, str]) -> Iterable[PartNumber]:
@@ -291,7 +293,7 @@ def _in_unit(one: SpecimenNumber, end: float, unit: str) -> float:
     return value
 
 
-def _valve(spec: Specimen) -> Part:
+def _valve(spec: Specimen) -> ListedPart:
     units = {name: q.unit for name, q in keys_of_element(spec.element).items()} if spec.element else {}
     numbers = [*_numbers(spec.valve, units)]
     numbers += _numbers(spec.properties, KNOWN_PROPERTIES)
@@ -305,11 +307,11 @@ def _valve(spec: Specimen) -> Part:
     return _made("valves", spec.id, spec.title, spec.element, tuple(numbers), spec.sources, spec.note)
 
 
-def _valves() -> list[Part]:
+def _valves() -> list[ListedPart]:
     return [_valve(spec) for spec in specimens() if spec.kind == "valve"]
 
 
-def _published(kind: str, name: str) -> list[Part]:
+def _published(kind: str, name: str) -> list[ListedPart]:
     return [
         _made(
             kind,
@@ -324,7 +326,7 @@ def _published(kind: str, name: str) -> list[Part]:
     ]
 
 
-def _laws() -> list[Part]:
+def _laws() -> list[ListedPart]:
     found = []
     for name in LAWS:
         law = law_type(name)
@@ -336,12 +338,12 @@ def _laws() -> list[Part]:
     return found
 
 
-def _muscles() -> list[Part]:
+def _muscles() -> list[ListedPart]:
     found = [part_of_specimen(spec) for spec in specimens() if spec.kind != "valve"]
     return found + [dataclasses.replace(p, named_in=CUT_TO_LENGTH) for p in _published("muscles", "fluidic_muscle")]
 
 
-_OF_KIND: dict[str, Callable[[], list[Part]]] = {
+_OF_KIND: dict[str, Callable[[], list[ListedPart]]] = {
     "valves": _valves,
     "tubes": lambda: _published("tubes", "tube"),
     "sources": lambda: _published("sources", "gas_source"),

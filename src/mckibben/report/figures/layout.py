@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import InputError
 from ...quantities import from_si
 from .formats import LEAST_TYPE, SMALL
-from .places import BannerRow, Place, margins_of, place_of, set_place, shift
+from .places import ArtistPlace, BannerRow, margins_of, place_of, set_place, shift
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -292,7 +292,7 @@ class _Layout:
             legend = _in_columns(key, ax, foot, 72.0 * width, self.renderer)
             self.under = [one for one in self.under if one is not key] + [legend]
             foot += legend.get_window_extent(self.renderer).height * 72.0 / self.fig.dpi + 3.0
-            set_place(legend, Place(ax, "key"))
+            set_place(legend, ArtistPlace(ax, "key"))
         for key in keys:
             for member in key if isinstance(key, list) else [key]:
                 member.set_in_layout(True)
@@ -370,7 +370,7 @@ class _Layout:
             tops = [box.y1 for child in ax.child_axes if (box := child.get_tightbbox(self.renderer)) is not None]
             top = max(tops, default=0.0)
             current = max(current, (top - ax.get_window_extent().y1) * 72.0 / self.fig.dpi + 4.0)
-        groups: dict[float, list[tuple[Text, Place]]] = {}
+        groups: dict[float, list[tuple[Text, ArtistPlace]]] = {}
         for text in ax.texts:
             place = place_of(text)
             if place is not None and place.kind in ("heading", "note") and place.y == 1.0 and place.dy > 0.0:
@@ -386,7 +386,7 @@ class _Layout:
                     text.set_transform(_anchor(place._replace(dy=at)))
                 current = max(at + 11.0, current)
 
-    def line(self, text: Text, place: Place, current: float, room: float) -> float:
+    def line(self, text: Text, place: ArtistPlace, current: float, room: float) -> float:
         """Write a heading or note at a height above its axes [pt]; return the height above it [pt]."""
         at = max(current, place.dy) if place.dy - current <= 4.0 else current + 3.0
         width = room - place.dx
@@ -661,7 +661,7 @@ def _words(text: Text) -> str:
     return words
 
 
-def _anchor(place: Place) -> Any:
+def _anchor(place: ArtistPlace) -> Any:
     return place.axes.transAxes + shift(place.axes, place.dx, place.dy)
 
 

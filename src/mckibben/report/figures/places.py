@@ -20,7 +20,7 @@ _SHEET = "_mckibben_sheet"
 _MARGINS = "_mckibben_margins"
 
 
-class Place(NamedTuple):
+class ArtistPlace(NamedTuple):
     """Place of a text, key or line.
 
     Args:
@@ -87,14 +87,14 @@ def shift(ax: Axes, x: float, y: float) -> Any:
     return ScaledTranslation(x / 72.0, y / 72.0, ax.figure.dpi_scale_trans)
 
 
-def set_place(artist: Artist, place: Place) -> None:
+def set_place(artist: Artist, place: ArtistPlace) -> None:
     """Record the place of an artist."""
     setattr(artist, _NAME, place)
 
 
-def place_of(artist: Artist) -> Place | None:
+def place_of(artist: Artist) -> ArtistPlace | None:
     """The place of an artist, None for one without."""
-    place: Place | None = getattr(artist, _NAME, None)
+    place: ArtistPlace | None = getattr(artist, _NAME, None)
     return place
 
 

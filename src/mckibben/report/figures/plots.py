@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ...analysis.energy_accounts import EnergyAccount
     from ...identification.ranking import Ranking
     from ...studies.comparison import MuscleTable
-    from ...studies.parts import Part
+    from ...studies.parts import ListedPart
     from ...studies.sizing import Sizing
 
 PRESSURES = "1:5 bar"
@@ -448,7 +448,7 @@ def sizing_html(sizing: Sizing) -> str:
     return _table("Sizing", repr(sizing), head, rows) + _picture(SizingPlots(sizing)())
 
 
-def part_html(part: Part) -> str:
+def part_html(part: ListedPart) -> str:
     """A part of the catalogue as a table of its numbers."""
     rows = []
     for n in part.numbers:

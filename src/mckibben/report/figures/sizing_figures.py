@@ -10,7 +10,7 @@ from ...quantities import from_si
 from ...studies.design import Design, DesignStudy
 from ...studies.sizing import Judged, LineResult, Sizing
 from ...studies.sizing.braid import frontier
-from ...studies.sizing.candidate import VERDICTS, Ends
+from ...studies.sizing.candidate import VERDICTS, LawAtPressure
 from . import style
 from .places import FootRow, Margins, set_margins
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN
@@ -91,7 +91,7 @@ def draw_force_over_stroke(ax: Axes, found: Sizing, law: str) -> None:
     strokes = np.linspace(0.0, right, POINTS)
     for one, dash in zip(shown, _DASHES, strict=False):
         m = one.muscle
-        said = Ends(m.law, wish.pressure).tension(m.longest - strokes) - m.friction
+        said = LawAtPressure(m.law, wish.pressure).tension(m.longest - strokes) - m.friction
         sure = said - one.error_force
         said, sure = (np.where(v > 0.0, v, np.nan) for v in (said, sure))
         heavy = one is found.chosen

@@ -27,7 +27,7 @@ from ...documents import ErrorKeepingFile, write_text, write_whole
 from ...errors import InputError
 from . import formats, layout, printing, provenance
 from .colours import LIGHT
-from .places import Place, Sheet, set_place, set_sheet, sheet_of
+from .places import ArtistPlace, Sheet, set_place, set_sheet, sheet_of
 from .places import shift as shift
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
             color=INK_3,
             va="bottom",
         )
-    set_place(head, Place(ax, "heading", dy=above, note=quiet))
+    set_place(head, ArtistPlace(ax, "heading", dy=above, note=quiet))
 
 
 def colour(quantity: str | None) -> str:
@@ -327,7 +327,7 @@ def end_labels(
             if moved
             else None,
         )
-        set_place(label, Place(ax, "end", x, y, 13.0 if moved else 5.0))
+        set_place(label, ArtistPlace(ax, "end", x, y, 13.0 if moved else 5.0))
 
 
 def graded(count: int, least: float = 0.4) -> list[float]:
@@ -341,7 +341,7 @@ def note(
     """Write a remark at a place of the axes [share of their size], shifted by points."""
     style: dict[str, Any] = {"fontsize": SMALL, "color": INK_3, "va": "center", "ha": "left"} | options
     written = ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
-    set_place(written, Place(ax, "note", x, y, dx, dy))
+    set_place(written, ArtistPlace(ax, "note", x, y, dx, dy))
     return written
 
 
@@ -354,7 +354,7 @@ def rule(ax: Axes, start: float, end: float, above: float) -> None:
     x = [1.0 + start * scale / box.width, 1.0 + end * scale / box.width]
     y = 1.0 + above * scale / box.height
     line = ax.add_artist(Line2D(x, [y, y], transform=ax.transAxes, color=RULE, lw=HAIR, clip_on=False))
-    set_place(line, Place(ax, "rule", dx=start, dy=end))
+    set_place(line, ArtistPlace(ax, "rule", dx=start, dy=end))
 
 
 # ---- to a file

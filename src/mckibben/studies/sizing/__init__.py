@@ -15,7 +15,7 @@ from .own_parts import battery_of, tank_of, valve_of
 from .requirements import Requirements, Shortfall
 from .size import Sizing, size
 from .sources import DailyUse, SourceResult, sources_for
-from .spread import Spread, spread_of
+from .spread import InferredRanges, spread_of
 from .tables import SizingTable, tables_of
 
 __all__ = [
@@ -34,7 +34,7 @@ __all__ = [
     "SizingTable",
     "SourceResult",
     "Requirements",
-    "Spread",
+    "InferredRanges",
     "battery_of",
     "braid_law",
     "circuit_of",

@@ -168,7 +168,7 @@ class Judged:
         return replace(self, speed=speed, margins={**self.margins, "speed": speed / wished - 1.0})
 
 
-class Ends:
+class LawAtPressure:
     """A law evaluated with plain numbers at one gauge pressure [Pa], for many lengths at once."""
 
     def __init__(self, law: TensionLaw, pressure: float) -> None:
@@ -210,7 +210,7 @@ class Ends:
 
 def judged(muscle: Candidate, wish: Requirements) -> Judged:
     """Compare a candidate with the requirements."""
-    ends = Ends(muscle.law, wish.pressure)
+    ends = LawAtPressure(muscle.law, wish.pressure)
     end = muscle.longest - wish.stroke
     low = 0.5 * float(muscle.law.length_range()[0]) + 0.5 * ends.free_length(muscle.longest)
     top, passive = float(ends.tension(muscle.longest)), float(ends.passive(max(end, low)))
@@ -243,7 +243,7 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
     )
 
 
-def _margins(muscle: Candidate, wish: Requirements, ends: Ends, said: float, error: float) -> dict[str, float]:
+def _margins(muscle: Candidate, wish: Requirements, ends: LawAtPressure, said: float, error: float) -> dict[str, float]:
     deducted = muscle.friction + error
     stroke = muscle.longest - ends.last_below(wish.force + deducted, muscle.longest)
     return {
@@ -263,7 +263,7 @@ def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> fl
     if not muscle.law.has_volume():
         return float("nan")
     room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
-    ends = Ends(muscle.law, wish.pressure)
+    ends = LawAtPressure(muscle.law, wish.pressure)
     end = max(muscle.longest - wish.stroke, ends.free_length(muscle.longest))
     full = ends.volume(end) + dead
     empty = ends.volume(muscle.longest, 0.0) + dead

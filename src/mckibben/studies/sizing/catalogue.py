@@ -13,7 +13,7 @@ from ...muscles.law import TensionLaw
 from ...specimens import Specimen, specimen, specimens
 from ...specimens.parts import CataloguePart, parts
 from .braid_law import INFERRED, error_of_size, error_of_specimen, usual
-from .candidate import Candidate, Ends, judged
+from .candidate import Candidate, LawAtPressure, judged
 from .requirements import Requirements
 from .spread import ends_of_specimen
 
@@ -177,7 +177,7 @@ def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
 
 def outer_diameter(law: TensionLaw, wish: Requirements, longest: float, wall: float) -> float:
     """Outer diameter at the end of the stroke, of a cylinder with the law's volume and a wall [m]."""
-    ends = Ends(law, wish.pressure)
+    ends = LawAtPressure(law, wish.pressure)
     end = max(longest - wish.stroke, ends.free_length(longest))
     volume = ends.volume(end)
     return 2.0 * float(np.sqrt(volume / (np.pi * end))) + 2.0 * wall
@@ -189,7 +189,7 @@ def friction_of(
     """Friction that reduces the guaranteed force [N]: stated, or a usual share of the largest tension."""
     if "coulomb_friction" in spec.properties and range_ is None:
         return spec.property_si("coulomb_friction", "N")
-    return usual("friction_share") * float(Ends(law, wish.pressure).tension(longest))
+    return usual("friction_share") * float(LawAtPressure(law, wish.pressure).tension(longest))
 
 
 def friction_range_of(
@@ -198,7 +198,7 @@ def friction_range_of(
     """Range of a friction that is not stated [N]; None of one that is."""
     if "coulomb_friction" in spec.properties and range_ is None:
         return None
-    pull = float(Ends(law, wish.pressure).tension(longest))
+    pull = float(LawAtPressure(law, wish.pressure).tension(longest))
     low, high = INFERRED["friction_share"].range
     return low * pull, high * pull
 

@@ -23,7 +23,7 @@ from .lines import LENGTHS, LineResult, dead_volume, lines_for, time_range
 from .own_parts import battery_of, tank_of, valve_of
 from .requirements import ALLOWED, Requirements, Shortfall, parse_space
 from .sources import DailyUse, SourceResult, daily_use, sources_for
-from .spread import Spread, spread_of
+from .spread import InferredRanges, spread_of
 
 
 def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
@@ -89,7 +89,7 @@ class Sizing:
     sources: tuple[SourceResult, ...]
     piston: dict[str, tuple[float, float] | None]
     law: str = BRAID_LAWS[0]
-    spread: Spread | None = None
+    spread: InferredRanges | None = None
     time_range: tuple[float, float] | None = None
     daily: DailyUse | None = None
     valves: Mapping[str, Specimen] = field(default_factory=dict)

@@ -22,7 +22,7 @@ from ...pneumatics.compressor import Compressor
 from ...pneumatics.gas import AIR, REFERENCE_DENSITY
 from ...quantities import with_unit
 from ...specimens.parts import CataloguePart, parts
-from .candidate import Ends, Judged
+from .candidate import Judged, LawAtPressure
 from .lines import LineResult
 from .own_parts import OWN_BATTERY
 from .requirements import Requirements
@@ -271,7 +271,7 @@ def adiabatic_work(wish: Requirements, pressure: float) -> float:
 def _heated(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
     v, p = part.values, wish.pressure
     room, cold = float(wish.environment.pressure_abs), float(wish.environment.temperature)
-    ends = Ends(muscle.muscle.law, p)
+    ends = LawAtPressure(muscle.muscle.law, p)
     long_, short = muscle.muscle.longest, muscle.muscle.longest - wish.stroke
     low = min(v["low_pressure"], 0.5 * p)
     v2, v1 = ends.volume(long_, low), ends.volume(short)

@@ -17,7 +17,7 @@ from ...quantities import declared
 from ...specimens import Specimen, SpecimenNumber
 from ...specimens.parts import KINDS as PART_UNITS
 from ...specimens.parts import CataloguePart
-from .candidate import Candidate, Ends, Judged, LawEnds, air_of_cycle
+from .candidate import Candidate, Judged, LawAtPressure, LawEnds, air_of_cycle
 from .requirements import Requirements
 
 # Whether a source lasts longer, and costs less, with more of a number.
@@ -27,7 +27,7 @@ BETTER_WITH_MORE = {
 }  # fmt: skip
 
 
-class Spread(NamedTuple):
+class InferredRanges(NamedTuple):
     """Ranges that inferred numbers leave, for the chosen muscle.
 
     Attributes:
@@ -43,7 +43,7 @@ class Spread(NamedTuple):
     without_range: tuple[str, ...]
 
 
-def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Spread:
+def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> InferredRanges:
     """Ranges of force and air of a muscle.
 
     Args:
@@ -59,7 +59,7 @@ def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Spread:
         forces.append([muscle.end_force + one.friction - friction for friction in one.friction_range])
         moved.append("friction")
     airs = [[air_of_cycle(replace(one, law=law), wish, dead) for law in pair] for pair in ends.pairs.values()]
-    return Spread(
+    return InferredRanges(
         _summed(muscle.end_force, forces),
         _summed(air_of_cycle(one, wish, dead), airs),
         tuple(moved),
@@ -68,7 +68,7 @@ def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Spread:
 
 
 def _force(muscle: Candidate, law: TensionLaw, wish: Requirements) -> float:
-    return float(Ends(law, wish.pressure).added(muscle.longest - wish.stroke)) - muscle.friction
+    return float(LawAtPressure(law, wish.pressure).added(muscle.longest - wish.stroke)) - muscle.friction
 
 
 def _summed(value: float, pairs: Iterable[Iterable[float]]) -> tuple[float, float]:

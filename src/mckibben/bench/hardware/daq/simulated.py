@@ -202,7 +202,7 @@ class DaqTask:
     running: bool = False
 
 
-class Session(Protocol):
+class DaqSession(Protocol):
     """The name of a task, as requests state it."""
 
     name: str
@@ -211,7 +211,7 @@ class Session(Protocol):
 class Request(Protocol):
     """A request of the client: the fields of all those that are answered here; each message has some of them."""
 
-    task: Session
+    task: DaqSession
     session_name: str
     physical_channel: str
     lines: str

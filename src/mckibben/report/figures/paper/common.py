@@ -15,7 +15,7 @@ from .... import reproduction
 from ....documents import JsonValue
 from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
 from .. import style
-from ..places import Place, set_place
+from ..places import ArtistPlace, set_place
 from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float |
         borderpad=0.0,
         borderaxespad=0.0,
     )
-    set_place(legend, Place(ax, "key"))
+    set_place(legend, ArtistPlace(ax, "key"))
 
 
 def sample(words: str, **look: Any) -> Line2D:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....quantities import with_unit
 from ....studies.sizing import Judged, Sizing
-from ....studies.sizing.candidate import Ends
+from ....studies.sizing.candidate import LawAtPressure
 from ....studies.sizing.tables import ms, ranged
 from ...charts import Axis, Chart, ChartLine
 
@@ -54,7 +54,7 @@ def _force_chart(sizing: Sizing) -> Chart:
     lines = []
     for one, dash in zip(_shown(sizing), DASHES, strict=False):
         m = one.muscle
-        pull = Ends(m.law, wish.pressure).tension(m.longest - strokes) - m.friction - one.error_force
+        pull = LawAtPressure(m.law, wish.pressure).tension(m.longest - strokes) - m.friction - one.error_force
         kept = (pull > 0.0) & (pull < 1.5 * top)
         chosen = one is sizing.chosen
         lines.append(
