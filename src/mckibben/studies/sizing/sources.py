@@ -26,7 +26,7 @@ from .candidate import Judged, LawAtPressure
 from .lines import LineResult
 from .own_parts import OWN_BATTERY
 from .requirements import Requirements
-from .spread import Spread, at_end
+from .spread import InferredRanges, at_end
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def sources_for(
     line: LineResult | None,
     *,
     own: Sequence[CataloguePart] = (),
-    spread: Spread | None = None,
+    spread: InferredRanges | None = None,
 ) -> list[SourceResult]:
     """Evaluate every shipped source for the air that muscle and line take; sufficient ones first, by their energy.
 
