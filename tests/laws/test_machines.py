@@ -18,6 +18,7 @@ from machines import (
     at,
     body,
     constant,
+    exergy_closes,
     go,
     pair,
     plate,
@@ -31,6 +32,7 @@ from scipy.integrate import solve_ivp
 from mckibben.assembly.build import unit_from_specimen
 from mckibben.assembly.stiffness import joint_stiffness, muscle_stiffness
 from mckibben.engine import held, ramped
+from mckibben.pneumatics.exergy import lines_of
 
 TIME = PERIOD * np.arange(SAMPLES + 1)
 HEATS = {"adiabatic": ADIABATIC, "wall": WALL}
@@ -93,10 +95,11 @@ def test_an_antagonist_pair_keeps_its_accounts(heat):
     run, account = go(pair(HEATS[heat], damping=0.01), 2e5, signals)
     assert np.ptp(run.outputs["load.angle"]) > 0.2
     closes(account)
+    exergy_closes(account)
 
 
 def test_muscles_on_one_supply_keep_their_accounts_and_feel_each_other():
-    quiet = {f"{n}.{v}": NOTHING for n in "abcd" for v in ("fill", "vent")}
+    quiet = {f"{n}.{v}": NOTHING for n in "abc" for v in ("fill", "vent")}
     signals = quiet | {
         "x": ramped(0.14 - 0.003 * np.sin(2.0 * np.pi * 5.0 * TIME)),
         "a.fill": switched(1.0, 0, SAMPLES),
@@ -109,6 +112,12 @@ def test_muscles_on_one_supply_keep_their_accounts_and_feel_each_other():
     closes(account)
     early = slice(20, 60)
     assert np.all(both.outputs["a.pressure"][early] < alone.outputs["a.pressure"][early] - 1e3)
+    # the tank, which all share, is no dead volume of any of them
+    assert sorted(map(sorted, lines_of(machine.circuit))) == [[n, f"{n}.port"] for n in "abc"]
+    late = {"b.fill": switched(1.0, 0, 120), "b.vent": switched(1.0, 150, SAMPLES), "c.vent": switched(1.0, 20, 40)}
+    for heat in HEATS.values():
+        _, account = go(shared(heat), full, signals | late)
+        assert exergy_closes(account).out["dead_volume"] > 0.0
 
 
 @given(

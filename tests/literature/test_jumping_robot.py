@@ -25,6 +25,19 @@ def test_a_trial_is_read_with_its_valves_and_angles() -> None:
         assert record[f"angle_{m}"].max() > 2.0
 
 
+def test_a_jump_that_was_not_fitted_is_predicted_from_one_that_was() -> None:
+    # Four parameters and one jump, where the study has nineteen and three.
+    free = ("nodes.tank.size", "nodes.muscle_*_*.swept", "elements.*.drive.opening_dead_time", "signals.vent.delay")
+    found, _ = robot_study([JUMPS / "0p06_65psi"], [JUMPS / "0p09_65psi"], free=free, evaluations=6)
+    # 62 and 71 mbar, with the first guesses 148 and 158; the last of the six evaluations still gains, so 5 %.
+    assert found.rms() == pytest.approx(6.2e3, rel=0.05)
+    assert found.rms(fitted=False) == pytest.approx(7.1e3, rel=0.05)
+    # What the data fix is when a valve moves: 13 ms after its command, 6 to 28 ms on the page of the study.
+    delay = found.parameters["elements.*.drive.opening_dead_time"]
+    assert 0.005 < delay.low < delay.value < delay.high < 0.03
+
+
+@pytest.mark.slow
 def test_a_jump_that_was_not_fitted_is_predicted() -> None:
     fitted = [JUMPS / t for t in TRIALS if t != "0p09_65psi"]
     found, trials = robot_study(fitted, [JUMPS / "0p09_65psi"], evaluations=12)

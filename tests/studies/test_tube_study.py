@@ -7,6 +7,7 @@ import pytest
 
 from mckibben.cli import main
 from mckibben.studies import tube_models
+from mckibben.studies import tube_study as tube_study_module
 from mckibben.studies.tube_models import (
     ACCUMULATORS,
     HEAT,
@@ -46,7 +47,9 @@ def told() -> list[str]:
 
 @pytest.fixture(scope="module")
 def study(told: list[str]) -> TubeStudy:
-    return tube_study(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=KEYS, progress=told.append)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tube_study_module, "REPEATS", 2)  # no time is asserted
+        return tube_study(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=KEYS, progress=told.append)
 
 
 def test_noise_holds_nothing_above_its_cutoff_and_reaches_both_ends():

@@ -104,7 +104,7 @@ def value(tree, c, x):
     return {"+": a + b, "-": a - b, "*": a * b}[tree[0]]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(tree=expressions)
 def test_any_expression_keeps_its_value(tree):
     def body(c, x):
