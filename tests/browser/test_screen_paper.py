@@ -1,9 +1,11 @@
 """The page The paper in a real Chromium: the rows of the command line, filters, figures, a run that can be stopped."""
 
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
+import threading
 
 import pytest
 from screen_server import says
@@ -140,3 +142,23 @@ def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
     found = [kept.one("a", make) for _ in range(2)]
     assert len(made) == 2
     assert all(np.array_equal(r["pressure"], np.arange(3.0)) for r in found)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_worker_that_is_closed_refuses_what_waits_and_starts_no_process_for_it(tmp_path, until, begun):
+    """Else the queue begins a new process while the server ends, which finds nobody to tell it what to do."""
+    from mckibben.web.pages.paper.jobs import STOPPED, WorkerProcess
+
+    def children():
+        return [child for child in multiprocessing.active_children() if child.name == "paper"]
+
+    names, answers = ("1", "2", "3a"), []
+    worker = WorkerProcess(str(tmp_path))
+    for name in names:
+        worker.ask(("figure", name), lambda *answer, of=name: answers.append((of, *answer)))
+    if begun:
+        until(children)
+    worker.close()
+    worker.ask(("figure", "4"), lambda *answer: answers.append(("4", *answer)))
+    assert sorted(answers) == [(name, "refused", STOPPED) for name in (*names, "4")]
+    assert not children() and "paper" not in [thread.name for thread in threading.enumerate()]

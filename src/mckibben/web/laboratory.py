@@ -82,6 +82,7 @@ class Laboratory:
         self.toasts = Toasts(clock)
         self.began = time.time()  # what was saved earlier was saved by another server
         self._version, self._lock = 0, threading.Lock()
+        self._ends: list[Callable[[], None]] = []
         self._told: tuple[tuple[int, int], float, str] | None = None
         self.machine = machine(self)
         self.control = Control(clock, self.machine.control_lost, self.machine.control_back)
@@ -194,8 +195,18 @@ class Laboratory:
         if self.control.holder != holder:
             self.changed()
 
+    def on_close(self, do: Callable[[], None]) -> None:
+        """Call a function when the server ends, such as one that ends background work; the machine waits for it."""
+        self._ends.append(do)
+
+    def end_work(self) -> None:
+        """End the background work of all pages."""
+        while self._ends:
+            self._ends.pop()()
+
     def close(self) -> None:
         """Vent, and commit all actions."""
+        self.end_work()
         self.machine.close()
         self.toasts.finish()
 

@@ -57,6 +57,7 @@ def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Gu
         finally:
             ticking.cancel()
             documents.close_all()
+            lab.end_work()  # before the loop waits for the threads that wait for it
 
     routes = [*_bench_routes(lab, host, port), *_page_routes(lab, documents)]
     return Guard(Starlette(routes=routes, lifespan=life), host, port, token)

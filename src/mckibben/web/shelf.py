@@ -99,6 +99,20 @@ class Shelf:
 
         return write_whole(self.path(self.free(name)), write)
 
+    def store_once(self, name: str, data: bytes) -> Path:
+        """Return the file that holds these bytes under this or a similar name, as the newest one; store it if there is none.
+
+        Raises:
+            InputError: as `store` does.
+        """
+        wanted = self.path(name)
+        similar = re.compile(rf"{re.escape(wanted.stem)}(-\d+)?{re.escape(wanted.suffix)}")
+        for path in (self.folder / other for other in self.names() if similar.fullmatch(other)):
+            if path.read_bytes() == data:
+                path.touch()
+                return path
+        return self.store(name, data)
+
     def rename(self, name: str, to: str) -> Path:
         """Rename a file; its suffix stays."""
         path, other = self.found(name), self.path(to)

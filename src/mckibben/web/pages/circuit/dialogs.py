@@ -151,4 +151,4 @@ def to_bench(face: CircuitPage) -> None:
     plan = face.desk.plan
     muscle, rigs = muscle_of(plan), Shelf(face.lab.recordings.folder / "rigs", (".toml",))
     _store(rigs, NAME, rig_text(plan, NAME))
-    call_script("toBench", [["rig", NAME], ["muscle", muscle]])
+    call_script("toBench", [["muscle", muscle], ["rig", NAME]])  # in the order of the link of the bench

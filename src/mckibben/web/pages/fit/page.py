@@ -532,9 +532,7 @@ async def _bench(view: FitPage) -> None:
     study = replace(study, fits=[*shown, *(f for f in study.fits if f.law != shown[0].law)])
     try:
         name, data = await asyncio.to_thread(_written, study)
-        path = view.lab.specimens.path(name)
-        if not path.is_file() or path.read_bytes() != data:
-            path = await asyncio.to_thread(view.lab.specimens.store, name, data)
+        path = await asyncio.to_thread(view.lab.specimens.store_once, name, data)
         await asyncio.to_thread(rest_length_of, specimen(path))
     except MckibbenError as error:
         tell(str(error))

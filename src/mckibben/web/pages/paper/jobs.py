@@ -124,6 +124,7 @@ JOBS: dict[str, Any] = {"rows": _rows, "figure": _figure, "file": _file, "report
 
 _log = logging.getLogger(__name__)
 IDLE = 180.0  # after which a process that has nothing to do is ended [s]
+LAST = 10.0  # longest wait for the thread of a process that was closed [s]
 STOPPED = "stopped"
 
 
@@ -139,7 +140,7 @@ class WorkerProcess:
         self._jobs: list[tuple[int, int, tuple[Any, ...], Callable[..., None]]] = []  # a heap
         self._count, self._lock = itertools.count(), threading.Condition()
         self._at: tuple[Any, ...] | None = None  # the job that is done now
-        self._stopped = False
+        self._stopped = self._closed = False
         self._process: Any = None
         self._line: Any = None
         self._thread: threading.Thread | None = None
@@ -147,11 +148,14 @@ class WorkerProcess:
     def ask(self, job: tuple[Any, ...], hear: Callable[..., None], *, pressing: bool = True) -> None:
         """Queue a job; `hear` is called with every answer, in another thread, with ``done`` or ``refused`` last."""
         with self._lock:
-            heapq.heappush(self._jobs, (0 if pressing else 1, next(self._count), job, hear))
-            self._lock.notify()
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._go, name="paper", daemon=True)
-                self._thread.start()
+            if not self._closed:
+                heapq.heappush(self._jobs, (0 if pressing else 1, next(self._count), job, hear))
+                self._lock.notify()
+                if self._thread is None:
+                    self._thread = threading.Thread(target=self._go, name="paper", daemon=True)
+                    self._thread.start()
+                return
+        hear("refused", STOPPED)
 
     def hurry(self, job: tuple[Any, ...]) -> None:
         """Execute a queued job before others."""
@@ -172,10 +176,25 @@ class WorkerProcess:
         for *_, hear in waiting:
             hear("refused", STOPPED)
 
+    def close(self) -> None:
+        """End the process and refuse all jobs, those to come too, so that none starts a process while this one ends."""
+        with self._lock:
+            self._closed = self._stopped = True
+            waiting, self._jobs = self._jobs, []
+            if self._process is not None:
+                self._process.terminate()
+            thread = self._thread
+            self._lock.notify()
+        for *_, hear in waiting:
+            hear("refused", STOPPED)
+        if thread is not None:
+            thread.join(LAST)
+
     def _go(self) -> None:
         while True:
             with self._lock:
-                if not self._jobs and not self._lock.wait_for(lambda: self._jobs, IDLE):
+                self._lock.wait_for(lambda: self._jobs or self._closed, IDLE)
+                if not self._jobs:
                     self._end()
                     self._thread = None
                     return
@@ -204,6 +223,8 @@ class WorkerProcess:
 
     def _begin(self) -> None:
         with self._lock:
+            if self._stopped:
+                raise EOFError  # before it began
             if self._process is not None and self._process.is_alive():
                 return
             self._end()
@@ -212,8 +233,6 @@ class WorkerProcess:
             self._process = context.Process(target=work, args=(other, self.place), daemon=True, name="paper")
             self._process.start()
             other.close()
-            if self._stopped:
-                self._process.terminate()
 
     def _end(self) -> None:
         if self._process is None:

@@ -49,6 +49,11 @@ class Reproduction:
         self._job: tuple[Any, ...] = ()
         self._rows, self._draws = WorkerProcess(place), WorkerProcess(place)
 
+    def close(self) -> None:
+        """End the processes; whatever waits for them is refused."""
+        for worker in (self._rows, self._draws):
+            worker.close()
+
     @property
     def running(self) -> bool:
         """Whether rows are being computed."""
@@ -228,4 +233,5 @@ def reproduction(lab: Any) -> Reproduction:
     with _one:
         if lab not in _of:
             _of[lab] = Reproduction()
+            lab.on_close(_of[lab].close)
         return _of[lab]

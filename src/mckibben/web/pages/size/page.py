@@ -228,7 +228,7 @@ class SizePage:
         name = sizing.chosen.muscle.id
         if name not in specimen_ids("mckibben"):
             data = await asyncio.to_thread(_specimen_data, sizing)
-            path = await asyncio.to_thread(self.lab.specimens.store, f"{name}.toml", data)
+            path = await asyncio.to_thread(self.lab.specimens.store_once, f"{name}.toml", data)
             name = path.stem
         call_script("goTo", f"/?{urlencode({'muscle': name})}")
 

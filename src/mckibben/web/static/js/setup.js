@@ -26,11 +26,12 @@ export function machine () {
   const key = JSON.stringify([s.muscle, s.muscles.length, s.rig, free, lab.parts.dry?.plumbing, lab.parts.laws?.title])
   if (key === drawn) return
   drawn = key
-  const box = $('#muscle')
+  const box = $('#muscle'); const scrolled = box.querySelector('.muscles')?.scrollTop ?? 0
   if (free) {
     box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b title="${escape(m.title)}">${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>`
     const longest = Math.max(...s.muscles.map(m => m.rest_length * 100))
     box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 50 / longest, 68))
+    uncover(box.querySelector('.muscles'), scrolled)
     box.querySelectorAll('input').forEach(i => { i.onchange = async () => { const a = await asks('muscle', { name: i.value }); if (!a.ok) { drawn = ''; machine() } } })
   } else {
     const m = s.muscles.find(m => m.id === s.muscle); const b = m.braid
@@ -41,6 +42,11 @@ export function machine () {
   c.innerHTML = `<h2>${free ? '' : LOCK} Circuit and rig ${picture(s)}</h2>${s.machine ? `<p class="small">The real machine at <b>${escape(s.machine)}</b></p>` : ''}${free && !s.machine ? `<div class="field s"><select aria-label="Rig">${s.rigs.map(r => `<option value="${escape(r.name)}" ${r.name === s.rig ? 'selected' : ''}>${escape(r.title)}</option>`).join('')}</select></div>` : `<p class="small dim">${escape(s.rig_title)}.</p>`}`
   const select = c.querySelector('select')
   if (select) select.onchange = async () => { const a = await asks('rig', { name: select.value }); if (!a.ok) { drawn = ''; machine() } }
+}
+/** Scroll a list to where it was, or as much further as its selected entry needs. */
+function uncover (list, scrolled) {
+  const one = list.querySelector(':checked')?.closest('label')
+  list.scrollTop = one ? clamp(scrolled, one.offsetTop + one.offsetHeight - list.clientHeight, one.offsetTop) : scrolled
 }
 const brief = m => m.title.replace(/ of Chou and Hannaford$/, '').replace(/ muscle$/, '').replace(/^Festo (DMSP\S+) fluidic$/, '$1').replace(/^(Festo .*) fluidic(?: muscle, any rest length)?$/, '$1')
 const picture = s => {
