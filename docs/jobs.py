@@ -28,6 +28,8 @@ from typing import NamedTuple
 FOLDER = "jobs/"
 FILE = "job.json"
 SUMMARY = "<!-- job -->"
+# What Matplotlib says on a busy machine when it begins with empty caches; no error.
+SLOW_FONTS = "Matplotlib is building the font cache; this may take a moment.\n"
 TIMEOUT = 300.0  # of one script or command on a busy machine [s]
 
 
@@ -101,7 +103,7 @@ class Job:
             check=False,
         )
         seconds = time.perf_counter() - begun
-        errors = done.stderr if done.returncode or step[0] != "-m" else ""
+        errors = done.stderr.replace(SLOW_FONTS, "") if done.returncode or step[0] != "-m" else ""
         return done.stdout + errors, done.returncode or int(bool(errors.strip())), seconds
 
     def finish(self) -> Measured:
