@@ -382,22 +382,27 @@ def literature(_: Path) -> str:
 
 def papers(_: Path) -> str:
     """Return the table of those printed numbers of the papers that need no recording, with the computed ones."""
+    from mckibben.report.reproduction_report import predictions_first
     from mckibben.reproduction import reproduce
-    from mckibben.reproduction.rows import select
-    from mckibben.reproduction.rows import headline
+    from mckibben.reproduction.rows import headline, is_prediction, select
 
     outcomes, printed = reproduce(recordings=False), select()
     done = [o for o in outcomes if o.ours is not None]
+    predictions = sum(is_prediction(row) for row in printed)
     rows = []
-    for o in done:
+    for o in predictions_first(done):
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
         ours, unit = f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit
         rows.append([f"`{o.row.id}`", o.row.what, paper, ours, unit, o.verdict, o.note])
     return "---\nhide:\n  - toc\n---\n\n" + _page(
         "The papers, number by number",
         f"{headline(done)} The other {len(printed) - len(done)} of the {len(printed)} that this package reproduces come from "
-        "recordings of the simulated test machine, which take minutes. *Calibrated* means that an input was inferred from "
-        "that row or its companion, so that agreement is no prediction. The note gives the reason of a tolerance above 10 %. "
+        f"recordings of the simulated test machine, which take minutes; the {predictions} predictions among all of them, "
+        "numbers of which no input was inferred from them or from their experiment, are of that kind and are listed "
+        "first by the command. *Calibrated on this row* means that an input was inferred from that number, *calibrated on "
+        "another row* that the number follows from inputs inferred from others, *arithmetic* that only printed coefficients "
+        "and the paper's equations went in: agreement is no prediction in any of these cases. A tolerance is half a unit of "
+        "the last printed digit, unless the note gives a reason. "
         "To compute all rows, and every figure of the papers:",
         "```sh\n$ mckibben reproduce --out reproduction\n```",
         _table(["row", "quantity", "paper", "computed", "unit", "verdict", "note"], rows, right=(2, 3)),
@@ -488,7 +493,9 @@ ELSEWHERE = {"bench": {"console"}, "components": {"element"}, "studies": {"desig
 
 def list_of_rooms() -> str:
     """Return the list of the pages of the Python reference, relative to the page of the reference."""
-    return "\n".join(f"* [{title}](api/{name}.md): {_without_links(words)}" for name, (title, words, _) in ROOMS.items())
+    return "\n".join(
+        f"* [{title}](api/{name}.md): {_without_links(words)}" for name, (title, words, _) in ROOMS.items()
+    )
 
 
 def _without_links(text: str) -> str:
@@ -518,10 +525,10 @@ def _place(name: str) -> str:
 
 def public_names(_: Path) -> str:
     """Return the page of the names of `import mckibben`."""
-    import mckibben
-
     from docstrings import failures
     from examples import ExampleError
+
+    import mckibben
 
     parts = []
     for group, names in mckibben.PUBLIC.items():

@@ -13,7 +13,8 @@ ADIABATIC = {f"plumbing.{name}.heat": "adiabatic" for name in ("direct", "accumu
 
 @functools.cache
 def paper():
-    return rig("paper", ADIABATIC)
+    """The paper's machine with the larger of its two valves, with which the tension of an adiabatic muscle settles."""
+    return rig("paper-isothermal", ADIABATIC)
 
 
 @functools.cache

@@ -16,10 +16,42 @@ def document():
     return tomllib.loads(text)
 
 
-def test_two_rigs_ship_and_each_says_what_is_inferred():
-    assert rig_names() == ["modern", "paper"]
+def test_three_rigs_ship_and_each_says_what_is_inferred():
+    assert rig_names() == ["modern", "paper", "paper-isothermal"]
     for name in rig_names():
         assert rig(name).inferred
+
+
+def test_a_rig_with_a_base_is_that_rig_with_its_changes(tmp_path):
+    paper, cold = rig("paper"), rig("paper-isothermal")
+    changed = {"plumbing.direct.valve.flow_into_the_room": "105 l/min", "plumbing.direct.valve.dead_time": "2 ms"}
+    changed |= {f"plumbing.{name}.heat": "isothermal" for name in paper.plumbing}
+    same = dict(rig("paper", changed).document) | {key: cold.document[key] for key in ("name", "title", "note")}
+    assert cold.document == same and cold.source == paper.source
+    own = tmp_path / "own.toml"
+    own.write_text(
+        'schema = 1\nbase = "modern"\nname = "own"\ntitle = "Own"\n[changes]\n"sensors.tension.high" = "9 N"\n'
+    )
+    assert float(rig(own).sensors["tension"].high) == 9.0
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ('base = "papre"', "base"),
+        ('base = "paper-isothermal"', "must be a rig that has no base itself"),
+        ('base = "paper"\n[motor]\ninertia = "1 kg*m^2"', "motor"),
+        (
+            'base = "paper"\n[changes]\n"plumbing.direct.heat" = "warm"',
+            "must be isothermal, adiabatic, or a conductance",
+        ),
+    ],
+)
+def test_a_wrong_base_is_refused(tmp_path, lines, message):
+    own = tmp_path / "own.toml"
+    own.write_text(f'schema = 1\nname = "own"\ntitle = "Own"\n{lines}\n')
+    with pytest.raises(InputError, match=message):
+        rig(own)
 
 
 def test_the_papers_rig_has_what_the_paper_prints():

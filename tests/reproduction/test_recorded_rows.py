@@ -54,7 +54,7 @@ def test_every_recorded_row_has_a_function():
 
 def test_the_nylon_loop_is_measured_as_printed(triangle):
     mine = {r.id: reproduce_row(r) for r in all_rows() if r.id in ("loop.width", "loop.height", "friction.nylon")}
-    assert [o.ok for o in mine.values()] == [True, True, True]
+    assert [o.ok for o in mine.values()] == [True, None, None]  # the height is open: 0.4 N are missing
     assert mine["friction.nylon"].ours == pytest.approx(0.5 * mine["loop.height"].ours, rel=1e-12)
     assert "without the lag" in mine["loop.width"].note
 
@@ -113,9 +113,12 @@ def test_rises_and_falls_are_taken_apart(monkeypatch):
         shortening.IsometricTiming(5e-3, 7e-3, 12e-3, t, rising, 1.0, 1.0, settled=True)
         for t, rising in ((30e-3, True), (50e-3, False), (32e-3, True))
     ]
-    monkeypatch.setattr(shortening, "timings", lambda stroke: known)
-    assert shortening.rise_full() == pytest.approx(31e-3)
-    assert shortening.fall_full() == pytest.approx(50e-3)
+    monkeypatch.setattr(shortening, "timings", lambda stroke, **options: known)
+    drawn_length = {"muscle.length": np.array([0.14, 0.139])}
+    monkeypatch.setattr(shortening, "steps", lambda stroke: drawn_length)
+    assert shortening.rise_full().value == pytest.approx(31e-3)
+    assert shortening.fall_full().value == pytest.approx(50e-3)
+    assert "the braid shortens by 1.00 mm" in shortening.rise_full().note
 
 
 def test_work_and_power_of_a_drawn_shortening(monkeypatch):
@@ -145,7 +148,8 @@ def test_a_note_that_was_found_is_shown_beside_the_row(monkeypatch):
         rows._WAYS, row.id, rows.Computation(lambda: ComputedValue(0.91, "found"), "1", "static", False)
     )
     outcome = reproduce_row(row)
-    assert (outcome.ours, outcome.ok, outcome.note) == (0.91, True, "static; found")
+    assert (outcome.ours, outcome.ok) == (0.91, True)
+    assert outcome.note.startswith("static; found; ")
 
 
 @pytest.mark.slow

@@ -52,7 +52,9 @@ INFERRED: dict[str, InferredNumber] = {
     "tube_length": InferredNumber(0.5, (0.1, 2.0), "m; what the printed times of the nylon muscle allow"),
     "tube_diameter": InferredNumber(3.175e-3, (2e-3, 6e-3), "m; 1/8 inch"),
     "valve_flow": InferredNumber(
-        105e-3 / 60.0, (1.6e-3, 2.1e-3), "m^3/s at 6.9 bar; printed delay and rise of the nylon muscle"
+        105e-3 / 60.0,
+        (1.6e-3, 2.1e-3),
+        "m^3/s at 6.9 bar; printed delay and rise of the nylon muscle with isothermal gas",
     ),
     "valve_flow_pressure": InferredNumber(6.9e5, (6e5, 7e5), "Pa; where that flow is meant"),
 }

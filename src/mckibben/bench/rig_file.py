@@ -50,6 +50,7 @@ from .software.interlocks import Interlocks
 
 SCHEMA = 1
 T = TypeVar("T")
+DERIVED = ("name", "title", "source", "note")  # what a rig with a base states of itself
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
     "frame", "plumbing", "control", "interlocks", "environment", "hands", "daq",
@@ -94,9 +95,31 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
             raise InputError("rig", text, "give the path of a .toml file or one of", known=known)
         where = f"{text}.toml"
         document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
+    if "base" in document:
+        document = _derived(document, where)
     for path_, value in (changes or {}).items():
         put_rig_value(document, path_, value, where)
     return read_rig(document, where=where)
+
+
+def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]:
+    """Tables of a rig that is a shipped one with changes.
+
+    Raises:
+        InputError: there is no such rig, or a table stands beside the changes.
+    """
+    top = FileTable.of(document, "", where)
+    top.only(("schema", "base", "changes", *DERIVED))
+    top.schema(SCHEMA)
+    base = top.word("base", among=tuple(rig_names()))
+    text = (resources.files(__package__) / "rigs" / f"{base}.toml").read_text(encoding="utf-8")
+    made: dict[str, JsonValue] = parse_toml(text, where=f"{base}.toml")
+    if "base" in made:
+        raise top.fail("base", base, "must be a rig that has no base itself")
+    changes = top.table("changes")
+    for path in changes.values:
+        put_rig_value(made, path, changes.word(path), where)
+    return made | {key: value for key, value in document.items() if key in DERIVED}
 
 
 def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:

@@ -65,6 +65,9 @@ def reproduce_papers(
 ) -> None:
     """Compute the papers' numbers and report whether each value is reproduced.
 
+    Predictions come first. Every other number that agrees says why it is none: it was calibrated on itself or on another
+    one, or follows from printed coefficients by the paper's own equations.
+
     The exit code is 1 when a value is not reproduced. Rows of loops, friction, steps and power come from recordings of
     the simulated machine, which take minutes; --no-recordings leaves them out.
 
@@ -83,7 +86,7 @@ def reproduce_papers(
         written = [str(p) for p in _write(places, outcomes, drawn, recordings)]
         if figure:
             written += _save(drawn, folder or Path(), ending)
-        files.write_rows([_as_json(o) for o in outcomes])
+        files.write_rows([_as_json(o) for o in papers.predictions_first(outcomes)])
         failed = sum(o.ok is False for o in outcomes)
         content = _document(outcomes, failed)
         files.write_result(content)
@@ -177,7 +180,7 @@ def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, JsonValue]:
         t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest}
         for t in reproduction.rows.tallies(outcomes)
     }
-    rows = [_as_json(o) for o in outcomes]
+    rows = [_as_json(o) for o in papers.predictions_first(outcomes)]
     return {"headline": reproduction.rows.headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
 
 
@@ -190,6 +193,8 @@ def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
         "unit": o.row.unit,
         "expect": o.row.expect,
         "ok": o.ok,
+        "basis": o.row.basis,
+        "inputs": o.row.inputs,
         "calibrated": o.row.calibrated,
         "verdict": o.verdict,
         "kind": reproduction.rows.kind_of(o).key,
@@ -209,27 +214,23 @@ def _print(outcomes: list[RowOutcome]) -> None:
     if not outcomes:
         typer.echo("No row is asked for.")
         return
+    outcomes = papers.predictions_first(outcomes)
     wide = Console().width if sys.stdout.isatty() else WIDTH
     lines = [_cells(o) for o in outcomes]
     heads = ["row", "paper", "ours", "unit", "difference", "verdict"]
     widths = [max(len(cells[i]) for cells in [heads, *lines]) for i in range(len(heads))]
-    part = ""
+    title = ""
     for o, cells in zip(outcomes, lines, strict=True):
-        if o.row.part != part:
-            typer.echo(("\n" if part else "") + _titled(o.row.part))
+        if papers.title_of(o.row) != title:
+            typer.echo(("\n" if title else "") + papers.title_of(o.row))
             typer.echo(_line(heads, widths))
-            part = o.row.part
+            title = papers.title_of(o.row)
         typer.echo(_line(cells, widths))
         for line in textwrap.wrap(o.note, max(wide - 4, 40)):
             typer.echo(f"    {line}")
     typer.echo("")
     for line in textwrap.wrap(reproduction.rows.headline(outcomes), max(wide, 40)):
         typer.echo(line)
-
-
-def _titled(part: str) -> str:
-
-    return papers.PARTS.get(part, part)
 
 
 def _cells(o: RowOutcome) -> list[str]:

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 from ..errors import InputError
 from ..reproduction import PrintedRow, RowOutcome
 from ..reproduction.rows import (
-    REASONED,
     Tally,
     VerdictKind,
     accepted_band,
     headline,
+    is_prediction,
     judge,
     kind_of,
     percent,
@@ -51,9 +51,12 @@ PARTS = {
     "IV": "Part IV. Energy conversion and efficiency",
     "discussion": "Discussion",
 }
+PREDICTIONS = "Predictions. No input was inferred from these numbers or from their experiment"
 _SIGNS = {
-    "holds": "✓",
+    "predicted": "✓",
+    "elsewhere": "(✓)",
     "calibrated": "(✓)",
+    "arithmetic": "=",
     "misprint": "▲",
     "open": "○",
     "synthetic": "◇",
@@ -130,11 +133,14 @@ def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] =
         left_out: a sentence on what was not asked for.
     """
     first, second = ([d for d in drawn if (d.of.paper == CONFERENCE) is later] for later in (False, True))
-    parts = dict.fromkeys([*(o.row.part for o in outcomes), *(d.of.part for d in first)])
+    predicted = [o for o in predictions_first(outcomes) if is_prediction(o.row)]
+    others = [o for o in outcomes if not is_prediction(o.row)]
+    parts = dict.fromkeys([*(o.row.part for o in others), *(d.of.part for d in first)])
     order = sorted(parts, key=lambda p: [*PARTS].index(p) if p in PARTS else len(PARTS))
     sections = [
         Section("Verdict", tuple(_verdict(outcomes, drawn, left_out)), "verdict"),
-        *(_part(part, outcomes, first) for part in order),
+        *([Section(PREDICTIONS, (_table(predicted, drawn),), "predictions")] if predicted else []),
+        *(_part(part, others, first) for part in order),
         *([Section("Figures of the paper of 1994", tuple(_figure(d) for d in second), "conference")] if second else []),
         Section("Papers", (References((JOURNAL, CONFERENCE)),), "papers"),
         Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"),
@@ -144,6 +150,16 @@ def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] =
         "ours, and what the difference says."
     )
     return Document("The papers, reproduced", tuple(sections), lead)
+
+
+def title_of(row: PrintedRow) -> str:
+    """Title of the group in which a row is listed: the predictions, or its part of the paper."""
+    return PREDICTIONS if is_prediction(row) else PARTS.get(row.part, row.part)
+
+
+def predictions_first(outcomes: Iterable[RowOutcome]) -> list[RowOutcome]:
+    """Outcomes with the predictions in front, those that agree before those that are open; otherwise in their order."""
+    return sorted(outcomes, key=lambda o: (not is_prediction(o.row), is_prediction(o.row) and o.row.expect == "open"))
 
 
 # ---- numbers
@@ -209,8 +225,8 @@ def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: s
         yield ReportTable(columns, rows)
         yield Paragraph(
             "A gauge beside a number shows the tolerance in grey, the print as a tick and ours as a dot; an arrow is a "
-            "number beyond twice the tolerance. No number is tuned to its row; what was inferred from the print is marked. "
-            f"A tolerance above {100.0 * REASONED:g}\N{THIN SPACE}% is given with its reason.",
+            "number beyond twice the tolerance. Every row says what went into ours. A tolerance is half a unit of the last "
+            "printed digit, unless its reason is given.",
             "quiet",
         )
 

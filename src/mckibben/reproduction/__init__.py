@@ -49,8 +49,8 @@ def reproduce(
 
     Examples:
         >>> import mckibben as mk
-        >>> {str(outcome.verdict) for outcome in mk.reproduce(rows=["table1.nylon"], recordings=False)}
-        {'holds'}
+        >>> sorted({str(outcome.verdict) for outcome in mk.reproduce(rows=["table1.nylon"], recordings=False)})
+        ['arithmetic', 'open']
     """
     outcomes = []
     with told(tell):

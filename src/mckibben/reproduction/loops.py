@@ -1,8 +1,4 @@
-"""Figs.
-
-3, 4 and 6b of the paper: loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants.
-
-3, 4 and 6b of the paper: loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants.
+"""Loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants: Figs. 3, 4 and 6b.
 
 Triangles at 5 bar where a row does not say otherwise; a loop is the mean of the recorded cycles, of the measured tension
 over the measured span. Rows are raw as the paper's are; where the lag of the cell's filter matters, the note gives the
@@ -276,11 +272,10 @@ def spread(values: list[float]) -> float:
     return (max(values) - min(values)) * len(values) / sum(values)
 
 
-DAMPING = INFERRED["viscosity"].value
-CALIBRATED = f"internal damping of {DAMPING:g} N s/m was inferred from the paper's seeing no viscous friction"
+DAMPED = f"internal damping of {INFERRED['viscosity'].value:g} N s/m"
 
 
-@reproduces("loop.sine_width_spread", "1", CALIBRATED)
+@reproduces("loop.sine_width_spread", "1", DAMPED)
 def sine_width_spread() -> ComputedValue:
     """Spread of the widths of the twelve sines."""
     sines = [sine(f) for f in FIGURE]
@@ -310,7 +305,7 @@ def measurable() -> float:
     return float(rig("paper").sensors["tension"].resolution) / sine(FIGURE[0]).loop.raw.stiffness
 
 
-@reproduces("loop.max_velocity", "1/s", CALIBRATED)
+@reproduces("loop.max_velocity", "1/s", DAMPED)
 def max_velocity() -> ComputedValue:
     """Largest peak velocity of the sines whose raw loop is not measurably wider than the slowest."""
     narrow = [f for f in (*FIGURE, FASTEST) if widening(f) < measurable()]
@@ -420,11 +415,7 @@ def treated(lubricant: str) -> TensionLoop:
     )
 
 
-@reproduces(
-    "friction.lubricated",
-    "1",
-    "with WD-40: the rig takes a tenth off the friction, so this tests the measurement, not the lubricant",
-)
+@reproduces("friction.lubricated", "1", "with WD-40; it tests the measurement, not the lubricant")
 def lubricated() -> float:
     """Ratio of the loop's height with WD-40 to that without."""
     return loop_ratio(treated("WD-40"), treated("no lubricant")).height

@@ -28,8 +28,6 @@ from .rows import ComputedValue, all_rows, reproduces
 MUSCLE = "nylon"
 PRESSURE = 5e5  # [Pa]
 PRESSURES = np.linspace(1e5, 10e5, 91)  # of Fig. 12c, where the largest Wa/W12 is sought [Pa]
-INFERRED = "V0 and L2 are not printed and were inferred from the joules of this cycle"
-READING = "friction in the output only, as the printed joules have it; V0 and L2 as inferred from the first cycle"
 
 
 def muscle(volume: str = "paper") -> CycleMuscle:
@@ -91,32 +89,32 @@ def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) 
 # ---- maximal shortening at constant pressure
 
 
-@reproduces("energy.maximal.input", "J", INFERRED)
+@reproduces("energy.maximal.input", "J")
 def maximal_input() -> ComputedValue:
     """Input of maximal shortening, W01 + W12."""
     return ComputedValue(cycle("maximal").input, _beside("maximal", "input", " J"))
 
 
-@reproduces("energy.maximal.input_accumulator", "J", INFERRED)
+@reproduces("energy.maximal.input_accumulator", "J")
 def maximal_input_accumulator() -> ComputedValue:
     """Input of maximal shortening, exchanged with the accumulator."""
     return ComputedValue(cycle("maximal", accumulator=True).input, _beside("maximal", "input", " J", accumulator=True))
 
 
-@reproduces("energy.maximal.output", "J", INFERRED)
+@reproduces("energy.maximal.output", "J")
 def maximal_output() -> ComputedValue:
     """Work of maximal shortening, Wa."""
     return ComputedValue(cycle("maximal").output, _beside("maximal", "output", " J"))
 
 
-@reproduces("energy.maximal.efficiency", "1", INFERRED)
+@reproduces("energy.maximal.efficiency", "1")
 def maximal_efficiency() -> ComputedValue:
     """Efficiency Ea of maximal shortening."""
     efficiency = cycle("maximal").efficiency
     return ComputedValue(efficiency, f"{efficiency:.4f} unrounded; {_beside('maximal', 'efficiency')}")
 
 
-@reproduces("energy.maximal.efficiency_accumulator", "1", INFERRED)
+@reproduces("energy.maximal.efficiency_accumulator", "1")
 def maximal_efficiency_accumulator() -> ComputedValue:
     """Efficiency Ea of maximal shortening with the accumulator."""
     smooth = cycle("maximal", accumulator=True, friction=False).efficiency
@@ -150,13 +148,13 @@ def maximal_output_below_delivery() -> ComputedValue:
 # ---- isotonic shortening
 
 
-@reproduces("energy.isotonic.input", "J", READING)
+@reproduces("energy.isotonic.input", "J")
 def isotonic_input() -> ComputedValue:
     """Input of the isotonic cycle, area EFGH."""
     return ComputedValue(cycle("isotonic").input, _beside("isotonic", "input", " J"))
 
 
-@reproduces("energy.isotonic.input_accumulator", "J", READING)
+@reproduces("energy.isotonic.input_accumulator", "J")
 def isotonic_input_accumulator() -> ComputedValue:
     """Input of the isotonic cycle with the accumulator, area E'FGH'."""
     return ComputedValue(
@@ -164,7 +162,7 @@ def isotonic_input_accumulator() -> ComputedValue:
     )
 
 
-@reproduces("energy.isotonic.output", "J", READING)
+@reproduces("energy.isotonic.output", "J")
 def isotonic_output() -> ComputedValue:
     """Output of both isotonic cycles."""
     one = cycle("isotonic")
@@ -172,13 +170,13 @@ def isotonic_output() -> ComputedValue:
     return ComputedValue(one.output, f"{words}; {_beside('isotonic', 'output', ' J')}")
 
 
-@reproduces("energy.isotonic.efficiency", "1", READING)
+@reproduces("energy.isotonic.efficiency", "1")
 def isotonic_efficiency() -> ComputedValue:
     """Efficiency Eb of the isotonic cycle."""
     return ComputedValue(cycle("isotonic").efficiency, _beside("isotonic", "efficiency"))
 
 
-@reproduces("energy.isotonic.efficiency_accumulator", "1", READING)
+@reproduces("energy.isotonic.efficiency_accumulator", "1")
 def isotonic_efficiency_accumulator() -> ComputedValue:
     """Efficiency Eb of the isotonic cycle with the accumulator."""
     return ComputedValue(
@@ -186,7 +184,7 @@ def isotonic_efficiency_accumulator() -> ComputedValue:
     )
 
 
-@reproduces("energy.valve.input", "J", READING)
+@reproduces("energy.valve.input", "J")
 def valve_input() -> ComputedValue:
     """Input of the valve-controlled isotonic cycle, area EF'GH."""
     one = cycle("valve")
@@ -195,19 +193,19 @@ def valve_input() -> ComputedValue:
     )
 
 
-@reproduces("energy.valve.input_accumulator", "J", READING)
+@reproduces("energy.valve.input_accumulator", "J")
 def valve_input_accumulator() -> ComputedValue:
     """Input of the valve-controlled isotonic cycle with the accumulator, area E'F'GH'."""
     return ComputedValue(cycle("valve", accumulator=True).input, _beside("valve", "input", " J", accumulator=True))
 
 
-@reproduces("energy.valve.efficiency", "1", READING)
+@reproduces("energy.valve.efficiency", "1")
 def valve_efficiency() -> ComputedValue:
     """Efficiency Ec of the valve-controlled isotonic cycle."""
     return ComputedValue(cycle("valve").efficiency, _beside("valve", "efficiency"))
 
 
-@reproduces("energy.valve.efficiency_accumulator", "1", READING)
+@reproduces("energy.valve.efficiency_accumulator", "1")
 def valve_efficiency_accumulator() -> ComputedValue:
     """Efficiency Ec of the valve-controlled isotonic cycle with the accumulator."""
     return ComputedValue(cycle("valve", accumulator=True).efficiency, _beside("valve", "efficiency", accumulator=True))

@@ -17,9 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis.segments import segments
+from ..assembly.build import unit_from_specimen
+from ..bench.rig_file import rig as rig_of
 from ..bench.run import prepare, run
 from ..errors import ConvergenceError, MckibbenError
 from ..experiments.read import protocol
+from ..muscles.elements import Tendon
 from ..recordings import Recording, read_recording
 from . import rows
 
@@ -90,6 +93,8 @@ def kept_in(folder: Folder) -> Iterator[None]:
 
 SPAN, TENSION = "span", "tension"  # channels that the machine measures
 FIVE_BAR = "5 bar"
+RIGID_CORD = Tendon(stiffness=1e7, toe_length=5e-6, loss=0.2)  # 80 N stretch it by a hundredth of a millimetre
+RIGID_FRAME = {"frame.stiffness": "1e8 N/m"}
 reproduces = functools.partial(rows.reproduces, recordings=True)  # a row that is computed of recordings
 _tellers: list[Callable[[str], None]] = []
 
@@ -115,6 +120,7 @@ def recording(
     rig: str = "paper",
     plumbing: str | None = None,
     accept_saturation: bool = False,
+    rigid: bool = False,
     **values: Any,
 ) -> Recording:
     """Recording of a shipped protocol, made at the first call.
@@ -125,26 +131,38 @@ def recording(
         rig: name of a rig.
         plumbing: name of the way in which the pneumatic parts are joined.
         accept_saturation: go on where the range of the cell is exceeded.
+        rigid: the cord and the frame, whose stiffness is inferred, do not give way.
         **values: of the protocol's parameters; several in a tuple.
 
     Raises:
         InputError: the dry run found something.
         ConvergenceError: the run stopped before its end; says why.
     """
-    said = repr((name, muscle, rig, plumbing, accept_saturation, sorted(values.items())))
+    said = repr((name, muscle, rig, plumbing, accept_saturation, rigid, sorted(values.items())))
 
     def make() -> Recording:
-        return _made(name, muscle, rig, plumbing, accept_saturation, values)
+        return _made(name, muscle, rig, plumbing, accept_saturation, rigid, values)
 
     return shared(said, make)
 
 
 def _made(
-    name: str, muscle: str, rig: str, plumbing: str | None, accept_saturation: bool, values: dict[str, Any]
+    name: str,
+    muscle: str,
+    rig: str,
+    plumbing: str | None,
+    accept_saturation: bool,
+    rigid: bool,
+    values: dict[str, Any],
 ) -> Recording:
     settings = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
     bench = prepare(
-        protocol(name, **settings), muscle=muscle, rig=rig, plumbing=plumbing, accept_saturation=accept_saturation
+        protocol(name, **settings),
+        muscle=muscle,
+        unit=unit_from_specimen(muscle, tendon=RIGID_CORD) if rigid else None,
+        rig=rig_of(rig, RIGID_FRAME) if rigid else rig,
+        plumbing=plumbing,
+        accept_saturation=accept_saturation,
     )
     words = ", ".join([name, muscle, *(str(value) for value in values.values() if not isinstance(value, tuple))])
 

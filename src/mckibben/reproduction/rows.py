@@ -13,6 +13,12 @@ from ..errors import InputError
 from ..quantities import from_si
 
 Value = float | tuple[float, float]
+BASES = {  # what went into a computed value -> verdict of a row that agrees
+    "prediction": "predicted",
+    "another row": "calibrated on another row",
+    "this row": "calibrated on this row",
+    "arithmetic": "arithmetic",
+}
 
 
 class PrintedRow(NamedTuple):
@@ -26,9 +32,10 @@ class PrintedRow(NamedTuple):
         unit: unit of the value.
         expect: what agreement means, as the head of ``rows.toml`` says.
         tolerance: relative, for ``near``.
-        calibrated: an input was inferred from this row or its companion.
+        basis: what went into our value, a key of `BASES`.
+        inputs: what that is, in words.
         note: shown beside it.
-        reason: why the tolerance is as wide as it is; rows must have it above a tenth.
+        reason: why the tolerance is wider than the print, or where an interval comes from.
         decimals: in print, where TOML drops a zero at the end.
     """
 
@@ -39,10 +46,16 @@ class PrintedRow(NamedTuple):
     unit: str
     expect: str
     tolerance: float = 0.0
-    calibrated: bool = False
+    basis: str = "arithmetic"
+    inputs: str = ""
     note: str = ""
     reason: str = ""
     decimals: int | None = None
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether an input was inferred from this row, or from another one from which this follows."""
+        return self.basis in ("this row", "another row")
 
 
 class RowOutcome(NamedTuple):
@@ -64,7 +77,7 @@ class RowOutcome(NamedTuple):
             return "falls short"
         if self.row.expect == "erratum":
             return "misprint"
-        return "holds, calibrated" if self.row.calibrated else "holds"
+        return BASES[self.row.basis]
 
 
 class ComputedValue(NamedTuple):
@@ -139,13 +152,20 @@ def reproduce_row(row: PrintedRow) -> RowOutcome:
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
     ours = from_si(value, way.si_unit, _plain_unit(row.unit))
-    note = "; ".join(filter(None, (row.note, way.note, remark, _reasoned(row))))
+    note = "; ".join(filter(None, (row.note, way.note, remark, _reasoned(row), _based(row))))
     return RowOutcome(row, ours, judge(row, ours), note)
 
 
 def said_of(row: PrintedRow) -> str:
-    """Remarks on a row before it is computed: its note, and why its tolerance is wide."""
-    return "; ".join(filter(None, (row.note, _reasoned(row))))
+    """Remarks on a row before it is computed: its note, why its tolerance is wide, and what goes into it."""
+    return "; ".join(filter(None, (row.note, _reasoned(row), _based(row))))
+
+
+def _based(row: PrintedRow) -> str:
+    """Words on what went in; for a row without a declaration none."""
+    if not row.inputs or row.expect == "synthetic":
+        return row.inputs
+    return f"{BASES[row.basis]}: {row.inputs}"
 
 
 def _reasoned(row: PrintedRow) -> str:
@@ -192,6 +212,8 @@ def decimals_of(row: PrintedRow) -> int:
 
 def accepted_band(row: PrintedRow) -> tuple[float, float] | None:
     """Middle and half-width of what counts as agreement [the row's unit]; None if nothing does."""
+    if row.expect == "open":
+        return None
     if isinstance(row.paper, tuple):
         low, high = row.paper
         return 0.5 * (low + high), 0.5 * (high - low)
@@ -214,9 +236,6 @@ def _plain_unit(unit: str) -> str:
     return plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
 
 
-REASONED = 0.1  # relative tolerance from which on a row must say why it is so wide
-
-
 class VerdictKind(NamedTuple):
     """A kind of verdict.
 
@@ -237,13 +256,28 @@ KINDS = {
     kind.verdict: kind
     for kind in (
         VerdictKind(
-            "holds", "holds", ("holds", "hold"), "our value agrees with the print within the tolerance of the row"
+            "predicted",
+            "predicted",
+            ("is predicted", "are predicted"),
+            "agrees, and no input was inferred from it or from another number of the same experiment",
+        ),
+        VerdictKind(
+            "elsewhere",
+            "calibrated on another row",
+            ("is calibrated on another row", "are calibrated on other rows"),
+            "agrees, and follows from inputs that were inferred from printed numbers of other rows: no prediction",
         ),
         VerdictKind(
             "calibrated",
-            "holds, calibrated",
-            ("is calibrated", "are calibrated"),
-            "agrees, but an input was inferred from this row or its companion: no prediction",
+            "calibrated on this row",
+            ("is calibrated on its own row", "are calibrated on their own row"),
+            "agrees, but an input was inferred from this printed number: no prediction",
+        ),
+        VerdictKind(
+            "arithmetic",
+            "arithmetic",
+            ("is arithmetic", "are arithmetic"),
+            "agrees; only printed coefficients and the paper's own equations went in",
         ),
         VerdictKind(
             "synthetic",
@@ -267,7 +301,15 @@ KINDS = {
         VerdictKind("to come", "to come", ("is to come", "are to come"), "not computed yet"),
     )
 }
-DIFFERING = ("holds", "calibrated", "synthetic", "open", "short")  # keys whose differences the headline shows
+DIFFERING = (  # keys whose differences the headline shows
+    "predicted",
+    "elsewhere",
+    "calibrated",
+    "arithmetic",
+    "synthetic",
+    "open",
+    "short",
+)
 
 
 class Tally(NamedTuple):
@@ -306,6 +348,11 @@ def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
     return (ours - paper) / abs(paper) if paper else None
 
 
+def is_prediction(row: PrintedRow) -> bool:
+    """Whether a row predicts a printed number; where no measured curve is printed there is nothing to predict."""
+    return row.basis == "prediction" and row.expect != "synthetic"
+
+
 def relative_tolerance(row: PrintedRow) -> float | None:
     """Half of what counts as agreement over its middle; None if nothing does."""
     allowed = accepted_band(row)
@@ -329,6 +376,10 @@ def headline(outcomes: Sequence[RowOutcome]) -> str:
     """One sentence with the number of rows of each kind, and their differences from the print."""
     counted = tallies(outcomes)
     parts = [f"{t.rows} {t.kind.counted[t.rows != 1]}{_between(t)}" for t in counted]
+    missed = sum(is_prediction(o.row) and kind_of(o).key == "open" for o in outcomes)
+    if missed:
+        at = [t.kind.key for t in counted].index("open")
+        parts[at] += f" of which {missed} {'are predictions' if missed > 1 else 'is a prediction'}"
     if not any(t.kind.key == "short" for t in counted) and any(t.kind.key != "to come" for t in counted):
         parts.append("none falls short")
     numbers = "1 printed number" if len(outcomes) == 1 else f"{len(outcomes)} printed numbers"

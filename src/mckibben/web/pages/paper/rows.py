@@ -6,13 +6,24 @@ from typing import Any
 
 from ....documents import JsonValue
 from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
-from ....report.reproduction_report import PARTS, difference, printed
+from ....report.reproduction_report import PARTS, PREDICTIONS, difference, printed
 from ....report.words import minus, significant, unit_text
 from ....reproduction import PrintedRow, RowOutcome
-from ....reproduction.rows import KINDS, accepted_band, all_rows, headline, kind_of, needs_recording, said_of
+from ....reproduction.rows import (
+    BASES,
+    KINDS,
+    accepted_band,
+    all_rows,
+    headline,
+    is_prediction,
+    kind_of,
+    needs_recording,
+    said_of,
+)
 from .state import Reproduction
 
 # What a row is by its print alone shows before it is computed.
+FORETOLD = "predictions"  # group of rows that is listed first
 EXPECTED = {"erratum": "misprint", "open": "open", "synthetic": "synthetic"}
 
 
@@ -20,7 +31,7 @@ def fixed_document() -> dict[str, JsonValue]:
     """Constant part of the document: parts, their rows, and figures."""
     return {
         "kinds": [{"key": k.key, "one": k.verdict, "many": k.counted[1], "meaning": k.meaning} for k in KINDS.values()],
-        "parts": [{"id": k, "title": v} for k, v in PARTS.items()],
+        "parts": [{"id": k, "title": v} for k, v in {FORETOLD: PREDICTIONS, **PARTS}.items()],
         "rows": [_row(r) for r in all_rows()],
         "figures": [
             {"id": f.id, "name": named(f), "title": f.title, "rows": f.rows, "recordings": f.recordings, "part": f.part}
@@ -35,11 +46,11 @@ def _row(row: PrintedRow) -> dict[str, JsonValue]:
     figures = [f.id for f in FIGURES.values() if row.id in f.rows]
     return {
         "id": row.id,
-        "part": row.part,
+        "part": FORETOLD if is_prediction(row) else row.part,
         "what": minus(description),
         "paper": printed(row.paper),
         "unit": unit_text(row.unit),
-        "kind": EXPECTED.get(row.expect, ""),
+        "kind": EXPECTED.get(row.expect) or KINDS[BASES[row.basis]].key,
         "recordings": needs_recording(row),
         "figures": figures,
         "note": said(said_of(row)),
