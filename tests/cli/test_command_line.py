@@ -167,7 +167,7 @@ def test_a_caution_of_any_option_is_printed_and_stands_in_the_object(run):
         ("mckibben record re", {"repair", "repeatability", "report"}),
         ("mckibben run isok", {"isokinetic"}),
         ("mckibben run work-loop --muscle nyl", {"nylon"}),
-        ("mckibben run work-loop --rig pap", {"paper"}),
+        ("mckibben run work-loop --rig pap", {"paper", "paper-isothermal"}),
         ("mckibben tension nylon --law sa", {"sarosi"}),
         ("mckibben fit t.csv --re", {"--rest-length"}),
         ("mckibben energy nylon --cycle=ma", {"--cycle=maximal"}),

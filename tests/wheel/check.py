@@ -56,6 +56,24 @@ def simulated(*words: str) -> Call:
     return Call((*words, "--rig", "modern", "--simulate", "--json"))
 
 
+LEVER = """DMCv5.3 Data File
+Sample Frequency (Hz): 1000
+Calibration Data:
+Channel\tAI0\tAI1
+Units\tmm\tmN
+Scale (units/V)\t1.0\t500.0
+Offset (volts)\t0.0\t0.0
+Test Comments:
+Protocol Array:
+0.0\tStimulus-Train\tStimulator\t.012,300,0.2,4,28
+0.0\tSine Wave\tLength Out\t28,3.15,6
+Test Data in Volts:
+Sample\tAI0\tAI1\tStim
+0\t0.1\t0.2\t0
+1\t0.1\t0.2\t1
+2\t0.1\t0.5\t0
+3\t0.1\t0.3\t0
+"""
 TANK = """
 schema = 1
 title = "A tank that fills"
@@ -196,6 +214,8 @@ CALLS: dict[str, list[Call]] = {
     "record frequency": [
         Call(("loop.nc", "--input", "span", "--output", "tension", "--out", "response.svg"), ["response.svg"])
     ],
+    "record contraction": [Call(("--json", "lever.ddf"))],
+    "record work-loops": [Call(("lever.ddf", "--cut", "peak"), says=("two peaks",))],
     "record repeatability": [Call(("loop.nc", "--out", "cycles.svg"), ["cycles.svg"])],
     "record repair": [Call(("loop.mcap", "--out", "repaired.nc"), ["repaired.nc"])],
     "record report": [
@@ -325,6 +345,7 @@ def called(python: Path, place: Path) -> list[str]:
     (room / "nothing").mkdir(parents=True)
     (room / "tank.toml").write_text(TANK, encoding="utf-8")
     (room / "own.py").write_text(OWN_LAW, encoding="utf-8")
+    (room / "lever.ddf").write_text(LEVER, encoding="utf-8")
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "JAX"))}
     env = kept | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     known = json.loads(subprocess.run([python, "-c", LIST], cwd=room, env=env, check=True, capture_output=True).stdout)

@@ -119,7 +119,10 @@ def words(*known: str) -> Callable[[], Iterable[tuple[str, str]]]:
 
 
 def _titles(folder: Path) -> Iterator[tuple[str, str]]:
-    yield from ((path.stem, str(read_toml(path).get("title", ""))) for path in sorted(folder.glob("*.toml")))
+    yield from (
+        (path.stem, str(read_toml(path).get("title", "")))
+        for path in sorted(folder.glob("*.toml"), key=lambda path: path.stem)
+    )
 
 
 def _tables(folders: Iterable[str | Path]) -> Iterator[dict[str, Any]]:

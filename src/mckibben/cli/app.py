@@ -102,6 +102,14 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "record_analysis:frequency",
         "Estimate the frequency response between two channels.",
     ),
+    "record contraction": (
+        "record_lever:contraction",
+        "Time a twitch or tetanus: stimulus, peak, and set points of rise and relaxation.",
+    ),
+    "record work-loops": (
+        "record_lever:work_loops",
+        "Compute work and power of each cycle of a muscle on a lever.",
+    ),
     "record repair": ("record:repair", "Recover a recording from the log of a killed process."),
     "record repeatability": (
         "record_analysis:repeatability",

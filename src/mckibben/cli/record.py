@@ -408,10 +408,10 @@ def _read(
 ) -> ImportResult:
     """Read the recording in a file of any format."""
     with options_named(sheet="--sheet NAME"):
-        return recordings.read_any(file, **_stated(column, unit, period), **options)
+        return recordings.read_any(file, **stated_columns(column, unit, period), **options)
 
 
-def _stated(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, JsonValue]:
+def stated_columns(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, JsonValue]:
     """What the options state of the columns of a file of another program."""
     return {
         "columns": column_places(column),
@@ -440,7 +440,7 @@ def convert_file(
 
     $ mckibben record convert loop.nc loop.parquet
     """
-    asked = _stated(column, unit, period) | format_options(sheet, topic, gear_ratio)
+    asked = stated_columns(column, unit, period) | format_options(sheet, topic, gear_ratio)
     with options_named(sheet="--sheet NAME"):
         read = recordings.convert(source, target, **asked)
     if as_json:

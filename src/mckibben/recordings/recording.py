@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
     from ..analysis.energy_parts import EnergyAccount
+    from ..analysis.lever import ContractionTiming, LeverLoop
     from ..analysis.loops import TensionLoop
     from ..analysis.stimulation import StimulatedContraction, StimulatedLoop
     from ..report.figures.plots import RecordingPlots
@@ -360,6 +361,42 @@ class Recording:
         """
         each: tuple[TensionLoop, ...] = implementation("analysis.loops:loops")(
             self, length=length, tension=tension, skip=skip
+        )
+        return each
+
+    def contraction_timing(
+        self, *, rising: Sequence[float] = (0.1, 0.9), relaxing: Sequence[float] | None = None, above: str = "rest"
+    ) -> ContractionTiming:
+        """Time the stimulus, the peak and set points of a twitch or tetanus of a muscle on a lever.
+
+        Args:
+            rising: shares of the development of force at which the rise is timed, 0 to 1.
+            relaxing: the same for the relaxation; by default 0.9 and 0.5, and none of a tetanus.
+            above: ``rest``, the force at the stimulus, or ``zero``, from which shares count.
+
+        Raises:
+            InputError: a channel is missing, there is no stimulus, or the force does not rise after it.
+        """
+        timing: ContractionTiming = implementation("analysis.lever:contraction_timing")(
+            self, rising=rising, relaxing=relaxing, above=above
+        )
+        return timing
+
+    def lever_loops(
+        self, *, cut: str = "L0", keep: Sequence[int] | None = None, frequency: float | None = None
+    ) -> tuple[LeverLoop, ...]:
+        """Compute work and power of the cycles of a muscle on a lever.
+
+        Args:
+            cut: where a cycle begins and ends: ``L0``, ``peak`` or ``trough`` of the length.
+            keep: numbers of the cycles, from 1 on; all by default.
+            frequency: of the cycles [1/s]; by default that of the file's protocol.
+
+        Raises:
+            InputError: a channel is missing, no frequency is stated, or there is no whole cycle.
+        """
+        each: tuple[LeverLoop, ...] = implementation("analysis.lever:lever_loops")(
+            self, cut=cut, keep=keep, frequency=frequency
         )
         return each
 

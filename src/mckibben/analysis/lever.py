@@ -1,0 +1,364 @@
+"""Experiments of a muscle lever with biological muscle: timing of twitch and tetanus, and work loops cut at a chosen point.
+
+The conventions are those of workloopR (V. B. Baliga and S. Senthivasan, J. Open Source Softw. 5(50), 2020,
+doi:10.21105/joss.01856), so that numbers published with it can be compared:
+
+    contraction   from the first sample with a stimulus to the largest force; a set point of the rise is the first sample
+                  above its level, one of the relaxation the last, where the level is a share of the development of force
+    cut           a cycle reaches from peak to peak or from trough to trough of the smoothed length, or begins half-way
+                  between a trough and the peak after it, at the length "L0" about which the lever moves
+    work          - integral of F dL by trapezoids, positive if the muscle delivers it
+    power         work over the duration of the cycle; beside it the mean of force times smoothed shortening velocity
+
+Lengths and velocities are smoothed by a Butterworth filter that is applied forwards and backwards, to the positions before
+peaks are sought and to the velocity of each cycle. Range: recordings with ten or more samples in a quarter cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..recordings import Recording
+from .channels import known
+
+CUTS = ("L0", "peak", "trough")
+ABOVE = ("rest", "zero")
+SMOOTHING = 0.05  # cut-off of the filter over half the sampling frequency [1]
+LEAST_RISE = 0.25  # of a cycle, over which the length must rise before a peak and fall after it [1]
+STIMULI = {"Stimulus-Twitch": "twitch", "Stimulus-Tetanus": "tetanus", "Stimulus-Train": "work loop"}
+_PARAMETERS = {
+    "twitch": ("offset", "width"),
+    "tetanus": ("offset", "frequency", "width", "duration"),
+    "work loop": ("offset", "frequency", "width", "pulses", "cycle_frequency"),
+}
+_WIDTH = 1e-3  # unit in which the protocol states the width of a pulse [s]
+
+
+class LeverProtocol(NamedTuple):
+    """Protocol of a file of a muscle lever; None what it does not state."""
+
+    kind: str  # twitch, tetanus or work loop
+    offset: float  # first stimulus after its line of the protocol [s]
+    pulse_width: float  # [s]
+    pulse_frequency: float | None  # [1/s]
+    pulses: int | None  # of one train
+    cycle_frequency: float | None  # of the lever's sine [1/s]
+    amplitude: float | None  # of the lever's sine, half its stroke [m]
+    cycles: float | None  # of the lever's sine
+
+
+class SetPoint(NamedTuple):
+    """A point on the rise or on the relaxation of a contraction; NaN where its level lies below the force at rest."""
+
+    share: float  # of the development of force [1]
+    time: float  # [s]
+    force: float  # as recorded [N]
+
+
+class ContractionTiming(NamedTuple):
+    """Timing of a twitch or a tetanus; times on the clock of the recording, forces as recorded."""
+
+    stimulus_time: float  # [s]
+    stimulus_force: float  # [N]
+    peak_time: float  # [s]
+    peak_force: float  # [N]
+    above: str  # rest or zero, from which set points count
+    rising: tuple[SetPoint, ...]
+    relaxing: tuple[SetPoint, ...]
+
+    @property
+    def time_to_peak(self) -> float:
+        """Time from the stimulus to the peak [s]."""
+        return self.peak_time - self.stimulus_time
+
+    @property
+    def developed_force(self) -> float:
+        """Peak force above rest or above zero, whichever was chosen [N]."""
+        return self.peak_force - (self.stimulus_force if self.above == "rest" else 0.0)
+
+
+class LeverLoop(NamedTuple):
+    """A work loop of a muscle on a lever."""
+
+    cycle: int  # from 1 on
+    start: int  # first sample
+    end: int  # last sample
+    work: float  # net, positive if the muscle delivers it [J]
+    duration: float  # [s]
+    power: float  # work over duration [W]
+    mean_power: float  # mean of force times smoothed shortening velocity [W]
+
+
+def lever_protocol(record: Recording) -> LeverProtocol:
+    """Read the protocol that a file of a muscle lever states.
+
+    Raises:
+        InputError: the recording has no such protocol, or a number of it is missing.
+    """
+    lines = record.meta.get("source", {}).get("protocol", [])
+    words = [str(line).split(maxsplit=2) for line in lines]
+    stated = next((w for w in words if len(w) > 1 and w[1] in STIMULI), None)
+    if stated is None:
+        raise InputError("protocol", None, f"must have a line with one of {', '.join(STIMULI)}")
+    kind = STIMULI[stated[1]]
+    numbers = dict(zip(_PARAMETERS[kind], _numbers(stated, len(_PARAMETERS[kind])), strict=True))
+    sine = next((w for w in words if len(w) > 2 and w[1] == "Sine"), None)
+    cycle = _numbers(sine, 3) if sine is not None else (None, None, None)
+    pulses = numbers.get("pulses")
+    if kind == "tetanus":
+        pulses = float(np.floor(numbers["frequency"] * numbers["duration"]))
+    ratio = float(record.meta.get("source", {}).get("gear_ratio", 1.0))
+    return LeverProtocol(
+        kind,
+        numbers["offset"],
+        numbers["width"] * _WIDTH,
+        numbers.get("frequency"),
+        1 if kind == "twitch" else None if pulses is None else int(pulses),
+        cycle[0],
+        None if cycle[1] is None else cycle[1] * 1e-3 / ratio,
+        cycle[2],
+    )
+
+
+def contraction_timing(
+    record: Recording,
+    *,
+    rising: Sequence[float] = (0.1, 0.9),
+    relaxing: Sequence[float] | None = None,
+    above: str = "rest",
+    force: str = "force",
+    stimulus: str = "stimulus",
+) -> ContractionTiming:
+    """Time the stimulus, the peak, and set points of a twitch or tetanus.
+
+    Args:
+        record: one contraction.
+        rising: shares of the development of force at which the rise is timed, 0 to 1.
+        relaxing: the same for the relaxation; by default 0.9 and 0.5, and none where a protocol says that it is a tetanus.
+        above: ``rest``, the force at the stimulus, or ``zero``, from which shares count.
+        force: name of the channel with the force.
+        stimulus: name of the channel with the stimulus.
+
+    Raises:
+        InputError: a channel is missing, there is no stimulus, or the force does not rise after it.
+
+    Examples:
+        >>> import numpy as np
+        >>> from mckibben.recordings import Channel, Recording
+        >>> force = np.array([1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 3.5, 2.0, 1.0])
+        >>> stimulus = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        >>> channels = {"force": Channel(force, "N"), "stimulus": Channel(stimulus, "1")}
+        >>> timing = contraction_timing(Recording(np.arange(9) * 1e-3, channels))
+        >>> timing.peak_force, timing.developed_force
+        (5.0, 4.0)
+    """
+    if above not in ABOVE:
+        raise InputError("above", above, known=ABOVE)
+    pulls, stimuli = known(record, force), known(record, stimulus)
+    if not np.ptp(stimuli) > 0.0:
+        raise InputError(f"channel {stimulus}", None, "has no stimulus")
+    if relaxing is None:
+        relaxing = () if _kind(record) == "tetanus" else (0.9, 0.5)
+    first, peak = int(np.argmax(stimuli)), int(np.argmax(pulls))
+    base = float(pulls[first]) if above == "rest" else 0.0
+    if not (peak > first and pulls[peak] > pulls[first]):
+        raise InputError(f"channel {force}", None, "must have its largest value after the first stimulus")
+
+    def point(share: float, *, last: bool) -> SetPoint:
+        if not 0.0 <= share < 1.0:
+            raise InputError("set point", share, "must be from 0 % to below 100 % of the development of force")
+        level = base + share * (pulls[peak] - base)
+        if level < pulls[first]:
+            return SetPoint(share, float("nan"), float("nan"))
+        beyond = np.flatnonzero(pulls > level)
+        at = int(beyond[-1] if last else beyond[0])
+        return SetPoint(share, float(record.time[at]), float(pulls[at]))
+
+    return ContractionTiming(
+        float(record.time[first]),
+        float(pulls[first]),
+        float(record.time[peak]),
+        float(pulls[peak]),
+        above,
+        tuple(point(share, last=False) for share in rising),
+        tuple(point(share, last=True) for share in relaxing),
+    )
+
+
+def lever_cycles(
+    record: Recording,
+    *,
+    cut: str = "L0",
+    frequency: float | None = None,
+    length: str = "length",
+    smoothing: float = SMOOTHING,
+) -> tuple[slice, ...]:
+    """Cut a recording of cyclic lengths into whole cycles.
+
+    Args:
+        record: with the length.
+        cut: ``peak``, ``trough``, or ``L0``: half-way between a trough and the next peak, counted in samples. The first
+            cycle cut at L0 begins at the trough before the first peak, and the last ends at the last peak.
+        frequency: of the cycles [1/s]; by default that of the protocol.
+        length: name of the channel with the length.
+        smoothing: cut-off of the filter over half the sampling frequency, 0 to 1.
+
+    Returns:
+        Samples of each cycle, in order.
+
+    Raises:
+        InputError: there is no such cut, no frequency is stated, or no whole cycle.
+    """
+    if cut not in CUTS:
+        raise InputError("cut", cut, known=CUTS)
+    if not 0.0 < smoothing < 1.0:
+        raise InputError("smoothing", smoothing, "must be between 0 and 1, in half the sampling frequency")
+    per_second = _cycle_frequency(record) if frequency is None else float(frequency)
+    if not per_second > 0.0:
+        raise InputError("frequency", frequency, "must be greater than 0 Hz")
+    rate = _rate(record)
+    least = int(LEAST_RISE * rate / per_second) - 1
+    if least < 1:
+        raise InputError(
+            "frequency", per_second, f"must leave several samples in a cycle, which has {rate / per_second:.3g}"
+        )
+    starts, peaks, ends = _peaks(_smooth(known(record, length), smoothing), least)
+    if cut == "peak":
+        marks = peaks
+    elif cut == "trough":
+        marks = np.append(starts, ends[-1:])
+    else:
+        marks = np.round((starts + peaks) / 2.0).astype(int)
+        marks[:1], marks[-1:] = starts[:1], peaks[-1:]
+    if len(marks) < 2:
+        raise InputError(
+            f"channel {length}", None, f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
+        )
+    return tuple(slice(int(a), int(b)) for a, b in zip(marks[:-1], marks[1:], strict=True))
+
+
+def lever_loops(
+    record: Recording,
+    *,
+    cut: str = "L0",
+    keep: Sequence[int] | None = None,
+    frequency: float | None = None,
+    length: str = "length",
+    force: str = "force",
+    smoothing: float = SMOOTHING,
+) -> tuple[LeverLoop, ...]:
+    """Compute work and power of the cycles of a muscle on a lever.
+
+    Args:
+        record: with length and force.
+        cut: as for `lever_cycles`.
+        keep: numbers of the cycles, from 1 on; all by default.
+        frequency: of the cycles [1/s]; by default that of the protocol.
+        length: name of the channel with the length, which grows as the muscle is stretched.
+        force: name of the channel with the force.
+        smoothing: cut-off of the filters over half the sampling frequency.
+
+    Raises:
+        InputError: as `lever_cycles`, or a cycle that is to be kept is not there.
+    """
+    cycles = lever_cycles(record, cut=cut, frequency=frequency, length=length, smoothing=smoothing)
+    numbers = range(1, len(cycles) + 1) if keep is None else keep
+    for number in numbers:
+        if not 1 <= number <= len(cycles):
+            raise InputError("keep", number, f"must be from 1 to {len(cycles)}, the cycles cut at {cut}")
+    lengths, pulls, rate = known(record, length), known(record, force), _rate(record)
+    return tuple(_loop(number, cycles[number - 1], lengths, pulls, rate, smoothing) for number in numbers)
+
+
+def stimulus_phase(
+    record: Recording, *, frequency: float | None = None, length: str = "length", stimulus: str = "stimulus"
+) -> float:
+    """Phase of the first stimulus after the longest length, in cycles from -0.5 to 0.5.
+
+    Raises:
+        InputError: a channel is missing, there is no stimulus, or no frequency is stated.
+    """
+    stimuli = known(record, stimulus)
+    if not np.ptp(stimuli) > 0.0:
+        raise InputError(f"channel {stimulus}", None, "has no stimulus")
+    per_second = _cycle_frequency(record) if frequency is None else float(frequency)
+    behind = (int(np.argmax(stimuli)) - int(np.argmax(known(record, length)))) / _rate(record) * per_second
+    return float((behind + 0.5) % 1.0 - 0.5)
+
+
+def _loop(
+    number: int, cycle: slice, lengths: np.ndarray, pulls: np.ndarray, rate: float, smoothing: float
+) -> LeverLoop:
+    along, pull = lengths[cycle], pulls[cycle]
+    work = -float(np.trapezoid(pull, along))
+    velocity = -_smooth(np.diff(along) * rate, smoothing)
+    # Each velocity belongs to the sample at its end.
+    mean = float(np.mean(pull[1:] * velocity))
+    duration = len(along) / rate
+    return LeverLoop(number, cycle.start, cycle.stop - 1, work, duration, work / duration, mean)
+
+
+def _smooth(values: np.ndarray, cutoff: float) -> np.ndarray:
+    """Apply a Butterworth filter of order 2 forwards and backwards, from rest at zero, as workloopR does."""
+    from scipy.signal import butter, lfilter
+
+    over, under = butter(2, cutoff)
+    padded = np.append(values, np.zeros(2 * max(len(over), len(under))))
+    forward = lfilter(over, under, padded)
+    smooth: np.ndarray = lfilter(over, under, forward[::-1])[::-1][: len(values)]
+    return smooth
+
+
+def _peaks(values: np.ndarray, least: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Troughs before, peaks, and troughs after all peaks with at least so many rises before and falls after.
+
+    As numbers of samples from 1 on, so that a cycle begins with the sample behind its first end.
+    """
+    signs = np.sign(np.diff(values))
+    edges = np.flatnonzero(np.diff(signs)) + 1
+    begins, stops = np.append(0, edges), np.append(edges, len(signs))
+    runs = [(int(signs[a]), int(a), int(b)) for a, b in zip(begins, stops, strict=True)]
+    kept = [
+        (up[1], up[2], down[2])
+        for up, down in zip(runs[:-1], runs[1:], strict=True)
+        if up[0] > 0 and down[0] < 0 and up[2] - up[1] >= least and down[2] - down[1] >= least
+    ]
+    starts, peaks, ends = 1 + np.array(kept, int).reshape(-1, 3).T
+    return starts, peaks, ends
+
+
+def _cycle_frequency(record: Recording) -> float:
+    stated = lever_protocol(record).cycle_frequency
+    if stated is None:
+        raise InputError("frequency", None, "must be given: the protocol states no sine of the length")
+    return stated
+
+
+def _rate(record: Recording) -> float:
+    if len(record.time) < 2:
+        raise InputError("recording", None, "must have two samples or more")
+    return float((len(record.time) - 1) / (record.time[-1] - record.time[0]))
+
+
+def _kind(record: Recording) -> str:
+    try:
+        return lever_protocol(record).kind
+    except InputError:
+        return ""
+
+
+def _numbers(words: Sequence[str], count: int) -> tuple[float, ...]:
+    """Numbers behind the last word of a line of the protocol, which names the port."""
+    text = words[2] if len(words) > 2 else ""
+    digits = text.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz -")
+    try:
+        values = tuple(float(word) for word in digits.replace(" ", "").split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count:
+        raise InputError("protocol", " ".join(words), f"must state {count} numbers, separated by commas")
+    return values
