@@ -159,6 +159,7 @@ KINDS: dict[str, ValueKind] = {
     "INERTIA": ValueKind("kg*m^2", (1e-8, 10.0)),
     "ACCELERATION": ValueKind("m/s^2", (1.0, 30.0)),
     "SHARE": ValueKind("1", (1e-9, 2.0)),
+    "SHARES": ValueKind("1", (0.0, 1.0), listed=True),
     "CONTRACTION": ValueKind("1", (1e-4, 0.5)),
     "ACTIVATION": ValueKind("1", (1e-4, 1.0)),
     "HARDNESS": ValueKind(),
@@ -198,6 +199,9 @@ KINDS: dict[str, ValueKind] = {
     "NAME=UNIT": ValueKind(),
     "KIND": ValueKind(names=words("map", "recording")),
     "CYCLE": ValueKind(names=words("maximal", "isotonic", "valve")),
+    "CYCLES": ValueKind(),  # numbers and ranges of them
+    "LEVEL": ValueKind(names=words("rest", "zero")),
+    "POINT": ValueKind(names=words("L0", "peak", "trough")),
     "READING": ValueKind(names=words("printed", "throughout")),
     "VOLUME": ValueKind(names=words("paper", "potential")),
     "FRICTION": ValueKind(names=words("maxwell_slip", "dahl", "bouc_wen")),

@@ -19,7 +19,7 @@ from .read import Column, GearRatio, Period, Unit, format_options
 from .record import AnyFile, stated_columns
 
 OUT = OutputKinds(table=TABLE, result=OBJECT)
-Force = Annotated[str, typer.Option(metavar="CHANNEL", help="Channel with the force.")]
+Force = Annotated[str, typer.Option("--force-channel", metavar="CHANNEL", help="Channel with the force.")]
 NONE = "none"  # of set points
 
 
@@ -39,7 +39,9 @@ def contraction(
         str, typer.Option(metavar="LEVEL", help="Level from which force counts: rest, at the stimulus, or zero.")
     ] = "rest",
     force: Force = "force",
-    stimulus: Annotated[str, typer.Option(metavar="CHANNEL", help="Channel with the stimulus.")] = "stimulus",
+    stimulus: Annotated[
+        str, typer.Option("--stimulus-channel", metavar="CHANNEL", help="Channel with the stimulus.")
+    ] = "stimulus",
     column: Column = None,
     unit: Unit = None,
     period: Period = None,
@@ -114,9 +116,14 @@ def work_loops(
     ] = None,
     cycle_frequency: Annotated[
         str | None,
-        typer.Option(metavar="FREQUENCY", help="Frequency of the cycles; by default that of the file's protocol."),
+        typer.Option(
+            metavar="FREQUENCY",
+            help="Frequency of the cycles, such as '28 Hz'; by default that of the file's protocol.",
+        ),
     ] = None,
-    length: Annotated[str, typer.Option(metavar="CHANNEL", help="Channel with the length.")] = "length",
+    length: Annotated[
+        str, typer.Option("--length-channel", metavar="CHANNEL", help="Channel with the length.")
+    ] = "length",
     force: Force = "force",
     column: Column = None,
     unit: Unit = None,
