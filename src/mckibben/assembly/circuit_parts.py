@@ -212,6 +212,7 @@ class CompliantTable(ChamberTable):
     volume: float = schema.like(CompliantVolume, "size", key="volume")
     compliance: float = schema.like(CompliantVolume, "compliance", default=0.0)
     swept: float | None = schema.like(CompliantVolume, "swept", default=None)
+    saturation: float = schema.like(CompliantVolume, "saturation", default=0.0)
     signal: str | None = None
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
@@ -224,6 +225,7 @@ class CompliantTable(ChamberTable):
             size=self.volume,
             compliance=self.compliance,
             swept=_first(self.swept, 0.0),
+            saturation=self.saturation,
             ambient=float(room.pressure_abs),
             heat=heat,
             signal=None if self.signal is None else f"{name}.stroke",

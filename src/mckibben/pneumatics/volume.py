@@ -52,25 +52,33 @@ class FixedVolume(Chamber):
 
 
 class CompliantVolume(Chamber):
-    """A compliant volume: V = V0 + c P' + s x, of a bellows, a hose, or a muscle known from a record only.
+    """A compliant volume: V = V0 + c P' + s x (1 - k x/2), of a bellows, a hose, or a muscle known from a record only.
 
     P' is the gauge pressure and x the value of its signal, such as a stroke [m] or the angle of a joint [rad], for which
-    `swept` is the volume per unit. Range: where V is close to a plane in P' and x; never below a tenth of V0.
+    `swept` is the volume per unit. A muscle sweeps less the shorter it is: with k, `saturation`, nothing from x = 1/k on.
+    Range: where V is close to that in P' and x; never below a tenth of V0.
     """
 
     size: Scalar = quantity("m^3", (1e-12, 1e3), "volume at rest", symbol="V0", typical=(1e-6, 1e-2))
     compliance: Scalar = quantity("m^3/Pa", (0.0, 1e-3), "volume per pressure", symbol="c", default=0.0)
     swept: Scalar = quantity("m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", default=0.0)
+    saturation: Scalar = quantity(
+        "1", (0.0, 1e6), "share by which the swept volume falls off, per unit of the signal", symbol="k", default=0.0
+    )
     ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default=None)
 
     def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
-        """A plane, with a floor."""
-        value = self.size + self.compliance * (pressure_abs - self.ambient) + self.swept * length
+        """Linear in the pressure and quadratic in the signal, with a floor."""
+        fallen = jnp.minimum(self.saturation * length, 1.0)
+        beyond = self.saturation * length > 1.0
+        reach = jnp.where(beyond, 0.5 / jnp.where(beyond, self.saturation, 1.0), length * (1.0 - 0.5 * fallen))
+        value = self.size + self.compliance * (pressure_abs - self.ambient) + self.swept * reach
         low = value < 0.1 * self.size
         free = jnp.where(low, 0.0, 1.0)
-        return VolumeState(jnp.where(low, 0.1 * self.size, value), free * self.compliance, free * self.swept * velocity)
+        rate = free * self.swept * (1.0 - fallen) * velocity
+        return VolumeState(jnp.where(low, 0.1 * self.size, value), free * self.compliance, rate)
 
 
 class MovingVolume(Chamber):

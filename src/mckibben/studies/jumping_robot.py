@@ -54,7 +54,9 @@ def read_trial(folder: str | Path) -> Recording:
     clock = frames[:count] - frames[0]
     if not (np.diff(clock) > 0.0).all():
         raise InputError(FRAMES, None, "must have times that rise", where=str(folder))
-    added = {}
+    first = [float(record[f"muscle_{m}.pressure"][0]) for m in MUSCLES]
+    vented = np.full(len(record.time), np.median(first))
+    added = {"room.pressure": Channel(vented, unit="Pa", kind="measured", meaning="what vented muscles read")}
     for i, m in enumerate(MUSCLES):
         is_open = (record.time >= opened[i] - 1e-9) & (record.time < closed[i] - 1e-9)
         added[f"open_{m}"] = Channel(is_open.astype(float), unit="1", kind="command")
