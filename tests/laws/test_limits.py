@@ -11,6 +11,7 @@ from examples import example, examples
 from mckibben.muscles import braid
 from mckibben.muscles.build import build_law
 from mckibben.muscles.law import TensionLaw
+from mckibben.pneumatics.volume import CompliantVolume
 
 # The nylon muscle's braid, and pressures above the rounding of the threshold (half of 0.1 bar).
 B, TURNS = 0.1642, 3.1485976
@@ -252,3 +253,19 @@ def test_the_seated_braid_is_a_neo_hookean_braid_that_is_shorter_by_its_seats() 
     # and q sqrt(F) dF/dL = 1e-7 x 22 x 4e4 = 0.1 N of 496 N remain at the smallest q allowed.
     assert off[1] / off[2] == pytest.approx(2.0, rel=1e-2)
     assert off[2] < 1e-3 * there.max()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, 1.6, 3.0])
+def test_a_muscle_sweeps_less_the_shorter_it_is_until_it_sweeps_nothing(angle):
+    share, swept = 0.8, 2e-5
+    volume = CompliantVolume(size=4e-5, compliance=1e-11, swept=swept, saturation=share)
+    state = volume.volume(3e5, angle, 2.0)
+    plane = CompliantVolume(size=4e-5, compliance=1e-11, swept=swept).volume(3e5, angle, 2.0)
+    reach = min(angle, 1.0 / share)
+    # the same polynomial in another order: rounding
+    assert float(plane.value - state.value) == pytest.approx(
+        swept * (angle - reach + 0.5 * share * reach**2), abs=1e-18
+    )
+    slope = jax.grad(lambda x: volume.volume(3e5, x, 0.0).value)(angle)
+    assert float(state.moving) == pytest.approx(2.0 * float(slope), rel=1e-12, abs=1e-18)
+    assert float(state.per_pressure) == 1e-11

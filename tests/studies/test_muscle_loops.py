@@ -4,7 +4,10 @@ The synthetic records are written in the files' own format; the real ones do not
 """
 
 import dataclasses
+import functools
+import itertools
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +37,7 @@ from measured_data import FOLDER, measured
 STROKE = np.concatenate([np.linspace(0.0, 0.03, 41), np.linspace(0.03, 0.0, 41)[1:]])
 NOISE = 2e-5  # of the stroke [m], as of the real sensor
 TAU, CREPT = 0.1, 6e-4  # of the one element that creeps [s], [m]
+ROOT = Path(__file__).parents[2]
 REAL = FOLDER / "dmsp_10_250_hysteresis"
 
 
@@ -296,9 +300,55 @@ def test_a_step_whose_pressure_is_not_held_is_refused(folder: Path, tmp_path: Pa
         loop_study(tmp_path, frictions=("dahl",))
 
 
+@functools.cache
+def measured_study() -> LoopStudy:
+    return loop_study(REAL)
+
+
+def cells_of(page: str, head: str) -> list[list[str]]:
+    """Cells of the rows of the table on a page whose header begins so."""
+    lines = page.splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith(f"| {head}"))
+    rows = itertools.takewhile(lambda line: line.startswith("|"), lines[at + 2 :])
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+
+
+def numbers_in(text: str) -> list[float]:
+    return [float(word) for word in re.findall(r"[-+]?[0-9.]*[0-9]", text.replace("\N{MINUS SIGN}", "-"))]
+
+
+@measured("dmsp_10_250_hysteresis")
+@pytest.mark.parametrize("name", ["explanation/loop-study.md", "reference/validation.md"])
+def test_the_pages_state_what_the_study_finds(name: str) -> None:
+    page, found = (ROOT / "docs" / name).read_text(encoding="utf-8"), measured_study()
+    # Stated to a micrometre, and another processor may round it otherwise.
+    near = {"rel": 0.02, "abs": 0.0015}
+    if name.startswith("reference"):
+        rows = cells_of(page, "what is predicted")
+        ours = [*found.halves, *(step.fit for step in found.steps)]
+        shares = [cells[2:5] for cells in rows]
+    else:
+        halves, steps = cells_of(page, "fitted half"), cells_of(page, "step | fitted")
+        ours, shares = (
+            [*found.halves, *(step.fit for step in found.steps)],
+            [c[1:4] for c in halves] + [c[3:6] for c in steps],
+        )
+        widths = {w.pressure: w for w in found.widths}
+        for cells in cells_of(page, "gauge pressure"):
+            pressure, stated, predicted, error = (numbers_in(cell)[0] for cell in cells)
+            one = widths[1e5 * pressure]
+            assert [1e3 * one.measured, 1e3 * one.predicted] == pytest.approx([stated, predicted], abs=0.011)
+            assert 100.0 * one.error == pytest.approx(error, abs=0.3)  # a hundredth of a millimetre of 2 to 7
+    assert len(ours) == len(shares) == 4
+    for fit, cells in zip(ours, shares, strict=True):
+        stated = [numbers_in(cell)[0] for cell in cells]
+        found_mm = [1e3 * v for v in (fit.rmse(seen=True), fit.rmse(seen=False), fit.max_error(seen=False))]
+        assert found_mm == [pytest.approx(v, **near) for v in stated]
+
+
 @measured("dmsp_10_250_hysteresis")
 def test_the_measured_loop_and_creep_are_predicted_where_no_fit_looked() -> None:
-    found = loop_study(REAL)
+    found = measured_study()
     print(
         f"\nworst mid-range width {100.0 * found.worst.error:+.1f} %; inside the band {[s.inside for s in found.steps]}"
     )

@@ -10,6 +10,7 @@ import typer
 
 from .. import __version__, identification
 from ..documents import JsonValue, write_text
+from ..errors import InputError
 from ..quantities import from_si
 from ..report.figures import circuit_figures, loop_figures, style, tube_figures, validation_figures
 from ..studies import jumping_robot, muscle_loops, tube_models, validation, validation_page
@@ -20,6 +21,8 @@ from ._terminal import FigureLook, FigureWidth, Json, print_json, table
 from .circuit import circuit_fit_json, show_circuit_fit
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..identification import Fit
     from ..identification.uncertainty import Estimate
     from ..studies.muscle_loops import LoopStudy, StepCreep, Width
@@ -68,7 +71,8 @@ def study_robot(
         list[Path] | None,
         typer.Option(metavar="FOLDER", help="Trial to predict with the fitted parameters."),
     ] = None,
-    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 19.")] = None,
+    each: Annotated[bool, typer.Option("--each", help="Predict each trial by a fit to all the others.")] = False,
+    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 20.")] = None,
     evaluations: Annotated[
         int, typer.Option(metavar="N", min=1, help="Largest number of evaluations of the circuit.")
     ] = 40,
@@ -81,6 +85,11 @@ def study_robot(
 
     $ mckibben study robot 0p02_knee_80psi 0p06_65psi --predict 0p09_65psi --out robot.svg
     """
+    if each:
+        if predict:
+            raise InputError("--predict", str(predict[0]), "is allowed only without --each, which predicts every trial")
+        _each_from_the_others(trials, free or (), evaluations, out, as_json=as_json)
+        return
     with OUT.files(out) as files:
         with told("fitting") as tell:
             result, all_trials = jumping_robot.robot_study(
@@ -95,6 +104,36 @@ def study_robot(
         else:
             show_circuit_fit(result, title)
             files.say()
+
+
+def _each_from_the_others(
+    trials: list[Path], free: Sequence[str], evaluations: int, out: list[Path] | None, *, as_json: bool
+) -> None:
+    """Predict each jump from the others, and print the errors of the predictions."""
+    with OUT.files(out) as files:
+        with told("fitting") as tell:
+            folds, every = jumping_robot.robot_folds(trials, free=free, evaluations=evaluations, progress=tell)
+        title = jumping_robot.robot_plan().title
+        drawn = jumping_robot.merged_folds(folds)
+        files.write("figure", lambda path: style.save(circuit_figures.overview(drawn, every, title=title), path))
+        content: dict[str, JsonValue] = {
+            "rms": {fold.trial: fold.rms for fold in folds},
+            "trials": {fold.trial: circuit_fit_json(fold.fit) for fold in folds},
+        }
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+            return
+        pressures = [c.split(".")[0].replace("_", " ") for c in every[0].channels]
+        rows, heads = [], ["predicted from the others", *pressures, "all", "fit to the others"]
+        for fold in folds:
+            errors = [e.rms for e in fold.fit.errors if not e.fitted]
+            rows.append([fold.trial, *(f"{v / 100.0:.0f}" for v in (*errors, fold.rms, fold.fit.rms()))])
+        table(f"{title}: rms errors in mbar", heads, rows, right=range(1, len(heads)))
+        for fold in folds:
+            if not fold.fit.converged:
+                typer.echo(f"The search without {fold.trial} did not converge: {fold.fit.message}.")
+        files.say()
 
 
 def study_loops(

@@ -9,9 +9,12 @@ the camera's first frame is taken as the start. All the rest is compared.
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -102,6 +105,67 @@ def robot_study(
         trials, free or plan.fit.free, predict=others, step=plan.step, progress=progress, evaluations=evaluations
     )
     return result, [*trials, *others]
+
+
+class RobotFold(NamedTuple):
+    """A jump that was predicted from the others: its name, and the fit to the others with its prediction."""
+
+    trial: str
+    fit: CircuitFit
+
+    @property
+    def rms(self) -> float:
+        """Error of its predicted pressures [Pa]."""
+        return self.fit.rms(fitted=False)
+
+
+def robot_folds(
+    folders: Sequence[str | Path],
+    *,
+    free: Sequence[str] = (),
+    evaluations: int = 40,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[tuple[RobotFold, ...], list[Trial]]:
+    """Predict each trial by a fit to all the others.
+
+    Args:
+        folders: folders of the trials, three or more with different names.
+        free: parameters to fit instead of the circuit's own list.
+        evaluations: most of them, for each fit.
+        progress: called with a sentence after every evaluation.
+
+    Returns:
+        A fold for each trial, and the trials, both in that order.
+
+    Raises:
+        InputError: there are fewer than three trials, or two of one name.
+    """
+    names = [Path(folder).name for folder in folders]
+    if len(folders) < 3 or len(set(names)) < len(names):
+        demand = "must be three or more with different names, to predict each from the others"
+        raise InputError("trials", ", ".join(names), demand)
+    folds, trials = [], []
+    for left in folders:
+        tell = None if progress is None else functools.partial(_without, progress, Path(left).name)
+        fitted = [folder for folder in folders if folder != left]
+        result, all_trials = robot_study(fitted, [left], free=free, evaluations=evaluations, progress=tell)
+        folds.append(RobotFold(Path(left).name, result))
+        trials.append(all_trials[-1])
+    return tuple(folds), trials
+
+
+def _without(tell: Callable[[str], None], name: str, words: str) -> None:
+    tell(f"without {name}: {words}")
+
+
+def merged_folds(folds: Sequence[RobotFold]) -> CircuitFit:
+    """Return the first fit with the predictions and errors of all folds in place of its own, to be drawn."""
+    first = folds[0].fit
+    return dataclasses.replace(
+        first,
+        errors=tuple(e for fold in folds for e in fold.fit.errors if not e.fitted),
+        predicted={fold.trial: fold.fit.predicted[fold.trial] for fold in folds},
+    )
 
 
 def _numbers(path: Path, shape: tuple[int | None, int]) -> np.ndarray:
