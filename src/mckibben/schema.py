@@ -275,7 +275,7 @@ def number(
     endless: bool = False,
     **options: Any,
 ) -> Any:
-    """Declare a number with unit, within inclusive bounds [unit]; also infinity where it may be endless."""
+    """Declare a number with unit, within inclusive bounds [unit]; with `endless`, infinity too."""
 
     def read(raw: object, place: Place) -> float:
         if endless and raw == math.inf:

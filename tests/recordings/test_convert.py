@@ -342,7 +342,7 @@ def test_places_that_cannot_be_written_are_refused_before_anything_is_read(tmp_p
     for target, says in (
         ("a.xyz", "Known are .nc"),
         ("none/a.csv", "there is no folder"),
-        ("a.nc", "say another name"),
+        ("a.nc", "choose another name"),
     ):
         with pytest.raises(InputError, match=says):
             convert(path, tmp_path / target)

@@ -278,7 +278,7 @@ def test_the_engine_gpu_is_the_native_one_elsewhere(fake: Fake) -> None:
 
 def test_no_driver_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(_gpu_driver.VARIABLE, str(tmp_path / "none.so"))
-    with pytest.raises(UnavailableError, match=r"^No GPU: there is no driver of NVIDIA here \(.*none\.so\)\.$"):
+    with pytest.raises(UnavailableError, match=r"^No GPU: no NVIDIA driver was found \(.*none\.so\)\.$"):
         to_gpu(program("loops"))
     with pytest.raises(UnavailableError, match="no driver"):
         lanewise.compile(*CASES["arithmetic"][:1], *CASES["arithmetic"][1], engine="gpu")

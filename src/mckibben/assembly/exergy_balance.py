@@ -29,14 +29,14 @@ class StoredChange(NamedTuple):
 
     Attributes:
         gas: gain of internal energy of the gas.
-        gas_exergy: gas exergy of its exergy.
-        muscle: muscle of energy in bladder and braid.
-        tendon: tendon of energy in end masses and tendons.
-        load: load of energy in the load.
-        friction: what friction and creep took.
-        dissipated: and turned into heat.
+        gas_exergy: gain of exergy of the gas.
+        muscle: gain of elastic energy of bladder and braid.
+        tendon: gain of energy of end masses and tendons.
+        load: gain of energy of the load.
+        friction: work taken up by friction and creep.
+        dissipated: part of `friction` that became heat.
         lifted: work on the atmosphere by muscles that swell.
-        swollen: by all volumes.
+        swollen: work on the atmosphere by all volumes.
     """
 
     gas: float

@@ -464,7 +464,7 @@ def repair(
     """
     beside = log.with_suffix(".nc")
     if not out and beside.exists():
-        raise InputError("file", str(beside), "it is there already; say another name, or this one, with --out")
+        raise InputError("file", str(beside), "this file exists already; choose a name with --out")
     with REPAIRED.files(out or [beside]) as files:
         recording = mcap.read_log(log)
         files.write("recording", lambda path: write_recording(recording.recording, path))

@@ -32,7 +32,7 @@ class Signal(Module):
         return self._between(jnp.maximum(index, 0), jnp.where(before, share + 1.0, share), period, index >= 0)
 
     def within(self, index: Tree, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> Value:
-        """Value at a share of a step from `begin` to `end`, themselves shares of the interval at `index`.
+        """Value at the fraction `share` of a step from `begin` to `end`, which are fractions of the interval at `index`.
 
         A held signal that is late by a part of a sample may jump inside the step. All stages then see its mean over the
         step, which keeps the second order; at the instant itself, some stages would see the old value and some the new one.

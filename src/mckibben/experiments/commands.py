@@ -283,7 +283,7 @@ class DirectionDependent(Command):
 
     @classmethod
     def read(cls, raw: JsonValue, place: Place, channel: str) -> DirectionDependent:
-        """Make it of its table."""
+        """Read the command from its table."""
         return read_table(cls, FileTable(raw, place.field, place.where or ""), owner="pressure by direction has")
 
     def needs(self, channel: str) -> frozenset[str]:
@@ -368,7 +368,7 @@ class StimulusTrain(Command):
 
     @classmethod
     def read(cls, raw: JsonValue, place: Place, channel: str) -> StimulusTrain:
-        """Make it of its table."""
+        """Read the command from its table."""
         table = FileTable(raw, place.field, place.where or "")
         train = read_table(cls, table, owner="a stimulation has")
         if (train.phase is None) != (train.duty is None):

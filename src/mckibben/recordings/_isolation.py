@@ -68,7 +68,7 @@ def read_in_process(read: Callable[[str], Result], path: Path) -> Result:
     except subprocess.TimeoutExpired:
         raise ValueError(f"it is damaged: reading it did not come to an end within {patience:.0f} s") from None
     if done.returncode:
-        raise ValueError("it is damaged, and brought its reader down")
+        raise ValueError("it is damaged: the process that read it crashed")
     succeeded, result = pickle.loads(done.stdout)
     if not succeeded:
         raise ValueError(result)

@@ -364,7 +364,7 @@ def convert(
     if not target.absolute().parent.is_dir():
         raise InputError("file", str(target), f"there is no folder {target.parent}")
     if target.exists() and Path(source).exists() and target.samefile(source):
-        raise InputError("file", str(target), "it is the one to be read; say another name")
+        raise InputError("file", str(target), "this is the file being read; choose another name")
     target_format.check_libraries(str(target))
     result = read_any(source, columns=columns, units=units, period=period, **options)
     return ImportResult(result.recording, [*result.remarks, *write(result.recording, target)])

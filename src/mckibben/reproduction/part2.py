@@ -58,7 +58,7 @@ def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> Tub
 
 @reproduces("tube.linear_cutoff", "rad/s", SYNTHETIC)
 def linear_cutoff() -> float:
-    """Cut-off frequency of the linear model, 1/(R C) over pi."""
+    """Cut-off frequency of the linear model, 1/(pi R C) (the paper's formula)."""
     return 1.0 / (math.pi * _fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
 
 

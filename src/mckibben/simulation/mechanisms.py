@@ -144,7 +144,7 @@ class Weight(Mechanism):
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
-        """One, called ``muscle``."""
+        """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
     def _start(self, units: Mapping[str, MuscleUnit]) -> float:
@@ -205,7 +205,7 @@ class Spring(Mechanism):
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
-        """One, called ``muscle``."""
+        """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
@@ -253,7 +253,7 @@ class Plate(Mechanism):
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
-        """One, called ``muscle``."""
+        """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:

@@ -71,7 +71,7 @@ def _library(name: str | None) -> Any:
         if (code := library.cuInit(0)) != 0:
             raise UnavailableError(f"No GPU: the driver says {_error_text(library, code)!r}.")
         return library
-    raise UnavailableError(f"No GPU: there is no driver of NVIDIA here ({', '.join((name,) if name else NAMES)}).")
+    raise UnavailableError(f"No GPU: no NVIDIA driver was found ({', '.join((name,) if name else NAMES)}).")
 
 
 def _driver() -> Any:

@@ -499,7 +499,7 @@ class Sequence(Waveform):
         parts = table.listed("parts")
         for one in parts:
             if "lasts" not in one:
-                raise one.fail("lasts", None, "is missing: every part of a sequence says how long")
+                raise one.fail("lasts", None, "is missing: every part of a sequence needs a duration")
         lasting = [one.number("lasts", "s", declared=LASTING) for one in parts]
         return table.derived({"parts": [one.without("lasts").values for one in parts]}), {"lasting": tuple(lasting)}
 

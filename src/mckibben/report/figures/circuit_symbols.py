@@ -258,7 +258,7 @@ _CURVE = [MOVETO, CURVE4, CURVE4, CURVE4]
 
 
 def leak(ports: Sequence[str], driven: bool) -> Symbol:
-    """A restriction that drips."""
+    """Symbol of a leak: a restriction with a drop below it."""
     plain = restriction(ports, driven)
     drops = []
     for x, y, s in ((-4.0, -10.0, 1.0), (4.5, -13.0, 0.8)):

@@ -160,7 +160,7 @@ class ComparePage:
     # ---- what is computed
 
     def path(self, name: str) -> str | Path:
-        """Specimen or file of the visitor that a word of the link names."""
+        """Path of the specimen, or of the visitor's file, named by a value of the link."""
         return self.lab.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
 
     def _subjects(self, pressure: float) -> dict[str, ComparedMuscle]:
