@@ -210,7 +210,7 @@ def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remar
             ax, one.paper + one.mark.replace("*", ""), x=1.0, dx=paper, dy=y, **look | {"ha": "right", "color": colour}
         )
         y -= LEADING
-    feet = {"*": "* an input was inferred from it", "†": "† misprint", "§": "§ open: the row's note says why"}
+    feet = {"*": "* an input was inferred from the print", "†": "† misprint", "§": "§ open: the row's note says why"}
     for foot in [*(words for sign, words in feet.items() if any(e.mark == sign for e in entries)), *remarks]:
         style.note(ax, foot, x=1.0, dx=words, dy=y, **look | {"color": INK_3})
         y -= LEADING - 1.0

@@ -139,7 +139,7 @@ def table(figure: str) -> Figure:
         if i:
             ax.plot([COLUMNS[0], WIDE - 0.3], [HEAD + ROW * i] * 2, color=RULE, lw=HAIR, zorder=1)
     foot = (
-        "* an input of ours was inferred from it   ‡ ours is taken from the paper   "
+        "* an input of ours was inferred from the print   ‡ ours is taken from the paper   "
         "† misprint: 2.59 J over 5.50 J is 0.471   § open",
         "Friction of fiberglass and Bridgestone and all powers come from recordings; their notes are with the rows.",
     )

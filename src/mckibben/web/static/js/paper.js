@@ -68,7 +68,7 @@ function rows () {
     if (!folded) body += some.map(row).join('')
   }
   if (!any) body = `<tr class="none"><td colspan="7">No row is that${view.search ? `, or has \u201c${escape(view.search)}\u201d in it` : ''}. <button class="btn s" data-all>Show all rows</button></td></tr>`
-  place.innerHTML = `<div class="p-scroll"><table role="treegrid" aria-label="Rows"><colgroup><col style="width:32px"><col><col style="width:84px"><col style="width:84px"><col style="width:86px"><col style="width:104px"><col class="nc"></colgroup><thead><tr><th><span class="vh">Verdict</span></th><th>What</th><th class="num">Paper</th><th class="num">Ours</th><th>Unit</th><th>Tolerance</th><th>Note</th></tr></thead><tbody>${body}</tbody></table></div>`
+  place.innerHTML = `<div class="p-scroll"><table role="treegrid" aria-label="Rows"><colgroup><col style="width:32px"><col><col style="width:108px"><col style="width:84px"><col style="width:86px"><col style="width:104px"><col class="nc"></colgroup><thead><tr><th><span class="vh">Verdict</span></th><th>What</th><th class="num">Paper</th><th class="num">Ours</th><th>Unit</th><th>Tolerance</th><th>Note</th></tr></thead><tbody>${body}</tbody></table></div>`
   place.querySelector('.p-scroll').scrollTop = at
   if (had) [...place.querySelectorAll('tr[tabindex]')].find(t => (t.dataset.row ?? `part ${t.dataset.part}`) === had)?.focus({ preventScroll: true })
 }
