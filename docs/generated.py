@@ -48,7 +48,7 @@ def parameters(_: Path) -> str:
     for heading, owners in {
         "Tension laws": {name: law_type(name) for name in LAWS},
         "Friction": {"limit (of every friction model except Prandtl-Ishlinskii)": FrictionLimit}
-        | HYSTERESES
+        | dict(HYSTERESES)
         | {"play_map": PlayMap},
         "Creep": {"maxwell_chain": MaxwellChain, "kelvin_voigt_chain": KelvinVoigtChain},
         "Elements": {"passive_spring": PassiveSpring, "viscous": Viscous, "tendon": Tendon},

@@ -8,7 +8,8 @@ A package that has a tension law, a valve, a step of a protocol, a sensor or an 
 
 A class in a file of one's own needs no package: its name is ``my.py:MyLaw``, on the command line and in files.
 
-The groups are ``mckibben.laws``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors`` and ``mckibben.formats``.
+The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors`` and
+``mckibben.formats``.
 """
 
 from __future__ import annotations
@@ -117,17 +118,15 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
         raise InputError(field, reference, "must be a file and a name in it, such as my.py:MyLaw", where=where)
     path, name = Path(match["path"]), match["name"]
     if not path.is_file():
-        raise InputError(
-            field, reference, "no such file", where=where, sentence=_said(where, f"File not found: {path}")
-        )
+        raise InputError(field, reference, "no such file", where=where, sentence=f"File not found: {path}")
     if _folders is not None and not any(path.resolve().is_relative_to(folder) for folder in _folders):
         said = f"{path} may not be loaded here; code is loaded from {', '.join(map(str, _folders))} only"
-        raise InputError(field, reference, "must be in another folder", where=where, sentence=_said(where, said))
+        raise InputError(field, reference, "must be in another folder", where=where, sentence=said)
     module = _module_of(path, field, reference, where)
     if not hasattr(module, name):
         own = [n for n, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
         said = f"{path} has no {name!r}. {suggestion(name, own)}It has {', '.join(own) or 'nothing of its own'}"
-        raise InputError(field, reference, "must be a name in the file", where=where, sentence=_said(where, said))
+        raise InputError(field, reference, "must be a name in the file", where=where, sentence=said)
     return _named(reference, getattr(module, name))
 
 
@@ -159,9 +158,7 @@ def _module_of(path: Path, field: str, reference: str, where: str | None) -> typ
         line = _line_of(error, str(path))
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         said = f"{path}{f', line {line}' if line else ''}: {kind}{error}"
-        raise InputError(
-            field, reference, "must be a file that runs", where=where, sentence=_said(where, said)
-        ) from None
+        raise InputError(field, reference, "must be a file that runs", where=where, sentence=said) from None
     finally:
         sys.path.remove(folder)
     return module
@@ -176,10 +173,6 @@ def _line_of(error: BaseException, path: str) -> int | None:
             line = trace.tb_lineno
         trace = trace.tb_next
     return line
-
-
-def _said(where: str | None, sentence: str) -> str:
-    return sentence if where is None else f"{where}: {sentence}"
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -222,7 +215,7 @@ class Registry(Mapping[str, T], Generic[T]):
         assert self.accept is not None
         demand = self.accept(kind)
         if demand is not None:
-            said = _said(where, f"{name} is no {self.noun}: it must be {demand}")
+            said = f"{name} must be {demand}"
             raise InputError(field or self.noun, name, f"must be {demand}", where=where, sentence=said)
         return kind
 
@@ -237,9 +230,7 @@ class Registry(Mapping[str, T], Generic[T]):
         demand = "a kind of its own" if self.accept is None else self.accept(kind)
         title = getattr(kind, "__name__", type(kind).__name__)
         if demand is not None:
-            raise InputError(
-                self.noun, title, f"must be {demand}", sentence=f"{title} is no {self.noun}: it must be {demand}"
-            )
+            raise InputError(self.noun, title, f"must be {demand}", sentence=f"{title} must be {demand}")
         name, count = title, 1
         while name in self._known:  # an earlier class of that name, as of a cell that was run again
             count += 1

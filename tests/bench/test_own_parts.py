@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import mckibben as mk
+from mckibben.assembly.build import unit_from_specimen
 from mckibben.assembly.check import _tension_and_volume
 from mckibben.assembly.circuit_file import read_circuit
 from mckibben.bench.rig_file import rig
@@ -24,7 +25,8 @@ import mckibben as mk
 from mckibben.bench.sensors import SensorKind
 from mckibben.bench.software.controllers import bounded, first_trim
 from mckibben.components import Module
-from mckibben.components.flow import TwoPort
+from mckibben.components.flow import FlowElement, TwoPort
+from mckibben.muscles.hysteresis import Dahl
 from mckibben.pneumatics.orifice import Orifice
 
 
@@ -75,6 +77,39 @@ class Needle(TwoPort):
 
     def mass_flow(self, a, b, state=(), command=0.0):
         return self.passage.mass_flow(a, b, (), jnp.minimum(self.turns / 8.0, 1.0))
+
+
+class Switched(FlowElement):
+    ports = ("supply", "outlet", "exhaust")
+    paths = ((0, 1), (1, 2))
+    command_unit = "Pa"
+    fill: Orifice
+    vent: Orifice
+
+    def flows(self, gas, state, memory, command):
+        error = (command - gas[1].pressure_abs + gas[2].pressure_abs) / 2e4
+        return (
+            self.fill.mass_flow(gas[0], gas[1], (), jnp.clip(error, 0.0, 1.0)),
+            self.vent.mass_flow(gas[1], gas[2], (), jnp.clip(-error, 0.0, 1.0)),
+        )
+
+
+class Bristle(Dahl):
+    pass
+"""
+VALVE = """[plumbing.direct.valve]
+kind = "parts.py:Switched"
+nominal_flow = "60 l/min"
+"""
+HOLD = """
+schema = 1
+name = "hold"
+[control.pressure]
+controller = "parts.py:Careful"
+share = 0.4
+[[steps]]
+pressure = "3 bar"
+for = "0.1 s"
 """
 TANK = """
 schema = 1
@@ -138,8 +173,8 @@ def test_a_rig_takes_a_controller_and_a_sensor_of_its_own(folder: Path) -> None:
     ("old", "new", "sentence"),
     [
         ("parts.py:Careful", "parts.py:Carefree", "has no 'Carefree'. Did you mean 'Careful'? It has Spring, "),
-        ("parts.py:Careful", "parts.py:GAS", "parts.py:GAS is no controller: it must be a class derived from "),
-        ("parts.py:GAS", "parts.py:Careful", "parts.py:Careful is no sensor: it must be a mckibben.bench.sensors"),
+        ("parts.py:Careful", "parts.py:GAS", "parts.py:GAS must be a class derived from "),
+        ("parts.py:GAS", "parts.py:Careful", "parts.py:Careful must be a mckibben.bench.sensors"),
         ("parts.py:GAS", "gone.py:GAS", "File not found: "),
         ("share = 0.4", "share = 4", "control.pressure.share must be between 0 and 1, got 4"),
     ],
@@ -156,10 +191,89 @@ def test_a_circuit_takes_a_valve_of_its_own(folder: Path) -> None:
     plan = read_circuit(folder / "tank.toml")
     assert "Needle" in repr(plan.circuit)
     (folder / "tank.toml").write_text(TANK.replace("Needle", "Careful"))
-    with pytest.raises(
-        InputError, match="Careful is no kind: it must be a class derived from mckibben.components.flow"
-    ):
+    with pytest.raises(InputError, match="Careful must be a class derived from mckibben.components.flow"):
         read_circuit(folder / "tank.toml")
+
+
+def own_valve(folder: Path, old: str = "", new: str = "") -> Path:
+    text = (resources.files("mckibben.bench") / "rigs" / "modern.toml").read_text()
+    head, _, tail = text.partition("[plumbing.direct.valve]\n")
+    path = folder / "my-rig.toml"
+    path.write_text((head + VALVE + tail[tail.index("[") :]).replace(old or "\0", new))
+    return path
+
+
+def test_a_rig_takes_a_valve_of_its_own(folder: Path) -> None:
+    mine = rig(own_valve(folder))
+    valve = mine.plumbing["direct"].valve
+    assert type(valve).__name__ == "Switched"
+    # Both are choked from 9 bar, so that the rates are in the ratio of the conductances.
+    usual = rig("modern")
+    share = float(valve.fill.conductance / usual.plumbing["direct"].valve.fill.conductance)
+    rates = [one.limits("direct").pressure_rate for one in (mine, usual)]
+    assert rates[0] / rates[1] == pytest.approx(share, rel=1e-12)  # rounding of a few products
+    circuit = mk.Air(supply="6 bar", valve=valve).build({"muscle": unit_from_specimen("nylon")})
+    assert [(drive.command, drive.unit) for drive in circuit.drives] == [("muscle", "Pa")]
+    assert circuit.settles == {"muscle": "muscle"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("parts.py:Needle", "plumbing.direct.valve.kind must be an element with the ports supply, outlet and exhaust"),
+        ("spool_valve", "whose command is a gauge pressure (command_unit = 'Pa'), got 'spool_valve'"),
+        ("spool", "Unknown plumbing.direct.valve.kind 'spool'. Did you mean 'spool_valve'?"),
+    ],
+)
+def test_a_valve_that_a_rig_cannot_use_is_refused_in_a_sentence(kind: str, sentence: str, folder: Path) -> None:
+    with pytest.raises(InputError) as error:
+        rig(own_valve(folder, "parts.py:Switched", kind))
+    assert sentence in str(error.value)
+    assert str(error.value).count("my-rig.toml") == 1
+
+
+def test_a_muscle_takes_a_friction_of_its_own(folder: Path) -> None:
+    text = (resources.files("mckibben.specimens") / "data" / "nylon.toml").read_text()
+    stated = """
+[friction."parts.py:Bristle"]
+constant = { value = 3, unit = "N" }
+stiffness = { value = 30, unit = "N/mm" }
+"""
+    (folder / "mine.toml").write_text(text + stated)
+    muscle = mk.muscle(folder / "mine.toml")
+    assert type(muscle.friction).__name__ == "Bristle"  # though the file states one of the package too
+    assert float(muscle.friction.largest_force(5e5)) == 3.0
+    assert float(muscle.friction.stiffness) == 3e4
+    assert type(mk.muscle(folder / "mine.toml", friction="maxwell_slip").friction).__name__ == "MaxwellSlip"
+    (folder / "mine.toml").write_text(text + stated.replace("stiffness", "stifness"))
+    with pytest.raises(InputError, match=r"Did you mean 'stiffness'\?"):
+        mk.muscle(folder / "mine.toml")
+    with pytest.raises(InputError, match="Careful must be a class derived from mckibben.components.Hysteresis"):
+        mk.muscle("nylon", friction=f"{folder}/parts.py:Careful")
+
+
+def test_a_protocol_takes_a_controller_of_its_own(folder: Path) -> None:
+    (folder / "hold.toml").write_text(HOLD)
+    wanted = mk.protocol(folder / "hold.toml")
+    assert f"The pressure is controlled by {folder}/parts.py:Careful with share 0.4." in wanted.sentence()
+    prepared = mk.prepare(wanted, muscle="nylon", rig="modern")
+    assert type(prepared.rig.pressure).__name__ == "Careful"
+    assert prepared.rig.document["control"]["pressure"]["share"] == 0.4  # as the recording will tell
+    assert prepared.rig.force == rig("modern").force
+    (folder / "hold.toml").write_text(HOLD.replace("share = 0.4", "share = 4"))
+    with pytest.raises(InputError, match="control.pressure.share must be between 0 and 1, got 4"):
+        mk.prepare(str(folder / "hold.toml"), muscle="nylon", rig="modern")
+
+
+def test_a_protocol_changes_single_gains_of_the_rig(folder: Path) -> None:
+    text = HOLD.replace('controller = "parts.py:Careful"\nshare = 0.4', 'ki = "2 1/s"')
+    (folder / "hold.toml").write_text(text)
+    prepared = mk.prepare(str(folder / "hold.toml"), muscle="nylon", rig="modern")
+    usual = rig("modern").pressure
+    assert prepared.rig.pressure == usual.replace(ki=2.0)
+    plain = text.replace('[control.pressure]\nki = "2 1/s"\n', "")
+    (folder / "plain.toml").write_text(plain)
+    assert mk.protocol(folder / "plain.toml").digest != prepared.protocol.digest
 
 
 def test_a_law_is_fitted_saved_and_read_from_another_folder(folder: Path) -> None:

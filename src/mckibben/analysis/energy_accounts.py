@@ -24,7 +24,7 @@ from ..muscles.stored import stored_along
 from ..pneumatics.exergy import DeadState
 from ..pneumatics.gas import AIR
 from ..recordings import Recording
-from ..specimens import Specimen, specimen
+from ..specimens import Specimen, muscle_specimen
 from ._energy_samples import Flows, whole_pieces
 from ._recorded_machine import RecordedMachine
 from .channels import known
@@ -272,7 +272,7 @@ def _known(record: Recording, muscle: Any, supply: float | None, dead_volume: fl
     if isinstance(muscle, TensionLaw):
         law = muscle
     elif muscle is not None:
-        law = law_from_specimen(muscle if isinstance(muscle, Specimen) else specimen(muscle))
+        law = law_from_specimen(muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle))
     elif machine is not None and machine.muscles():
         law = machine.law(machine.muscles()[0])
     else:

@@ -19,9 +19,8 @@ from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.tubes import LumpedTube
-from ..pneumatics.valves import PressureRegulator, SpoolValve, ThreeWayValve
 from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
-from ..specimens import Specimen, specimen
+from ..specimens import Specimen, muscle_specimen
 from .loads import JointLoad, Load, MomentArm
 from .machine import Machine
 from .muscle_unit import MuscleUnit
@@ -58,8 +57,15 @@ INFERRED: dict[str, InferredNumber] = {
     ),
     "valve_flow_pressure": InferredNumber(6.9e5, (6e5, 7e5), "Pa; where that flow is meant"),
 }
-PORTED: tuple[type[FlowElement], ...] = (ThreeWayValve, SpoolValve, PressureRegulator)  # supply, work, exhaust
+LINE_VALVE = "an element with the ports supply, work and exhaust that a command drives"
 Valve = FlowElement | tuple[Orifice, Orifice]
+
+
+def is_line_valve(valve: object) -> bool:
+    """Whether an element can stand between a supply, one muscle and the exhaust: three ports, and a command."""
+    if not isinstance(valve, FlowElement):
+        return False
+    return len(valve.ports) == 3 and (valve.commanded or valve.command_unit != "1")
 
 
 def _usual(name: str) -> float:
@@ -95,7 +101,7 @@ def unit_from_specimen(
     Raises:
         InputError: if the specimen is no McKibben muscle, or states something else than what was requested.
     """
-    stated = specimen(spec) if isinstance(spec, str) else spec
+    stated = muscle_specimen(spec) if isinstance(spec, str) else spec
     if stated.kind != "mckibben":
         raise InputError("specimen", stated.id, f"must be a McKibben muscle; it is {stated.kind}", where=stated.where)
     chosen = build_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))
@@ -234,11 +240,11 @@ def _add(
     if isinstance(valve, tuple):
         branches[f"{name}.fill"] = Branch(valve[0], (source, port), f"{name}.fill")
         branches[f"{name}.vent"] = Branch(valve[1], (port, "room"), f"{name}.vent")
-    elif isinstance(valve, PORTED):
+    elif is_line_valve(valve):
         branches[f"{name}.valve"] = Branch(valve, (source, port, "room"), f"{name}.valve")
     else:
-        kinds = ", ".join(kind.__name__ for kind in PORTED)
-        raise InputError(f"valve of {name}", type(valve).__name__, f"must be {kinds}, or two orifices", where="circuit")
+        demand = f"must be {LINE_VALVE}, or two orifices"
+        raise InputError(f"valve of {name}", type(valve).__name__, demand, where="circuit")
     tube = line.tube or LumpedTube(
         length=_usual("tube_length"), diameter=_usual("tube_diameter"), wall_temperature=room.temperature
     )

@@ -48,7 +48,7 @@ def check(
         subject = load_reference(subject, field="law") if is_reference(subject) else LAWS.find(subject)
     if isinstance(subject, type):
         if not issubclass(subject, TensionLaw | Hysteresis):
-            raise InputError("law", str(what), f"must be {DEMAND}", sentence=f"{what} is no law: it must be {DEMAND}")
+            raise InputError("law", str(what), f"must be {DEMAND}", sentence=f"{what} must be {DEMAND}")
         if isinstance(what, str) and issubclass(subject, TensionLaw):
             LAWS.find(what)  # complete, and from now on known by that name
         elif issubclass(subject, TensionLaw):
@@ -64,7 +64,7 @@ def check(
         return law_findings(subject, lowest=lowest) + _lowering(_tension_and_volume, subject, 0.2, 3e5)
     if isinstance(subject, Hysteresis):
         return friction_findings(subject) + _lowering(_advance, subject, 1e-3, 3e5)
-    raise InputError("law", str(what), f"must be {DEMAND}", sentence=f"{what} is no law: it must be {DEMAND}")
+    raise InputError("law", str(what), f"must be {DEMAND}", sentence=f"{what} must be {DEMAND}")
 
 
 def _tension_and_volume(law: TensionLaw, length: Scalar, pressure: Scalar) -> tuple[Tree, Tree]:

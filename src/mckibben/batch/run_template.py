@@ -23,7 +23,7 @@ from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import values_of, with_values
 from ..quantities import parse
-from ..specimens import Specimen, specimen
+from ..specimens import Specimen, muscle_specimen
 from .outputs import USUAL, Output
 from .settings import Setting, setting
 
@@ -74,7 +74,7 @@ class RunTemplate:
     @functools.cached_property
     def first_unit(self) -> MuscleUnit:
         """Default muscle of variants."""
-        return unit_from_specimen(self.specimens.get(self.muscle) or specimen(self.muscle))
+        return unit_from_specimen(self.specimens.get(self.muscle) or muscle_specimen(self.muscle))
 
     def words(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Values of a variant as ``--set`` would state them, including common ones."""
@@ -118,7 +118,7 @@ class RunFactory:
         )
 
     def _specimen(self, name: str) -> Specimen:
-        return self.template.specimens.get(name) or specimen(name)
+        return self.template.specimens.get(name) or muscle_specimen(name)
 
     @staticmethod
     def _changed(unit: MuscleUnit, given: Mapping[str, str]) -> MuscleUnit:
@@ -154,7 +154,7 @@ def make_template(protocol: Protocol, muscle: str, rig: str = "paper", **more: A
         protocol=protocol,
         muscle=muscle,
         rig=rig,
-        specimens={muscle: specimen(muscle), **more.pop("specimens", {})},
+        specimens={muscle: muscle_specimen(muscle), **more.pop("specimens", {})},
         rigs={rig: dict(rig_of(rig).document), **more.pop("rigs", {})},
         **more,
     )

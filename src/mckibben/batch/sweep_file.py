@@ -53,7 +53,7 @@ from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped, with_values
 from ..schema import FileTable, Place, entry, named, nested, number, read_part, read_table, shown, verbatim, whole, word
-from ..specimens import specimen
+from ..specimens import muscle_specimen
 from . import posterior
 from .outputs import USUAL, Output, read_outputs
 from .run_template import RunTemplate
@@ -228,7 +228,7 @@ def _template(file: SweepFile, folder: Path, where: str) -> RunTemplate:
         protocol=protocol,
         muscle=muscle,
         rig=rig,
-        specimens={muscle: specimen(muscle)},
+        specimens={muscle: muscle_specimen(muscle)},
         rigs={rig: dict(rig_of(rig).document)},
         outputs=file.outputs,
         plumbing=file.plumbing,
@@ -257,7 +257,7 @@ def _with_files(template: RunTemplate, variants: Variants, folder: Path, where: 
     """Add the files of every muscle and rig that a variant names, in their present state."""
     specimens, rigs = dict(template.specimens), dict(template.rigs)
     for path, read in (
-        ("muscle", lambda n: specimens.setdefault(n, specimen(_found(n, folder)))),
+        ("muscle", lambda n: specimens.setdefault(n, muscle_specimen(_found(n, folder)))),
         ("rig", lambda n: rigs.setdefault(n, dict(rig_of(_found(n, folder)).document))),
     ):
         for name in dict.fromkeys(variants.columns.get(path, ())):

@@ -42,7 +42,7 @@ from ..muscles.build import from_specimen
 from ..quantities import quantity
 from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
-from ..specimens import Specimen, specimen
+from ..specimens import Specimen, muscle_specimen
 from .prepare import read_named_protocol
 
 SETTLE = 1e-3  # [s]
@@ -69,7 +69,7 @@ def biological_subject(muscle: object, *, law: str | None = None) -> BiologicalS
         return BiologicalSubject(cast(Any, muscle.law), muscle.specimen) if muscle.is_biological else None
     if not isinstance(muscle, str | os.PathLike | Specimen):
         return None
-    spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
+    spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
     return BiologicalSubject(from_specimen(spec, law), spec) if spec.kind == "biological" else None
 
 

@@ -177,7 +177,7 @@ def run_joint(
         ConvergenceError: if the physics failed; says why.
     """
     rig = stand.rig
-    dead = float(rig.plumbing[stand.layout].valve.dead_time)
+    dead = float(rig.plumbing[stand.layout].valve.delay() or 0.0)
     timing = configure(rig.computer, sample_rate, dead_time=dead, step=step)
     courses = {"angle": angle, "stiffness": stiffness, "moment": moment, "active": active}
     time, set_points = _clocked(courses, duration, timing.period)

@@ -22,9 +22,10 @@ from ..experiments.protocol import Protocol
 from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
-from ..specimens import Specimen, specimen
+from ..specimens import Specimen, muscle_specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
+from .rig_file import with_control
 from .software.waveform_import import read_protocol
 
 CONTROL_RATE = 1000.0  # least samples per second of a loop that controls a motor
@@ -194,14 +195,14 @@ def prepare(
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
         )
-    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    on = with_control(rig if isinstance(rig, Rig) else rig_of(rig), wanted.control, where=wanted.name)
     spec = None
     if isinstance(muscle, MuscleUnit):
         unit = muscle
     elif isinstance(muscle, Muscle):
         spec, unit = muscle.specimen, unit or unit_from_muscle(muscle)
     else:
-        spec = muscle if isinstance(muscle, Specimen) else specimen(muscle)
+        spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
         unit = unit or unit_from_specimen(spec)
     layout = on.layout(wanted, plumbing)
     rest = rest_length_of(spec, unit.law)

@@ -15,7 +15,7 @@ from .._jax import Scalar, jnp
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
-from ..components.flow import GasState
+from ..components.flow import FlowElement, GasState
 from ..engine.native import call_compiled
 from ..errors import InputError
 from ..experiments.dry_run import Limits
@@ -36,8 +36,10 @@ CHOICES = frozenset(("accumulators", "shut-off"))  # parts by which a way to joi
 MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate that a valve can follow [m^3]
 
 
-def _flow(orifice: Any, a: GasState, b: GasState) -> Any:
-    return orifice.mass_flow(a, b)
+def _fill_flow(valve: FlowElement, supply: GasState, room: GasState, command: Scalar) -> Scalar:
+    """Mass flow [kg/s] of a valve into an empty outlet once it has long been asked for a gauge pressure [Pa]."""
+    gas = (supply, room, room)
+    return valve.flows(gas, valve.settled(command), valve.initial_memory(gas), command)[0]
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,8 @@ class Rig:
         """Largest rate of a set-point that the gas can follow [Pa/s]: by the open valve into the volumes."""
         room = self.environment
         supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
-        flow = call_compiled(_flow, plumbing.valve.fill, supply, GasState(room.pressure_abs, room.temperature))
+        empty = GasState(room.pressure_abs, room.temperature)
+        flow = call_compiled(_fill_flow, plumbing.valve, supply, empty, float(self.valve_out.top))
         volume = plumbing.port_volume + plumbing.valve_accumulator + plumbing.muscle_accumulator + MUSCLE_VOLUME
         return float(flow / AIR.mass(1.0, volume, room.temperature))
 

@@ -21,17 +21,19 @@ states. A specimen may be a file, and is looked for beside this one.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from typing import Any, TypeVar, cast
 
 from ..components import Environment, Module
+from ..components.flow import FlowElement
 from ..documents import JsonValue, parse_toml, read_toml, with_own_paths
 from ..errors import InputError
-from ..pneumatics.build import build_element
+from ..pneumatics.build import ELEMENTS, build_element
 from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, declared, parse
@@ -55,6 +57,7 @@ SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
     "frame", "plumbing", "control", "interlocks", "environment", "hands", "daq",
 )  # fmt: skip
+CONTROLLERS: dict[str, type[Any]] = {"pressure": PressureControl, "position": PositionControl, "force": ForceControl}
 # Of the interlocks: from the frame, the sensors, the valve's converter and the motor.
 FOLLOWS = (
     "shortest", "longest", "pressure_rail", "pressure_floor", "tension_rail", "tension_floor", "valve_range", "motor_force",
@@ -135,7 +138,7 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
     _own_sensors(sensors)
     sensors.only(SENSORS)
     outputs.only(("valve", "motor"))
-    control.only(("motion", "pressure", "position", "force"))
+    control.only(("motion", *CONTROLLERS))
     frame = top.table("frame")
     motor = read_table(Motor, top.table("motor")) if "motor" in document else None
     bounds = [frame.number(key, "m", declared=LENGTH) for key in ("shortest", "longest")]
@@ -165,15 +168,41 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
         longest=bounds[1],
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
         motion=read_table(MotionEstimate, control.table("motion")),
-        pressure=_controller(control.table("pressure"), PressureControl),
-        position=_controller(control.table("position"), PositionControl),
-        force=_controller(control.table("force"), ForceControl),
+        **{name: _controller(control.table(name), kind) for name, kind in CONTROLLERS.items()},
         interlocks=_interlocks(top.table("interlocks"), bounds),
         environment=room,
         hands=_hands(top, tuple(layouts.values)),
         document=document,
         where=where,
     )
+
+
+def with_control(on: Rig, control: Mapping[str, JsonValue], *, where: str) -> Rig:
+    """Return a rig with the controllers that a protocol states in place of its own.
+
+    Args:
+        on: the rig.
+        control: tables by ``pressure``, ``position`` and ``force``. One that names a ``controller`` replaces the rig's;
+            another changes the gains that it states.
+        where: the protocol, for error messages.
+
+    Raises:
+        InputError: there is no such controller, or it has no such parameter.
+    """
+    if not control:
+        return on
+    stated = dict(on.document.get("control", {}))
+    for name, table in control.items():
+        stated[name] = dict(table) if "controller" in table else {**stated.get(name, {}), **table}
+    tables = FileTable(stated, "control", where)
+    made = {name: _controller(tables.table(name), CONTROLLERS[name]) for name in control}
+    replaced = set()
+    for name, table in control.items():
+        keys = (*on.document.get("control", {}).get(name, {}), *table) if "controller" in table else table
+        replaced |= {f"control.{name}.{key}" for key in keys}
+    inferred = tuple(path for path in on.inferred if path not in replaced)
+    document = {**on.document, "control": stated, "inferred": list(inferred)}
+    return dataclasses.replace(on, **made, document=document, inferred=inferred)
 
 
 def _channel_part(kind: type[T], table: FileTable, unit: str, **parts: Any) -> T:
@@ -190,7 +219,7 @@ def _own_sensors(sensors: FileTable) -> None:
         reference = table.word("kind")
         kind = load_reference(reference, field=table.field("kind"), where=table.where or None)
         if not isinstance(kind, SensorKind):
-            said = f"{table.where}: {reference} is no sensor: it must be a mckibben.bench.sensors.SensorKind"
+            said = f"{reference} must be a mckibben.bench.sensors.SensorKind"
             raise InputError(table.field("kind"), reference, "must be a sensor", where=table.where, sentence=said)
         SENSORS.put(name, kind)
 
@@ -203,7 +232,7 @@ def _controller(table: FileTable, usual: type[T]) -> T:
     kind = load_reference(reference, field=table.field("controller"), where=table.where or None)
     demand = f"a class derived from mckibben.components.Module with initial and step like those of {usual.__name__}"
     if not (isinstance(kind, type) and issubclass(kind, Module) and all(hasattr(kind, n) for n in ("initial", "step"))):
-        said = f"{table.where}: {reference} is no controller: it must be {demand}"
+        said = f"{reference} must be {demand}"
         raise InputError(table.field("controller"), reference, f"must be {demand}", where=table.where, sentence=said)
     made: Any = read_table(kind, table.without("controller"))
     return cast(T, made)
@@ -236,8 +265,8 @@ def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     entry.only((*_PLUMBING, *_PARTS, "heat", "muscle", "about"))
     muscle = entry.flag("muscle", True)
     parts = {
-        "valve": _element(entry.table("valve"), "pressure_regulator"),
-        "tube": _element(entry.table("tube"), "lumped_tube"),
+        "valve": _element(entry.table("valve"), "pressure_regulator", _required_of_valve),
+        "tube": _element(entry.table("tube"), "lumped_tube", _required_of_tube),
     }
     if "shut_off" in entry.values:
         parts["shut_off"] = _element(entry.table("shut_off"), "on_off_valve")
@@ -250,8 +279,29 @@ def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     return made
 
 
-def _element(entry: FileTable, kind: str) -> Any:
+def _required_of_valve(kind: type[FlowElement]) -> str | None:
+    """What an element must be to be the valve of a rig; None where it is that."""
+    if len(kind.ports) == 3 and kind.command_unit == "Pa":
+        return None
+    return (
+        "an element with the ports supply, outlet and exhaust, whose command is a gauge pressure (command_unit = 'Pa')"
+    )
+
+
+def _required_of_tube(kind: type[FlowElement]) -> str | None:
+    """What an element must be to be the tube of a rig; None where it is that."""
+    return None if len(kind.ports) == 2 and not kind.commanded else "an element with two ports and no command"
+
+
+def _element(entry: FileTable, kind: str, accept: Callable[[type[FlowElement]], str | None] | None = None) -> Any:
+    """Read an element; where `accept` says what it must be, ``kind`` may name another one than the usual."""
     spec = None
+    if accept is not None and "kind" in entry:
+        kind = entry.word("kind")
+        demand = accept(ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where))
+        if demand is not None:
+            raise entry.fail("kind", kind, f"must be {demand}")
+        entry = entry.without("kind")
     if "specimen" in entry.values:
         try:
             spec = specimen(entry.word("specimen"))

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report import comparison_report, document
 from ..report.figures import comparison_figures, style
-from ..specimens import specimen
+from ..specimens import muscle_specimen
 from ..studies import comparison
 from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputKinds, Paths
 from ._progress import told
@@ -89,7 +89,7 @@ def compare_muscles(
             raise InputError("--stimulation", None, "is allowed only with --protocols, whose work loop it drives")
         comparison.protocols.stimulated_loop(stimulated)
     full = parse(pressure, "Pa", field="--pressure")
-    specs = [specimen(name) for name in muscles or []]
+    specs = [muscle_specimen(name) for name in muscles or []]
     if law is not None and not any(law in spec.laws for spec in specs):
         stated = ", ".join(dict.fromkeys(name for spec in specs for name in spec.laws))
         raise InputError("--law", law, f"the muscles state {stated or 'no law'}")

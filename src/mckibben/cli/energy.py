@@ -13,7 +13,7 @@ from ..analysis import energy as cycle_energy
 from ..errors import InputError
 from ..quantities import from_si, parse, with_unit
 from ..report.figures import energy_figures, style
-from ..specimens import specimen
+from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, TABLE, OutputKinds, Paths
 from ._terminal import (
     Contraction,
@@ -107,7 +107,7 @@ def energy(
     if no_friction and friction is not None:
         raise InputError("--friction", None, "is allowed only without --no-friction")
     with OUT.files(out) as files:
-        spec = specimen(name)
+        spec = muscle_specimen(name)
         chosen = chosen_law(law, spec)
         try:
             computed = cycle_energy.energy(

@@ -14,7 +14,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import declared, from_si, parse, shown_unit, values, with_unit
 from ..report.figures import muscle_figures, style
-from ..specimens import Specimen, SpecimenNumber, save_specimen, specimen, specimens
+from ..specimens import Specimen, SpecimenNumber, muscle_specimen, save_specimen, specimen, specimens
 from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._terminal import (
     Contraction,
@@ -256,7 +256,7 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
         if law is not None:
             raise InputError("--law", None, f"is allowed only with a specimen; {name} is a law itself")
         return None, name, _named_law(name, parameters(change, name))
-    spec = specimen(name)
+    spec = muscle_specimen(name)
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "must be a muscle; it is a valve")
     chosen = chosen_law(law, spec)

@@ -23,7 +23,7 @@ from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
 from ..report.figures import recording_figures, style
-from ..specimens import specimen
+from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
 from ._progress import INTERRUPTED, progress
 from ._terminal import (
@@ -291,7 +291,7 @@ def prepared(
     """Prepare a run from the options of the command line."""
     changes = pairs(change, "--set", _EXAMPLE)
     of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
-    spec = specimen(muscle)
+    spec = muscle_specimen(muscle)
     unit = build.unit_from_specimen(spec, law=law)
     for key, words in changes.items():
         if key.startswith("muscle."):

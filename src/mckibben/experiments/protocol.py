@@ -184,6 +184,18 @@ def _read_needs(raw: object, place: Place) -> tuple[str, ...]:
     return tuple(raw)
 
 
+CONTROLLED = ("pressure", "position", "force")  # what a controller of a machine holds
+
+
+def _read_control(raw: object, place: Place) -> FrozenTable:
+    """Read the tables of controllers; what is in them the rig's reader checks, which knows the controllers."""
+    table = place.table(raw)
+    table.only(CONTROLLED, "control has")
+    for name in table.values:
+        table.table(name)
+    return FrozenTable(table.values)
+
+
 def _read_rate(raw: object, place: Place) -> float:
     return read_amount(raw, "1/s", field=place.field, where=place.where, bounds=RATES).value
 
@@ -193,7 +205,8 @@ class Protocol:
     """An experiment on a muscle: `first` once, then `steps` for every case and repeat, then `last`.
 
     A case is one value of every parameter and choice. `needs` are sensors and parts that a rig must have beside those that
-    the steps ask for. `sample_rate` [1/s].
+    the steps ask for. `sample_rate` [1/s]. `control` are gains, or controllers of the user's own, that stand in place of the
+    rig's, as tables like those of a rig's file.
     """
 
     name: str
@@ -205,6 +218,9 @@ class Protocol:
     repeat: int = schema.whole(1, MOST_CASES, default=1)
     needs: tuple[str, ...] = schema.entry(_read_needs, write=_all, default=())
     sample_rate: float = schema.entry(_read_rate, write=lambda rate, place: f"{rate!r} Hz", default=1000.0)
+    control: FrozenTable = schema.entry(
+        _read_control, write=lambda table, place: table.plain(), default=FrozenTable({})
+    )
     choices: tuple[ProtocolChoice, ...] = schema.entry(_read_named(ProtocolChoice), write=_write_named, default=())
     parameters: tuple[ProtocolParameter, ...] = schema.entry(
         _read_named(ProtocolParameter), write=_write_named, default=()
@@ -269,6 +285,8 @@ class Protocol:
         """SHA-256 of what is done, however it is written: equal for ``5 bar`` and ``500 kPa``, on every machine."""
         body = [[_plain(s) for _, s in steps] for _, steps in self.blocks()]
         meaning = {"schema": SCHEMA, "rate": _plain(self.sample_rate), "needs": sorted(self.needs), "blocks": body}
+        if self.control:  # the hash of a protocol that leaves the control to the rig stays as it was
+            meaning["control"] = self.control.plain()
         return hashlib.sha256(json.dumps(meaning, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def sentence(self) -> str:

@@ -34,6 +34,7 @@ from ..accessors import implementation
 from ..documents import JsonValue, parse_toml, read_text
 from ..errors import InputError
 from ..quantities import split_values
+from ..registry import with_own_references
 from ..schema import FileTable, Place, read_stated, read_table
 from .amounts import read_amount
 from .protocol import MOST_CASES, SCHEMA, Protocol, check_options, check_values, read_values
@@ -55,7 +56,14 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
     where = os.fspath(path)
-    return parse_protocol(read_text(path, field="protocol"), where=where)
+    document = parse_toml(read_text(path, field="protocol"), where=where, field="protocol")
+    return build_protocol(with_own_controllers(document, where), where=where)
+
+
+def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[str, JsonValue]:
+    """The tables of a file with its controllers, such as ``my.py:MyController``, found from the folder of the file."""
+    own = {"control": with_own_references(document["control"], where)} if "control" in document else {}
+    return {**document, **own}
 
 
 def parse_protocol(text: str, *, where: str) -> Protocol:
@@ -70,7 +78,9 @@ def build_protocol(document: Mapping[str, JsonValue], *, where: str) -> Protocol
         top.schema(SCHEMA)
     if "protocol" in document:
         base = shipped(top.word("protocol"), where=where)
-        tables = {k: v for k, v in document.items() if k not in ("protocol", "schema")}
+        if "control" in document:
+            base = dataclasses.replace(base, **read_stated(Protocol, top, ("control",)))
+        tables = {k: v for k, v in document.items() if k not in ("protocol", "schema", "control")}
         return with_values(base, tables, where=where)
     return checked(read_table(Protocol, top, owner="a protocol has", beside=("schema",)), where)
 

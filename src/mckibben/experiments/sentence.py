@@ -35,6 +35,7 @@ def protocol_sentence(protocol: Protocol) -> str:
     said.append(f"{how[:1].upper()}{how[1:]}: {body}." if how else f"{body[:1].upper()}{body[1:]}.")
     if protocol.last:
         said.append(f"Last {_parts(protocol.last, cases[-1], 'last')}.")
+    said += [_controlled(name, table) for name, table in protocol.control.items()]
     said.append(_sampled(protocol))
     inferred = _inferred(protocol, cases)
     if inferred:
@@ -142,6 +143,13 @@ def _marked(parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], varie
                 if a != b:
                     marked[i] = f"this {_named(name)}"
     return "".join(marked)
+
+
+def _controlled(name: str, table: Mapping[str, JsonValue]) -> str:
+    """Which controller of a quantity takes the place of the rig's, with its parameters."""
+    gains = ", ".join(f"{_named(key)} {value}" for key, value in table.items() if key != "controller")
+    by = f" by {table['controller']}" if "controller" in table else ""
+    return f"The {name} is controlled{by}{f' with {gains}' if gains else ''}."
 
 
 def _sampled(protocol: Protocol) -> str:

@@ -23,7 +23,7 @@ from ..muscles.laws import LAWS, law_key, law_type
 from ..quantities import declared, in_si
 from ..recordings import ForceMap, read_force_map
 from ..registry import is_reference
-from ..specimens import Specimen, map_file, save_specimen, specimen, specimen_ids
+from ..specimens import Specimen, map_file, muscle_specimen, save_specimen, specimen_ids
 from .fit import Fit, evaluate, fit_all, fitted_specimen
 from .fit import fit as fit_law
 
@@ -210,13 +210,13 @@ def load_table(
     Raises:
         InputError: the file cannot be read, or a specimen is unknown or ships without a table.
     """
-    spec = specimen(like) if isinstance(like, str) else like
+    spec = muscle_specimen(like) if isinstance(like, str) else like
     rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     if isinstance(table, ForceMap):
         return (table if rest is None else table.with_rest_length(rest)), spec
     name = os.fspath(table)
     if not Path(name).suffix and name.lower() in [known.lower() for known in specimen_ids()]:
-        spec = specimen(name)
+        spec = muscle_specimen(name)
         rest = rest or spec.property_si("rest_length", "m")
         return read_force_map(map_file(spec), rest_length=rest, **reading), spec
     return read_force_map(name, rest_length=rest, **reading), spec

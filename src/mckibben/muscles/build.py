@@ -11,7 +11,8 @@ from ..accessors import implementation
 from ..components import Hysteresis, MemoryElement
 from ..errors import InputError, MissingParametersError
 from ..quantities import Quantity, declared, in_si, shown_unit
-from ..specimens import Specimen, specimen
+from ..registry import is_reference
+from ..specimens import Specimen, SpecimenNumber, muscle_specimen
 from .biological import BiologicalMuscle
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
@@ -149,9 +150,9 @@ class MuscleFactory:
         Args:
             name: id of a specimen, path of a ``.toml`` file, a specimen that was read, or the name of a law.
             law: one of the laws that the specimen states; its default law where left out.
-            friction: one of the frictions that the specimen states, or a friction of one's own. Where left out Maxwell-slip,
-                and where only Coulomb's is stated Maxwell-slip elements with its limit, for a friction without memory
-                chatters at rest.
+            friction: one of the frictions that the specimen states, a friction, or a class in a file such as
+                ``my.py:MyFriction``. Where left out the specimen's own such class, else Maxwell-slip, and where only
+                Coulomb's is stated Maxwell-slip elements with its limit, for a friction without memory chatters at rest.
             creep: viscoelastic elements beside the braid.
             **parameters: of the law, in place of those that the specimen states: numbers [SI] or text with a unit.
 
@@ -169,7 +170,7 @@ class MuscleFactory:
             if law is not None:
                 raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
             return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
-        spec = name if isinstance(name, Specimen) else specimen(name)
+        spec = name if isinstance(name, Specimen) else muscle_specimen(name)
         chosen = law or spec.law
         changes = _in_si(chosen, parameters)
         if spec.kind == "biological":
@@ -222,6 +223,8 @@ def _in_si(law: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 def _own(friction: str | Hysteresis | None) -> Hysteresis | None:
     if isinstance(friction, str):
+        if is_reference(friction):
+            return _build_friction(friction, {}, "friction", None)
         raise InputError(
             "friction", friction, "must be a friction such as MaxwellSlip; only specimens state one by name"
         )
@@ -232,9 +235,13 @@ def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hyster
     """The friction with which a muscle is simulated, see `MuscleFactory`."""
     if isinstance(friction, Hysteresis):
         return friction
-    chosen = friction or ("maxwell_slip" if "maxwell_slip" in spec.friction else next(iter(spec.friction), None))
+    own = next((name for name in spec.friction if is_reference(name)), None)
+    usual = "maxwell_slip" if "maxwell_slip" in spec.friction else next(iter(spec.friction), None)
+    chosen = friction or own or usual
     if chosen is None:
         return None
+    if chosen not in spec.friction and is_reference(chosen):
+        return _own(chosen)
     built = _stated_friction(spec, chosen)
     return MaxwellSlip.geometric(built.limit) if isinstance(built, Coulomb) and friction is None else built
 
@@ -292,36 +299,44 @@ def _own_law(spec: Specimen | None) -> Any:
     return getattr(muscle, "law", muscle)
 
 
-# Parameters of a friction in a specimen file, with their SI units; the first two belong to its limit.
-_FRICTION_UNITS = {
-    "constant": "N", "per_pressure": "m^2", "stiffness": "N/m", "share": "1", "exponent": "1", "smoothing_velocity": "m/s",
-    "elements": "1", "shortest": "m", "longest": "m", "at_pressure": "Pa",
-}  # fmt: skip
+# Parameters of the limit of a friction, and of Maxwell-slip elements with spread travels, in a specimen file; SI units.
+_LIMIT_UNITS = {"constant": "N", "per_pressure": "m^2"}
+_SPREAD_UNITS = {"elements": "1", "shortest": "m", "longest": "m", "at_pressure": "Pa"}
 
 
 def _stated_friction(spec: Specimen, name: str) -> Hysteresis:
     if name not in spec.friction:
         raise InputError("friction", name, f"{spec.id} states", known=spec.friction, where=spec.where)
-    if name not in HYSTERESES:
-        raise InputError(f"friction.{name}", None, known=HYSTERESES, where=spec.where)
+    return _build_friction(name, spec.friction[name], f"friction.{name}", spec.where)
+
+
+def _build_friction(name: str, stated: Mapping[str, SpecimenNumber], path: str, where: str | None) -> Hysteresis:
+    """A friction from the numbers that a file states; what it declares beyond has its defaults."""
+    kind = HYSTERESES.find(name, field=path, where=where)
+    has_limit = any(f.name == "limit" for f in _fields(kind))
+    known = {key: q.unit for key, q in declared(kind).items()} | (_LIMIT_UNITS if has_limit else {})
+    whole = {f.name for f in _fields(kind) if f.type in ("int", int)}
+    known |= dict.fromkeys(whole, "1")
+    if kind is MaxwellSlip:
+        known |= _SPREAD_UNITS
+        whole.add("elements")
     parameters: dict[str, Any] = {}
-    for key, p in spec.friction[name].items():
-        if key not in _FRICTION_UNITS:
-            raise InputError(f"friction.{name}.{key}", None, known=_FRICTION_UNITS, where=spec.where)
-        parameters[key] = p.si(_FRICTION_UNITS[key], field=f"friction.{name}.{key}", where=spec.where)
-    limit = FrictionLimit(constant=parameters.pop("constant", 0.0), per_pressure=parameters.pop("per_pressure", 0.0))
-    for key in ("elements", "exponent"):
-        if key in parameters:
-            parameters[key] = int(parameters[key])
+    for key, number in stated.items():
+        if key not in known:
+            raise InputError(f"{path}.{key}", None, f"{name} has", known=known, where=where)
+        value = number.si(known[key], field=f"{path}.{key}", where=where)
+        if key in declared(kind):
+            declared(kind)[key].check(f"{path}.{key}", value, where=where)
+        parameters[key] = int(value) if key in whole and not isinstance(value, list) else value
+    if has_limit:
+        limit = {key: parameters.pop(key, 0.0) for key in _LIMIT_UNITS}
+        parameters["limit"] = FrictionLimit(**limit)
     # Elements of equal force with spread travels are how a source states Maxwell-slip; single stiffnesses are measured.
-    spread = name == "maxwell_slip" and "stiffness" not in parameters
-    make: Any = MaxwellSlip.geometric if spread else HYSTERESES[name]
+    make: Any = MaxwellSlip.geometric if kind is MaxwellSlip and "stiffness" not in parameters else kind
     try:
-        built: Hysteresis = make(limit=limit, **parameters)
+        built: Hysteresis = make(**parameters)
     except TypeError as error:
-        raise InputError(
-            f"friction.{name}", ", ".join(parameters), str(error).split(") ")[-1], where=spec.where
-        ) from None
+        raise InputError(path, ", ".join(parameters), str(error).split(") ")[-1], where=where) from None
     return built
 
 

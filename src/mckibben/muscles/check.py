@@ -27,6 +27,7 @@ AMBIENT = 101325.0  # [Pa]
 # Both sides are the same mixed derivative in float64: 3e-14 for a law whose inner minimum is iterated, 1e-15 for others.
 POTENTIAL = 1e-10
 CLOSURE = 1e-8  # of the work exchanged in a closed cycle; the quadrature itself closes to 1e-11
+BESIDE = 1.0  # gauge pressure beside a place where a muscle is just about to pull [Pa]
 SLOPE = 1e-3  # of the largest slope, by which a derivative may differ from a converged difference
 CYCLES = 4
 USUAL_LENGTH = 0.2  # of a law whose parameters nobody stated [m]
@@ -279,12 +280,24 @@ def _pushes(
     return [LawFinding("push", _of(law, f"pushes with {-least:.4g} N, {_place(*where)}"), least, *where)]
 
 
+def _mixed_difference(at: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Difference of the two mixed derivatives of the potential, relative to the largest at the same length.
+
+    It is relative to that length, since dF/dP' of an exponential law grows by nine orders.
+    """
+    largest = np.maximum(np.abs(at["F_P"]), np.abs(at["V_L"])).max(axis=1, keepdims=True)
+    difference: np.ndarray = np.abs(at["F_P"] + at["V_L"]) / np.maximum(largest, 1e-300)
+    return difference
+
+
 def _two_potentials(
     law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray
 ) -> list[LawFinding]:
-    # Relative to the largest dF/dP' at the same length, since that of an exponential law grows by nine orders.
-    largest = np.maximum(np.abs(at["F_P"]), np.abs(at["V_L"])).max(axis=1, keepdims=True)
-    wrong = np.abs(at["F_P"] + at["V_L"]) / np.maximum(largest, 1e-300)
+    wrong = _mixed_difference(at)
+    if wrong[at["F"] <= 0.0].max(initial=0.0) > POTENTIAL:
+        # Where the muscle is just about to pull, as at 0 bar without walls, each derivative may be that of another side.
+        beside = _mixed_difference(evaluate(law, length[:, None], pressure[None, :] + BESIDE))
+        wrong = np.where(at["F"] <= 0.0, np.minimum(wrong, beside), wrong)
     i, j = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
     if wrong[i, j] <= POTENTIAL:
         return []

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._jax import Tree
-from ..assembly.build import INFERRED, PORTED, AirLine, circuit_for
+from ..assembly.build import INFERRED, LINE_VALVE, AirLine, circuit_for, is_line_valve
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
@@ -23,6 +23,7 @@ from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.valves import PressureRegulator
 from ..pneumatics.volume import MovingVolume
 from ..quantities import with_unit
+from ..registry import is_reference
 from ..specimens import specimen, specimen_ids
 from ..specimens.parts import bore_of
 from .mechanisms import Amount, in_si
@@ -69,7 +70,8 @@ class Air:
     Args:
         supply: gauge pressure [Pa].
         valve: id of a published valve, such as ``"MPYE-5-1-8-LF"`` (without LF or HF, the one of low flow); ``"regulator"``
-            for a fast proportional regulator of usual size; or an element with the ports supply, work and exhaust.
+            for a fast proportional regulator of usual size; the path of a specimen's file; a class in a file such as
+            ``"my.py:MyValve"``; or an element with the ports supply, work and exhaust.
         tube: length and bore [m] of the tube from each valve to its muscle, the bore perhaps by the name of a tube such as
             ``"PU-4x2"``; or an element with two ports.
         port_volume: between valve and tube [m^3].
@@ -113,23 +115,23 @@ class Air:
             starts={},
             feeding={f"{name}.port": name for name in units},
             begins={},
-            settles={name: name for name in units} if isinstance(valve, PressureRegulator) else {},
+            settles={name: name for name in units} if unit == "Pa" else {},
             environment=room,
             document=self._document(supply),
         )
 
     def _valve(self) -> FlowElement:
         if not isinstance(self.valve, str):
-            if not isinstance(self.valve, PORTED):
-                kinds = ", ".join(kind.__name__ for kind in PORTED)
-                raise InputError("valve", type(self.valve).__name__, f"must be the id of a valve, or one of {kinds}")
+            if not is_line_valve(self.valve):
+                raise InputError("valve", type(self.valve).__name__, f"must be the id of a valve, or {LINE_VALVE}")
             return self.valve
         if self.valve == REGULATOR:
             flow = Orifice.from_flow(INFERRED["valve_flow"].value, pressure=INFERRED["valve_flow_pressure"].value)
             return PressureRegulator(fill=flow, relief=flow, band=REGULATOR_BAND, lag=REGULATOR_LAG)
-        built = valve_from_specimen(specimen(published_valve(self.valve)))
-        if not isinstance(built, PORTED):
-            raise InputError("valve", self.valve, "must be a valve with the ports supply, work and exhaust")
+        own = is_reference(self.valve)
+        built = build_element(self.valve, {}) if own else valve_from_specimen(specimen(published_valve(self.valve)))
+        if not is_line_valve(built):
+            raise InputError("valve", self.valve, f"must be {LINE_VALVE}")
         return built
 
     def _tube(self, room: Environment) -> FlowElement | None:
@@ -161,7 +163,7 @@ def published_valve(name: str) -> str:
     Raises:
         InputError: there is none; names the nearest.
     """
-    if name == REGULATOR or name.endswith(".toml"):
+    if name == REGULATOR or name.endswith(".toml") or is_reference(name):
         return name
     known = {one.lower(): one for one in specimen_ids("valve")}
     wanted = name.strip().lower().replace("/", "-")

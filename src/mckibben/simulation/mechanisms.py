@@ -19,7 +19,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
 from ..muscles import Muscle
 from ..quantities import declared, parse
-from ..specimens import Specimen, specimen
+from ..specimens import Specimen, muscle_specimen
 from .stepping import CommandInput
 
 Amount = float | str
@@ -68,7 +68,7 @@ def muscle_unit(muscle: AnyMuscle, field: str = "muscle") -> MuscleUnit:
 def published(muscle: AnyMuscle) -> Specimen | None:
     """The specimen behind a muscle; None where there is none."""
     if isinstance(muscle, str):
-        return specimen(muscle)
+        return muscle_specimen(muscle)
     return muscle.specimen if isinstance(muscle, Muscle) else muscle if isinstance(muscle, Specimen) else None
 
 

@@ -5,11 +5,11 @@ add their own files beside the shipped ones: name a ``.toml`` file, or put it in
 variable ``MCKIBBEN_SPECIMENS``.
 """
 
-from .load import KNOWN_PROPERTIES, map_file, specimen, specimen_ids, specimens
+from .load import KNOWN_PROPERTIES, map_file, muscle_specimen, specimen, specimen_ids, specimens
 from .model import Specimen, SpecimenNumber
 from .write import save_specimen, specimen_toml
 
 __all__ = [
-    "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "map_file", "save_specimen", "specimen", "specimen_ids",
-    "specimen_toml", "specimens",
+    "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "map_file", "muscle_specimen", "save_specimen", "specimen",
+    "specimen_ids", "specimen_toml", "specimens",
 ]  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from ..documents import parse_toml, read_text
 from ..errors import InputError, not_found
 from ..registry import with_own_references
 from ..schema import FileTable
-from .model import SCHEMA, Specimen
+from .model import KINDS, SCHEMA, Specimen
 
 FOLDER_VARIABLE = "MCKIBBEN_SPECIMENS"
 LONGEST = 100  # letters of an id; longer ones are no name of a file
@@ -47,8 +47,15 @@ KNOWN_PROPERTIES = {
 }
 
 
-def specimen(name: str | os.PathLike[str]) -> Specimen:
+MUSCLES = ("mckibben", "biological")  # kinds of specimens that are muscles
+
+
+def specimen(name: str | os.PathLike[str], *, kinds: Sequence[str] = KINDS) -> Specimen:
     """Load a specimen by its id (any case) or by the path of a ``.toml`` file.
+
+    Args:
+        name: the id, or the path.
+        kinds: kinds of specimens that are proposed where there is none of that name.
 
     Raises:
         InputError: if it is unknown, or the file is not a valid specimen; names the file, the field and the value.
@@ -70,8 +77,14 @@ def specimen(name: str | os.PathLike[str]) -> Specimen:
             return alone
     specimens_by_id = _by_id()
     if text.lower() not in specimens_by_id:
-        raise InputError("specimen", text, "give a .toml file or one of", known=specimen_ids())
+        known = [s.id for s in specimens_by_id.values() if s.kind in kinds]
+        raise InputError("specimen", text, "give a .toml file or one of", known=known)
     return specimens_by_id[text.lower()]
+
+
+def muscle_specimen(name: str | os.PathLike[str]) -> Specimen:
+    """Load a specimen where a muscle is wanted, so that only muscles are proposed for a name that there is none of."""
+    return specimen(name, kinds=MUSCLES)
 
 
 def specimens() -> list[Specimen]:

@@ -15,7 +15,7 @@ from ...muscles.build import muscle as built_muscle
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
 from ...quantities import in_si, with_unit
-from ...specimens import Specimen, specimen
+from ...specimens import Specimen, muscle_specimen
 from . import cycles as one_cycle
 from .curves import CycleLoops, EnergyCurve, cycle_loops, energy_curve
 from .cycles import CYCLES, Conditions, EnergyCycle, energy_cycle
@@ -205,7 +205,7 @@ def _described(
         if muscle.specimen is None:
             raise InputError("muscle", muscle.title, "must have a specimen, which states friction and lengths")
         return muscle.specimen, law or law_name(muscle.law), parameters
-    return muscle if isinstance(muscle, Specimen) else specimen(muscle), law, parameters
+    return muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle), law, parameters
 
 
 def _names(cycles: Iterable[str]) -> list[str]:

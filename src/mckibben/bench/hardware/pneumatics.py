@@ -18,7 +18,7 @@ from ...components.flow import FlowElement
 from ...pneumatics.circuit import Branch, Circuit
 from ...pneumatics.heat import HeatModel
 from ...pneumatics.leak import Leak
-from ...pneumatics.valves import OnOffValve, PressureRegulator
+from ...pneumatics.valves import OnOffValve
 from ...pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
 from ...quantities import quantity
 
@@ -29,10 +29,11 @@ LINE_VOLUME = 1e-6  # between shut-off and tube [m^3]
 class Plumbing(Module):
     """A way to connect the parts.
 
-    The valve is the electro-valve, or a regulator set by hand; the signal ``valve`` is the gauge pressure asked of either.
+    The valve is the electro-valve, a regulator set by hand, or an element of the user's own with the ports supply, outlet
+    and exhaust; the signal ``valve`` is the gauge pressure asked of it.
     """
 
-    valve: PressureRegulator
+    valve: FlowElement
     tube: FlowElement
     heat: HeatModel
     supply_pressure: Scalar = quantity("Pa", (0.0, 1e8), "gauge pressure of the supply", typical=(6e5, 1e6))

@@ -28,7 +28,7 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
     where = os.fspath(path)
-    document = read_toml(path, field="protocol")
+    document = read.with_own_controllers(read_toml(path, field="protocol"), where)
     for section in ("first", "steps", "last"):
         if isinstance(document.get(section), list):
             document[section] = _steps(document[section], section, where)

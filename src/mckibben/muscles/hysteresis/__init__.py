@@ -6,6 +6,7 @@ the same memory as a map from pressure to stroke.
 """
 
 from ...components.element import Hysteresis
+from ...registry import Registry
 from .bouc_wen import BoucWen
 from .coulomb import Coulomb
 from .dahl import Dahl
@@ -13,14 +14,28 @@ from .limit import FrictionLimit
 from .maxwell_slip import MaxwellSlip
 from .prandtl_ishlinskii import PlayMap, PrandtlIshlinskii
 
-# By the name of the module, as they are addressed.
-HYSTERESES: dict[str, type[Hysteresis]] = {
-    "bouc_wen": BoucWen,
-    "coulomb": Coulomb,
-    "dahl": Dahl,
-    "maxwell_slip": MaxwellSlip,
-    "prandtl_ishlinskii": PrandtlIshlinskii,
-}
+
+def _required_of_friction(kind: object) -> str | None:
+    """What something must be to be a friction; None where it is one."""
+    if not (isinstance(kind, type) and issubclass(kind, Hysteresis)):
+        return "a class derived from mckibben.components.Hysteresis"
+    missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    return f"complete; missing: {', '.join(missing)}" if missing else None
+
+
+# By the name of the module, as they are addressed; those of installed packages and of a user's files too.
+HYSTERESES: Registry[type[Hysteresis]] = Registry(
+    "mckibben.frictions",
+    "friction",
+    {
+        "bouc_wen": BoucWen,
+        "coulomb": Coulomb,
+        "dahl": Dahl,
+        "maxwell_slip": MaxwellSlip,
+        "prandtl_ishlinskii": PrandtlIshlinskii,
+    },
+    accept=_required_of_friction,
+)
 
 __all__ = [
     "HYSTERESES",

@@ -33,7 +33,7 @@ from ...muscles.biological import BiologicalMuscle
 from ...muscles.build import from_specimen, rest_length_of, upper_length_of
 from ...quantities import from_si, in_si, with_unit
 from ...recordings import Recording, read_recording
-from ...specimens import Specimen, specimen
+from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import PublishedRange, published_ranges
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def subject(
             raise InputError("muscle", repr(what), "a comparison needs a muscle of a specimen, a braid or a fit")
         spec = what.specimen
     else:
-        spec = what if isinstance(what, Specimen) else specimen(what)
+        spec = what if isinstance(what, Specimen) else muscle_specimen(what)
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "must be a muscle; it is a valve", where=spec.where)
     if not 0.0 < pressure <= 1e8:
