@@ -381,29 +381,28 @@ def literature(_: Path) -> str:
 
 
 def papers(_: Path) -> str:
-    """Return the table of those printed numbers of the papers that need no recording, with the computed ones."""
+    """Return the table of the predictions, and of those printed numbers of the papers that need no recording."""
     from mckibben.report.reproduction_report import predictions_first
     from mckibben.reproduction import reproduce
     from mckibben.reproduction.rows import headline, is_prediction, select
 
-    outcomes, printed = reproduce(recordings=False), select()
-    done = [o for o in outcomes if o.ours is not None]
-    predictions = sum(is_prediction(row) for row in printed)
+    printed = select()
+    foretold = reproduce(rows=[row.id for row in printed if is_prediction(row)])
+    done = predictions_first([*foretold, *(o for o in reproduce(recordings=False) if o.ours is not None)])
     rows = []
-    for o in predictions_first(done):
+    for o in done:
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
         ours, unit = f"{o.ours:.4g}", "" if o.row.unit == "-" else o.row.unit
         rows.append([f"`{o.row.id}`", o.row.what, paper, ours, unit, o.verdict, o.note])
     return "---\nhide:\n  - toc\n---\n\n" + _page(
         "The papers, number by number",
         f"{headline(done)} The other {len(printed) - len(done)} of the {len(printed)} that this package reproduces come from "
-        f"recordings of the simulated test machine, which take minutes; the {predictions} predictions among all of them, "
-        "numbers of which no input was inferred from them or from their experiment, are of that kind and are listed "
-        "first by the command. *Calibrated on this row* means that an input was inferred from that number, *calibrated on "
-        "another row* that the number follows from inputs inferred from others, *arithmetic* that only printed coefficients "
-        "and the paper's equations went in: agreement is no prediction in any of these cases. A tolerance is half a unit of "
-        "the last printed digit, unless the note gives a reason. "
-        "To compute all rows, and every figure of the papers:",
+        f"recordings of the simulated test machine, which take minutes. The {len(foretold)} predictions come first: no input "
+        "was inferred from these numbers or from their experiment. *Calibrated on this row* means that an input was inferred "
+        "from that number, *calibrated on another row* that the number follows from inputs that were inferred from others, "
+        "*arithmetic* that only printed coefficients and the paper's equations went in: there, agreement is no prediction. "
+        "A tolerance is half a unit of the last printed digit, unless the note gives a reason. *Open* numbers differ, and the "
+        "note says why. To compute all rows, and every figure of the papers:",
         "```sh\n$ mckibben reproduce --out reproduction\n```",
         _table(["row", "quantity", "paper", "computed", "unit", "verdict", "note"], rows, right=(2, 3)),
     )
