@@ -98,6 +98,24 @@ DEEP = {
 }
 
 
+HEAD = """DMCv5.3 Data File
+Sample Frequency (Hz): 1000
+Calibration Data:
+Channel\tAI0\tAI1
+Units\tmm\tmN
+Scale (units/V)\t1.0\t500.0
+Offset (volts)\t0.0\t0.0
+Test Comments:
+Protocol Array:
+0.0\tStimulus-Train\tStimulator\t.012,300,0.2,4,25
+0.0\tSine Wave\tLength Out\t25,3.15,6
+Test Data in Volts:
+Sample\tAI0\tAI1\tStim
+"""
+TURNS = np.sin(2.0 * np.pi * 25.0 * np.arange(240) / 1000.0)
+LEVER = HEAD + "".join(f"{i}\t{x:.6f}\t{1.0 + 0.3 * x:.6f}\t{int(i % 40 == 1)}\n" for i, x in enumerate(TURNS))
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A folder with right files, wrong ones, and a folder that is named like a file."""
@@ -107,7 +125,7 @@ def files(tmp_path_factory):
         "protocol.toml": PROTOCOL, "circuit.toml": CIRCUIT, "sweep.toml": SWEEP, "calibration.toml": CALIBRATION,
         "rig.toml": (SOURCE / "bench" / "rigs" / "modern.toml").read_text(encoding="utf-8"),
         "specimen.toml": (SOURCE / "specimens" / "data" / "nylon.toml").read_text(encoding="utf-8"),
-        "table.csv": TABLE,
+        "table.csv": TABLE, "lever.ddf": LEVER,
     }  # fmt: skip
     for name, text in right.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -277,6 +295,14 @@ COMMANDS = {
     }),
     "record repeatability": ("record repeatability @record:record.nc", {
         "--channel": "name", "--drive": "name", "--from": "moment", "--to": "moment", "--out": "picture",
+    }),
+    "record contraction": ("record contraction @record:lever.ddf", {
+        "--rising": "number", "--relaxing": "number", "--above": "name", "--force-channel": "name",
+        "--stimulus-channel": "name", "--gear-ratio": "number", "--column": "pair", "--out": "picture",
+    }),
+    "record work-loops": ("record work-loops @record:lever.ddf", {
+        "--cut": "name", "--keep": "number", "--cycle-frequency": "number", "--length-channel": "name",
+        "--force-channel": "name", "--gear-ratio": "number", "--out": "picture",
     }),
     "record repair": ("record repair @record:record.mcap --out @out:r.nc", {}),
     "record report": ("record report @record:record.nc --out @report:r.html", {}),

@@ -173,7 +173,8 @@ def work_loops(
 def _read(
     file: Path, column: list[str] | None, unit: list[str] | None, period: str | None, gear_ratio: str | None
 ) -> recordings.Recording:
-    asked = stated_columns(column, unit, period) | format_options(None, None, gear_ratio)
+    ratio = None if gear_ratio is None else str(parse(gear_ratio, "1", field="--gear-ratio"))
+    asked = stated_columns(column, unit, period) | format_options(None, None, ratio)
     return recordings.read_any(file, **asked).recording
 
 
@@ -188,6 +189,8 @@ def _protocol(record: recordings.Recording) -> dict[str, JsonValue] | None:
 def _shares(words: str, field: str) -> tuple[float, ...]:
     if words.strip() == NONE:
         return ()
+    if not words.strip():
+        raise InputError(field, words, "must be shares such as '10 %, 90 %', or none")
     return tuple(parse(word, "1", field=field) for word in split_values(words, field=field))
 
 

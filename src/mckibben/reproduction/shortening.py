@@ -117,8 +117,8 @@ def _work(case: tuple[str, str]) -> ComputedValue:
     p = power(case)
     return ComputedValue(
         p.work,
-        f"stroke {100 * p.stroke:.1f} cm at {p.mean_tension:.1f} N in the mean, which would be {LOADS[case] * p.stroke:.2f} J "
-        "at the set-point; "
+        f"stroke {100 * p.stroke:.1f} cm at {p.mean_tension:.1f} N in the mean, at the set-point it would be "
+        f"{LOADS[case] * p.stroke:.2f} J; "
         f"{p.positive_velocity_work:.2f} J wherever the velocity is positive",
     )
 
