@@ -10,7 +10,7 @@ RUN    := $(BIN)/python -m
 WORKERS ?= 2
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
-.PHONY: demo plan wheel test slow validation lint docs bench lock clean help
+.PHONY: demo plan wheel test slow validation lint docs firmware bench lock clean help
 
 help: ## Say what can be made
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 20
@@ -66,6 +66,9 @@ bench: $(VENV)/.test ## Measure speeds against C and other programs, a quarter o
 
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py
+
+firmware: ## Build the firmware for an Arduino Uno, and its emulator (Debian: gcc-avr avr-libc libsimavr-dev)
+	$(MAKE) -C firmware uno emulator
 
 lock: $(VENV)/.test ## Pin the versions anew
 	$(RUN) pip install --quiet uv

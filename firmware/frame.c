@@ -2,19 +2,31 @@
 
 #define NOT_COBS ((size_t)-1)
 
-/* Of every half byte: a table of 64 bytes, two look-ups per byte. */
-static const uint32_t half[16] = {
-    0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
-    0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
+/* Checksum of every byte, 1 KB: it is linear, so that each entry is the sum (without carry) of those of its bits. */
+#define BIT(n, k, sum) (((n) >> (k)) & 1u ? (sum) : 0u)
+#define ENTRY(n)                                                                                         \
+    (BIT(n, 0, 0x77073096u) ^ BIT(n, 1, 0xEE0E612Cu) ^ BIT(n, 2, 0x076DC419u) ^ BIT(n, 3, 0x0EDB8832u) ^ \
+     BIT(n, 4, 0x1DB71064u) ^ BIT(n, 5, 0x3B6E20C8u) ^ BIT(n, 6, 0x76DC4190u) ^ BIT(n, 7, 0xEDB88320u))
+#define ENTRIES4(n) ENTRY(n), ENTRY((n) + 1u), ENTRY((n) + 2u), ENTRY((n) + 3u)
+#define ENTRIES16(n) ENTRIES4(n), ENTRIES4((n) + 4u), ENTRIES4((n) + 8u), ENTRIES4((n) + 12u)
+#define ENTRIES64(n) ENTRIES16(n), ENTRIES16((n) + 16u), ENTRIES16((n) + 32u), ENTRIES16((n) + 48u)
+
+#ifdef __AVR__ /* constants are in memory unless they are asked to stay in the program */
+#include <avr/pgmspace.h>
+#define LOOK_UP(at) pgm_read_dword(at)
+#else
+#define PROGMEM
+#define LOOK_UP(at) (*(at))
+#endif
+
+static const uint32_t sums[256] PROGMEM = {ENTRIES64(0u), ENTRIES64(64u), ENTRIES64(128u), ENTRIES64(192u)};
 
 uint32_t frame_crc(uint32_t crc, const uint8_t *data, size_t size)
 {
     size_t i;
     crc = ~crc;
     for (i = 0; i < size; i++) {
-        crc ^= data[i];
-        crc = (crc >> 4) ^ half[crc & 15u];
-        crc = (crc >> 4) ^ half[crc & 15u];
+        crc = (crc >> 8) ^ LOOK_UP(&sums[(uint8_t)crc ^ data[i]]);
     }
     return ~crc;
 }

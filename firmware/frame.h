@@ -8,7 +8,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define FRAME_LONGEST 1024u                                      /* bytes of a body */
+#ifndef FRAME_LONGEST
+#define FRAME_LONGEST 1024u                                      /* bytes of a body; a board with little memory takes fewer */
+#endif
 #define FRAME_SHORTEST 9u                                        /* kind, sequence, checksum */
 #define FRAME_PAYLOAD (FRAME_LONGEST - FRAME_SHORTEST)           /* bytes at most */
 #define FRAME_CODED (FRAME_LONGEST + FRAME_LONGEST / 254u + 1u)  /* without the zero at the end */

@@ -1,0 +1,83 @@
+"""Compare a protocol on the simulated rig, Python's device and the emulated Uno, sample by sample; then let things fail.
+
+make uno emulator && python emulator/compare.py
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from emulated_board import FREQUENCY, MOTOR_REST, emulated
+
+import mckibben as mk
+from mckibben.bench.hardware.connect import connected
+from mckibben.bench.hardware.interface import Hardware
+from mckibben.bench.hardware.serial_line.device import About
+from mckibben.bench.hardware.serial_line.microcontroller import in_thread
+from mckibben.bench.rig_file import rig
+from mckibben.bench.segment import SegmentMachine, timing_of
+
+RATE = 250.0  # [1/s]
+FAULTS = (
+    "power", "brown-out", "hang", "converter-stopped", "converter-stuck", "encoder-skips", "line",
+)  # fmt: skip
+TEN = {
+    f"{channel}.bits": "10"
+    for channel in (
+        "sensors.pressure.converter",
+        "sensors.tension.converter",
+        "sensors.valve_pressure.converter",
+        "outputs.valve",
+        "outputs.motor",
+    )
+}
+
+
+def prepared(name: str, **values: object):
+    return mk.prepare(name, muscle="nylon", rig=rig("paper", TEN), sample_rate=f"{RATE:g} Hz", **values)
+
+
+def machine_of(bench):
+    return SegmentMachine(bench, 0, next(bench.segments()), timing_of(bench)).at_interface()
+
+
+@contextmanager
+def on_board(bench, fault: str = "") -> Iterator[tuple[Hardware, object]]:
+    with (
+        emulated(machine_of(bench), fault=fault) as board,
+        connected(f"serial:{board.port}", bench.rig, 1.0 / RATE, silence=5.0 / RATE) as hardware,
+    ):
+        yield hardware, board
+
+
+def main() -> None:
+    for name, values in (
+        ("isometric-step", {"cycles": 1, "range": "full"}),
+        ("isometric-step", {"cycles": 1, "range": "half"}),
+    ):
+        bench = prepared(name, **values)
+        here = mk.run(bench)
+        with in_thread(machine_of(bench), about=About(motor_rest=MOTOR_REST)) as device:
+            with connected(f"serial:{device.port}", bench.rig, 1.0 / RATE, lock_step=True) as hardware:
+                there = mk.run(bench, hardware=hardware)
+        with on_board(bench) as (hardware, board):
+            emulation = mk.run(bench, hardware=hardware)
+        for channel in ("pressure", "tension", "span"):
+            a, b, c = (np.asarray(r[channel]) for r in (here, there, emulation))
+            same = [int((a[: len(x)] != x[: len(a)]).sum()) + abs(len(a) - len(x)) for x in (b, c)]
+            print(f"{name} {channel}: {len(a)} samples; other in Python's device {same[0]}, on the board {same[1]}")
+        print({n: v for n, v in board.report.items()})
+    bench = prepared("isometric-step", cycles=1, range="full")
+    for fault in FAULTS:
+        with on_board(bench, f"{fault}@200") as (hardware, board):
+            try:
+                recording = mk.run(bench, hardware=hardware)
+                said = str(recording.meta["result"])
+            except Exception as error:
+                said = f"{type(error).__name__}: {error}"
+        after = board.report.get("vented_after", 0) / FREQUENCY * 1e3
+        print(f"{fault}: at rest after {after:.1f} ms; last outputs {board.outputs[-1]}; {said}")
+
+
+if __name__ == "__main__":
+    main()
