@@ -254,6 +254,17 @@ def test_ctrl_c_ends_at_once_and_says_what_is_kept(work, code):
     assert err == ("mckibben: interrupted; three of ten parts are kept\n" if code == 130 else "")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_while_the_program_is_loaded_is_said_in_one_sentence():
+    # The signal arrives while the table of commands is imported, long before a command begins.
+    early = "import os, signal, sys\nimport mckibben.cli as cli\n"
+    early += "class Interrupted:\n    def __getattr__(self, name):\n        os.kill(os.getpid(), signal.SIGINT)\n"
+    early += "        signal.pause()\ncli._app = Interrupted()\ncli.main(['muscles'])\n"
+    process = subprocess.run([sys.executable, "-c", early], capture_output=True, text=True, timeout=15.0, check=False)
+    assert (process.returncode, process.stdout) == (130, "")
+    assert process.stderr == "mckibben: interrupted; nothing was written\n"
+
+
 def test_ctrl_c_in_a_command_is_said_in_one_sentence(run, monkeypatch):
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

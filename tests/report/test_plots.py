@@ -45,6 +45,7 @@ def plots(muscle, recording, ranking):
         "against": lambda ax: recording.plot.against("span", ax=ax),
         "ranking": lambda ax: ranking.plot(ax=ax),
         "curves": lambda ax: ranking.plot.curves(ax=ax),
+        "fit": lambda ax: ranking.best.plot(ax=ax),
     }
 
 

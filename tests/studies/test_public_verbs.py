@@ -26,6 +26,11 @@ def test_muscles_are_compared_by_name_and_as_objects():
     assert frame.loc[("Resting length", "cm"), "nylon"] == pytest.approx(14.0)  # as printed
 
 
+def test_a_comparison_draws_the_muscles_side_by_side():
+    ax = mk.compare("nylon", "fast-fibre").plot()
+    assert len(ax.lines) == 2  # force over length, a line of each
+
+
 def test_a_muscle_without_a_specimen_is_refused_in_a_comparison():
     with pytest.raises(InputError, match="a comparison needs a muscle of a specimen"):
         mk.compare(mk.muscle("ideal", thread_length=0.16, turns=3.2))

@@ -187,7 +187,19 @@ def progress(
 
 
 @contextlib.contextmanager
-def told(what: str) -> Iterator[Callable[[str], None]]:
-    """Progress of work of unknown amount; yields a function that is told what is done now."""
-    with progress(what) as bar:
-        yield bar.tell
+def told(what: str, stages: int | None = None) -> Iterator[Callable[[str], None]]:
+    """Progress of work whose stages tell when they begin; yields the function that is told.
+
+    Args:
+        what: is done, such as ``sizing``.
+        stages: most of them, of which the time left follows; None if that is not known.
+    """
+    with progress(what, stages) as bar:
+        begun = 0
+
+        def tell(words: str) -> None:
+            nonlocal begun
+            bar(words, 1.0 if stages is not None and begun else 0.0)
+            begun += 1
+
+        yield tell

@@ -256,12 +256,11 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: words after the program's name; those of the process by default.
     """
-    command = table_of_commands()
     with warnings.catch_warnings(), _safe_children(), guarded():
         warnings.showwarning = _show_warning
         for words in CACHE:
             warnings.filterwarnings("ignore", words, UserWarning)
-        code = _execute(command, arguments)
+        code = _execute(arguments)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -286,12 +285,12 @@ def _safe_children() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _execute(command: Any, arguments: list[str] | None) -> Any:
+def _execute(arguments: list[str] | None) -> Any:
     """Run a command and return its exit code."""
     _keep_compilations()
     begin()
     try:
-        code = command.main(args=arguments, prog_name="mckibben", standalone_mode=False)
+        code = table_of_commands().main(args=arguments, prog_name="mckibben", standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
         ended()
         code = _complain(sentence(), INTERRUPTED)

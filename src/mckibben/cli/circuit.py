@@ -307,7 +307,7 @@ def _fitted(
             raise InputError(option, words[0], allowed, where=str(own_file))
     trials = [_trial(plan, path, reading) for path in records]
     others = [_trial(plan, path, reading) for path in predict or []]
-    with told("fitting") as tell:
+    with told("fitting", identification.circuit_fit.EVALUATIONS) as tell:
         result = identification.fit_circuit(
             trials, wanted, predict=others, start=_starts(plan, wanted, start), step=plan.step, progress=tell
         )

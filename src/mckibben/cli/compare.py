@@ -107,7 +107,9 @@ def compare_muscles(
         compared = comparison.compare(chosen, recordings=recording or [])
         done: list[Trials] = []
         matches: list[Match] = []
-        with told("comparing") as tell:
+        braids = len(braided) if target is not None else 0
+        stages = len(chosen) * len(comparison.protocols.NAMES) * protocols + braids * comparison.match.STAGES
+        with told("comparing", stages or None) as tell:
             if protocols:
                 done = _done(chosen, rig, stimulated, tell)
                 compared = comparison.MuscleTable(

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import joint_figures, recording_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
-from ._progress import told
+from ._progress import Progress, progress
 from ._terminal import FigureLook, FigureWidth, Json, NoiseSeed, caution, pairs, print_json, table
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..simulation.simulation import Simulation
 
 OUT = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
+REPORTED = 1000  # steps between two reports of the progress
 SHOWN = (
     "joint.angle",
     "joint.velocity",
@@ -87,7 +88,7 @@ def run_joint(
     $ mckibben joint nylon --command 'flexor=0, 0.3 @ 50 ms' --duration '0.3 s' --out joint.nc
     """
     with OUT.files(out) as files:
-        with told("running"):
+        with progress("running", None if angle is not None else 1.0) as bar:
             if angle is not None:
                 if play is not None or command:
                     raise InputError(
@@ -99,7 +100,7 @@ def run_joint(
 
                 system = Joint(flexor, flexor if extensor is None else extensor, arm=arm, inertia=inertia)
                 simulation = Simulation(system, Air(supply=supply, valve=valve), period=period)
-                recording = _played(simulation, play, command, duration, start)
+                recording = _played(simulation, play, command, duration, start, bar)
         warnings = caution(*_cautions(recording))
         files.write("recording", lambda path: write_recording(recording, path))
         draw = recording_figures.time_figure if angle is None else joint_figures.joint_figure
@@ -136,7 +137,12 @@ def _held(
 
 
 def _played(
-    simulation: Simulation, play: Path | None, command: list[str] | None, duration: str | None, start: str
+    simulation: Simulation,
+    play: Path | None,
+    command: list[str] | None,
+    duration: str | None,
+    start: str,
+    bar: Progress,
 ) -> Recording:
     """Step a simulation by commands over time."""
     courses: dict[str, Callable[[np.ndarray], np.ndarray]] = {}
@@ -158,6 +164,8 @@ def _played(
     rows = {name: course(times).tolist() for name, course in courses.items()}
     simulation.reset(pressure=start)
     for k in range(count):
+        if k % REPORTED == 0:
+            bar.at(k * simulation.period, seconds)
         simulation.step(**{name: values[k] for name, values in rows.items()})
     return simulation.recording()
 

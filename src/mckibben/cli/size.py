@@ -116,7 +116,7 @@ def size_muscle(
     warnings = caution(muscles.plausible.pressure_caution(parse(pressure, "Pa", field="--pressure"), text=pressure))
     with OUT.files(out) as files:
         try:
-            with told("sizing") as tell:
+            with told("sizing", sizing_package.stages(lines=not no_lines, speed=speed is not None)) as tell:
                 sizing = sizing_package.size(
                     force=force,
                     load=load,

@@ -91,7 +91,7 @@ def study_robot(
         _each_from_the_others(trials, free or (), evaluations, out, as_json=as_json)
         return
     with OUT.files(out) as files:
-        with told("fitting") as tell:
+        with told("fitting", evaluations) as tell:
             result, all_trials = jumping_robot.robot_study(
                 trials, predict or [], free=free or (), evaluations=evaluations, progress=tell
             )

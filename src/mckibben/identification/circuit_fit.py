@@ -20,6 +20,8 @@ from .uncertainty import Estimate, uncertainty, widening
 
 DELAY = Quantity("s", (0.0, 1.0), "delay of the signal", "", (1e-4, 2e-2))
 
+EVALUATIONS = 60  # most of a fit, where nothing else is stated
+
 
 @dataclass(frozen=True)
 class CircuitProblem:
@@ -221,7 +223,7 @@ def fit_circuit(
     start: Mapping[str, float] | None = None,
     step: float = STEP,
     progress: Callable[[str], None] | None = None,
-    evaluations: int = 60,
+    evaluations: int = EVALUATIONS,
 ) -> CircuitFit:
     """Fit parameters of a circuit to all trials at once, by the least squares of all measured channels.
 

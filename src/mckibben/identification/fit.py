@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ..accessors import Accessor
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
@@ -26,6 +27,9 @@ from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
 from .problem import Problem, Solution, solve
 from .uncertainty import Estimate, Uncertainty, akaike, uncertainty
+
+if TYPE_CHECKING:
+    from ..report.figures.plots import FitPlots
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
@@ -89,6 +93,9 @@ class Fit(ErrorMeasures):
     holdout: Holdout | None = None
     at_bound: tuple[str, ...] = ()
     not_contained: tuple[str, ...] = ()
+
+    plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
+    """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
 
     @property
     def degenerate(self) -> tuple[str, ...]:

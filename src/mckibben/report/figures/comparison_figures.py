@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import InputError
 from ...quantities import from_si
 from ...studies.comparison.match import Match
-from ...studies.comparison.protocols import LOAD, PULSE, STIFF_AT, Trials
+from ...studies.comparison.protocols import LOAD, PULSE, STIFF_AT, Trials, trials
 from . import style
 from .places import BannerRow, Margins, set_margins
 from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, number
@@ -22,6 +22,8 @@ from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from ...studies.comparison import ComparedMuscle
 
 
 WIDTH = style.WIDE  # [inch]
@@ -64,6 +66,11 @@ def comparison_figure(muscles: Sequence[Trials], matches: Sequence[Match] = ()) 
         for j, name in enumerate(_MATCHED):
             _matched(axes(i, j), match, name)
     return fig
+
+
+def static_figure(muscles: Sequence[ComparedMuscle]) -> Figure:
+    """Draw the static curves of muscles, which need no protocol."""
+    return comparison_figure([trials(muscle, names=()) for muscle in muscles])
 
 
 class _Line:

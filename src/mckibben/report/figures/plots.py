@@ -21,13 +21,23 @@ from ...muscles.braid import BraidShape, braid_of
 from ...muscles.build import law_from_specimen
 from ...quantities import from_si, in_si, shown_unit, values_in_si
 from ...recordings import ForceMap, Recording, read
-from . import energy_figures, fit_figures, loop_comparison, muscle_figures, recording_figures, sizing_figures, style
+from . import (
+    comparison_figures,
+    energy_figures,
+    fit_figures,
+    loop_comparison,
+    muscle_figures,
+    recording_figures,
+    sizing_figures,
+    style,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...analysis.energy import WorkingCycles
     from ...analysis.energy_accounts import EnergyAccount
+    from ...identification.fit import Fit
     from ...identification.ranking import Ranking
     from ...studies.comparison import MuscleTable
     from ...studies.parts import ListedPart
@@ -312,6 +322,43 @@ def plot_loops(
     return shown(loop_comparison.swept_loops_figure(loops, x, y, title=title))
 
 
+class FitPlots:
+    """Plots of a fit of one law; called, it draws the law through the points."""
+
+    def __init__(self, fit: Fit) -> None:
+        self._fit = fit
+
+    def __call__(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the measured tension over length, and the fitted law through it, one line per pressure."""
+
+        def draw(axes: Axes) -> None:
+            fit_figures.draw_fit(axes, self._fit, self._fit.points)
+            style.heading(axes, fit_figures.law_title(self._fit), fit_figures.KEY, above=24.0)
+
+        return drawn(draw, ax, height=4.7)
+
+    def residuals(self) -> Axes:
+        """Draw what the law leaves over pressure, of the fit and of what was predicted."""
+        return shown(fit_figures.residuals(self._fit))
+
+
+class ComparisonPlots:
+    """Plots of a comparison of muscles; called, it draws their static curves side by side."""
+
+    def __init__(self, compared: MuscleTable) -> None:
+        self._compared = compared
+
+    def __call__(self) -> Axes:
+        """Draw the curves of every muscle, a figure of one pair of axes per curve; the first.
+
+        Raises:
+            InputError: only recordings were compared, which have no law to draw.
+        """
+        if not self._compared.muscles:
+            raise InputError("muscles", None, "are missing: a recording alone has no law to draw")
+        return shown(comparison_figures.static_figure(self._compared.muscles))
+
+
 class RankingPlots:
     """Plots of a ranking; called, it draws the laws with their errors."""
 
@@ -333,13 +380,7 @@ class RankingPlots:
             law: its name; the best where left out.
             ax: axes to draw into.
         """
-        found = self._ranking.best if law is None else self._ranking[law]
-
-        def draw(axes: Axes) -> None:
-            fit_figures.draw_fit(axes, found, self._ranking.points)
-            style.heading(axes, fit_figures.law_title(found), fit_figures.KEY, above=24.0)
-
-        return drawn(draw, ax, height=4.7)
+        return FitPlots(self._ranking.best if law is None else self._ranking[law])(ax=ax)
 
     def residuals(self, law: str | None = None) -> Axes:
         """Draw what a fitted law leaves over length, pressure and tension.
@@ -347,7 +388,7 @@ class RankingPlots:
         Args:
             law: its name; the best where left out.
         """
-        return shown(fit_figures.residuals(self._ranking.best if law is None else self._ranking[law]))
+        return FitPlots(self._ranking.best if law is None else self._ranking[law]).residuals()
 
 
 class SizingPlots:

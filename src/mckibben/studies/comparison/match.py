@@ -44,6 +44,7 @@ NAMES = {
 CURVES = ("force_length", "passive", "force_velocity", "twitch")
 DRAWS, SEED = 4, 1  # starts beside the bare muscle
 EVALUATIONS = 40  # most of each start
+STAGES = DRAWS + 3  # progress reports of `match`: two twitches, and a search from every start
 HIT = 1e-3  # of the range of u: nearer than that a parameter is at its bound
 
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
 from ..._jax import Scalar
-from ...accessors import implementation
+from ...accessors import Accessor, implementation
 from ...analysis import characteristics
 from ...analysis.channels import known
 from ...analysis.characteristics import circle_area, static_characteristics
@@ -38,6 +38,8 @@ from ...specimens.published import PublishedRange, published_ranges
 
 if TYPE_CHECKING:
     import pandas
+
+    from ...report.figures.plots import ComparisonPlots
 
 FULL_PRESSURE = 5e5  # at which the paper compares its muscles [Pa]
 LEAST = 0.99  # of the rest length: a muscle that is free there already makes no tension worth comparing
@@ -243,6 +245,12 @@ class MuscleTable:
 
     columns: tuple[MuscleColumn, ...]
     published: Mapping[str, PublishedRange]
+    muscles: tuple[ComparedMuscle, ...] = field(
+        default=(), compare=False
+    )  # those of the columns that are no recordings
+
+    plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("report.figures.plots:ComparisonPlots")
+    """The muscles' static curves side by side, see `report.figures.plots`."""
 
     def rows(self) -> tuple[PropertyRow, ...]:
         """All rows that are not empty, in the order of `PROPERTIES`."""
@@ -304,7 +312,7 @@ def compare(
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
         raise InputError("muscles", None, "are missing: a specimen's id or file, or a recording")
-    return MuscleTable(tuple(columns), published_ranges())
+    return MuscleTable(tuple(columns), published_ranges(), tuple(subjects))
 
 
 def law_column(muscle: ComparedMuscle) -> MuscleColumn:

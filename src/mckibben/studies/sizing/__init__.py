@@ -13,7 +13,7 @@ from .catalogue import of_size, of_sizes, of_specimen, of_specimens
 from .lines import WEIGHED, LineResult, lines_for, rank
 from .own_parts import battery_of, tank_of, valve_of
 from .requirements import Requirements, Shortfall
-from .size import Sizing, size
+from .size import Sizing, size, stages
 from .sources import DailyUse, SourceResult, sources_for
 from .spread import InferredRanges, spread_of
 from .tables import SizingTable, tables_of
@@ -49,6 +49,7 @@ __all__ = [
     "of_specimens",
     "rank",
     "size",
+    "stages",
     "sources_for",
     "specimen_of",
     "spread_of",

@@ -323,6 +323,12 @@ def size(
     )
 
 
+def stages(*, lines: bool = True, speed: bool = False) -> int:
+    """Largest number of progress reports of `size`, with valves and tubes, and where a speed is required."""
+    tried = 2 * MOST_TRIED if speed else 1
+    return 3 + (tried + 1 if lines else 0)
+
+
 def _force_of(force: float | str | None, load: float | str | None) -> float | str | None:
     """The force, or the weight of the load [N]."""
     if load is None:
