@@ -17,9 +17,6 @@ from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
-from mckibben.web.bench import drawing
-from mckibben.web.bench.dry import dry_run
-from mckibben.web.bench.faces import changed, faces
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
@@ -28,6 +25,9 @@ from mckibben.web.identity import KEPT as KEPT_PAGES
 from mckibben.web.identity import PageRegistry
 from mckibben.web.laboratory import Laboratory
 from mckibben.web.live import PageConnection
+from mckibben.web.pages.bench import drawing
+from mckibben.web.pages.bench.dry import dry_run
+from mckibben.web.pages.bench.faces import changed, faces
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, Stream, unpacked

@@ -69,7 +69,7 @@ def laboratory(folder, mounted, **options):
         lab.control.join("me")
         lab.begin()
         try:
-            until(lambda: lab.machine.manual.ready, "by hand")
+            until(lambda: lab.machine.session.ready, "by hand")
             yield lab, lab.machine
         finally:
             lab.close()
@@ -90,7 +90,7 @@ def at_rest(shared):
     if bench.status()["shape"] == "tripped":
         done(lab, "reset")
     done(lab, "vent")
-    until(lambda: bench.manual.session.latest()["pressure"] < 5e3, "vented")
+    until(lambda: bench.session.latest()["pressure"] < 5e3, "vented")
     return lab, bench
 
 
@@ -177,7 +177,7 @@ def test_a_stop_on_the_way_to_where_a_protocol_begins_leaves_no_run_and_no_file(
     for action in ("stop", "emergency_stop"):
         loaded(lab, FAR)
         done(lab, "start")
-        until(functools.partial(moved, bench.manual.session, bench.manual.session.latest()["span"]), "on its way")
+        until(functools.partial(moved, bench.session, bench.session.latest()["span"]), "on its way")
         done(lab, action)
         until(lambda: bench.running is None, "the end")
         assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action], bench.why
@@ -215,11 +215,11 @@ def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, moun
 
 def test_a_machine_whose_process_ends_is_told_to_be_lost_and_can_be_had_again(at_rest):
     lab, bench = at_rest
-    os.kill(bench.manual.session.process, signal.SIGKILL)
+    os.kill(bench.session.process, signal.SIGKILL)
     until(lambda: bench.status()["shape"] == "tripped", "the trip")
     assert "the process that had the machine ended" in bench.why
     done(lab, "reset")
-    until(lambda: bench.manual.ready, "by hand again")
+    until(lambda: bench.session.ready, "by hand again")
     assert bench.status()["shape"] == "idle" and run(lab, SHORT).meta["result"] == "done"
 
 

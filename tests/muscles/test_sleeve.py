@@ -20,7 +20,7 @@ from mckibben.specimens import Specimen, map_file, save_specimen, specimen
 from mckibben.studies.comparison.table import subject
 from mckibben.studies.sizing import catalogue
 from mckibben.studies.sizing.requirements import Requirements
-from mckibben.web.bench import drawing
+from mckibben.web.pages.bench import drawing
 
 BRAID = {
     "rest_length": "300 mm", "diameter": "12 mm", "braid_angle": "25 deg", "thread_diameter": "0.25 mm",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -33,25 +34,28 @@ Progress = Callable[[float, float], None]  # time done and longest time [s]
 Display = Callable[[np.ndarray, Mapping[str, np.ndarray]], None]  # times and channels of a chunk
 
 
-class RunState(Protocol):
-    """A run as it is shown: a `ProtocolRun`, or what is known of one in another process.
+@dataclass
+class RunState:
+    """A run as its clients see it; that of a run in another process is updated with every chunk.
 
     Attributes:
         time: how far it is [s].
         result: as that of the recording, so far.
         message: how it ended, so far that it reached its end.
-        events: that the recording keeps.
+        events: that the recording keeps; those of a stop have a ``code``.
         steps: that have begun: path, label, start and end [s], period [s].
     """
 
-    time: float
-    result: str
-    message: str
-    events: list[dict[str, Any]]
+    time: float = 0.0
+    result: str = "done"
+    message: str = "The run reached its end."
+    events: list[dict[str, Any]] = field(default_factory=list)
+    steps: list[dict[str, Any]] = field(default_factory=list)
 
     @property
-    def steps(self) -> list[dict[str, JsonValue]]:
-        """The steps that have begun."""
+    def stop(self) -> dict[str, Any] | None:
+        """The event of the stop that ended the run."""
+        return next((e for e in reversed(self.events) if "code" in e), None)
 
 
 class Stage(Protocol):
@@ -70,31 +74,36 @@ class Stage(Protocol):
         """Play a segment, chunk by chunk; closed before its end, the machine is stopped and vented first."""
 
 
-class OwnMachines:
-    """A stage with a new simulated machine for every segment, at rest where the segment begins.
+class NewMachine:
+    """A stage whose machine is set up for every segment, at rest where the segment begins.
 
     Args:
-        clock: clock of the machine's time; None: whole chunks at once, with steps that the machine's own rates allow.
+        hardware: a real machine, which is started again and stays open; None: a simulated one, which is made again.
+        clock: clock of a simulated machine; None: whole chunks at once, with steps that the machine's own rates allow.
     """
 
-    hardware = None
-
-    def __init__(self, clock: Clock | None = None) -> None:
-        self.clock = clock
+    def __init__(self, hardware: Hardware | None = None, clock: Clock | None = None) -> None:
+        self.hardware, self.clock = hardware, clock
 
     def bring(self, segment: RunSegment) -> None:
-        """Do nothing: every machine is built where its segment begins."""
+        """Do nothing: the machine is made, or the muscle was mounted by the operator, where the segment begins."""
 
     def play(
         self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
     ) -> Generator[Chunk, None, None]:
         """Play a segment."""
-        own = SegmentMachine(run.prepared, number, segment, run.timing, run.time)
+        prepared, timing = run.prepared, run.timing
+        if self.hardware is not None:
+            unit = with_friction_scale(prepared.unit, segment.friction)
+            run.machine = prepared.rig.machine(segment.layout, unit, start=segment.start_span, moves=segment.moves)
+            yield from played(run.loop(SampledMachine(self.hardware, timing.period), segment, software))
+            return
+        own = SegmentMachine(prepared, number, segment, timing, run.state.time)
         run.machine = own.machine
         if self.clock is None:
             carry = own.carry(software)
             try:
-                for chunk in simulated(own.plant, software, carry, own.rows, run.timing):
+                for chunk in simulated(own.plant, software, carry, own.rows, timing):
                     assert chunk.carry is not None
                     carry, run.finest = chunk.carry, max(run.finest, chunk.inner)
                     yield chunk
@@ -102,53 +111,12 @@ class OwnMachines:
                 run.accounts.append(own.closed(carry))
                 raise
             return
-        machine = own.at_interface(ahead=run.longest * run.timing.period)
+        machine = own.at_interface(ahead=run.longest * timing.period)
+        hardware = SimulatedHardware(machine, self.clock)
         try:
-            yield from loop_chunks(run, SimulatedHardware(machine, self.clock), segment, software)
+            yield from played(run.loop(SampledMachine(hardware, timing.period), segment, software))
         finally:
             run.accounts.append(own.closed(machine.carry()))
-
-
-class StartedMachine:
-    """A stage with one machine, which is restarted for every segment.
-
-    Args:
-        hardware: the machine; it gives the clock, and stays open.
-    """
-
-    def __init__(self, hardware: Hardware) -> None:
-        self.hardware = hardware
-
-    def bring(self, segment: RunSegment) -> None:
-        """Do nothing: the operator has mounted the muscle where the segment begins."""
-
-    def play(
-        self, run: ProtocolRun, number: int, segment: RunSegment, software: BenchSoftware
-    ) -> Generator[Chunk, None, None]:
-        """Play a segment."""
-        unit = with_friction_scale(run.prepared.unit, segment.friction)
-        run.machine = run.prepared.rig.machine(segment.layout, unit, start=segment.start_span, moves=segment.moves)
-        return loop_chunks(run, self.hardware, segment, software)
-
-
-def loop_chunks(
-    run: ProtocolRun, hardware: Hardware, segment: RunSegment, software: BenchSoftware
-) -> Generator[Chunk, None, None]:
-    """Play a segment on a machine that the segment starts."""
-    assert run.machine is not None
-    loop = SampleLoop(
-        SampledMachine(hardware, run.timing.period),
-        run.prepared.rig.converters(segment.start_span),
-        software,
-        outputs=run.machine.signals(),
-        longest=run.longest,
-        stop=run.stop,
-        tell=run.note_lateness,
-    )
-    try:
-        yield from played(loop)
-    finally:
-        loop.chunk()
 
 
 def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True) -> None:
@@ -185,13 +153,10 @@ class ProtocolRun:
         stop: asked at every sample by a clock, else once per chunk, whether to end the run.
         ask: told what a person has to do on a real machine; returns when it is done.
         log: a new ``.mcap`` file.
-        begun: called once the machine is where the first segment begins.
+        begun: given the state of the run once the machine is where the first segment begins.
 
     Attributes:
-        time: how far it is [s].
-        result: as that of the recording, so far.
-        message: how it ended, so far that it reached its end.
-        events: that the recording keeps.
+        state: how far it is, and how it ended.
         machine: machine of the present segment, whose parameters are written down.
         accounts: accounts of the segments that are over; none of a real machine.
     """
@@ -206,7 +171,7 @@ class ProtocolRun:
         stop: Callable[[], bool] | None = None,
         ask: Callable[[str], None] | None = None,
         log: str | Path | None = None,
-        begun: Callable[[ProtocolRun], None] | None = None,
+        begun: Callable[[RunState], None] | None = None,
     ) -> None:
         check(list(prepared.findings))
         self.prepared, self.stage, self.progress, self.display, self.ask = prepared, stage, progress, display, ask
@@ -216,22 +181,28 @@ class ProtocolRun:
         self.longest = round((prepared.plan.duration + 2.0 * AFTER_STOP) / self.timing.period)  # samples of a segment
         self.recorder = RunRecorder(prepared, self.timing.period * prepared.every, log)
         self.table = StepTable(self.timing.period)
-        self.time, self.samples, self.finest = 0.0, 0, self.timing.inner
-        self.result, self.message = "done", "The run reached its end."
-        self.events: list[dict[str, Any]] = []
+        self.state = RunState(steps=self.table.steps)
+        self.samples, self.finest = 0, self.timing.inner
         self.machine: Machine | None = None
         self.accounts: list[Accounts] = []
         self._lateness: list[np.ndarray] = []
         self._mounted: list[list[float]] = []  # from a time on [s], the span at which the encoder was zeroed [m]
 
-    @property
-    def steps(self) -> list[dict[str, JsonValue]]:
-        """The steps that have begun: path, label, start and end [s], period [s]."""
-        return self.table.steps
+    def loop(
+        self, machine: SampledMachine, segment: RunSegment, software: BenchSoftware,
+        tell: Callable[[Chunk], None] = lambda chunk: None, **more: Any,
+    ) -> SampleLoop:  # fmt: skip
+        """Build the loop of a segment on a machine, with the options of `SampleLoop`; `tell` is given every chunk."""
+        assert self.machine is not None
 
-    def note_lateness(self, chunk: Chunk) -> None:
-        """Keep how late the samples of a chunk were."""
-        self._lateness.append(chunk.lateness)
+        def note(chunk: Chunk) -> None:
+            self._lateness.append(chunk.lateness)
+            tell(chunk)
+
+        return SampleLoop(
+            machine, self.prepared.rig.converters(segment.start_span), software, outputs=self.machine.signals(),
+            longest=self.longest, stop=self.stop, tell=note, **more,
+        )  # fmt: skip
 
     def play(self) -> Recording:
         """Play all segments, one after the other."""
@@ -241,23 +212,23 @@ class ProtocolRun:
                     self._ask(segment.asked)
                 self.stage.bring(segment)
                 if number == 0 and self.begun is not None:
-                    self.begun(self)
+                    self.begun(self.state)
                 self._play(number, segment)
-                if self.result != "done":
+                if self.state.result != "done":
                     break
-            if self.result != "done" and not len(self.recorder.chunks):
-                raise EmptyRunError(f"{self.message.rstrip('.')}; nothing had been recorded by then")
+            if self.state.result != "done" and not len(self.recorder.chunks):
+                raise EmptyRunError(f"{self.state.message.rstrip('.')}; nothing had been recorded by then")
             record = self.recorder.recording()
             meta = self._metadata(record)
-            self.recorder.close(self.result, self.message, meta)
-        return record.with_meta(meta, result=self.result, message=self.message)
+            self.recorder.close(self.state.result, self.state.message, meta)
+        return record.with_meta(meta, result=self.state.result, message=self.state.message)
 
     def _metadata(self, record: Recording) -> dict[str, JsonValue]:
         assert self.machine is not None
         meta = run_metadata(
             self.prepared, self.machine, self.timing, inner=self.finest, closed=self.accounts, record=record
         )
-        meta |= {"steps": self.steps, "events": self.events}
+        meta |= {"steps": self.state.steps, "events": self.state.events}
         encoder, hardware = self.prepared.rig.encoder, self.stage.hardware
         if encoder is not None:
             meta["encoder"] = {"resolution": float(encoder.resolution), "mounted": self._mounted}
@@ -275,11 +246,11 @@ class ProtocolRun:
         self._event(f"asked to {text}")
 
     def _event(self, text: str, **more: object) -> None:
-        self.events.append({"time": self.time, "text": text, **more})
-        self.recorder.remark(text, self.time)
+        self.state.events.append({"time": self.state.time, "text": text, **more})
+        self.recorder.remark(text, self.state.time)
 
     def _play(self, number: int, segment: RunSegment) -> None:
-        self._mounted.append([self.time, segment.start_span])
+        self._mounted.append([self.state.time, segment.start_span])
         chunks = self.stage.play(self, number, segment, software_of(self.prepared, segment, self.timing))
         try:
             for chunk in self._samples(chunks, segment):
@@ -287,11 +258,11 @@ class ProtocolRun:
                     self._interrupted()
                     break
         except LineLostError as error:
-            self.result, self.message = "stopped", str(error)
-            self._event(self.message, code="lost_line")
+            self.state.result, self.state.message = "stopped", str(error)
+            self._event(self.state.message, code="lost_line")
         finally:
             chunks.close()
-        self.table.end(self.time, "until" if self.result == "done" else "stop")
+        self.table.end(self.state.time, "until" if self.state.result == "done" else "stop")
 
     def _samples(self, source: Iterator[Chunk], segment: RunSegment) -> Iterator[Chunk]:
         """Record the chunks of a source until the segment ends, and yield each."""
@@ -304,9 +275,9 @@ class ProtocolRun:
                 used = int(results.shown["running"].sum())
                 # a machine that is computed in whole chunks goes on after its protocol; nothing there stops the run
                 tripped = used < count and bool(results.shown["code"][used] > 0 or results.shown["missed"][used])
-                stopped = self.result != "done" or tripped
+                stopped = self.state.result != "done" or tripped
                 if stopped:
-                    if self.result == "done":
+                    if self.state.result == "done":
                         self._stopped(results, used, segment)
                     after = min(count - used, left)
                     used, left = used + after, left - after
@@ -321,10 +292,11 @@ class ProtocolRun:
             self._interrupted()
 
     def _interrupted(self) -> None:
-        if self.result != "done":
+        if self.state.result != "done":
             return
         total = self.prepared.plan.duration
-        self.result, self.message = "interrupted", f"Interrupted after {self.time:.4g} s of at most {total:.4g} s."
+        self.state.result = "interrupted"
+        self.state.message = f"Interrupted after {self.state.time:.4g} s of at most {total:.4g} s."
         self._event("interrupted")
 
     def _keep(self, seen: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
@@ -338,32 +310,34 @@ class ProtocolRun:
         if used:
             self.table.add(times, seen.shown["step"][:used].astype(int), segment.steps)
         self.samples += used
-        self.time = period * self.samples
+        self.state.time = period * self.samples
         if used and self.display is not None:
             self.display(times, arrays)
         if self.progress is not None:
-            self.progress(min(self.time, total), total)
+            self.progress(min(self.state.time, total), total)
 
     def _stopped(self, seen: sampled.SampleResult, at: int, segment: RunSegment) -> None:
         """Set result and message for the stop at a sample of a chunk."""
         i = min(at, len(seen.shown["code"]) - 1)
-        when, code = self.time + i * self.timing.period, int(seen.shown["code"][i])
+        when, code = self.state.time + i * self.timing.period, int(seen.shown["code"][i])
         name = Trip(code).name.lower() if code else "missed"
         if code == Trip.EMERGENCY_STOP:
             name = "stop" if getattr(self.stop, "ordinary", False) else name
-            self.message = sentence(self.stop, when)
+            self.state.message = sentence(self.stop, when)
         elif code > 0:
             watch = self.prepared.rig.watch(segment.layout, tension=not self.prepared.accepted)
             measured = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}
-            self.message = watch.reason(code, {**measured, "velocity": float(seen.shown["velocity"][i])}, when)
+            self.state.message = watch.reason(code, {**measured, "velocity": float(seen.shown["velocity"][i])}, when)
         else:
             step = segment.steps[int(seen.shown["step"][i])]
             test = "" if step.until is None else step.until.sentence()
             waited = step.count * self.timing.period
-            self.message = f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
-        self.result = "stopped"
-        self.events.append({"time": when, "text": self.message, "code": name})
-        self.recorder.remark(self.message, when)
+            self.state.message = (
+                f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
+            )
+        self.state.result = "stopped"
+        self.state.events.append({"time": when, "text": self.state.message, "code": name})
+        self.recorder.remark(self.state.message, when)
 
 
 def channels_of(seen: sampled.SampleResult, used: int) -> dict[str, np.ndarray]:

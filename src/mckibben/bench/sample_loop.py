@@ -398,6 +398,7 @@ def played(loop: SampleLoop) -> Generator[Chunk, None, None]:
     finally:
         button.set()
         loop.join()
+        loop.chunk()  # what nobody has looked at after an interrupt
     if loop.failed is not None:
         raise loop.failed
     if loop.lost is not None:

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,8 +25,8 @@ from .run import CalibrationFile, On, chosen_rig
 from .run import ask_person as ask_person
 
 if TYPE_CHECKING:
-    from ..bench.hardware.interface import Hardware
     from ..bench.rig import Rig
+    from ..bench.session.interface import MachineSession
 
 LOOK = 0.2  # time between two looks at the machine for the line at the bottom and its messages [s]
 ENDED = 143  # exit code after a signal that ends the program
@@ -70,24 +70,14 @@ def console(
     by_hand = lines is None and sys.stdin.isatty()
     if by_hand:
         typer.echo("Getting the machine ready ..", err=True)
-    with _ending(), _machine(machine, on, wanted) as hardware:
-        session = session_package.Session(
-            on,
-            muscle,
-            hardware,
-            span=_span(span, contraction, muscle),
-            plumbing=plumbing,
-            rate=wanted,
-            speed=None if as_fast_as_it_goes else 1.0,
-            seed=seed,
-        )
-        with session:
-            spoken = prompt_module.Console(session, ask=ask_person)
-            if by_hand:
-                _at_a_prompt(spoken)
-                code = 0
-            else:
-                code = _by_script(spoken, sys.stdin if lines is None else lines, str(script or "standard input"))
+    options = {"span": _span(span, contraction, muscle), "plumbing": plumbing, "rate": wanted, "seed": seed}
+    with _ending(), _session(machine, on, muscle, speed=None if as_fast_as_it_goes else 1.0, **options) as session:
+        spoken = prompt_module.Console(session, ask=ask_person)
+        if by_hand:
+            _at_a_prompt(spoken, muscle)
+            code = 0
+        else:
+            code = _by_script(spoken, sys.stdin if lines is None else lines, str(script or "standard input"))
     if by_hand:
         typer.echo("Vented.")
     if code:
@@ -106,9 +96,11 @@ def _span(span: str | None, contraction: str | None, muscle: str) -> str | None:
         raise error.changed(field="--contraction" if error.field == "contraction" else error.field) from None
 
 
-def _machine(words: str | None, rig: Rig, rate: float | None) -> AbstractContextManager[Hardware | None]:
-    """Open the hardware of the options; None for a simulated machine."""
-    return hardware_package.connect.connected(words, rig, rig.computer.period(rate or session_package.setup.RATE))
+def _session(words: str | None, rig: Rig, muscle: str, **options: Any) -> MachineSession:
+    """Open a session; that of a real machine is in a process of its own, which nothing here can delay."""
+    if words is None or words == "simulated":
+        return session_package.Session(rig, muscle, **options)
+    return session_package.proxy.SessionProxy(words, rig, muscle, **options)
 
 
 def _lines(script: Path) -> list[str]:
@@ -179,7 +171,7 @@ def _tell(console: prompt_module.Console, answer: str) -> None:
         typer.echo(line)
 
 
-def _at_a_prompt(console: prompt_module.Console) -> None:
+def _at_a_prompt(console: prompt_module.Console, muscle: str) -> None:
     """Run the prompt until the user leaves. Ctrl-C stops the running command, or else clears the line; Ctrl-D leaves."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
@@ -203,7 +195,7 @@ def _at_a_prompt(console: prompt_module.Console) -> None:
         refresh_interval=LOOK,
         enable_history_search=True,
     )
-    typer.echo(f"{console.session.setup.rig.title}, {_mounted(console)}. help says what it knows.")
+    typer.echo(f"{console.session.rig.title}, {muscle}. help says what it knows.")
     while not console.over:
         try:
             with patch_stdout(), _echoed(console):
@@ -213,11 +205,6 @@ def _at_a_prompt(console: prompt_module.Console) -> None:
         except EOFError:
             return
         _do(console, line)
-
-
-def _mounted(console: prompt_module.Console) -> str:
-    bench = console.session.setup.prepared
-    return "a muscle" if bench.specimen is None else bench.specimen.id
 
 
 def _do(console: prompt_module.Console, line: str) -> None:

@@ -18,12 +18,12 @@ from urllib.parse import quote
 
 from .. import __version__
 from ..errors import InputError, MckibbenError
-from .bench import measured_data
 from .elements import Documents
 from .guard import Guard, is_loopback
 from .laboratory import Laboratory
 from .live import Lines
 from .pages import bench as bench_page
+from .pages.bench import measured_data
 from .reader import return_large_blocks
 from .save import LARGEST_CHART, sent_figure
 from .shelf import LARGEST, check_size

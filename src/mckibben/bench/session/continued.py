@@ -71,18 +71,12 @@ class ContinuedMachine:
             ended = self.hardware.state()
             session.resume(loop)
 
-        def tell(chunk: Chunk) -> None:
-            run.note_lateness(chunk)
-            session.observe(chunk)
-
-        loop = SampleLoop(
-            session.machine, setup.rig.converters(segment.start_span), software, outputs=run.machine.signals(),
-            longest=run.longest, stop=run.stop, zero=self._zero, tell=tell, begin=take, ended=give_back,
-        )  # fmt: skip
+        loop = run.loop(
+            session.machine, segment, software, session.observe, zero=self._zero, begin=take, ended=give_back
+        )
         try:
             yield from played(loop)
         finally:
-            loop.chunk()  # what nobody has looked at after an interrupt
             account = setup.closed(begun, ended)
             if account is not None:
                 run.accounts.append(account)

@@ -18,6 +18,7 @@ from .status import Message, Status
 
 if TYPE_CHECKING:
     from ...recordings.recording import Recording
+    from ..hardware.clock import Clock
     from ..protocol_run import Display, Progress, RunState
     from .setup import ManualSetup
 
@@ -28,12 +29,22 @@ class MachineSession(abc.ABC):
     Attributes:
         rig: whose machine it is.
         button: the emergency stop; another one after every reset.
-        period: period of the samples [s].
+        ready: whether the machine is sampled and can be operated by hand.
+        period: period of the samples of a machine that is ready [s].
     """
 
     rig: Rig
     button: EmergencyStop
+    ready: bool
     period: float
+
+    @abc.abstractmethod
+    def make_ready(self) -> None:
+        """Set up the machine and begin to sample it by hand; once.
+
+        Raises:
+            MckibbenError: if the rig does not allow it, or the machine is not there.
+        """
 
     @property
     @abc.abstractmethod
@@ -48,6 +59,14 @@ class MachineSession(abc.ABC):
     @abc.abstractmethod
     def simulated(self) -> bool:
         """Whether the machine is a simulated one."""
+
+    @abc.abstractmethod
+    def set_speed(self, speed: float) -> None:
+        """Let a simulated machine go on at another speed over the wall clock.
+
+        Raises:
+            InputError: if the machine is a real one.
+        """
 
     @property
     @abc.abstractmethod
@@ -116,7 +135,7 @@ class MachineSession(abc.ABC):
 
     @abc.abstractmethod
     def control_lost(self) -> None:
-        """Note that the client in control disconnected: hold, then vent."""
+        """Note that the client in control disconnected, also before the machine is ready: hold, then vent."""
 
     @abc.abstractmethod
     def control_back(self) -> None:
@@ -124,9 +143,9 @@ class MachineSession(abc.ABC):
 
     @abc.abstractmethod
     def run(
-        self, protocol: Protocol | str | PreparedRun, *, log: str | Path | None = None, progress: Progress | None = None,
-        display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
-        begun: Callable[[RunState], None] | None = None,
+        self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
+        log: str | Path | None = None, accept_saturation: bool = False, begun: Callable[[RunState], None] | None = None,
+        progress: Progress | None = None, display: Display | None = None, ask: Callable[[str], None] | None = None,
     ) -> Recording:  # fmt: skip
         """Run a protocol, and come back to manual mode, holding the last set-points.
 
@@ -134,12 +153,17 @@ class MachineSession(abc.ABC):
 
         Args:
             protocol: itself, its name, or what `prepare` made of it.
+            anew: begin on a machine that was set up for this run instead: a simulated one is made again, with a muscle at
+                rest where the protocol begins, a real one is started, its encoder zeroed where somebody mounted the muscle.
+                What is operated by hand stands still meanwhile.
+            clock: of the time of a simulated machine in this process that is made anew; None: as fast as it goes, whole
+                chunks at once.
             log: a new ``.mcap`` file, see `run.run`.
+            accept_saturation: go on where only the load cell's range would be exceeded.
+            begun: given the state of the run when the machine is where it begins.
             progress: told how far it is [s], and the longest time [s].
             display: shown every chunk.
             ask: told what a person has to do; returns when it is done.
-            accept_saturation: go on where only the load cell's range would be exceeded.
-            begun: told the run when the machine is where it begins.
 
         Raises:
             InputError: a finding of the dry run, after which nothing moves; or the machine is not in manual mode.

@@ -8,43 +8,44 @@ pipe. Where the other program ends, even by force, the machine vents at the next
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import multiprocessing
 import os
 import queue
 import signal
+import sys
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
 from ...documents import JsonValue
-from ...engine import STEP
-from ...errors import LineLostError, MckibbenError
+from ...errors import InputError, LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...recordings import read_recording
 from ..hardware.connect import connected
 from ..prepare import PreparedRun
 from ..protocol_run import RunState
 from ..rig_file import rig as rig_of
+from ..sample_loop import Lateness
 from ..software.emergency_stop import EmergencyStop
 from .interface import MachineSession
 from .session import Session
-from .setup import HOLD, ManualSetup, session_rate
-from .status import CLOSED, LOST, Message, Messages, Status
+from .setup import ManualSetup, session_rate
+from .status import CLOSED, IDLE, LOST, Message, Messages, Status
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from ...recordings.recording import Recording
     from ...specimens import Specimen
+    from ..hardware.clock import Clock
     from ..protocol_run import Display, Progress
     from ..rig import Rig
 
@@ -55,37 +56,18 @@ NOBODY = "nobody is there any more"
 ENDED = "the process that had the machine ended; the device vents by itself"
 
 
-@dataclass
-class RunSnapshot:
-    """The latest known state of a run in another process, with the attributes of `RunState`."""
-
-    result: str = "done"
-    message: str = ""
-    time: float = 0.0
-    events: list[dict[str, Any]] = field(default_factory=list)
-    steps: list[dict[str, Any]] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, run: RunState) -> RunSnapshot:
-        """Take a snapshot of a run."""
-        return cls(run.result, run.message, run.time, [dict(e) for e in run.events], [dict(s) for s in run.steps])
-
-    def update(self, newer: RunSnapshot) -> None:
-        """Take over a newer snapshot."""
-        vars(self).update(vars(newer))
+F = TypeVar("F", bound=Callable[..., Any])
+REFUSE = object()  # what a lost machine answers to a request that must not be lost
 
 
-class RemoteButton(EmergencyStop):
-    """The emergency stop of a machine in another process."""
+def _forwarded(method: F, otherwise: object = REFUSE) -> F:
+    """Return a method that asks the session in the other process; a lost machine gives another value, or an error."""
 
-    def __init__(self, send: Callable[..., None]) -> None:
-        super().__init__()
-        self._send = send
+    @functools.wraps(method, updated=())
+    def ask(self: SessionProxy, *given: Any, **named: Any) -> Any:
+        return self.ask(method.__name__, *given, otherwise=otherwise, **named)
 
-    def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:
-        """Stop; see `EmergencyStop`."""
-        super().press(reason, ordinary=ordinary)
-        self._send(0, "press", reason, ordinary)
+    return cast(F, ask)
 
 
 class SessionProxy(MachineSession):
@@ -96,6 +78,7 @@ class SessionProxy(MachineSession):
         rig: a rig, its name or file.
         muscle: a specimen, its id or file.
         lock_step: a simulated device waits for every command.
+        by_hand: begin the process and wait until the machine is ready; else `make_ready` does.
         messages: where the session's messages are added; its own ones by default.
         **options: of `Session`: span, plumbing, rate, speed, seed, step, keep, hold.
 
@@ -106,29 +89,40 @@ class SessionProxy(MachineSession):
 
     def __init__(
         self, words: str | None, rig: Rig | str, muscle: Specimen | str, *, lock_step: bool = False,
-        messages: Messages | None = None, **options: Any,
+        by_hand: bool = True, messages: Messages | None = None, **options: Any,
     ) -> None:  # fmt: skip
         self.rig = rig if not isinstance(rig, str) else rig_of(rig)
         self._words, self._muscle, self._options = words, muscle, options
         self._messages = Messages() if messages is None else messages
-        self._number, self._lost, self._closed = 0, "", False
+        self._number, self._lost, self._closed, self.ready = 0, "", False, False
         self._sending, self._sender, self._lock = threading.Lock(), 0, threading.Lock()
         self._waiting: dict[int, queue.SimpleQueue[tuple[Any, ...]]] = {}
-        self.button: EmergencyStop = RemoteButton(self._send)
+        self._renew_button()
+        self._seen = Status(IDLE, "", 0.0, {}, {}, Lateness.of(np.zeros(0), 1.0))
         context = multiprocessing.get_context("spawn")
-        self._line, other = context.Pipe()
+        self._line, self._other = context.Pipe()
         self._process = context.Process(
-            target=serve_machine, args=(other, words, self.rig, muscle, lock_step, options), daemon=True, name="machine"
-        )
+            target=serve_machine, args=(self._other, words, self.rig, muscle, lock_step, options), daemon=True,
+            name="machine",
+        )  # fmt: skip
+        if by_hand:
+            try:
+                self.make_ready()
+            except BaseException:
+                self.close()
+                raise
+
+    def make_ready(self) -> None:
+        """Begin the other process, and wait until it has the machine; see `MachineSession`."""
         self._process.start()
-        other.close()
+        self._other.close()
         threading.Thread(target=self._hear, name="machine", daemon=True).start()
-        self._seen: Status
         try:
-            self.period, self._seen = self._ask("get", "period"), self._ask("status")
-        except BaseException:
-            self.close()
+            self.period, self._seen = self.ask("period"), self.ask("status")
+        except Exception as error:
+            self._lose(str(error))
             raise
+        self.ready = True
 
     @property
     def process(self) -> int | None:
@@ -138,10 +132,8 @@ class SessionProxy(MachineSession):
     @functools.cached_property
     def setup(self) -> ManualSetup:
         """Limits, rates and channels of manual operation, set up again in this process on first use."""
-        given = {"span": None, "rate": None, "hold": HOLD, "plumbing": None, "seed": 0, "step": STEP, **self._options}
-        names = "span", "rate", "hold", "plumbing", "seed", "step"
-        span, rate, hold, plumbing, seed, step = (given[n] for n in names)
-        return ManualSetup(self.rig, span, rate, hold, muscle=self._muscle, plumbing=plumbing, seed=seed, step=step)
+        options = {n: value for n, value in self._options.items() if n not in ("speed", "keep")}
+        return ManualSetup(self.rig, muscle=self._muscle, **options)
 
     @property
     def simulated(self) -> bool:
@@ -150,31 +142,50 @@ class SessionProxy(MachineSession):
 
     # ---- the line
 
-    def _send(self, number: int, what: str, *given: Any) -> None:
+    def _renew_button(self) -> None:
+        self.button = EmergencyStop(lambda reason, ordinary: self._send(0, "press", reason, ordinary=ordinary))
+
+    def _send(self, number: int, what: str, *given: Any, **named: Any) -> None:
         if self._sender == threading.get_ident():  # a signal that presses the button came while this thread was sending
-            threading.Thread(target=self._send, args=(number, what, *given), daemon=True).start()
+            threading.Thread(target=self._send, args=(number, what, *given), kwargs=named, daemon=True).start()
             return
         with self._sending, contextlib.suppress(OSError, ValueError):
             self._sender = threading.get_ident()
             try:
-                self._line.send((number, what, given))
+                self._line.send((number, what, given, named))
             finally:
                 self._sender = 0
 
-    def _ask(self, what: str, *given: Any, hear: Callable[..., None] | None = None) -> Any:
+    def ask(
+        self, what: str, *given: Any, otherwise: Any = REFUSE, hear: Callable[..., None] | None = None, **named: Any
+    ) -> Any:
+        """Return an attribute of the session, or what a method of it returns.
+
+        Args:
+            what: its name.
+            *given: arguments.
+            otherwise: returned if the machine is lost; while it is not ready, nobody waits for an answer either.
+            hear: told what the session says before it answers.
+            **named: arguments by name.
+
+        Raises:
+            LineLostError: if the machine is lost, and there is no other value.
+        """
         box: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
         with self._lock:
             if self._lost:
-                raise LineLostError(self._lost)
+                box.put(("lost",))
             self._number += 1
-            number = self._number
+            number = 0 if otherwise is not REFUSE and not self.ready else self._number
             self._waiting[number] = box
         try:
-            self._send(number, what, *given)
-            while True:
+            self._send(number, what, *given, **named)
+            while number:
                 kind, *said = box.get()
                 if kind == "done":
                     return said[0]
+                if kind == "lost":
+                    break
                 if kind == "refused":
                     raise said[0]
                 assert hear is not None
@@ -182,170 +193,146 @@ class SessionProxy(MachineSession):
         finally:
             with self._lock:
                 self._waiting.pop(number, None)
+        if otherwise is REFUSE:
+            raise LineLostError(self._lost)
+        return otherwise
 
     def _hear(self) -> None:
         with contextlib.suppress(EOFError, OSError):
             while True:
-                number, *said = self._line.recv()
-                if not number:
-                    _, time, kind, text = said[0]
-                    self._messages.say(text, time, kind)
+                number, kind, *said = self._line.recv()
+                if kind == "message":
+                    _, time, sort, text = said[0]
+                    self._messages.say(text, time, sort)
                     continue
                 with self._lock:
                     box = self._waiting.get(number)
                 if box is not None:
-                    box.put(tuple(said))
+                    box.put((kind, *said))
+        self._lose(ENDED)
+
+    def _lose(self, why: str) -> None:
         with self._lock:
-            self._lost = "the machine was let go" if self._closed else ENDED
-            if not self._closed:
-                self._messages.say(ENDED, 0.0, "stop")
+            if not self._lost:
+                self._lost = "the machine was let go" if self._closed else why
+                if not self._closed:
+                    self._messages.say(why, 0.0, "stop")
             for box in self._waiting.values():
-                box.put(("refused", LineLostError(self._lost)))
+                box.put(("lost",))
 
     # ---- what a session can
+
+    set = _forwarded(MachineSession.set)
+    vent = _forwarded(MachineSession.vent)
+    set_speed = _forwarded(MachineSession.set_speed, None)
+    stop_recording = _forwarded(MachineSession.stop_recording)
+    note = _forwarded(MachineSession.note, None)
+    wait = _forwarded(MachineSession.wait, None)
+    control_lost = _forwarded(MachineSession.control_lost, None)
+    control_back = _forwarded(MachineSession.control_back, None)
 
     @property
     def gone(self) -> str:
         """Reason for which the machine is lost or closed; empty while it is available."""
-        if self._lost:
-            return CLOSED if self._closed else LOST
-        return str(self._or(LOST, "get", "gone"))
+        lost = CLOSED if self._closed else LOST
+        return lost if self._lost else str(self.ask("gone", otherwise=lost if self.ready else ""))
 
     @property
     def why(self) -> str:
         """Reason for which the machine is stopped; empty while it is not stopped."""
-        return self._lost or str(self._or(ENDED, "get", "why"))
+        if not self.ready and not self._lost:
+            return f"emergency stop: {self.button.reason}" if self.button() else ""
+        return self._lost or str(self.ask("why", otherwise=ENDED))
 
     @property
     def busy(self) -> bool:
         """Whether manual commands are pending, or the machine is under pressure."""
-        return bool(self._or(False, "get", "busy"))
-
-    def _or(self, otherwise: Any, what: str, *given: Any) -> Any:
-        """Return the answer, or another value if the machine is lost."""
-        try:
-            return self._ask(what, *given)
-        except LineLostError:
-            return otherwise
+        return bool(self.ask("busy", otherwise=False))
 
     def status(self) -> Status:
         """Return the present status, or the last one of a lost machine."""
-        found = self._or(None, "status")
-        self._seen = dataclasses.replace(self._seen, state=self.gone, why=self.why) if found is None else found
+        self._seen = self.ask("status", otherwise=None) or replace(self._seen, state=self.gone, why=self.why)
         return self._seen
 
     def latest(self) -> dict[str, float]:
-        """Return the newest sample: ``time`` of the session [s] and every channel [SI]; empty if the machine is lost."""
-        return dict(self._or({}, "latest"))
+        """Return the newest sample; empty if the machine is lost; see `MachineSession`."""
+        return dict(self.ask("latest", otherwise={}))
 
     def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return the samples after a time [s]: times (n,) and channels (n,)."""
-        times, arrays = self._or((np.zeros(0), {}), "since", time)
+        """Return the samples after a time [s]; none of a lost machine; see `MachineSession`."""
+        times, arrays = self.ask("since", time, otherwise=(np.zeros(0), {}))
         return times, arrays
 
     def messages(self, after: int = 0) -> list[Message]:
         """Return the messages after the one with a number; see `MachineSession`."""
-        self._or(None, "tell_all")
+        self.ask("messages", sys.maxsize, otherwise=None)  # all that there are come before the answer
         return self._messages.after(after)
-
-    def note(self, text: str, kind: str = "note") -> None:
-        """Add a message at the time of the newest sample."""
-        self._or(None, "note", text, kind)
-
-    def control_lost(self) -> None:
-        """Note that the client in control disconnected."""
-        self._or(None, "control_lost")
-
-    def control_back(self) -> None:
-        """Note that a client is in control again."""
-        self._or(None, "control_back")
-
-    def set(self, **wanted: float | str) -> None:
-        """Ask for set-points; see `MachineSession`."""
-        self._ask("set", wanted)
-
-    def vent(self) -> None:
-        """Vent at the manual rate."""
-        self._ask("vent")
 
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
         """Vent and brake the motor at the next sample; the machine stays stopped until `reset`."""
         self.button.press(reason)
-        self._or(None, "emergency_stop", reason)
+        self.ask("emergency_stop", reason, otherwise=None)
 
     def reset(self) -> None:
         """Return to manual mode after a stop, vented, with the motor in place."""
-        self._ask("reset")
-        self.button = RemoteButton(self._send)
-
-    def wait(self, seconds: float) -> None:
-        """Wait for a time of the machine [s]; see `MachineSession`."""
-        self._or(None, "wait", seconds)
+        self.ask("reset")
+        self._renew_button()
 
     def start_recording(self, log: str | Path | None = None) -> None:
         """Record from the next sample on, in the other process; see `MachineSession`."""
-        self._ask("start_recording", None if log is None else str(Path(log).absolute()))
-
-    def stop_recording(self) -> Recording:
-        """End the recording, and return what was recorded; see `MachineSession`."""
-        record: Recording = self._ask("stop_recording")
-        return record
+        self.ask("start_recording", None if log is None else str(Path(log).absolute()))
 
     def run(
-        self, protocol: Protocol | str | PreparedRun, *, log: str | Path | None = None, progress: Progress | None = None,
-        display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
-        begun: Callable[[RunState], None] | None = None,
+        self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
+        log: str | Path | None = None, accept_saturation: bool = False, begun: Callable[[RunState], None] | None = None,
+        progress: Progress | None = None, display: Display | None = None, ask: Callable[[str], None] | None = None,
     ) -> Recording:  # fmt: skip
         """Run a protocol, which is prepared in this process; the recording is read from its log; see `MachineSession`."""
+        if clock is not None:
+            raise InputError("clock", None, "must be left out: the machine is in another process")
         prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
+        state = RunState()
+        told: dict[str, Callable[..., None] | None] = {"display": display, "progress": progress}
+
+        def hear(kind: str, newer: RunState, *said: Any) -> None:
+            vars(state).update(vars(newer))
+            if kind == "begun" and begun is not None:
+                begun(state)
+            elif kind == "ask" and ask is not None:
+                error = None
+                try:
+                    ask(*said)
+                except MckibbenError as refusal:
+                    error = refusal
+                self._send(0, "answer", error)
+            elif (function := told.get(kind)) is not None:
+                function(*said)
+
         with contextlib.ExitStack() as until:
             if log is None:
                 log = Path(until.enter_context(tempfile.TemporaryDirectory(prefix="mckibben-"))) / "run.mcap"
-            run = RunSnapshot()
-            hear = functools.partial(self._follow, run, prepared.plan.duration, progress, display, ask, begun)
+            kinds = [kind for kind, function in {**told, "ask": ask}.items() if function is not None]
             try:
-                run.update(self._ask("run", prepared, str(Path(log).absolute()), ask is not None, hear=hear))
+                self.ask("run", prepared, kinds, hear=hear, log=str(Path(log).absolute()), anew=anew)
             except MckibbenError:
                 raise
             except BaseException as error:  # of whoever shows it
                 self.button.press(f"the run was left with {type(error).__name__}")
                 raise
             finally:
-                if self.button.ordinary:  # the session has reset itself
-                    self.button = RemoteButton(self._send)
+                if anew or self.button.ordinary:  # the session has reset itself
+                    self._renew_button()
             return read_recording(log)
-
-    def _follow(
-        self, run: RunSnapshot, longest: float, progress: Progress | None, display: Display | None,
-        ask: Callable[[str], None] | None, begun: Callable[[RunState], None] | None, kind: str, *said: Any,
-    ) -> None:  # fmt: skip
-        """Pass on what the other process says of a run."""
-        if kind == "ask":
-            assert ask is not None
-            try:
-                ask(said[0])
-            except MckibbenError as error:
-                self._send(0, "answer", error)
-            else:
-                self._send(0, "answer", None)
-            return
-        run.update(said[0])
-        if kind == "begun" and begun is not None:
-            begun(run)
-        elif kind == "display":
-            if display is not None:
-                display(said[1], said[2])
-            if progress is not None:
-                progress(min(run.time, longest), longest)
 
     def close(self) -> None:
         """Vent and release the machine; may be called twice."""
         self._closed = True
-        self._or(None, "close")
-        self._process.join(LONGEST)
-        if self._process.is_alive():
-            self._process.terminate()
+        self.ask("close", otherwise=None)
+        if self._process.pid is not None:
             self._process.join(LONGEST)
+            if self._process.is_alive():
+                self._process.terminate()
+                self._process.join(LONGEST)
         self._line.close()
 
 
@@ -363,9 +350,9 @@ class SessionServer:
         self.session = session
         try:
             while True:
-                number, what, given = self.line.recv()
+                number, what, given, named = self.line.recv()
                 if what == "press":
-                    self.session.button.press(given[0], ordinary=given[1])
+                    self.session.button.press(*given, **named)
                 elif what == "answer":
                     self._answers.put(given[0])
                 elif what == "close":
@@ -374,7 +361,7 @@ class SessionServer:
                     self.say(number, "done", None)
                     return
                 else:
-                    self._pool.submit(self._do, number, what, given)
+                    self._pool.submit(self._do, number, what, given, named)
         except (EOFError, OSError):
             self._answers.put(MckibbenError(NOBODY))
             self.session.button.press("the program that operated the machine ended")
@@ -384,44 +371,34 @@ class SessionServer:
         with self._sending, contextlib.suppress(OSError):
             self.line.send((number, *said))
 
-    def _do(self, number: int, what: str, given: tuple[Any, ...]) -> None:
+    def _do(self, number: int, what: str, given: tuple[Any, ...], named: dict[str, Any]) -> None:
         try:
-            own = getattr(self, f"_{what}", None)
-            found = own(number, *given) if own is not None else getattr(self.session, what)(*given)
-            self.say(number, "done", found)
+            asked = self._run if what == "run" else getattr(self.session, what)
+            given = (number, *given) if what == "run" else given
+            self.say(number, "done", asked(*given, **named) if callable(asked) else asked)
         except MckibbenError as error:
             self.say(number, "refused", error)
         except BaseException as error:
             self.say(number, "refused", MckibbenError(f"{type(error).__name__}: {str(error)[:200]}"))
 
-    def _tell_all(self, number: int) -> None:
-        """Let every message so far go out before the answer."""
-        self.session.messages()
+    def _run(self, number: int, prepared: PreparedRun, kinds: list[str], **options: Any) -> None:
+        """Run a protocol, and say what the client wants to be told, each with the state of the run."""
+        states = [RunState()]
 
-    def _get(self, number: int, name: str) -> Any:
-        return getattr(self.session, name)
+        def begun(state: RunState) -> None:
+            states.append(state)
+            self.say(number, "begun", state)
 
-    def _set(self, number: int, wanted: Mapping[str, float | str]) -> None:
-        self.session.set(**wanted)
+        def tell(kind: str, *said: Any) -> None:
+            self.say(number, kind, states[-1], *said)
+            if kind == "ask":
+                error = self._answers.get()
+                if error is not None:
+                    raise error
 
-    def _run(self, number: int, prepared: PreparedRun, log: str, asks: bool) -> RunSnapshot:
-        runs: list[RunState] = []
-
-        def begun(run: RunState) -> None:
-            runs.append(run)
-            self.say(number, "begun", RunSnapshot.of(run))
-
-        def display(times: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
-            self.say(number, "display", RunSnapshot.of(runs[0]), times, dict(arrays))
-
-        def ask(text: str) -> None:
-            self.say(number, "ask", text)
-            error = self._answers.get()
-            if error is not None:
-                raise error
-
-        self.session.run(prepared, log=log, display=display, ask=ask if asks else None, begun=begun)
-        return RunSnapshot.of(runs[0])
+        told: dict[str, Any] = {kind: functools.partial(tell, kind) for kind in kinds}
+        self.session.run(prepared, begun=begun, **told, **options)
+        self.say(number, "over", states[-1])
 
 
 def serve_machine(
@@ -440,12 +417,13 @@ def serve_machine(
         period = rig.computer.period(options.get("rate") or session_rate(rig))
         with connected(words, rig, period, lock_step=lock_step, silence=SILENCE) as hardware:
             server = SessionServer(line)
-            messages = Messages(lambda message: server.say(0, message))
+            messages = Messages(lambda message: server.say(0, "message", message))
             with Session(rig, muscle, hardware, messages=messages, **options) as session:
                 server.serve(session)
     except MckibbenError as error:
         with contextlib.suppress(EOFError, OSError):
-            number, *_ = line.recv()
+            while not (number := line.recv()[0]):
+                pass  # what nobody waits for
             line.send((number, "refused", error))
 
 

@@ -33,7 +33,7 @@ from .. import channels
 from ..hardware.clock import Clock
 from ..hardware.interface import Hardware
 from ..prepare import PreparedRun
-from ..protocol_run import Display, OwnMachines, Progress, ProtocolRun, RunState, Stage, StartedMachine, channels_of
+from ..protocol_run import Display, NewMachine, Progress, ProtocolRun, RunState, Stage, channels_of
 from ..rig import Rig
 from ..rig_file import rig as rig_of
 from ..sample_loop import LOOK, Lateness, SampledMachine, SampleLoop, Setpoints
@@ -100,11 +100,13 @@ class Session(MachineSession):
         self.rig = rig if isinstance(rig, Rig) else rig_of(rig)
         self.button, self._why = EmergencyStop(), ""
         self._setting_up = functools.partial(
-            ManualSetup, self.rig, span, rate, hold, muscle=muscle, unit=unit, plumbing=plumbing, seed=seed, step=step
-        )
+            ManualSetup, self.rig, span=span, rate=rate, hold=hold, muscle=muscle, unit=unit, plumbing=plumbing,
+            seed=seed, step=step,
+        )  # fmt: skip
         self._given, self._keep, self._speed = hardware, keep, speed
         self._stepped = speed is None and hardware is None
         self._rests = rests and not self._stepped and hardware is None
+        self.clock = Clock(speed, grain=0.004 if self._rests else 0.0, halted=self._stepped or self._rests)
         self._lock, self._acting = threading.RLock(), threading.RLock()
         self._messages = Messages() if messages is None else messages
         self._recording: ManualRecording | None = None
@@ -114,19 +116,14 @@ class Session(MachineSession):
         self._alone, self._since_alone = False, 0.0
         self._first_news = 0  # number of the first sample whose stops are news
         self._used = False  # whether anything was asked for since it was last vented
-        self._open = self._aside = False  # whether the machine is ready by hand, and stands still during a run anew
+        self.ready = self._aside = False  # whether the machine that is operated by hand stands still during a run anew
         if by_hand:
             self.make_ready()
 
     def make_ready(self) -> None:
-        """Set up the machine and begin to sample it by hand; once.
-
-        Raises:
-            InputError: what the rig does not allow, or that the machine does not fit the rig.
-        """
+        """Set up the machine and begin to sample it by hand; see `MachineSession`."""
         setup = self._setup = self._setting_up()
         self.period = setup.timing.period
-        self.clock = Clock(self._speed, grain=0.004 if self._rests else 0.0, halted=self._stepped or self._rests)
         hardware = setup.simulated(self.clock) if self._given is None else self._given
         self.machine = SampledMachine(hardware, self.period)
         self._ring, self._setpoints = SampleRing(max(1, round(self._keep / self.period))), Setpoints()
@@ -138,7 +135,9 @@ class Session(MachineSession):
         gc.collect()
         gc.freeze()
         self._loop.start()
-        self._open = True
+        self.ready = True
+        if self._alone:
+            self.control_lost()
         self.wait(self.period)
         if not self._stepped:
             threading.Thread(target=self._tend, name="session", daemon=True).start()
@@ -148,7 +147,7 @@ class Session(MachineSession):
     @property
     def setup(self) -> ManualSetup:
         """Limits, rates and channels of manual operation; see `MachineSession`."""
-        if not self._open:
+        if not self.ready:
             self._refuse("by hand")
         return self._setup
 
@@ -173,14 +172,10 @@ class Session(MachineSession):
         """Whether manual commands are pending, or the machine is under pressure."""
         return self._state() == MANUAL or self.latest().get("pressure", 0.0) > VENTED
 
-    @property
-    def speed(self) -> float | None:
-        """Time of a simulated machine over that of the wall; None: as fast as it goes."""
-        return self._speed
-
-    @speed.setter
-    def speed(self, speed: float) -> None:
-        """Go on at another speed from now on."""
+    def set_speed(self, speed: float) -> None:
+        """Go on at another speed from now on; see `MachineSession`."""
+        if not self.simulated:
+            raise InputError("speed", speed, "must be left out: a real machine has its own time")
         self._speed = speed
         if not self._alone:
             self.clock.speed = speed
@@ -222,7 +217,7 @@ class Session(MachineSession):
         """Collect the samples of the manual loop, after those of a run before it."""
         with self._lock:
             run_loop = self._run_loop
-            if self._open and not (run_loop is not None and run_loop.pending) and self._loop.kept:
+            if self.ready and not (run_loop is not None and run_loop.pending) and self._loop.kept:
                 self._loop.chunk()
 
     def _tend(self) -> None:
@@ -343,13 +338,13 @@ class Session(MachineSession):
         """Return the newest sample; see `MachineSession`."""
         self._collect()
         with self._lock:
-            return self._ring.latest() if self._open else {}
+            return self._ring.latest() if self.ready else {}
 
     def since(self, time: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return the samples after a time [s]; see `MachineSession`."""
         self._collect()
         with self._lock:
-            return self._ring.since(time) if self._open else (np.zeros(0), {})
+            return self._ring.since(time) if self.ready else (np.zeros(0), {})
 
     def messages(self, after: int = 0) -> list[Message]:
         """Return the messages after the one with a number."""
@@ -368,7 +363,7 @@ class Session(MachineSession):
 
     @property
     def _now(self) -> float:
-        return self.machine.number * self.period if self._open else 0.0
+        return self.machine.number * self.period if self.ready else 0.0
 
     def _remark(self, text: str, time: float | None = None, **more: Any) -> None:
         """Add an event to the recording, if there is one."""
@@ -382,11 +377,11 @@ class Session(MachineSession):
         asked = {n.removeprefix("command."): v for n, v in at.items() if n.startswith("command.") and np.isfinite(v)}
         kept = () if self.why else ("pressure",) if self.rig.motor is None else tuple(asked)
         asked = {n: v for n, v in asked.items() if n in kept}
-        running = None if run is None else (run.prepared.protocol.name, run.time, run.prepared.plan.duration)
+        running = None if run is None else (run.prepared.protocol.name, run.state.time, run.prepared.plan.duration)
         return Status(
             state=self._state(), why=self.why, time=at.get("time", 0.0),
             measured={n: at[n] for n in channels.measured() if n in at}, set_points=asked,
-            deadlines=self._loop.deadlines() if self._open else Lateness.of(np.zeros(0), 1.0),
+            deadlines=self._loop.deadlines() if self.ready else Lateness.of(np.zeros(0), 1.0),
             protocol=running, recorded=None if recording is None else recording.time,
         )  # fmt: skip
 
@@ -408,7 +403,7 @@ class Session(MachineSession):
 
     def _require_ready(self, what: str) -> None:
         """Raise an error unless the machine is sampled."""
-        if not self._open:
+        if not self.ready:
             self._refuse(what)
 
     def _free(self, what: str, value: str = "refused") -> None:
@@ -464,10 +459,10 @@ class Session(MachineSession):
     def emergency_stop(self, reason: str = "the button was pressed") -> None:
         """Stop, vent and brake; see `MachineSession`."""
         self.button.press(reason)
-        if not self._open and self._run is None and not self._why:
+        if not self.ready and self._run is None and not self._why:
             self._why = sentence(self.button, 0.0)
             self._messages.say(self.why, None, "stop")
-        if not self._open or self._aside:
+        if not self.ready or self._aside:
             return
         self._wake()
         if self._stepped and self._run is None and not self._why:
@@ -483,26 +478,28 @@ class Session(MachineSession):
                 raise InputError("reset", None, "is allowed only after a stop, while nothing runs")
             with self._lock:
                 self.button, self._why = EmergencyStop(), ""
-                if self._open:
+                if self.ready:
                     self._rest()
                     self._loop.renew()
                     self._first_news = self.machine.number + 1
             self.note("reset")
-            if self._open:
+            if self.ready:
                 self.wait(2.0 * self.period)
 
     def control_lost(self) -> None:
         """Note that the client in control disconnected; see `MachineSession`."""
-        self._require_ready("control")
         self._alone, self._since_alone = True, time.monotonic()
+        if not self.ready:
+            return
         if self._rests:
             self.clock.speed = 1.0  # the time after which it vents is that of whoever stands beside it
         self._setpoints.change(alone=1.0)
 
     def control_back(self) -> None:
         """Note that a client is in control again; see `MachineSession`."""
-        self._require_ready("control")
         self._alone = False
+        if not self.ready:
+            return
         if self._rests:
             self.clock.speed = self._speed
         self._collect()
@@ -512,29 +509,11 @@ class Session(MachineSession):
 
     def run(
         self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
-        stop: Callable[[], bool] | None = None, log: str | Path | None = None, progress: Progress | None = None,
-        display: Display | None = None, ask: Callable[[str], None] | None = None, accept_saturation: bool = False,
-        begun: Callable[[RunState], None] | None = None,
+        stop: Callable[[], bool] | None = None, log: str | Path | None = None, accept_saturation: bool = False,
+        begun: Callable[[RunState], None] | None = None, progress: Progress | None = None,
+        display: Display | None = None, ask: Callable[[str], None] | None = None,
     ) -> Recording:  # fmt: skip
-        """Run a protocol; see `MachineSession`.
-
-        Args:
-            protocol: itself, its name, or what `prepare` made of it.
-            anew: begin on a machine that was set up for this run instead: a simulated one is made again, with a muscle at
-                rest where the protocol begins, a real one is started, its encoder zeroed where somebody mounted the muscle.
-                What is operated by hand stands still meanwhile.
-            clock: of the time of a simulated machine that is made anew; None: as fast as it goes, whole chunks at once.
-            stop: asked whether to end the run; else the session's button.
-            log: a new ``.mcap`` file, see `run.run`.
-            progress: told how far it is [s], and the longest time [s].
-            display: shown every chunk.
-            ask: told what a person has to do; returns when it is done.
-            accept_saturation: go on where only the load cell's range would be exceeded.
-            begun: told the run when the machine is where it begins.
-
-        Raises:
-            InputError: as `MachineSession.run`.
-        """
+        """Run a protocol; see `MachineSession`. `stop` is asked whether to end it; else the session's button."""
         with self._acting:
             if not anew:
                 self._free("run")
@@ -542,11 +521,7 @@ class Session(MachineSession):
             if stop is None:
                 self._require_no_stop("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
-            stage: Stage
-            if not anew:
-                stage = ContinuedMachine(self, prepared, ask is not None)
-            else:
-                stage = OwnMachines(clock) if self._given is None else StartedMachine(self._given)
+            stage: Stage = NewMachine(self._given, clock) if anew else ContinuedMachine(self, prepared, ask is not None)
             run = ProtocolRun(
                 prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
                 stop=self.button if stop is None else stop,
@@ -565,24 +540,23 @@ class Session(MachineSession):
 
     def _settle(self, run: ProtocolRun, anew: bool, recorded: bool) -> None:
         """Say how a run ended, and keep why it was stopped until `reset`, unless somebody ended it on purpose."""
-        ordinary, stopped = bool(getattr(run.stop, "ordinary", False)), run.result == "stopped"
+        ordinary, state = bool(getattr(run.stop, "ordinary", False)), run.state
         with self._lock:
-            if anew and stopped and not ordinary and not self._why:
-                when = next((e["time"] for e in reversed(run.events) if "code" in e), run.time)
-                self._why = run.message
-                self._messages.say(run.message, when, "stop")
+            if anew and state.result == "stopped" and not ordinary and not self._why:
+                self._why = state.message
+                self._messages.say(state.message, state.time if state.stop is None else state.stop["time"], "stop")
             elif not anew and recorded:
-                done = run.result == "done"
+                done = state.result == "done"
                 if done or not self._why:  # a stop that the samples showed has been told
-                    self._say(f"{run.prepared.protocol.name}: {run.message}", "done" if done else "stop")
-                self._why = self._why or ("" if done else run.message)
+                    self._say(f"{run.prepared.protocol.name}: {state.message}", "done" if done else "stop")
+                self._why = self._why or ("" if done else state.message)
         if not anew and ordinary and self._why and not self._gone:
             self.reset()
 
     @contextlib.contextmanager
     def _set_aside(self) -> Generator[None, None, None]:
         """Let the machine that is operated by hand stand still, vented, during a run on another one."""
-        opened, self._aside = self._open, True
+        opened, self._aside = self.ready, True
         if opened:
             self._rest()
             self._loop.leave()
@@ -626,7 +600,7 @@ class Session(MachineSession):
         if self._run is not None:
             self.button.press("the session was closed")
         with self._acting:
-            if self._gone == CLOSED or not self._open:
+            if self._gone == CLOSED or not self.ready:
                 self._gone = CLOSED
                 return
             if not self._gone:

@@ -61,7 +61,10 @@ class ManualSetup:
         InputError: names what is unknown, or that the machine may not even stand there.
     """
 
-    def __init__(self, rig: Rig, span: float | str | None, rate: float | None, hold: float, **options: object) -> None:
+    def __init__(
+        self, rig: Rig, *, span: float | str | None = None, rate: float | None = None, hold: float = HOLD,
+        **options: object,
+    ) -> None:  # fmt: skip
         self.rig, self.rate = rig, session_rate(rig) if rate is None else rate
         place = "1 L0" if span is None else span if isinstance(span, str) else f"{span!r} m"
         operation = build_protocol(_manual_operation(place, self.rate), where="session")

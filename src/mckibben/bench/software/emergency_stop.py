@@ -18,14 +18,17 @@ def sentence(stop: Callable[[], bool], when: float) -> str:
 class EmergencyStop:
     """A latching stop button, for any thread or a signal of the system. Called as a function it returns its state.
 
+    Args:
+        told: given the reason, and whether it is ordinary, whenever it is pressed.
+
     Attributes:
         reason: reason given with the stop.
         ordinary: whether somebody ended the run, and nothing had gone wrong; the machine does the same.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, told: Callable[[str, bool], None] | None = None) -> None:
         """Create the button, not pressed."""
-        self._pressed = threading.Event()
+        self._pressed, self._told = threading.Event(), told
         self.reason, self.ordinary = "", False
 
     def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:
@@ -33,6 +36,8 @@ class EmergencyStop:
         if not self._pressed.is_set() or (self.ordinary and not ordinary):
             self.reason, self.ordinary = reason, ordinary
             self._pressed.set()
+        if self._told is not None:
+            self._told(reason, ordinary)
 
     def __call__(self) -> bool:
         """Return whether the button is pressed."""

@@ -24,11 +24,11 @@ from ...experiments.read import parse_protocol, protocol_names, shipped
 from ...muscles.build import upper_length_of
 from ...quantities import with_unit
 from ...specimens import Specimen, specimen
+from ..pages.bench import drawing
+from ..pages.bench.columns import factors
+from ..pages.bench.dry import DryRun, dry_run, laws
+from ..pages.bench.faces import changed, faces
 from ..shelf import Shelf
-from . import drawing
-from .columns import factors
-from .dry import DryRun, dry_run, laws
-from .faces import changed, faces
 
 FIRST = "work-loop"  # protocol with which a bench begins
 LONGEST = 100_000  # characters of a protocol's text

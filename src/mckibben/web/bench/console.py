@@ -98,7 +98,7 @@ class PageConsole(CommandInterpreter):
         said = [f"{status['name'].lower()}: {status['small']}" if status["small"] else status["name"].lower()]
         if status["why"]:
             said.append(str(status["why"]))
-        if self.bench.running is None and self.bench.manual is not None and self.bench.manual.ready:
+        if self.bench.running is None and self.bench.session.ready:
             said += self.bench.session.status().lines()[1:]
         return "\n".join(said)
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...bench.hardware.clock import Clock
-from ...bench.session import MachineSession, Messages
+from ...bench.session import MachineSession, Messages, Session
+from ...bench.session.proxy import SessionProxy
 from ...documents import JsonValue
-from ...errors import InputError
+from ...errors import InputError, MckibbenError
+from ..pages.bench.dry import DryRun
 from ..stream import Stream
 from .chosen import BenchSelection
 from .console import PageConsole
-from .dry import DryRun
-from .manual import HardwareSpec, ManualControl
+from .manual import HardwareSpec, ManualView
 from .running import RunController
 from .states import PACE_NAMES, ended, status_of
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 PACES = {"simulated": None, "real": 1.0, "slow": 0.1}  # over the wall clock; None: as fast as it goes
 GRAIN = 0.004  # a machine that is ahead sleeps at least so long [s], so that pages get their share of the processor
+KEPT = 2.0  # time for which a session keeps samples for the pages [s]
 LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
@@ -47,36 +49,21 @@ class Bench:
         self.chosen = BenchSelection(lab.protocols, lab.changed, muscle=muscle, rig=rig, machine=words)
         self.chosen.told = self._dried
         self.running: RunController | None = None
-        self.manual: ManualControl | None = None
         self.vented = False  # by the emergency stop of a page, until the machine is reset
         self.ended: dict[str, Any] = {}  # of the last run
         self._closing: list[threading.Thread] = []
+        self._open()
         self.console = PageConsole(self)
 
     def begin(self) -> None:
         """Make the first dry run and the machine by hand ready, in threads of their own."""
         self.chosen.begin()
-        self._open()
-
-    @property
-    def session(self) -> MachineSession:
-        """The session of the machine.
-
-        Raises:
-            MckibbenError: if it is not ready yet, or could not be made ready.
-        """
-        assert self.manual is not None
-        return self.manual.opened()
-
-    @property
-    def why(self) -> str:
-        """What stopped the machine; nothing while it is not stopped."""
-        return "" if self.manual is None else self.manual.why
+        self.view.thread.start()
 
     @property
     def when(self) -> float | None:
-        """Time of that stop [s]."""
-        why = self.why
+        """Time of the stop that the machine is in [s]."""
+        why = self.session.why
         if why and self.ended.get("stopped"):
             return self.ended["trip"]  # on the time of the run
         return next((m.time for m in reversed(self.messages.after(0)) if why and m.text == why), None)
@@ -118,11 +105,11 @@ class Bench:
 
     def _set_up(self, do: Callable[..., str], name: str) -> str:
         self._require_no_run("muscle and rig")
-        if self.manual is not None and self.manual.moving:
+        if self.view.moving:
             raise InputError("set-up", None, "is refused: the machine moves by hand; vent first")
         said = do(str(name))
         self.messages.say(f"{self.chosen.words()}.")
-        self._open()
+        self._open_again()
         return said
 
     def _choose_rig(self, name: str) -> str:
@@ -133,16 +120,29 @@ class Bench:
         self.messages.say(dry.sentence, kind="done" if dry.passed else "stop")
 
     def _open(self) -> None:
-        """Make the machine ready to be operated by hand, beside what else is done."""
-        old, chosen = self.manual, self.chosen
-        if old is not None:
-            self._closing = [*(t for t in self._closing if t.is_alive()), old.closing()]
-        self.manual = ManualControl(
-            chosen.rig, chosen.spec, PACES[self.pace] or 1.0, self.stream, self.messages, self.lab.changed,
-            spec=self.spec, after=self._closing,
-        )  # fmt: skip
-        if self.spec is not None:
-            self.messages.say(self.spec.caution, kind="caution")
+        """Take the machine of the choice, which is made ready when the thread of its view begins."""
+        rig, muscle = self.chosen.rig, self.chosen.spec
+        if self.spec is None:
+            self.session: MachineSession = Session(
+                rig, muscle, speed=PACES[self.pace] or 1.0, keep=KEPT, rests=True, by_hand=False, messages=self.messages
+            )
+        else:
+            words, lock_step = self.spec
+            self.session = SessionProxy(
+                words, rig, muscle, lock_step=lock_step, keep=KEPT, by_hand=False, messages=self.messages
+            )
+            caution = "lengths count from the muscle's rest length, at which it is taken to stand"
+            self.messages.say(f"Connecting to {words}; {caution}.", kind="caution")
+        after = () if self.spec is None else self._closing
+        self.view = ManualView(self.session, rig, self.stream, self.lab.changed, after)
+
+    def _open_again(self) -> None:
+        """Let go of the machine in a separate thread, and take that of the choice."""
+        closing = threading.Thread(target=self.view.close, name="close", daemon=True)
+        closing.start()
+        self._closing = [*(t for t in self._closing if t.is_alive()), closing]
+        self._open()
+        self.view.thread.start()
 
     # ---- what may not be done to the machine as it is
 
@@ -158,8 +158,8 @@ class Bench:
 
     def _require_idle(self, what: str) -> None:
         self._require_no_run(what)
-        if self.why:
-            raise InputError(what, None, f"is refused: the machine is stopped ({self.why}); reset it first")
+        if why := self.session.why:
+            raise InputError(what, None, f"is refused: the machine is stopped ({why}); reset it first")
 
     def _require_run(self, what: str) -> RunController:
         if self.running is None:
@@ -168,50 +168,47 @@ class Bench:
             raise InputError(what, None, "is refused: the run is being stopped")
         return self.running
 
-    def _require_manual(self, what: str, wanted: Mapping[str, JsonValue]) -> ManualControl:
+    def _operated(self, what: str, wanted: Iterable[str]) -> MachineSession:
+        """Return the session, if somebody may operate it by hand; pages see its samples from now on."""
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
             raise InputError(what, None, f"is refused: the protocol sets the {names}; stop the run first")
         self._require_idle(what)
-        assert self.manual is not None
-        return self.manual
+        self._require_ready()
+        self.view.show()
+        return self.session
+
+    def _require_ready(self) -> None:
+        if not self.session.ready:
+            raise MckibbenError(self.view.failed or "by hand: the machine is getting ready; try again in some seconds")
 
     # ---- runs
 
     def start(self) -> str:
         """Begin the protocol, on a machine that is set up again where it begins; a real one is brought there."""
-        self._require_idle("start")
-        prepared, manual = self.chosen.passed(), self.manual
-        assert manual is not None
-        # a real machine is shown from now on, also on the way to where the protocol begins
-        session = manual.session if self.spec is None else manual.operated()
-        assert session is not None
+        prepared = self.chosen.passed()
         with self._lock:
             self._require_idle("start")
             if self.spec is None:
-                manual.hold(True)
+                self.view.hold(True)
+            else:  # it is shown from now on, also on the way to where the protocol begins
+                self._operated("start", ())
             self.ended = {}
             self.clock.begin()
-            self.running = RunController(
-                prepared, session, self.clock, self.stream, self.messages, self.lab.recordings, self.lab.changed,
-                taken=lambda: manual.hold(True), over=self._over,
-            )  # fmt: skip
+            self.running = RunController(self, prepared)
             self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", 0.0, "done")
             for caution in prepared.cautions:
                 self.messages.say(caution, 0.0, "caution")
-            self.running.start()
+            self.running.thread.start()
         return f"running {prepared.protocol.name}"
 
-    def _over(self, run: RunController) -> None:
-        """Save and announce a run that has ended; called from its thread."""
-        why = run.tripped or self.why
-        said = run.save_result(why)
+    def run_over(self, run: RunController, said: dict[str, JsonValue], why: str) -> None:
+        """Note that a run has ended, what is said of it, and what stopped it; called from its thread."""
         with self._lock:
             self.ended = ended(run, said, why)
             self.running = None
             self.clock.halt(False)
-            if self.manual is not None:
-                self.manual.hold(False)
+            self.view.hold(False)
         self.lab.changed()
 
     def pause(self) -> str:
@@ -252,27 +249,26 @@ class Bench:
         if name not in PACES:
             raise InputError("pace", name, known=PACES)
         self.pace, self.clock.speed = name, PACES[name]
-        if self.manual is not None:
-            self.manual.set_speed(PACES[name] or 1.0)
+        self.session.set_speed(PACES[name] or 1.0)
         return PACE_NAMES[name]
 
     # ---- by hand
 
     def set(self, **wanted: Any) -> str:
         """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; as text or SI."""
-        manual = self._require_manual("set", wanted)
-        if not manual.moving:
-            self.ended = {}
         given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
-        manual.operated().set(**given)
+        was_moving = self.view.moving
+        self._operated("set", wanted).set(**given)
+        if not was_moving:
+            self.ended = {}
         return ""
 
     def vent(self) -> str:
         """Vent at the manual rate."""
-        manual = self._require_manual("vent", {"pressure": 0.0})
-        if not manual.moving and not manual.opened().busy:
+        if self.running is None and not (self.session.why or self.view.moving or self.session.busy):
+            self._require_ready()
             return "vented"
-        manual.operated().vent()
+        self._operated("vent", ["pressure"]).vent()
         return "venting"
 
     def note(self, text: str) -> str:
@@ -286,11 +282,11 @@ class Bench:
     def emergency_stop(self, reason: str) -> None:
         """Vent at once; the machine stays stopped until `reset`."""
         with self._lock:
-            run, manual, self.vented = self.running, self.manual, True
+            run, self.vented = self.running, True
         if run is not None:
             run.stop(reason, trip=True)
-        elif manual is not None:
-            manual.emergency_stop(reason)
+        else:
+            self.session.emergency_stop(reason)
         self.lab.changed()
 
     def reset(self) -> str:
@@ -298,13 +294,14 @@ class Bench:
         with self._lock:
             if self.running is not None:
                 raise InputError("reset", None, "is refused: the run is being stopped; wait until it has vented")
-            if not self.why:
+            if not self.session.why:
                 raise InputError("reset", None, "is allowed only after a stop")
-            session = None if self.manual is None else self.manual.session
-            if session is None or session.gone:
-                self._open()  # the machine is lost, or there was none: another try
+            if self.session.gone:  # another try
+                self._open_again()
             else:
-                session.reset()
+                if self.spec is not None:
+                    self._require_ready()
+                self.session.reset()
             self.vented = False
         return "reset"
 
@@ -316,22 +313,19 @@ class Bench:
     def control_lost(self) -> None:
         """Note that the client in control disconnected: a run continues, manual set-points hold for 5 s, then vent."""
         self.clock.viewed(None)
-        if self.manual is not None:
-            self.manual.set_control(there=False)
+        self.session.control_lost()
 
     def control_back(self) -> None:
         """Note that a client is in control again."""
         self.clock.viewed(None)
-        if self.manual is not None:
-            self.manual.set_control(there=True)
+        self.session.control_back()
 
     def close(self) -> None:
         """Vent and end all threads."""
         if self.running is not None:
             self.running.stop("the server was closed", trip=False)
-            self.running.join(LAST)
+            self.running.thread.join(LAST)
         self.chosen.close()
-        if self.manual is not None:
-            self.manual.close()
+        self.view.close()
         for closing in self._closing:
             closing.join(LAST)

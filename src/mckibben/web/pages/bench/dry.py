@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ...assembly.muscle_unit import MuscleUnit
-from ...bench.prepare import PreparedRun, expected, prepare
-from ...bench.rig import Rig
-from ...bench.session.setup import prepare_for_session
-from ...documents import JsonValue
-from ...errors import InputError
-from ...experiments.protocol import Protocol, ProtocolParameter
-from ...experiments.read import with_values
-from ...experiments.steps import names_in
-from ...quantities import from_si, shown_unit, with_unit
-from ...specimens import Specimen
+from ....assembly.muscle_unit import MuscleUnit
+from ....bench.prepare import PreparedRun, expected, prepare
+from ....bench.rig import Rig
+from ....bench.session.setup import prepare_for_session
+from ....documents import JsonValue
+from ....errors import InputError
+from ....experiments.protocol import Protocol, ProtocolParameter
+from ....experiments.read import with_values
+from ....experiments.steps import names_in
+from ....quantities import from_si, shown_unit, with_unit
+from ....specimens import Specimen
 
 SEEN, FINE, POINTS = 12.0, 3000, 1500  # the first seconds have so many points, the rest so many
 CYCLES = 400  # drawn one by one

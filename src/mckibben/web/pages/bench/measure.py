@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...analysis.loops import closed_area
-from ...analysis.shortening import shortening_power
-from ...documents import JsonValue
-from ...errors import MckibbenError
-from ...quantities import from_si
-from ...recordings.recording import Channel, Recording
+from ....analysis.loops import closed_area
+from ....analysis.shortening import shortening_power
+from ....documents import JsonValue
+from ....errors import MckibbenError
+from ....quantities import from_si
+from ....recordings.recording import Channel, Recording
 
 LEAST = 16  # samples of a cycle
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from ...documents import JsonValue
-from ...errors import InputError, MckibbenError
-from ...experiments.protocol import Protocol, ProtocolParameter
-from ...experiments.read import with_values
-from ...experiments.sentence import clauses, is_inferred
-from ...quantities import split_values
+from ....documents import JsonValue
+from ....errors import InputError, MckibbenError
+from ....experiments.protocol import Protocol, ProtocolParameter
+from ....experiments.read import with_values
+from ....experiments.sentence import clauses, is_inferred
+from ....quantities import split_values
 
 COLOURS = {"Pa": "pressure", "N": "tension", "m": "length"}  # of a number, by its unit
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")

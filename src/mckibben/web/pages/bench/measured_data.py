@@ -13,18 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.cycles import Cycle, find_cycles
-from ...errors import InputError, MckibbenError
-from ...muscles.build import muscle as muscle_of
-from ...recordings import ForceMap, Recording, read
-from ...recordings.columns import quantity_of
-from ...recordings.force_map import ALIASES
-from ...recordings.formats import part_options, parts_of
-from ...specimens import Specimen
-from ..laboratory import Laboratory
-from ..pages.recordings.state import places
-from ..reader import check_rows, read_outside
-from ..shelf import plain_name
+from ....analysis.cycles import Cycle, find_cycles
+from ....errors import InputError, MckibbenError
+from ....muscles.build import muscle as muscle_of
+from ....recordings import ForceMap, Recording, read
+from ....recordings.columns import quantity_of
+from ....recordings.force_map import ALIASES
+from ....recordings.formats import part_options, parts_of
+from ....specimens import Specimen
+from ...laboratory import Laboratory
+from ...reader import check_rows, read_outside
+from ...shelf import plain_name
+from ..recordings.state import places
 
 MOST_ROWS = 5_000_000  # of a file that is read
 GRID, LEAST, OVERLAP = 1500, 8, 0.7  # steps, least number, and shared part of two curves that are laid over each other

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...bench.rig import Rig
-from ...documents import JsonValue
-from ...pneumatics.gas import AIR
-from ...quantities import from_si, shown_unit
+from ....bench.rig import Rig
+from ....documents import JsonValue
+from ....pneumatics.gas import AIR
+from ....quantities import from_si, shown_unit
 
 TUBE = "tube.mass_flow"
 # Of every channel: SI unit of the stream, and the unit and factor of the screen.

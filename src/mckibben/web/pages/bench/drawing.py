@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ...documents import JsonValue
-from ...errors import MckibbenError
-from ...muscles import braid
-from ...muscles.build import muscle as muscle_of
-from ...muscles.build import rest_length_of
-from ...specimens import Specimen, specimens
+from ....documents import JsonValue
+from ....errors import MckibbenError
+from ....muscles import braid
+from ....muscles.build import muscle as muscle_of
+from ....muscles.build import rest_length_of
+from ....specimens import Specimen, specimens
 
 # Of the table [rad]. A straight line between two is off by the square of their distance over 8 sin^2(theta), so they stand
 # apart in proportion: the diameter is right to 0.02 % from 2 to 89 degrees.

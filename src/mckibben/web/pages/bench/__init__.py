@@ -6,7 +6,7 @@ nothing of NiceGUI: it lives by its socket alone, and is never built again while
 
 from __future__ import annotations
 
-from ..shell import PAGES, document, piece
+from ...shell import PAGES, document, piece
 
 
 def build() -> str:
