@@ -180,7 +180,7 @@ def test_a_stop_on_the_way_to_where_a_protocol_begins_leaves_no_run_and_no_file(
         until(functools.partial(moved, bench.session, bench.session.latest()["span"]), "on its way")
         done(lab, action)
         until(lambda: bench.running is None, "the end")
-        assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action], bench.why
+        assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action], bench.session.why
         assert bench.ended["file"] is None and not list(lab.recordings.folder.glob("far*"))
 
 
@@ -205,19 +205,19 @@ def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, moun
         loaded(lab, LONG)
         done(lab, "start")
         until(lambda: bench.running is None and bench.status()["shape"] == "tripped", "the end of the run")
-        assert "unplugged" in bench.why
+        assert "unplugged" in bench.session.why
         record = read_recording(tmp_path / bench.ended["file"])
         assert record.meta["events"][-1]["code"] == "lost_line" and len(record) > 500
         # another try ends with a sentence too, for the line is still gone
         done(lab, "reset")
-        until(lambda: bench.status()["shape"] == "tripped" and "serial" in bench.why, "the second try")
+        until(lambda: bench.status()["shape"] == "tripped" and "serial" in bench.session.why, "the second try")
 
 
 def test_a_machine_whose_process_ends_is_told_to_be_lost_and_can_be_had_again(at_rest):
     lab, bench = at_rest
     os.kill(bench.session.process, signal.SIGKILL)
     until(lambda: bench.status()["shape"] == "tripped", "the trip")
-    assert "the process that had the machine ended" in bench.why
+    assert "the process that had the machine ended" in bench.session.why
     done(lab, "reset")
     until(lambda: bench.session.ready, "by hand again")
     assert bench.status()["shape"] == "idle" and run(lab, SHORT).meta["result"] == "done"

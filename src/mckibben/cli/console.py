@@ -100,7 +100,9 @@ def _session(words: str | None, rig: Rig, muscle: str, **options: Any) -> Machin
     """Open a session; that of a real machine is in a process of its own, which nothing here can delay."""
     if words is None or words == "simulated":
         return session_package.Session(rig, muscle, **options)
-    return session_package.proxy.SessionProxy(words, rig, muscle, **options)
+    from ..bench.session.proxy import SessionProxy
+
+    return SessionProxy(words, rig, muscle, **options)
 
 
 def _lines(script: Path) -> list[str]:

@@ -135,7 +135,7 @@ class MachineSession(abc.ABC):
 
     @abc.abstractmethod
     def control_lost(self) -> None:
-        """Note that the client in control disconnected, also before the machine is ready: hold, then vent."""
+        """Note that the client in control disconnected: hold, then vent."""
 
     @abc.abstractmethod
     def control_back(self) -> None:

@@ -136,8 +136,6 @@ class Session(MachineSession):
         gc.freeze()
         self._loop.start()
         self.ready = True
-        if self._alone:
-            self.control_lost()
         self.wait(self.period)
         if not self._stepped:
             threading.Thread(target=self._tend, name="session", daemon=True).start()
@@ -488,18 +486,16 @@ class Session(MachineSession):
 
     def control_lost(self) -> None:
         """Note that the client in control disconnected; see `MachineSession`."""
+        self._require_ready("control")
         self._alone, self._since_alone = True, time.monotonic()
-        if not self.ready:
-            return
         if self._rests:
             self.clock.speed = 1.0  # the time after which it vents is that of whoever stands beside it
         self._setpoints.change(alone=1.0)
 
     def control_back(self) -> None:
         """Note that a client is in control again; see `MachineSession`."""
+        self._require_ready("control")
         self._alone = False
-        if not self.ready:
-            return
         if self._rests:
             self.clock.speed = self._speed
         self._collect()

@@ -313,12 +313,14 @@ class Bench:
     def control_lost(self) -> None:
         """Note that the client in control disconnected: a run continues, manual set-points hold for 5 s, then vent."""
         self.clock.viewed(None)
-        self.session.control_lost()
+        if self.session.ready:  # before, nothing is held
+            self.session.control_lost()
 
     def control_back(self) -> None:
         """Note that a client is in control again."""
         self.clock.viewed(None)
-        self.session.control_back()
+        if self.session.ready:
+            self.session.control_back()
 
     def close(self) -> None:
         """Vent and end all threads."""

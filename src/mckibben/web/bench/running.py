@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,7 +53,8 @@ class RunController:
 
     def __init__(self, bench: Bench, prepared: PreparedRun) -> None:
         self.bench, self.prepared, self.anew, self.button = bench, prepared, bench.spec is None, bench.session.button
-        name, self._crash_log = plain(prepared.protocol.name), None  # type: str, Path | None
+        name = plain(prepared.protocol.name)
+        self._crash_log: Path | None = None
         if not self.anew:
             self._crash_log = bench.lab.recordings.ready() / bench.lab.recordings.numbered(name, ".mcap")
             name = self._crash_log.stem
@@ -106,7 +108,7 @@ class RunController:
             said = str(error)
         except Exception as error:  # of a run that fails, no other thing of the laboratory may
             said = f"the run failed: {type(error).__name__}: {str(error)[:200]}"
-        why, name = self.tripped or self.bench.why, None
+        why, name = self.tripped or self.bench.session.why, None
         if record is None:
             self._say(said, "stop")
         else:
