@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from ....documents import JsonValue
 from ....quantities import from_si
 from ....studies.comparison import ComparedMuscle, MuscleColumn
-from ...bench import drawing
 from ...save import save_menu
 from ...widgets import box, button, raw, refused, text
+from ..bench import drawing
 from . import drawings, jobs
 
 if TYPE_CHECKING:
