@@ -1,0 +1,128 @@
+"""Schematics of the wiring of an Arduino Uno: what vents without it, the valve, and the inputs of the sensors."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import schemdraw
+import schemdraw.elements as elm
+
+PAPER, INK = "#ffffff", "#1f2933"
+
+
+def _drawing() -> schemdraw.Drawing:
+    schemdraw.use("svg")
+    drawing = schemdraw.Drawing(show=False)
+    drawing.config(bgcolor=PAPER, color=INK, fontsize=11, unit=2.2, margin=0.3)
+    return drawing
+
+
+def _switch(d: schemdraw.Drawing, gate: tuple[float, float], name: str, load: str, diode: str) -> None:
+    """A transistor that switches a load from 24 V, with the diode across the load."""
+    q = d.add(elm.NFet(bulk=False).reverse().theta(0).anchor("gate").at(gate).label(name, "right", ofst=0.2))
+    d.add(elm.Line().at(q.source).down(0.4))
+    d.add(elm.Ground())
+    drain = d.add(elm.Line().at(q.drain).up(0.4))
+    d.add(elm.Dot())
+    coil = d.add(elm.Inductor2().up(2.2).at(drain.end).label(load, "top", ofst=0.15))
+    d.add(elm.Dot())
+    d.add(elm.Line().at(coil.end).up(0.3))
+    d.add(elm.Vdd().label("24 V"))
+    d.add(elm.Line().at(drain.end).right(1.5))
+    d.add(elm.Diode().up(2.2).label(diode, "bottom"))
+    d.add(elm.Line().left(1.5))
+
+
+def vent() -> schemdraw.Drawing:
+    """Draw the pump that holds the dump valve shut while the board is alive, and the driver of the shut-off."""
+    with _drawing() as d:
+        d.add(elm.Dot(open=True).label("D4 alive", "left"))
+        d.add(elm.Resistor().right().label("R1\n220 Ω"))
+        d.add(elm.Capacitor().right().label("C1\n100 nF"))
+        x = d.add(elm.Dot())
+        d.add(elm.Schottky().at(x.center).down(2.2).reverse().label("V1\n1N5819", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Schottky().at(x.center).right(2.4).label("V2 1N5819"))
+        y = d.add(elm.Dot())
+        d.add(elm.Capacitor().at(y.center).down(2.2).label("C2\n100 nF", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(y.center).right(2.2))
+        z = d.add(elm.Dot())
+        d.add(elm.Resistor().at(z.center).down(2.2).label("R2\n68 kΩ", "bottom"))
+        d.add(elm.Ground())
+        line = d.add(elm.Line().at(z.center).right(1.6))
+        _switch(d, line.end, "Q1\nIRLZ44N", "dump valve,\nopen without\ncurrent", "V3\n1N4007")
+        a = d.add(elm.Dot(open=True).at((0, -7.8)).label("D7 shut-off", "left"))
+        d.add(elm.Resistor().at(a.center).right().label("R3\n220 Ω"))
+        b = d.add(elm.Dot())
+        d.add(elm.Resistor().at(b.center).down(2.2).label("R4\n10 kΩ", "bottom"))
+        d.add(elm.Ground())
+        line = d.add(elm.Line().at(b.center).right(7.6))
+        _switch(d, line.end, "Q2\nIRLZ44N", "shut-off,\nopen without\ncurrent", "V4\n1N4007")
+    return d
+
+
+def valve() -> schemdraw.Drawing:
+    """Draw the filter and amplifier from a PWM of 5 V to 0 to 10 V."""
+    with _drawing() as d:
+        d.add(elm.Dot(open=True).label("D9 valve", "left"))
+        d.add(elm.Line().right(0.8))
+        p = d.add(elm.Dot())
+        d.add(elm.Resistor().at(p.center).down(2.2).label("R5\n10 kΩ", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Resistor().at(p.center).right(2.4).label("R6 4.7 kΩ"))
+        a = d.add(elm.Dot())
+        d.add(elm.Capacitor().at(a.center).down(2.2).label("C3\n100 nF", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Resistor().at(a.center).right(2.8).label("R7 47 kΩ"))
+        b = d.add(elm.Dot())
+        d.add(elm.Capacitor().at(b.center).down(2.2).label("C4\n10 nF", "bottom"))
+        d.add(elm.Ground())
+        line = d.add(elm.Line().at(b.center).right(2.2))
+        op = d.add(elm.Opamp().flip().anchor("in2").at(line.end).label("U1A\nLM358", "center", fontsize=9, ofst=(-0.2, 0)))
+        d.add(elm.Line().at(op.out).right(0.4))
+        out = d.add(elm.Dot())
+        d.add(elm.Line().at(out.center).right(1.2))
+        d.add(elm.Dot(open=True).label("0 to 10 V,\npressure\nregulator", "right"))
+        d.add(elm.Line().at(op.in1).left(0.3))
+        d.add(elm.Line().down(1.6))
+        f = d.add(elm.Dot())
+        d.add(elm.Resistor().at(f.center).tox(out.center).label("R8 10 kΩ", "bottom"))
+        d.add(elm.Line().toy(out.center))
+        d.add(elm.Resistor().at(f.center).down(1.8).label("R9\n10 kΩ", "bottom"))
+        d.add(elm.Ground())
+    return d
+
+
+def sensor() -> schemdraw.Drawing:
+    """Draw the input of one sensor, of which there are three."""
+    with _drawing() as d:
+        d.add(elm.Dot(open=True).label("sensor,\n0.5 to 4.5 V", "left"))
+        d.add(elm.Line().right(0.8))
+        s = d.add(elm.Dot())
+        d.add(elm.Resistor().at(s.center).down(2.6).label("R10\n100 kΩ", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Resistor().at(s.center).right(2.6).label("R11 1 kΩ"))
+        m = d.add(elm.Dot())
+        d.add(elm.Schottky().at(m.center).up(1.9).label("½ BAT54S", "bottom"))
+        d.add(elm.Vdd().label("5 V"))
+        d.add(elm.Schottky().at(m.center).down(2.6).reverse().label("½ BAT54S", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(m.center).right(3.0))
+        c = d.add(elm.Dot())
+        d.add(elm.Capacitor().at(c.center).down(2.6).label("C5\n1 µF", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(c.center).right(1.0))
+        d.add(elm.Dot(open=True).label("A0, A1, A2", "right"))
+    return d
+
+
+def save(folder: Path) -> None:
+    """Write the schematics to a folder."""
+    for name, draw in (("vent", vent), ("valve", valve), ("sensor", sensor)):
+        (folder / f"{name}.svg").write_bytes(draw().get_imagedata("svg"))
+
+
+if __name__ == "__main__":
+    save(Path(sys.argv[1]))
