@@ -14,12 +14,16 @@ import dataclasses
 import functools
 import math
 import re
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ._jax import Array, Scalar, is_loaded, is_traced, jax, jnp
+from ._lazy import LazyModule
 from .errors import InputError, shortened
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = LazyModule("numpy")  # takes a tenth of a second, which the completion of a shell has no use for
 
 # What a person reads; the SI unit on the left is what the package computes with.
 _SHOWN = {

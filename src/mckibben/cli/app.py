@@ -198,6 +198,13 @@ class CommandGroup(typer.core.TyperGroup):
         super().__init__(**options)
         self.commands: Any = CommandTable(group)
 
+    def make_context(self, *args: Any, **options: Any) -> Any:
+        """Parse the words of the command line; Ctrl-C is reported by `main`."""
+        try:
+            return super().make_context(*args, **options)
+        except KeyboardInterrupt:
+            raise typer.Abort from None
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command; Ctrl-C is reported by `main`, while typer would end without a word."""
         try:
