@@ -38,7 +38,7 @@
 #define AFTER 400u                     /* periods for which the machine goes on when the board has stopped */
 #define HIGHEST 0x8FFu                 /* of the memory */
 #define PAINT 0xC5u
-enum { TCCR1A_ = 0x80, OCR1AL_ = 0x88, OCR1BL_ = 0x8A, TIMSK2_ = 0x70, DDRB_ = 0x24, DDRD_ = 0x2A, PORTD_ = 0x2B };
+enum { UBRR0L_ = 0xC4, TCCR1A_ = 0x80, OCR1AL_ = 0x88, OCR1BL_ = 0x8A, TIMSK2_ = 0x70, DDRB_ = 0x24, DDRD_ = 0x2A, PORTD_ = 0x2B };
 
 static avr_t *avr;
 static avr_adc_t *adc;
@@ -65,7 +65,7 @@ static unsigned long fault_at = (unsigned long)-1;
 
 /* What is measured. */
 static struct {
-    unsigned long samples, late_outputs, exchanges;
+    unsigned long samples, late_outputs, exchanges, starts;
     unsigned long long tick_to_frame, tick_to_sent, command_to_output, idle_least, idle_sum, jitter;
     unsigned long idle_count;
     avr_cycle_count_t command_at, slept, slept_before, vented_after, fault_cycle;
@@ -333,6 +333,15 @@ static int listen_to_host(int wait)
     return whole;
 }
 
+/* The firmware sets the speed of its line once, where it starts. */
+static void start_of_board(struct avr_irq_t *irq, uint32_t value, void *unused)
+{
+    (void)irq;
+    (void)value;
+    (void)unused;
+    seen.starts++;
+}
+
 static void slept(avr_t *a, avr_cycle_count_t cycles)
 {
     (void)a;
@@ -353,6 +362,7 @@ static void connect(const char *image)
     avr_io_t *io;
     uint8_t *program = read_ihex_file(image, &size, &start);
     uint32_t flags = 0;
+    avr_ioport_external_t low = {.name = 'D', .mask = 3u << PIN_A, .value = 0};
     if (program == NULL || (avr = avr_make_mcu_by_name("atmega328p")) == NULL) {
         fprintf(stderr, "%s: no image of an ATmega328P\n", image);
         exit(2);
@@ -376,7 +386,8 @@ static void connect(const char *image)
     avr_irq_register_notify(avr_iomem_getirq(avr, TCCR1A_, NULL, AVR_IOMEM_IRQ_ALL), output_put, NULL);
     pin_a = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), PIN_A);
     pin_b = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), PIN_B);
-    encoder_lines(0, 0);
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('D'), &low); /* no edge yet: simavr would go on to poll it as a level */
+    avr_irq_register_notify(avr_iomem_getirq(avr, UBRR0L_, NULL, AVR_IOMEM_IRQ_ALL), start_of_board, NULL);
 }
 
 static void report(void)
@@ -386,10 +397,10 @@ static void report(void)
         run = avr->data[at] == PAINT ? run + 1u : 0;
         free_memory = run > free_memory ? run : free_memory;
     }
-    printf("report {\"samples\": %lu, \"period\": %llu, \"late_outputs\": %lu, "
+    printf("report {\"samples\": %lu, \"period\": %llu, \"late_outputs\": %lu, \"starts\": %lu, "
            "\"tick_to_frame\": %llu, \"tick_to_sent\": %llu, \"command_to_output\": %llu, \"idle_least\": %llu, "
            "\"idle_mean\": %llu, \"jitter\": %llu, \"free_memory\": %lu, \"vented_after\": %llu}\n",
-           seen.samples, (unsigned long long)period, seen.late_outputs, seen.tick_to_frame,
+           seen.samples, (unsigned long long)period, seen.late_outputs, seen.starts, seen.tick_to_frame,
            seen.tick_to_sent, seen.command_to_output, seen.idle_count ? seen.idle_least : 0ull,
            seen.idle_count ? seen.idle_sum / seen.idle_count : 0ull, seen.jitter, free_memory,
            (unsigned long long)seen.vented_after);

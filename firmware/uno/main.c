@@ -342,6 +342,7 @@ static void begin(void)
     bench_begin();
     DDRB |= _BV(PIN_VALVE) | _BV(PIN_MOTOR); /* only now, at rest */
     EICRA = _BV(ISC00) | _BV(ISC10);
+    EIFR = _BV(INTF0) | _BV(INTF1);
     EIMSK = _BV(INT0) | _BV(INT1);
     set_period(SHORTEST_NS);
     TCCR2A = _BV(WGM21);

@@ -82,6 +82,8 @@ def test_every_sample_is_that_of_the_pins_and_every_command_reaches_them(built: 
             twin.advance(*command(k))
         assert hardware.statistics[:3] == (samples, 0, 0)
     assert one.outputs[: samples - 1] == [command(k) for k in range(samples - 1)]
+    assert one.report["starts"] == 1
+    assert one.report["late_outputs"] == 0
     assert one.report["jitter"] == 0  # cycles, of the first conversion; an interrupt before it would delay it
     # Whoever changes the firmware sees when a sample no longer fits into the shortest period, 32000 cycles.
     assert one.report["period"] - one.report["idle_least"] < 32_000
@@ -105,6 +107,8 @@ def test_what_fails_vents(built: dict[str, Path], fault: str) -> None:
     # Five periods of the watchdog and one to notice are the longest, where the host is what fails.
     assert after <= 6
     assert set(one.outputs[FAULT_AT + after :]) == {REST}
+    # The processor's watchdog restarts a board whose timer has stopped, and no other.
+    assert one.report["starts"] == (2 if fault == "hang" else 1)
 
 
 def test_a_run_that_would_wait_for_its_host_is_refused(built: dict[str, Path]) -> None:
