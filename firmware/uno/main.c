@@ -326,6 +326,7 @@ static void self_test(void)
 
 static void begin(void)
 {
+    EICRA = _BV(ISC00) | _BV(ISC10); /* edges, before the lines have levels */
     DDRD = _BV(PIN_ALIVE) | _BV(PIN_SHUT);
     PORTD = _BV(PIN_A) | _BV(PIN_B); /* pull-ups of the encoder */
     DDRB = _BV(PIN_LAMP);
@@ -341,7 +342,6 @@ static void begin(void)
     TCCR1B = _BV(WGM13) | _BV(WGM12) | _BV(CS10); /* fast, up to ICR1 */
     bench_begin();
     DDRB |= _BV(PIN_VALVE) | _BV(PIN_MOTOR); /* only now, at rest */
-    EICRA = _BV(ISC00) | _BV(ISC10);
     EIFR = _BV(INTF0) | _BV(INTF1);
     EIMSK = _BV(INT0) | _BV(INT1);
     set_period(SHORTEST_NS);

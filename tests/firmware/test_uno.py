@@ -111,6 +111,17 @@ def test_what_fails_vents(built: dict[str, Path], fault: str) -> None:
     assert one.report["starts"] == (2 if fault == "hang" else 1)
 
 
+def test_the_shortest_period_leaves_time_and_is_kept(built: dict[str, Path]) -> None:
+    with board(built) as (hardware, one):
+        hardware.start(hardware.welcome.shortest * 1e-9)
+        for k in range(100):
+            hardware.wait(k)
+            hardware.write(1, MOTOR_REST)
+    assert one.report["period"] == 32_000
+    assert one.report["idle_least"] > 3_200  # a tenth of the period is left when every answer comes at once
+    assert one.report["jitter"] < 160  # cycles; the longest interrupt, far below the 832 of a conversion
+
+
 def test_a_run_that_would_wait_for_its_host_is_refused(built: dict[str, Path]) -> None:
     with emulated(Counting(), **built) as one:
         hardware = SerialHardware(one.port, lock_step=True)
