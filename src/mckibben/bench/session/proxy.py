@@ -209,6 +209,8 @@ class SessionProxy(MachineSession):
                     box = self._waiting.get(number)
                 if box is not None:
                     box.put((kind, *said))
+                if kind == "refused" and not self.ready:  # before the pipe ends, which would be another reason
+                    self._lose(str(said[0]))
         self._lose(ENDED)
 
     def _lose(self, why: str) -> None:
