@@ -171,7 +171,7 @@ def _unit(text: str) -> Any:
     rest = _POWER.sub("", text)
     if len(text) > LONGEST_UNIT or "**" in rest or _NUMBER.search(rest):
         raise ValueError(text)
-    return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-") else text)
+    return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-", "fraction") else text)
 
 
 def usual_units(si_unit: str) -> tuple[str, ...]:

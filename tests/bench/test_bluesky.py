@@ -222,7 +222,8 @@ def test_a_flown_protocol_gives_the_samples_of_the_session(engine, machine, sess
         assert np.array_equal(stamps[key], stamps["tension"])
     told = descriptor["configuration"]["isotonic-triangle"]["data"]
     assert told["isotonic-triangle-digest"] == SHORT.digest == record.meta["digest"]
-    assert told["isotonic-triangle-rig"] == "paper-isothermal" and told["isotonic-triangle-sample_rate"] == SHORT.sample_rate
+    assert told["isotonic-triangle-rig"] == "paper-isothermal"
+    assert told["isotonic-triangle-sample_rate"] == SHORT.sample_rate
     assert descriptor["hints"]["isotonic-triangle"]["fields"] == ["pressure", "span", "tension", "valve_pressure"]
     assert np.array_equal(read_any(flyer.log_file).recording["tension"], record["tension"])
     assert list(flyer.collect_pages()) == []  # handed out once

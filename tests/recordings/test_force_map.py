@@ -24,3 +24,17 @@ def test_joined_maps_keep_what_all_of_them_know_and_say_where_rows_were_left_out
         mk.ForceMap.joined([])
     with pytest.raises(mk.InputError, match="suffix"):
         both.save("both.xls")
+
+
+@pytest.mark.parametrize(
+    "header", ["contraction_fraction", "contraction [-]", "contraction_percent", "contraction [%]"]
+)
+def test_contractions_are_read_as_fractions_or_per_cent_by_their_header(tmp_path, header):
+    scale = 100.0 if "percent" in header or "%" in header else 1.0
+    file = tmp_path / "sheet.csv"
+    file.write_text(
+        f"{header},pressure_kPa_gauge,force_N\n"
+        + "".join(f"{c * scale},200,{500 - c * 1e3}\n" for c in (0.0, 0.1, 0.2))
+    )
+    points = mk.read(file, rest_length=0.2)
+    assert np.asarray(points.length) == pytest.approx([0.2, 0.18, 0.16], rel=1e-12)  # rounding of the text
