@@ -6,8 +6,10 @@ import numpy as np
 from screen_server import says
 
 from mckibben.recordings import Channel, Recording
+from mckibben.specimens import specimen
 from mckibben.studies.comparison import compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
+from mckibben.web.pages.compare.grid import _short
 from mckibben.web.pages.compare.jobs import exported
 
 LONG = 180_000  # a law is compiled once [ms]
@@ -33,6 +35,11 @@ def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit)
     shown = page.locator(".cmp .r b").all_inner_texts()
     tension = next(r for r in expected if r.property.name == "maximum_tension").shown()
     assert {f"{v:.3g}" for v in tension} <= set(shown)
+
+
+def test_two_biological_muscles_are_told_apart_by_their_fibres():
+    titles = [specimen(name).title for name in ("fast-fibre", "slow-fibre", "nylon")]
+    assert [_short(title) for title in titles] == ["Fast fibres", "Slow fibres", "Nylon shell muscle"]
 
 
 def test_no_name_becomes_a_formula_of_a_spreadsheet():

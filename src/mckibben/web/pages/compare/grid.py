@@ -132,7 +132,10 @@ class ComparisonGrid:
 
 
 def _short(title: str) -> str:
-    """Start of a title, up to its first comma or of-phrase."""
+    """Start of a title, up to its first comma or of-phrase; of a biological muscle the kind of its fibres."""
+    living, comma, kind = title.partition(", ")
+    if living == "Biological muscle" and comma:
+        return f"{kind[:1].upper()}{kind[1:]}"
     for stop in (",", " of ", " with "):
         title = title.split(stop)[0]
     return title.removesuffix(" muscle") if len(title) > 18 else title
