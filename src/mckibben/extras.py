@@ -15,6 +15,7 @@ LIBRARIES = {
     "dask": ("sweep", "dask"),
     "distributed": ("sweep", "distributed"),
     "grpc": ("daq", "nidaqmx[grpc]"),
+    "mujoco": ("mujoco", "mujoco"),
     "nidaqmx": ("daq", "nidaqmx[grpc]"),
     "nptdms": ("formats", "npTDMS"),
     "openpyxl": ("formats", "openpyxl"),

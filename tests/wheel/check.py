@@ -140,7 +140,10 @@ CALLS: dict[str, list[Call]] = {
             ["braid.toml"],
         )
     ],
-    "export": [Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"])],
+    "export": [
+        Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),
+        needs("mujoco", MUSCLE, "--for", "mujoco", "--out", "nylon_mujoco"),
+    ],
     "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),

@@ -16,7 +16,9 @@ def export_part(
         str,
         typer.Argument(metavar="CIRCUIT|SPECIMEN", help="Circuit file with muscles, or a muscle with usual air."),
     ],
-    target: Annotated[str, typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c.")] = "c",
+    target: Annotated[
+        str, typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c or mujoco.")
+    ] = "c",
     name: Annotated[
         str, typer.Option(metavar="TEXT", help="Beginning of all names in C, and name of the files.")
     ] = "muscle_part",

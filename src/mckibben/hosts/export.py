@@ -12,8 +12,10 @@ import numpy as np
 
 from ..documents import write_text
 from ..errors import InputError
+from ..extras import library
 from ..recordings.provenance import versions
 from .c_source import PartSource, PartVariable, c_source, with_names
+from .mujoco_export import export_mujoco
 from .part import Part
 
 
@@ -22,7 +24,8 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
 
     Args:
         part: the part.
-        target: ``c`` for a source file and a header with a description, an example and a CMake file.
+        target: ``c`` for a source file and a header with a description, an example and a CMake file; ``mujoco`` for an
+            engine plugin of the installed MuJoCo with an example model.
         out: folder for the files; it is made.
         name: beginning of all names in C, and of the names of the files.
 
@@ -30,10 +33,13 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
         The files that were written.
 
     Raises:
-        InputError: an unknown target, or a name that C cannot have.
+        InputError: an unknown target, a name that C cannot have, or a part that the target cannot hold.
+        EngineError: the target needs a C compiler, and there is none.
     """
     if target not in TARGETS:
         raise InputError("target", target, known=tuple(TARGETS))
+    if target in LIBRARIES_OF:
+        library(*LIBRARIES_OF[target])
     return TARGETS[target](c_source(part, name), Path(out))
 
 
@@ -110,4 +116,6 @@ int main(void)
 }
 """
 
-TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {"c": _export_c}
+TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {"c": _export_c, "mujoco": export_mujoco}
+LIBRARIES_OF = {"mujoco": ("mujoco", "The MuJoCo plugin needs")}
+"""Optional libraries of targets, each with the words of the error where it is missing."""
