@@ -14,6 +14,7 @@ from .errors import MissingLibraryError
 LIBRARIES = {
     "dask": ("sweep", "dask"),
     "distributed": ("sweep", "distributed"),
+    "gymnasium": ("gym", "gymnasium"),
     "grpc": ("daq", "nidaqmx[grpc]"),
     "mujoco": ("mujoco", "mujoco"),
     "nidaqmx": ("daq", "nidaqmx[grpc]"),

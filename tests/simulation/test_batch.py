@@ -58,3 +58,22 @@ def test_a_batch_goes_on_from_a_saved_state_bit_for_bit():
 def test_what_does_not_fit_is_refused(call, word):
     with pytest.raises(InputError, match=word):
         call(joint().batch(3))
+
+
+def test_a_lane_that_needs_shorter_steps_takes_them_alone():
+    sim, lanes = joint(step=4e-4), 12  # twice the usual step, too long for some commands and not for others
+    openings = np.linspace(0.0, 1.0, lanes)
+    many = sim.batch(lanes)
+    many.reset(pressure="2 bar")
+    for _ in range(12):
+        seen = many.step(flexor=openings, extensor=-openings)
+    taken = []
+    for lane in range(lanes):
+        sim.reset(pressure="2 bar")
+        steps = set()
+        for _ in range(12):
+            alone = sim.step(flexor=openings[lane], extensor=-openings[lane])
+            steps.add(sim._kernel.steps_taken)
+        taken.append(max(steps))
+        assert alone[1:] == tuple(values[lane] for values in seen[1:])
+    assert min(taken) < max(taken)

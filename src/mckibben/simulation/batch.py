@@ -46,7 +46,7 @@ class BatchState:
 class SimulationBatch:
     """Lanes of a simulation, each with its own state, commands and, where they differ, parameters.
 
-    A lane does what its simulation does alone, bit for bit, where no lane needs shorter steps.
+    A lane does what its simulation does alone, bit for bit.
 
     Args:
         simulation: simulation of which these are lanes.

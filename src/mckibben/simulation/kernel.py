@@ -24,6 +24,7 @@ from .stepping import CommandedMachine, Layouts, observe_vectors, outputs_at, re
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
 BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
+FEW = 8  # lanes below this number that need shorter steps are stepped one by one
 
 
 class Programs:
@@ -130,6 +131,11 @@ class SampleKernel:
                 target[:, count:] = source[:, -1:]
         self.rate_bound = float(np.max(self._observed[-2]))
 
+    def put_carry(self, lanes: np.ndarray, carry: np.ndarray, observed: np.ndarray) -> None:
+        """Let some lanes go on from a carry, with the observation that belongs to it; the others stay as they are."""
+        for target, source in ((self._carries[self._now], carry), (self._observed, observed)):
+            target[:, lanes] = source[:, None]
+
     def set_command(self, place: int, value: Any) -> None:
         """Set a command in all lanes, also those that only fill the last block."""
         if self.lanes is None or np.ndim(value) == 0:
@@ -144,25 +150,96 @@ class SampleKernel:
         Raises:
             ConvergenceError: a state is not finite or not possible, or no step is short enough.
         """
+        if self.lanes is not None:
+            before = self._observed.copy()
+            broken = np.flatnonzero(self.step_lanes())
+            if broken.size:
+                self._now ^= 1
+                self._observed[:] = before
+                raise ConvergenceError(
+                    f"The state of lane {broken[0]} is not finite, or not possible, or needs too short a step."
+                )
+            return
         if self.rate_bound * self._usual <= RK4_LIMIT:  # nearly always
             self._run(self.inner, False)
-            if self.lanes is None:
-                bound, sound = self._observed[-2], self._observed[-1] == 1.0
-            else:
-                bound, sound = self._observed[-2].max(), self._observed[-1].all()
+            bound, sound = self._observed[-2], self._observed[-1] == 1.0
             if bound * self._usual <= RK4_LIMIT and sound:
                 self.rate_bound = bound
                 self._now ^= 1
                 return
         self._careful_step()
 
-    def _careful_step(self) -> None:
+    def step_lanes(self) -> np.ndarray:
+        """Go on by one sample in all lanes, each in steps as short as its own rates ask for, as it would alone.
+
+        Returns:
+            Which lanes stay where they were (lanes,), since their state would not be finite or possible, or no step is
+            short enough.
+        """
+        assert self.lanes is not None
+        before = self._observed.copy()
+        self._run(self.inner, False)
+        allowed = RK4_LIMIT / self._usual
+        steady = (before[-2] <= allowed) & (self._observed[-2] <= allowed) & (self._observed[-1] == 1.0)
+        broken = np.zeros(self.lanes, bool)
+        self._now ^= 1
+        if not steady.all():
+            broken[self._step_carefully(np.flatnonzero(~steady[: self.lanes]), before)] = True
+            for array in (self._carries[self._now], self._observed):
+                array[:, self.lanes :] = array[:, self.lanes - 1 : self.lanes]
+        return broken
+
+    def _step_carefully(self, lanes: np.ndarray, before: np.ndarray) -> list[int]:
+        """Take a sample that was too coarse in some lanes again, those with equal steps together; the lanes that break."""
+        source, target = self._carries[1 - self._now], self._carries[self._now]
+        waiting = {int(lane): self._allowed_steps(float(before[-2, lane])) for lane in lanes}
+        broken = []
+        while waiting:
+            groups: dict[Steps | None, list[int]] = {}
+            for lane, wanted in waiting.items():
+                groups.setdefault(wanted, []).append(lane)
+            waiting = {}
+            for steps, members in groups.items():
+                if steps is None:
+                    broken += members
+                    continue
+                for lane, carry, observed in zip(members, *self._stepped(source, members, steps), strict=True):
+                    if not steps.short(float(observed[-2]), self._usual):
+                        waiting[lane] = steps.shorter(float(observed[-2]), self._usual)
+                    elif observed[-1] == 1.0:
+                        target[:, lane], self._observed[:, lane] = carry, observed
+                    else:
+                        broken.append(lane)
+        for array, old in ((target, source), (self._observed, before)):
+            array[:, broken] = old[:, broken]
+        return broken
+
+    def _stepped(self, source: np.ndarray, lanes: list[int], steps: Steps) -> tuple[np.ndarray, np.ndarray]:
+        """Carries and observations of some lanes after a sample, (lanes, numbers)."""
+        function, size = self.programs.step(steps.stiff), len(lanes)
+        timing = np.float64(self.period), np.int64(self.inner * steps.split)
+        given = [x[:, lanes] if x.ndim == 2 else x for x in (self.plant, source, self._commands)]
+        if size >= FEW:
+            padded = -(-size // BLOCK) * BLOCK
+            given = [np.pad(x, ((0, 0), (0, padded - size)), "edge") if x.ndim == 2 else x for x in given]
+            carry, observed = function(*given, *timing, lanes=padded, mode=MODE)
+            return carry.T[:size], observed.T[:size]
+        each = [[x[:, k] if x.ndim == 2 else x for x in given] for k in range(size)]
+        ends = [function(*one, *timing, mode=MODE) for one in each]
+        return np.array([end[0] for end in ends]), np.array([end[1] for end in ends])
+
+    def _allowed_steps(self, bound: float) -> Steps | None:
+        """The first steps that a bound allows [1/s]; None where none is short enough."""
         steps: Steps | None = Steps()
-        while steps is not None and not steps.short(self.rate_bound, self._usual):
-            steps = steps.shorter(self.rate_bound, self._usual)
+        while steps is not None and not steps.short(bound, self._usual):
+            steps = steps.shorter(bound, self._usual)
+        return steps
+
+    def _careful_step(self) -> None:
+        steps = self._allowed_steps(self.rate_bound)
         while steps is not None:
             self._run(self.inner * steps.split, steps.stiff)
-            bound, sound = float(np.max(self._observed[-2])), bool(np.all(self._observed[-1] == 1.0))
+            bound, sound = float(self._observed[-2]), bool(self._observed[-1] == 1.0)
             if steps.short(bound, self._usual):
                 if not sound:
                     h = self._usual / steps.split

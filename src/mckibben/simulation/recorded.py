@@ -28,6 +28,8 @@ RENAMED = {
     "load.moment": "joint.moment",
     "load.position": "load.position",
     "load.velocity": "load.velocity",
+    "load.tip_across": "tip.across",
+    "load.tip_height": "tip.height",
 }
 MEANINGS = {
     "joint.angle": ("rad", "angle of the joint"),
@@ -35,6 +37,8 @@ MEANINGS = {
     "joint.moment": ("N*m", "moment of the muscles about the joint"),
     "load.position": ("m", "position of the load, the span of its muscle"),
     "load.velocity": ("m/s", "velocity of the load, positive lengthening"),
+    "tip.across": ("m", "tip of the chain, across from its first joint"),
+    "tip.height": ("m", "tip of the chain, above its first joint"),
 }
 NUMBERED = ("angle_", "angular_velocity_", "moment_")  # outputs of a chain's joints
 

@@ -168,6 +168,15 @@ class LinkChain(Load):
         relative = [a - (accelerations[i - 1] if i else 0.0) for i, a in enumerate(accelerations)]
         return ChainState(tuple(state.velocity), tuple(relative))
 
+    def tip(self, state: ChainState) -> tuple[Scalar, Scalar]:
+        """Place of the last link's end from the first hinge: across, towards which positive angles turn, and upwards [m]."""
+        directions = _running_sums(state.angle)
+        across = height = jnp.zeros(())
+        for link, direction in zip(self._ordered, directions, strict=True):
+            across = across + link.length * jnp.sin(direction)
+            height = height - link.length * jnp.cos(direction)
+        return across, height
+
     def stored_energy(self, state: ChainState) -> Scalar:
         """Kinetic, of springs and stops, and of the links' height [J]."""
         factors, weights = self._couplings()
@@ -193,8 +202,9 @@ class LinkChain(Load):
     def outputs(
         self, state: ChainState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
     ) -> dict[str, Scalar]:
-        """Angle [rad], its rate [rad/s], and the muscles' moment [N m] of each joint, by the name of its link."""
-        found: dict[str, Scalar] = {}
+        """Angle [rad], its rate [rad/s] and the muscles' moment [N m] of each joint by the name of its link; the tip [m]."""
+        across, height = self.tip(state)
+        found: dict[str, Scalar] = {"tip_across": across, "tip_height": height}
         moments = self.muscle_moments(state, tensions)
         for name, angle, velocity, moment in zip(self.order, state.angle, state.velocity, moments, strict=True):
             found |= {f"angle_{name}": angle, f"angular_velocity_{name}": velocity, f"moment_{name}": moment}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Transform
 
 
 FINE = 81
@@ -169,7 +170,7 @@ def muscle_drawing(
     ax.set_ylim(tall * per_point, 0.0)
     left, y = 14.0 * per_point + fitting, head * per_point
     for value, width, remark in zip(lengths, widths, list(remarks) + [""] * len(lengths), strict=False):
-        _draw_muscle(ax, shape, value, (left, y + 0.5 * width), fitting, min(widths), threads, per_point)
+        draw_braid(ax, shape, value, (left, y + 0.5 * width), fitting, min(widths), threads, per_point)
         _dimensions(ax, shape, value, (left, y + 0.5 * width), fitting, per_point, remark)
         y += width + gaps * per_point
     head_text = ax.text(
@@ -212,7 +213,7 @@ def draw_muscle(ax: Axes, shape: BraidShape, lengths: Sequence[float], *, thread
     left, y = 10.0 * point + fitting, 8.0 * point
     for value, width in zip(lengths, widths, strict=True):
         at = (left, y + 0.5 * width)
-        _draw_muscle(ax, shape, value, at, fitting, min(widths), threads, point)
+        draw_braid(ax, shape, value, at, fitting, min(widths), threads, point)
         _dimensions(ax, shape, value, at, fitting, point, "")
         y += width + gap * point
 
@@ -231,7 +232,7 @@ def _ratio(scale: float) -> str:
     return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
 
 
-def _draw_muscle(
+def draw_braid(
     ax: Axes,
     shape: BraidShape,
     length: float,
@@ -240,13 +241,28 @@ def _draw_muscle(
     clamp: float,
     threads: int,
     point: float,
+    transform: Transform | None = None,
 ) -> None:
+    """Draw a muscle with its two end fittings.
+
+    Args:
+        ax: axes to draw into.
+        shape: the braid.
+        length: of the braid [m].
+        at: where the braid begins, on its axis [m].
+        fitting: length of an end fitting [m].
+        clamp: diameter of an end fitting, without its rim [m].
+        threads: drawn in each direction.
+        point: of the paper [m].
+        transform: of the drawing, whose muscle lies along x; that of the data by default.
+    """
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Rectangle
 
+    where: dict[str, Any] = {} if transform is None else {"transform": transform}
     x0, middle = at
     radius = 0.5 * shape.diameter(length)
-    ax.add_patch(Rectangle((x0, middle - radius), length, 2.0 * radius, fc=SUNKEN, ec="none", lw=0, zorder=1))
+    ax.add_patch(Rectangle((x0, middle - radius), length, 2.0 * radius, fc=SUNKEN, ec="none", lw=0, zorder=1, **where))
     count = max(int(24 * shape.turns) + 1, 49)
     x = np.linspace(0.0, length, count)
     front, back = [], []
@@ -257,13 +273,13 @@ def _draw_muscle(
             near = np.cos(phase) >= 0.0
             front += _runs(line, near)
             back += _runs(line, ~near)
-    ax.add_collection(LineCollection(back, colors=INK_3, linewidths=0.35, alpha=0.35, zorder=2))
-    ax.add_collection(LineCollection(front, colors=INK_2, linewidths=0.75, zorder=3))
-    ax.plot([x0, x0 + length], [middle - radius] * 2, color=INK, lw=0.9, zorder=4)
-    ax.plot([x0, x0 + length], [middle + radius] * 2, color=INK, lw=0.9, zorder=4)
+    ax.add_collection(LineCollection(back, colors=INK_3, linewidths=0.35, alpha=0.35, zorder=2, **where))
+    ax.add_collection(LineCollection(front, colors=INK_2, linewidths=0.75, zorder=3, **where))
+    ax.plot([x0, x0 + length], [middle - radius] * 2, color=INK, lw=0.9, zorder=4, **where)
+    ax.plot([x0, x0 + length], [middle + radius] * 2, color=INK, lw=0.9, zorder=4, **where)
     half = 0.5 * clamp + 1.5 * point
     for end in (x0 - fitting, x0 + length):
-        ax.add_patch(Rectangle((end, middle - half), fitting, 2.0 * half, fc=INK_3, ec=INK, lw=0.9, zorder=5))
+        ax.add_patch(Rectangle((end, middle - half), fitting, 2.0 * half, fc=INK_3, ec=INK, lw=0.9, zorder=5, **where))
 
 
 def _runs(line: np.ndarray, keep: np.ndarray) -> list[np.ndarray]:
