@@ -15,7 +15,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-LONG = {"antagonist_joint.py"}  # most of a minute
+LONG = {"antagonist_joint.py", "learn_by_ppo.py"}  # most of a minute, half of one
 SCRIPTS = sorted(p.name for p in (ROOT / "examples").glob("*.py"))
 
 

@@ -461,7 +461,7 @@ class Chain(Mechanism):
         )
 
     def fields(self) -> dict[str, str]:
-        """Angle [rad] and angular velocity [rad/s] of each joint; place of the tip from the first joint, across and up [m]."""
+        """Angle [rad] and angular velocity [rad/s] of each joint; tip from the first joint, across and up [m]."""
         numbers = range(1, len(self.links) + 1)
         angles = {f"angle_{k}": f"load.angle_{k}" for k in numbers}
         tip = {name: f"load.{name}" for name in ("tip_across", "tip_height")}

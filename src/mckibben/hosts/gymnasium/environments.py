@@ -94,7 +94,9 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._count = 0
         self._begun = False
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode at rest, with goals drawn anew.
 
         Args:
@@ -157,10 +159,10 @@ class _Goals(NamedTuple):
 
 
 class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many such environments as lanes of one native kernel.
+    """Many muscle environments as lanes of one native kernel.
 
-    A lane has the bits of a single environment with its seed. Lane i is seeded with ``seed + i``, as the lanes of Gymnasium's
-    own vector environments are.
+    A lane has the bits of a single environment with its seed. As in Gymnasium's own vector environments, lane i is seeded
+    with ``seed + i``.
 
     Args:
         num_envs: number of lanes.
@@ -223,13 +225,16 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         mask = np.ones(self.num_envs, bool) if not options else options.get("reset_mask", np.ones(self.num_envs, bool))
         if np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool:
             raise InputError("reset_mask", None, f"must be {self.num_envs} booleans, got {np.shape(mask)}")
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        if seeds is not None and len(seeds) != self.num_envs:
+        seeds: list[int | None] = [None] * self.num_envs
+        if isinstance(seed, int):
+            seeds = [seed + i for i in range(self.num_envs)]
+        elif seed is not None:
+            seeds = list(seed)
+        if len(seeds) != self.num_envs:
             raise InputError("seed", None, f"must be one number, or {self.num_envs} of them, got {len(seeds)}")
         if not self._generators:
-            seeds = [None] * self.num_envs if seeds is None else seeds
-            self._generators = [seeding.np_random(s)[0] for s in seeds]
-        elif seeds is not None:
+            self._generators = [seeding.np_random(own)[0] for own in seeds]
+        else:
             for lane, own in enumerate(seeds):
                 if own is not None and mask[lane]:
                     self._generators[lane] = seeding.np_random(own)[0]
@@ -254,7 +259,9 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         actions = np.clip(np.asarray(actions, float).reshape(self.action_space.shape), -1.0, 1.0)
         again = self._ended.copy()
         if again.any() and self.autoreset_mode == AutoresetMode.DISABLED:
-            raise InputError("reset_mask", None, "must be given to reset lanes that have ended, for autoreset is disabled")
+            raise InputError(
+                "reset_mask", None, "must be given to reset lanes that have ended, for autoreset is disabled"
+            )
         place = self._count % self.task.samples
         plant, kernel = self._plant, self._kernel
         for k, command in enumerate(plant.actions):

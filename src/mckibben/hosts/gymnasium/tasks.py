@@ -1,11 +1,11 @@
-"""What is to be controlled: a mechanism with its air, what is observed, what is asked for, and what that is worth.
+"""Control tasks: a mechanism with its air, observations, goals and rewards.
 
-Actions are the positions of the valves' spools from -1, which vents fully, over 0, closed, to 1, which fills fully; they hold
-for one control period. Every number of an observation is a quantity with a stated range, which is mapped to -1 to 1 and
-clipped there. Goals, and what disturbs, are drawn when an episode begins.
+Actions are the positions of the valves' spools for one control period: -1 vents fully, 0 is closed, 1 fills fully. Every
+number of an observation is a quantity whose stated range is mapped to -1 to 1 and clipped there. Goals and disturbances are
+drawn when an episode begins.
 
-All functions take numbers of one environment, or arrays with the lanes of a vector environment as their last axis, and do the
-same operations on both, so that their bits are equal.
+All functions take numbers of one environment, or arrays with the lanes of a vector environment as their last axis. They do
+the same operations on both, so that their bits are equal.
 """
 
 from __future__ import annotations
@@ -60,10 +60,9 @@ class Episode(NamedTuple):
 
 @dataclass(frozen=True)
 class Task(abc.ABC):
-    """A mechanism to be controlled, with rewards; subclasses may be given to the environments too.
+    """A mechanism to be controlled, with rewards; an environment also takes a subclass of your own.
 
-    The reward of a control period is the error in units of `tolerance`, negative, less `EFFORT` times the mean opening of the
-    valves.
+    The reward of a control period is -error / `tolerance`, less `EFFORT` times the mean opening of the valves.
 
     Attributes:
         title: one phrase.
@@ -132,7 +131,9 @@ class Task(abc.ABC):
             goal: (goals,), or (goals, lanes).
         """
         low, high, places = _ranges(type(self))
-        rows = [goal[place] if place is not None else seen[s.name] for s, place in zip(self.senses, places, strict=True)]
+        rows = [
+            goal[place] if place is not None else seen[s.name] for s, place in zip(self.senses, places, strict=True)
+        ]
         values = np.array(rows).T
         return np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.0, 1.0).astype(np.float32)
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...muscles.braid import BraidShape, braid_of
+from ...muscles.build import law_from_specimen
 from ...quantities import from_si
 from ...simulation import Chain, Joint, Plate, Simulation, Weight
 from ...simulation.mechanisms import in_si, published
-from ...muscles.build import law_from_specimen
 from . import style
 from .muscle_figures import draw_braid
 from .style import COLOURS, INK, INK_2, INK_3, SUNKEN, number
@@ -118,7 +118,14 @@ class MechanismPicture:
         self._draw_muscle(ax, "muscle", Place(0.0, 0.0, 0.0), 0.0, -hook, seen)
         _box(ax, (-0.03, hook - 0.05), 0.06, 0.05, SUNKEN)
         if "position" in wanted:
-            ax.plot([-0.06, 0.06], [-wanted["position"] - 2.0 * FITTING] * 2, color=COLOURS["length"], lw=1.4, ls=(0, (4, 2.3)), zorder=8)
+            ax.plot(
+                [-0.06, 0.06],
+                [-wanted["position"] - 2.0 * FITTING] * 2,
+                color=COLOURS["length"],
+                lw=1.4,
+                ls=(0, (4, 2.3)),
+                zorder=8,
+            )
 
     def _draw_plate(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         _hatched(ax, (0.0, -0.04), (0.0, 0.04), -0.008)
@@ -136,7 +143,9 @@ class MechanismPicture:
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
         if "angle" in wanted:
             self._draw_wanted_limb(ax, Place(0.0, 0.0, wanted["angle"]), 0.13)
-        self._draw_hinge(ax, Place(0.0, 0.0, 0.0), seen["angle"], arms, {"flexor": "flexor", "extensor": "extensor"}, seen)
+        self._draw_hinge(
+            ax, Place(0.0, 0.0, 0.0), seen["angle"], arms, {"flexor": "flexor", "extensor": "extensor"}, seen
+        )
         _limb(ax, Place(0.0, 0.0, seen["angle"]), 0.13)
 
     def _draw_wanted_limb(self, ax: Axes, place: Place, length: float) -> None:
@@ -175,7 +184,9 @@ class MechanismPicture:
             ax.plot(*zip(*round_it, strict=True), color=INK, lw=1.2, zorder=4)
         ax.add_patch(Circle((base.x, base.y), 0.96 * min(arms), fc=SUNKEN, ec=INK_3, lw=0.9, zorder=3))
 
-    def _draw_muscle(self, ax: Axes, name: str, place: Place, begin: float, end: float, seen: Mapping[str, float]) -> None:
+    def _draw_muscle(
+        self, ax: Axes, name: str, place: Place, begin: float, end: float, seen: Mapping[str, float]
+    ) -> None:
         """A muscle that hangs at a place, and the cord from its lower end on [m]."""
         from matplotlib.transforms import Affine2D
 
@@ -185,7 +196,9 @@ class MechanismPicture:
         slack = float(seen[f"{prefix}tension"]) <= 0.0
         length = min(length, end - begin - 2.0 * FITTING)  # a slack muscle sags, which is not drawn
         last = begin + FITTING + length + FITTING
-        ax.plot([last, max(end, last)], [0.0, 0.0], color=INK, lw=1.2, ls=":" if slack else "-", zorder=4, transform=local)
+        ax.plot(
+            [last, max(end, last)], [0.0, 0.0], color=INK, lw=1.2, ls=":" if slack else "-", zorder=4, transform=local
+        )
         self._draw_shape(ax, name, length, pressure, begin + FITTING, local)
 
     def _draw_shape(self, ax: Axes, name: str, length: float, pressure: float, start: float, local: Transform) -> None:
