@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from .simulation import Weight as Weight
     from .specimens import Specimen as Specimen
     from .specimens import specimen as specimen
-    from .studies.comparison.table import compare as compare
+    from .studies.comparison import compare as compare
     from .studies.parts import part as part
     from .studies.parts import parts as parts
     from .studies.sizing.size import size as size
@@ -107,7 +107,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "parts": "studies.parts",
         "part": "studies.parts",
         "size": "studies.sizing.size",
-        "compare": "studies.comparison.table",
+        "compare": "studies.comparison",
         "energy": "analysis.energy.working_cycles",
         "reproduce": "reproduction",
     },

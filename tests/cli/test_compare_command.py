@@ -75,7 +75,7 @@ REFUSED = {
     "stimulation without protocols": (["fast-fibre", "--stimulation", "duty=0.4"], "only with --protocols"),
     "an unknown stimulation": (
         ["fast-fibre", "--protocols", "--stimulation", "lead=1 s"],
-        "Unknown stimulation 'lead'",
+        "Unknown --stimulation 'lead'",
     ),
     "a duty above one": (["fast-fibre", "--protocols", "--stimulation", "duty=2"], "duty"),
     "nobody": ([], "muscles are missing"),

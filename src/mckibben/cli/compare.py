@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,7 @@ from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import parse, with_unit
-from ..report import comparison_report, document
+from ..report import document
 from ..report.figures import comparison_figures, style
 from ..specimens import muscle_specimen
 from ..studies import comparison
@@ -21,11 +22,10 @@ from ._progress import told
 from ._terminal import FigureLook, FigureWidth, Json, caution, pairs, print_json, table
 
 if TYPE_CHECKING:
-    from ..studies.comparison import ComparedMuscle
     from ..studies.comparison.match import Match, Tuned
-    from ..studies.comparison.protocols import Trials
 
 OUT = OutputKinds(report=REPORT, figure=FIGURE, table=TABLE, result=OBJECT)
+OPTIONS = ("law", "match", "rig", "stimulation")  # of `compare`, by which a refused value is named
 _EXAMPLE = "phase='60 deg' or duty=0.3"
 
 
@@ -81,52 +81,43 @@ def compare_muscles(
     for place in out or []:
         if place.suffix in REPORT:
             document.checked_place(place, field="--out")
-    if rig is not None and not protocols and match is None:
-        raise InputError("--rig", None, "is allowed only with --protocols or --match, which run on it")
-    stimulated = pairs(stimulation, "--stimulation", _EXAMPLE) if stimulation else None
-    if stimulated is not None:
-        if not protocols:
-            raise InputError("--stimulation", None, "is allowed only with --protocols, whose work loop it drives")
-        comparison.protocols.stimulated_loop(stimulated)
     full = parse(pressure, "Pa", field="--pressure")
     specs = [muscle_specimen(name) for name in muscles or []]
-    if law is not None and not any(law in spec.laws for spec in specs):
-        stated = ", ".join(dict.fromkeys(name for spec in specs for name in spec.laws))
-        raise InputError("--law", law, f"the muscles state {stated or 'no law'}")
-    chosen = [comparison.subject(spec, pressure=full, law=law if law in spec.laws else None) for spec in specs]
-    braided = [s.spec for s in chosen if s.unit is not None]
+    braided = [spec for spec in specs if spec.kind == "mckibben"]
     warnings = caution(
         *dict.fromkeys(muscle_models.plausible.pressure_caution(full, spec, text=pressure) for spec in braided)
     )
-    target = None if match is None else _target(match)
-    if match is not None and not any(s.unit is not None for s in chosen):
-        raise InputError("--match", match, "must be a McKibben muscle among those compared")
     with OUT.files(out) as files:
-        if files["figure"] and not chosen:
+        if files["figure"] and not specs:
             raise InputError("--out", None, "needs a specimen: a recording alone has no law to draw")
-        compared = comparison.compare(chosen, recordings=recording or [])
-        done: list[Trials] = []
-        matches: list[Match] = []
-        braids = len(braided) if target is not None else 0
-        stages = len(chosen) * len(comparison.protocols.NAMES) * protocols + braids * comparison.match.STAGES
-        with told("comparing", stages or None) as tell:
-            if protocols:
-                done = _done(chosen, rig, stimulated, tell)
-                compared = comparison.MuscleTable(
-                    (*(t.column() for t in done), *compared.columns[len(done) :]), compared.published
+        count = comparison.stages(specs, protocols=protocols, match=match)
+        try:
+            with told("comparing", count or None) as tell:
+                compared = comparison.compare(
+                    specs,
+                    recordings=recording or [],
+                    pressure=full,
+                    law=law,
+                    protocols=protocols,
+                    stimulation=pairs(stimulation, "--stimulation", _EXAMPLE) if stimulation else None,
+                    match=match,
+                    rig=rig,
+                    progress=tell,
                 )
-            if target is not None:
-                matches = _matches(chosen, target, rig, done, tell)
-        drawn: Any = _drawn(chosen, done, matches) if chosen and (files["figure"] or files["report"]) else None
-        files.write("figure", lambda path: style.save(drawn, path))
-        files.write("report", lambda path: comparison_report.muscle_comparison(compared, drawn, matches).write(path))
+        except InputError as error:
+            if error.field not in OPTIONS or error.where:
+                raise
+            options = re.sub(r"\b(protocols|match)\b(?=[ ,])", r"--\1", error.problem)
+            raise error.changed(field=f"--{error.field}", problem=options) from None
+        files.write("figure", lambda path: style.save(comparison_figures.table_figure(compared), path))
+        files.write("report", lambda path: compared.report(path))
         files.write_rows(_rows(compared))
-        content = _as_json(compared, matches) | {"warnings": warnings}
+        content = _as_json(compared) | {"warnings": warnings}
         files.write_result(content)
         if as_json:
             print_json(content)
         else:
-            _print(compared, matches)
+            _print(compared)
             files.say()
 
 
@@ -139,37 +130,7 @@ def _rows(compared: comparison.MuscleTable) -> list[dict[str, Any]]:
     ]
 
 
-def _target(name: str) -> ComparedMuscle:
-
-    target = comparison.subject(name)
-    if target.fibre is None:
-        raise InputError("--match", name, "must be a biological muscle; it is a McKibben muscle")
-    return target
-
-
-def _done(chosen: list[ComparedMuscle], rig: str | None, stimulation: dict[str, str] | None, tell: Any) -> list[Trials]:
-
-    on = rig or comparison.protocols.rig_for(chosen)
-    return [comparison.protocols.trials(s, rig=on, stimulation=stimulation, progress=tell) for s in chosen]
-
-
-def _matches(
-    chosen: list[ComparedMuscle], target: ComparedMuscle, rig: str | None, done: list[Trials], tell: Any
-) -> list[Match]:
-
-    records = {t.muscle.id: t.records[comparison.match.TWITCH] for t in done if comparison.match.TWITCH in t.records}
-    braided = [s for s in chosen if s.unit is not None]
-    return [comparison.match.match(s, target, records=records, rig=rig, progress=tell) for s in braided]
-
-
-def _drawn(chosen: list[ComparedMuscle], done: list[Trials], matches: list[Match]) -> Any:
-
-    return comparison_figures.comparison_figure(
-        done or [comparison.protocols.trials(s, names=()) for s in chosen], matches
-    )
-
-
-def _as_json(found: comparison.MuscleTable, matches: list[Match]) -> dict[str, JsonValue]:
+def _as_json(found: comparison.MuscleTable) -> dict[str, JsonValue]:
     rows = []
     for row in found.rows():
         one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
@@ -190,7 +151,7 @@ def _as_json(found: comparison.MuscleTable, matches: list[Match]) -> dict[str, J
         "rows": rows,
         "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in found.columns],
     }
-    return out | ({"match": [_match_json(m) for m in matches]} if matches else {})
+    return out | ({"match": [_match_json(m) for m in found.matches]} if found.matches else {})
 
 
 def _match_json(found: Match) -> dict[str, JsonValue]:
@@ -205,8 +166,7 @@ def _match_json(found: Match) -> dict[str, JsonValue]:
     }
 
 
-def _print(found: comparison.MuscleTable, matches: list[Match]) -> None:
-
+def _print(found: comparison.MuscleTable) -> None:
     lines, keys = [], {"chou1996": None}
     for row in found.rows():
         ends = row.shown_range()
@@ -219,7 +179,7 @@ def _print(found: comparison.MuscleTable, matches: list[Match]) -> None:
     for column in found.columns:
         for note in column.notes:
             typer.echo(f"{column.name}: {note}.")
-    for one in matches:
+    for one in found.matches:
         _print_match(one)
     typer.echo("")
     for key in keys:

@@ -27,6 +27,7 @@ from .blocks import (
     Text,
 )
 from .document import Document
+from .figures.comparison_figures import table_figure
 from .words import minus, significant, unit_text, versions_text
 
 CURVES = {"force_length": "Force over length", "passive": "Passive force", "force_velocity": "Force over velocity"}
@@ -63,14 +64,8 @@ def comparison_report(
     return Document(title, tuple(sections), lead)
 
 
-def muscle_comparison(found: MuscleTable, drawn: Any = None, matches: Sequence[Match] = ()) -> Document:
-    """Build the report of a comparison of muscles.
-
-    Args:
-        found: the table.
-        drawn: its figure, as `figures.comparison_figures` draws it.
-        matches: searches for elements that bring a muscle close to a biological one.
-    """
+def muscle_comparison(found: MuscleTable) -> Document:
+    """Build the report of a comparison of muscles, with its figure where any of them has a law to draw."""
     names = [c.name for c in found.columns]
     rows = found.rows()
     keys = dict.fromkeys([PAPER, *(k for r in rows if r.published for k in r.published.sources)])
@@ -82,13 +77,14 @@ def muscle_comparison(found: MuscleTable, drawn: Any = None, matches: Sequence[M
     )
     table = ReportTable(columns, tuple(_row(r) for r in rows), "Table 1 of the paper, for these muscles")
     pictures = []
-    if drawn is not None:
+    if found.muscles:
+        drawn = table_figure(found)
         caption = (
             "Normalised. McKibben muscles have the colour of tension, biological ones ink; a letter ends each line."
         )
         pictures.append(Figure(drawn, caption, f"Curves of {', '.join(names)}; the table has the numbers."))
     remarks = [(c.name, f"{c.title}, from {c.kind}" + "".join(f"; {n}" for n in c.notes)) for c in found.columns]
-    details = [block for m in matches for block in _match(m)]
+    details = [block for m in found.matches for block in _match(m)]
     lead = "L₀ is each muscle's own resting length, F₀ its tension there; a dash says that nothing tells the property."
     return comparison_report(
         f"Muscles side by side: {', '.join(names)}",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...studies.comparison import ComparedMuscle
+    from ...studies.comparison import MuscleTable
 
 
 WIDTH = style.WIDE  # [inch]
@@ -68,9 +68,16 @@ def comparison_figure(muscles: Sequence[Trials], matches: Sequence[Match] = ()) 
     return fig
 
 
-def static_figure(muscles: Sequence[ComparedMuscle]) -> Figure:
-    """Draw the static curves of muscles, which need no protocol."""
-    return comparison_figure([trials(muscle, names=()) for muscle in muscles])
+def table_figure(compared: MuscleTable) -> Figure:
+    """Draw the muscles of a comparison: static curves, and protocols and matches where it has them.
+
+    Raises:
+        InputError: only recordings were compared, which have no law to draw.
+    """
+    if not compared.muscles:
+        raise InputError("muscles", None, "are missing: a recording alone has no law to draw")
+    curves = compared.trials or [trials(muscle, names=()) for muscle in compared.muscles]
+    return comparison_figure(curves, compared.matches)
 
 
 class _Line:

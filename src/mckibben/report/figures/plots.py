@@ -343,7 +343,7 @@ class FitPlots:
 
 
 class ComparisonPlots:
-    """Plots of a comparison of muscles; called, it draws their static curves side by side."""
+    """Plots of a comparison of muscles; called, it draws their curves side by side."""
 
     def __init__(self, compared: MuscleTable) -> None:
         self._compared = compared
@@ -354,9 +354,7 @@ class ComparisonPlots:
         Raises:
             InputError: only recordings were compared, which have no law to draw.
         """
-        if not self._compared.muscles:
-            raise InputError("muscles", None, "are missing: a recording alone has no law to draw")
-        return shown(comparison_figures.static_figure(self._compared.muscles))
+        return shown(comparison_figures.table_figure(self._compared))
 
 
 class RankingPlots:

@@ -5,6 +5,7 @@ the drive to the full one. A pressure set-point over the full pressure is what a
 """
 
 from ..._lazy import lazy_submodules
+from .side_by_side import compare, stages
 from .table import (
     FULL_PRESSURE,
     PROPERTIES,
@@ -13,7 +14,6 @@ from .table import (
     MuscleTable,
     Property,
     PropertyRow,
-    compare,
     subject,
 )
 
@@ -26,6 +26,7 @@ __all__ = [
     "ComparedMuscle",
     "MuscleTable",
     "compare",
+    "stages",
     "subject",
 ]
 

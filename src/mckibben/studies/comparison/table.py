@@ -8,7 +8,7 @@ relative       length over L0, tension over F0
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
@@ -31,15 +31,17 @@ from ...extras import library
 from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
 from ...muscles.build import from_specimen, rest_length_of, upper_length_of
-from ...quantities import from_si, in_si, with_unit
+from ...quantities import from_si, with_unit
 from ...recordings import Recording, read_recording
 from ...specimens import Specimen, muscle_specimen
-from ...specimens.published import PublishedRange, published_ranges
+from ...specimens.published import PublishedRange
 
 if TYPE_CHECKING:
     import pandas
 
     from ...report.figures.plots import ComparisonPlots
+    from .match import Match
+    from .protocols import Trials
 
 FULL_PRESSURE = 5e5  # at which the paper compares its muscles [Pa]
 LEAST = 0.99  # of the rest length: a muscle that is free there already makes no tension worth comparing
@@ -245,9 +247,9 @@ class MuscleTable:
 
     columns: tuple[MuscleColumn, ...]
     published: Mapping[str, PublishedRange]
-    muscles: tuple[ComparedMuscle, ...] = field(
-        default=(), compare=False
-    )  # those of the columns that are no recordings
+    muscles: tuple[ComparedMuscle, ...] = field(default=(), compare=False)  # of the columns that are no recordings
+    trials: tuple[Trials, ...] = field(default=(), compare=False)  # their protocols, where these were run
+    matches: tuple[Match, ...] = field(default=(), compare=False)  # with elements, where these were searched
 
     plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("report.figures.plots:ComparisonPlots")
     """The muscles' static curves side by side, see `report.figures.plots`."""
@@ -275,6 +277,10 @@ class MuscleTable:
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
         return frame.set_index(["property", "unit"])
 
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write a report with table and figure to an ``.html`` or ``.pdf`` file; returns its path."""
+        return Path(implementation("report.comparison_report:muscle_comparison")(self).write(Path(path)))
+
     def __repr__(self) -> str:
         return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.rows())} properties)"
 
@@ -283,36 +289,6 @@ class MuscleTable:
 
 
 Comparable = str | os.PathLike[str] | Specimen | Muscle | ComparedMuscle
-
-
-def compare(
-    *muscles: Comparable | Iterable[Comparable],
-    recordings: Sequence[str | os.PathLike[str] | Recording] = (),
-    pressure: float | str = FULL_PRESSURE,
-) -> MuscleTable:
-    """Compute Table 1 for muscles by their laws, and for recordings.
-
-    Args:
-        muscles: specimens by id or file, muscles, or a list of them.
-        recordings: files of recordings with the names of their muscle's rest length, see `recorded.column_of`.
-        pressure: full drive of the McKibben muscles [Pa].
-
-    Raises:
-        InputError: nothing to compare, or what a muscle or a recording lacks.
-
-    Examples:
-        >>> import mckibben as mk
-        >>> mk.compare("nylon", "fast-fibre")
-        MuscleTable(nylon, fast-fibre: 16 properties)
-    """
-    single = (str, os.PathLike, Specimen, Muscle, ComparedMuscle)
-    listed = [one for m in muscles for one in ([m] if isinstance(m, single) else m)]
-    full = float(in_si(pressure, "Pa", field="pressure"))
-    subjects = [m if isinstance(m, ComparedMuscle) else subject(m, pressure=full) for m in listed]
-    columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
-    if not columns:
-        raise InputError("muscles", None, "are missing: a specimen's id or file, or a recording")
-    return MuscleTable(tuple(columns), published_ranges(), tuple(subjects))
 
 
 def law_column(muscle: ComparedMuscle) -> MuscleColumn:
