@@ -140,6 +140,10 @@ CALLS: dict[str, list[Call]] = {
             ["braid.toml"],
         )
     ],
+    "conform": [
+        Call(("python", "--scenario", "hang", "--out", "python.json"), ["python.json"]),
+        Call(("matlab",), says=["python"]),
+    ],
     "export": [
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),
         needs("mujoco", MUSCLE, "--for", "mujoco", "--out", "nylon_mujoco"),

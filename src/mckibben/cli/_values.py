@@ -229,6 +229,8 @@ KINDS: dict[str, ValueKind] = {
     "CIRCUIT": ValueKind(suffixes=(".toml",)),
     "CIRCUIT|SPECIMEN": ValueKind(names=specimens, suffixes=(".toml",)),
     "TARGET": ValueKind(names=words("c")),
+    "HOST": ValueKind(names=words("python", "c")),
+    "SCENARIO": ValueKind(names=words("isometric", "hang", "slack", "loop", "leak", "joint")),
     "SWEEP": ValueKind(suffixes=(".toml",)),
     "CALIBRATION": ValueKind(suffixes=(".toml",)),
     "CALIBRATION|RECORDING": ValueKind(suffixes=(".toml", *RECORDINGS)),

@@ -71,6 +71,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "export:export_part",
         "Export a muscle with its air as a part of another program: spans in, tensions out.",
     ),
+    "conform": (
+        "conform:conform_host",
+        "Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.",
+    ),
     "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),
     "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
     "circuit show": ("circuit:show", "Describe a circuit, its fastest mode, and the method with which a run begins."),

@@ -2,11 +2,13 @@
 
 part = mckibben.hosts.Part("nylon", mckibben.Air(supply="6 bar"))
 mckibben.hosts.export(part, "c", "elbow")
+mckibben.hosts.conform("c").holds
 """
 
 from __future__ import annotations
 
+from .conformance import conform
 from .export import export
 from .part import Part, part_of
 
-__all__ = ["Part", "export", "part_of"]
+__all__ = ["Part", "conform", "export", "part_of"]

@@ -14,6 +14,7 @@ import functools
 import hashlib
 import json
 import os
+import threading
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -183,6 +184,7 @@ class Part:
         self._size = self.layouts.state.size
         self.example_state, self.example_inputs = example, inputs
         self._calls: dict[str, Any] = {}
+        self._lock = threading.Lock()  # the places in memory of a call are shared by all threads
         self._places = {name: 2 * len(self.muscles) + k for k, name in enumerate(sorted(self.commands))}
         numbered = self.layouts.state.unpack(np.arange(float(self.layouts.state.size)))
         self._commands_in_state = np.array([int(numbered.command[n]) for n in sorted(self.commands)], int)
@@ -258,17 +260,18 @@ class Part:
 
     def _call(self, key: str, function: Any, given: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:
         """Run one of the functions of vectors on places in memory that are kept for it."""
-        if key not in self._calls:
-            places = [np.zeros_like(vector) for vector in given]
-            bound = functools.partial(function, self.layouts.key)
-            compiled = compile_function(bound, self.parameters, *places, title="a part")
-            wanted = [np.zeros(size) for size in sizes]
-            self._calls[key] = places, wanted, _bind(compiled, [self.parameters, *places], wanted)
-        places, wanted, run = self._calls[key]
-        for place, vector in zip(places, given, strict=True):
-            place[:] = vector
-        run()
-        return [vector.copy() for vector in wanted]
+        with self._lock:
+            if key not in self._calls:
+                places = [np.zeros_like(vector) for vector in given]
+                bound = functools.partial(function, self.layouts.key)
+                compiled = compile_function(bound, self.parameters, *places, title="a part")
+                wanted = [np.zeros(size) for size in sizes]
+                self._calls[key] = places, wanted, _bind(compiled, [self.parameters, *places], wanted)
+            places, wanted, run = self._calls[key]
+            for place, vector in zip(places, given, strict=True):
+                place[:] = vector
+            run()
+            return [vector.copy() for vector in wanted]
 
     def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
         """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
@@ -331,11 +334,29 @@ class Part:
         return max(differences) / SLOPE_STRETCH
 
     def _with_pressure(self, pressure: float) -> Part:
+        return self._with_hosted(self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure))))
+
+    def with_parameters(self, changes: Mapping[str, float]) -> Part:
+        """The part with some parameters changed.
+
+        Args:
+            changes: values by dotted path, as `declared` names them [SI].
+
+        Raises:
+            InputError: names an unknown path, or a value out of its bounds.
+        """
+        if not changes:
+            return self
+        for path in changes:
+            paths.declaration(self.hosted, path)
+        return self._with_hosted(paths.put(self.hosted, changes))
+
+    def _with_hosted(self, hosted: HostedMuscles) -> Part:
         other = object.__new__(Part)
         other.__dict__.update(self.__dict__)
-        other.hosted = self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure)))
-        other.parameters = self.layouts.part.pack(other.hosted)
-        other._calls = {}
+        other.hosted = hosted
+        other.parameters = self.layouts.part.pack(hosted)
+        other._calls, other._lock = {}, threading.Lock()
         return other
 
     def smallest_masses(self) -> dict[float, float]:

@@ -1,0 +1,369 @@
+"""Hosts as `mckibben conform` sees them: an adapter builds a part into a host and opens scenarios there.
+
+A host without mechanics of its own, such as a loop in C or a master of FMUs, needs only a `PartInstance`: the loop around
+it is here (`LoopHost`). A host with mechanics of its own implements `HostAdapter` and `HostedMechanism`.
+"""
+
+from __future__ import annotations
+
+import abc
+import ctypes
+import platform
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from .c_source import PartSource, c_source
+from .compiler import build_library, compiler_version
+from .part import Part
+from .scenarios import HostMoment, Scenario
+
+
+class PartReadings(NamedTuple):
+    """What a part in a host has returned of its last step.
+
+    Attributes:
+        tension: mean over the step, by muscle [N].
+        pressure: gauge, at its end, by muscle [Pa].
+        work: of the host on all muscles since the start, as the part accounts for it [J].
+    """
+
+    tension: dict[str, float]
+    pressure: dict[str, float]
+    work: float
+
+
+class PartInstance(abc.ABC):
+    """A part in a host without mechanics, at some moment; at first at rest at the span and commands of its first step."""
+
+    @abc.abstractmethod
+    def step(
+        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
+    ) -> PartReadings:
+        """Go on by one step of the host.
+
+        Args:
+            period: of the step [s].
+            span: of each muscle at its start [m].
+            rate: of each span [m/s].
+            commands: by name [SI].
+        """
+
+    @abc.abstractmethod
+    def save(self) -> Any:
+        """All that changes, in a form that stays as it is."""
+
+    @abc.abstractmethod
+    def restore(self, saved: Any) -> None:
+        """Return to what `save` returned, perhaps of another instance of the same part."""
+
+    @abc.abstractmethod
+    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Evaluate outputs without going on."""
+
+
+class HostedMechanism(abc.ABC):
+    """The mechanism of a scenario with its part, in a host, at some moment."""
+
+    @property
+    @abc.abstractmethod
+    def position(self) -> float:
+        """Position [m] or [rad]."""
+
+    @property
+    @abc.abstractmethod
+    def rate(self) -> float:
+        """Rate of the position [m/s] or [rad/s]."""
+
+    @abc.abstractmethod
+    def step(self, moment: HostMoment) -> PartReadings:
+        """Go on by one step of the host."""
+
+    @abc.abstractmethod
+    def save(self) -> Any:
+        """All that changes, in a form that stays as it is."""
+
+    @abc.abstractmethod
+    def restore(self, saved: Any) -> None:
+        """Return to what `save` returned, perhaps of a copy."""
+
+    @abc.abstractmethod
+    def copy(self) -> HostedMechanism:
+        """Another one at the same moment, which does not change when this one goes on."""
+
+    @abc.abstractmethod
+    def reset(self) -> None:
+        """Return to the start."""
+
+    @abc.abstractmethod
+    def look(self, moment: HostMoment) -> None:
+        """Evaluate without going on."""
+
+
+class HostAdapter(abc.ABC):
+    """A host into which parts can be built.
+
+    Attributes:
+        name: by which it is asked for.
+        title: what it is, in a phrase.
+        staggered: whether its rates are half a step older than its positions.
+        caveats: what could not be tested here, as sentences.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    staggered: ClassVar[bool]
+    caveats: ClassVar[tuple[str, ...]] = ()
+
+    @abc.abstractmethod
+    def version(self) -> str:
+        """Name and version of the host."""
+
+    @abc.abstractmethod
+    def open(self, scenario: Scenario, period: float) -> HostedMechanism:
+        """The mechanism and part of a scenario at their start; the host's step [s]."""
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Remove what was built."""
+
+
+class LoopMechanism(HostedMechanism):
+    """A mechanism stepped by a loop of ours: semi-implicitly where the host is staggered, else by the mean acceleration."""
+
+    def __init__(
+        self, scenario: Scenario, instance: PartInstance, period: float, *, staggered: bool, make: Any
+    ) -> None:
+        self.scenario, self.instance, self.period = scenario, instance, period
+        self.staggered, self._make = staggered, make
+        self._position, self._rate = scenario.mechanism.start, 0.0
+        self._first = instance.save()
+
+    @property
+    def position(self) -> float:
+        """Position [m] or [rad]."""
+        return self._position
+
+    @property
+    def rate(self) -> float:
+        """Rate of the position [m/s] or [rad/s]."""
+        return self._rate
+
+    def step(self, moment: HostMoment) -> PartReadings:
+        """Go on by one step: the part first, then the mechanism with the mean tension of the same step."""
+        mechanism, h = self.scenario.mechanism, self.period
+        given = moment.position is not None and moment.rate is not None
+        if moment.position is not None and moment.rate is not None:
+            self._position, self._rate = moment.position, moment.rate
+        spans, rates = mechanism.span(self._position), mechanism.span_rate(self._rate)
+        seen = self.instance.step(h, spans, rates, moment.commands)
+        if given:
+            self._position += h * self._rate
+            return seen
+        acceleration, before = mechanism.acceleration(seen.tension, moment.force), self._rate
+        self._rate += h * acceleration
+        self._position += h * (self._rate if self.staggered else 0.5 * (before + self._rate))
+        return seen
+
+    def save(self) -> Any:
+        """Position, rate and the part."""
+        return self._position, self._rate, self.instance.save()
+
+    def restore(self, saved: Any) -> None:
+        """Return to what `save` returned."""
+        self._position, self._rate, part = saved
+        self.instance.restore(part)
+
+    def copy(self) -> HostedMechanism:
+        """Another one at the same moment."""
+        twin = LoopMechanism(self.scenario, self._make(), self.period, staggered=self.staggered, make=self._make)
+        twin.restore(self.save())
+        return twin
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self._position, self._rate = self.scenario.mechanism.start, 0.0
+        self.instance.restore(self._first)
+
+    def look(self, moment: HostMoment) -> None:
+        """Evaluate without going on."""
+        mechanism = self.scenario.mechanism
+        self.instance.look(mechanism.span(self._position), mechanism.span_rate(self._rate), moment.commands)
+
+
+class LoopHost(HostAdapter):
+    """A host without mechanics of its own."""
+
+    @abc.abstractmethod
+    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
+        """A new instance of a part, with some parameters by dotted path changed."""
+
+    def open(self, scenario: Scenario, period: float) -> HostedMechanism:
+        """The mechanism and part of a scenario at their start."""
+        make = lambda: self.instance(scenario.part, scenario.parameters)  # noqa: E731
+        return LoopMechanism(scenario, make(), period, staggered=self.staggered, make=make)
+
+
+class _PythonInstance(PartInstance):
+    """A part that is stepped from Python."""
+
+    def __init__(self, part: Part, staggered: bool) -> None:
+        self.part, self.staggered = part, staggered
+        self.state: np.ndarray | None = None
+
+    def step(
+        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
+    ) -> PartReadings:
+        """Go on by one step."""
+        if self.state is None:
+            self.state = self.part.rest(span, **commands)
+        self.state, seen = self.part.step(
+            self.state, period=period, span=span, rate=rate, staggered=self.staggered, **commands
+        )
+        values = seen._asdict()
+        of = lambda what: {n: values[what if len(self.part.muscles) == 1 else f"{n}_{what}"] for n in self.part.muscles}  # noqa: E731
+        return PartReadings(of("tension"), of("pressure"), sum(of("work").values()))
+
+    def save(self) -> Any:
+        """The state."""
+        return self.state
+
+    def restore(self, saved: Any) -> None:
+        """Return to a state."""
+        self.state = saved
+
+    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Observe."""
+        if self.state is not None:
+            self.part.observe(self.state, span=span, rate=rate, **commands)
+
+
+class PythonHost(LoopHost):
+    """A loop in Python that knows position and rate at one time."""
+
+    name, title, staggered = "python", "loop in Python, mean acceleration", False
+
+    def version(self) -> str:
+        """Version of Python."""
+        return f"Python {platform.python_version()}"
+
+    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
+        """A new instance of a part."""
+        return _PythonInstance(part.with_parameters(parameters), self.staggered)
+
+    def close(self) -> None:
+        """Nothing was built."""
+
+
+class _CompiledPart:
+    """A part as a shared library."""
+
+    def __init__(self, source: PartSource, folder: Path) -> None:
+        source.write(folder)
+        self.name, self.source = source.name, source
+        library = build_library([folder / f"{source.name}.c"], folder / f"{source.name}.so")
+        self.library = ctypes.CDLL(str(library))
+        self.sizes = {g: _size(source, g) for g in ("parameters", "state", "inputs", "outputs")}
+        self.inputs, self.outputs = (_places(source, group) for group in ("inputs", "outputs"))
+        call = self.library[f"{source.name}_step"]
+        call.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_int, ctypes.c_void_p]
+        call.restype = None
+        look = self.library[f"{source.name}_observe"]
+        look.argtypes, look.restype = [ctypes.c_void_p] * 4, None
+        self.step, self.observe = call, look
+
+    def parameters(self, changes: Mapping[str, float]) -> np.ndarray:
+        """The parameters as they lie in memory, with some changed."""
+        kind = ctypes.c_double * self.sizes["parameters"]
+        values = np.array(kind.in_dll(self.library, f"{self.name}_default_parameters"))
+        places = _places(self.source, "parameters")
+        for path, value in changes.items():
+            values[places[path]] = value
+        return values
+
+
+def _size(source: PartSource, group: str) -> int:
+    return int(sum(np.prod(v.shape) for v in source.of(group)))
+
+
+def _places(source: PartSource, group: str) -> dict[str, int]:
+    """Where the numbers of a struct begin, by dotted path."""
+    places, at = {}, 0
+    for variable in source.of(group):
+        places[variable.path] = at
+        at += int(np.prod(variable.shape))
+    return places
+
+
+class _CInstance(PartInstance):
+    """A part that is stepped in C."""
+
+    def __init__(self, compiled: _CompiledPart, part: Part, changes: Mapping[str, float], staggered: bool) -> None:
+        self.compiled, self.muscles, self.staggered = compiled, part.muscles, int(staggered)
+        self.numbers = [
+            compiled.parameters(changes),
+            *(np.zeros(compiled.sizes[g]) for g in ("state", "inputs", "outputs")),
+        ]
+        self.pointers = [vector.ctypes.data for vector in self.numbers]
+
+    def _put(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        places, inputs = self.compiled.inputs, self.numbers[2]
+        for group, values in (("span", span), ("rate", rate), ("command", commands)):
+            for name, value in values.items():
+                inputs[places[f"{group}.{name}"]] = value
+
+    def step(
+        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
+    ) -> PartReadings:
+        """Go on by one step."""
+        self._put(span, rate, commands)
+        parameters, state, inputs, outputs = self.pointers
+        self.compiled.step(parameters, state, inputs, period, self.staggered, outputs)
+        values, places = self.numbers[3], self.compiled.outputs
+        return PartReadings(
+            {n: float(values[places[f"tension.{n}"]]) for n in self.muscles},
+            {n: float(values[places[f"muscle.{n}.pressure"]]) for n in self.muscles},
+            float(sum(values[places[f"work.{n}"]] for n in self.muscles)),
+        )
+
+    def save(self) -> Any:
+        """A copy of the state."""
+        return self.numbers[1].copy()
+
+    def restore(self, saved: Any) -> None:
+        """Return to a state."""
+        self.numbers[1][:] = saved
+
+    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Observe."""
+        self._put(span, rate, commands)
+        self.compiled.observe(*self.pointers)
+
+
+class CHost(LoopHost):
+    """The part in C, called by a loop that steps as game engines do."""
+
+    name, title, staggered = "c", "C called from Python, semi-implicit Euler", True
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
+        self._compiled: dict[str, _CompiledPart] = {}
+
+    def version(self) -> str:
+        """Version of the compiler."""
+        return compiler_version()
+
+    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
+        """A new instance of a part, which is compiled once."""
+        key = part.fingerprint
+        if key not in self._compiled:
+            self._compiled[key] = _CompiledPart(c_source(part, "part"), Path(self._folder.name, key))
+        return _CInstance(self._compiled[key], part, parameters, self.staggered)
+
+    def close(self) -> None:
+        """Remove the libraries."""
+        self._compiled.clear()
+        self._folder.cleanup()

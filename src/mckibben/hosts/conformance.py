@@ -1,0 +1,418 @@
+"""Conformance of a host: the scenarios in it against the same systems integrated as one, and a certificate of the result.
+
+Measured are the errors of span, mean tension and pressure at steps of 0.5, 1, 2 and 5 ms, the order of the coupling, the gap
+between the host's work at the border and the part's account of it, whether states can be saved, restored, copied and reset
+with equal bits, the smallest mass that the host can move, and its speed.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import itertools
+import json
+import math
+import os
+import platform
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..documents import parse_json, read_text, write_text
+from ..errors import ConvergenceError, InputError
+from ..recordings.provenance import versions
+from .adapters import HostAdapter, HostedMechanism
+from .scenarios import SCENARIOS, START, STEPS, HostReference, Scenario, hanging, scenario
+
+SCHEMA = 1
+JUDGED = 1e-3  # step at which limits hold [s]
+# Twice what an ideal host meets: largest error of the position at 1 ms [m] or [rad].
+POSITION_LIMITS = {"hang": 0.06e-3, "slack": 0.1e-3, "joint": math.radians(0.25)}
+ORDERED = ("hang", "slack", "joint")  # scenarios whose order is judged
+LEAST_ORDER = 1.7  # between 1 and 2 ms
+LARGEST_GAP = 5e-3  # work at the border over turnover, at 1 ms
+CHECKED = 40  # steps after a restored state that are compared
+THREADS = 4
+LIGHT_LOAD = 40.0  # force on the mass whose smallest value is sought [N]
+LIGHT_TIME, LIGHT_TAIL = 0.3, 0.1  # of a trial, and its end that is judged [s]
+LIGHT_CALM = 4e-3  # largest motion at the end of a stable trial, in which the valve leaks and the mass swings [m]
+LIGHT_RANGE = (1e-3, 4.0)  # of masses [kg]
+TIMED = 400  # steps
+
+HOSTS: dict[str, str] = {"python": "adapters:PythonHost", "c": "adapters:CHost"}
+"""Adapters by the names of their hosts, as ``module:class`` of this package; a module is imported when it is asked for."""
+
+
+class HostTrace(NamedTuple):
+    """A scenario as a host ran it.
+
+    Attributes:
+        positions: at every step, the start first [m] or [rad].
+        tensions: mean over each step, by muscle [N].
+        pressures: at the end of each step, by muscle [Pa].
+        host_work: of the host at the border, by the kicks that it gave [J].
+        part_work: by the part's account [J].
+    """
+
+    positions: np.ndarray
+    tensions: dict[str, np.ndarray]
+    pressures: dict[str, np.ndarray]
+    host_work: float
+    part_work: float
+
+
+class Verdict(NamedTuple):
+    """A limit of a certificate: what was measured, the limit, and whether it holds."""
+
+    what: str
+    value: float
+    limit: float
+    unit: str
+    holds: bool
+
+
+class Certificate(NamedTuple):
+    """What a host does with a part.
+
+    Attributes:
+        host: its name.
+        content: all that was measured, as the JSON file has it.
+        verdicts: limits that were judged.
+    """
+
+    host: str
+    content: dict[str, Any]
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all limits hold."""
+        return all(verdict.holds for verdict in self.verdicts)
+
+    def document(self) -> dict[str, Any]:
+        """The certificate as JSON."""
+        return self.content | {"verdicts": [v._asdict() for v in self.verdicts], "holds": self.holds}
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the certificate as a JSON file."""
+        return write_text(Path(path), json.dumps(self.document(), indent=1, ensure_ascii=False) + "\n")
+
+
+def read_certificate(path: str | os.PathLike[str]) -> Certificate:
+    """A certificate from its file.
+
+    Raises:
+        InputError: the file is none.
+    """
+    try:
+        content: dict[str, Any] = dict(parse_json(read_text(Path(path))))
+        verdicts = tuple(Verdict(**verdict) for verdict in content.pop("verdicts"))
+        content.pop("holds")
+        return Certificate(str(content["host"]), content, verdicts)
+    except (KeyError, TypeError, ValueError):
+        raise InputError("file", str(path), "must be a certificate of mckibben conform") from None
+
+
+def adapter(host: str) -> HostAdapter:
+    """The adapter of a host.
+
+    Raises:
+        InputError: an unknown host, or a library of it is missing.
+    """
+    if host not in HOSTS:
+        raise InputError("host", host, known=tuple(HOSTS))
+    module, _, name = HOSTS[host].partition(":")
+    made: HostAdapter = getattr(importlib.import_module(f".{module}", __package__), name)()
+    return made
+
+
+def conform(
+    host: str | HostAdapter,
+    *,
+    scenarios: Iterable[str] | None = None,
+    steps: Iterable[float] = STEPS,
+    states: bool = True,
+    progress: Callable[[str], None] = lambda sentence: None,
+) -> Certificate:
+    """Run the scenarios in a host and judge the result.
+
+    Args:
+        host: its name, or an adapter of one's own.
+        scenarios: names of scenarios; all by default.
+        steps: of the host [s]; those of the grid, 0.5, 1, 2 and 5 ms, by default.
+        states: whether to test saving, restoring and the like, the smallest mass, and speed.
+        progress: is told what is done next.
+
+    Raises:
+        InputError: an unknown host or scenario, or a library of the host is missing.
+    """
+    chosen = [scenario(name) for name in (SCENARIOS if scenarios is None else scenarios)]
+    own = isinstance(host, str)
+    tested = adapter(host) if isinstance(host, str) else host
+    try:
+        return _certify(tested, chosen, tuple(steps), states, progress)
+    finally:
+        if own:
+            tested.close()
+
+
+def _certify(
+    tested: HostAdapter, chosen: list[Scenario], steps: tuple[float, ...], states: bool, progress: Callable[[str], None]
+) -> Certificate:
+    measured: dict[str, Any] = {}
+    for one in chosen:
+        progress(f"{one.name}: {one.title}")
+        measured[one.name] = _measure(tested, one, steps)
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "host": tested.name,
+        "title": tested.title,
+        "version": tested.version(),
+        "staggered": tested.staggered,
+        "made_by": f"mckibben {versions()['mckibben']}",
+        "machine": f"{platform.system()} {platform.machine()}",
+        "parts": {one.part.title: one.part.fingerprint for one in chosen},
+        "scenarios": measured,
+    }
+    if states:
+        progress("states: saved, restored, copied, reset")
+        content["states"] = {name: bool(check(tested)) for name, check in STATE_CHECKS.items()}
+        progress("the smallest mass, and speed")
+        single = scenario("hang").part
+        content["slope_mass_kg"] = {f"{h:g}": single.slope(h) * h * h for h in steps}
+        content["smallest_mass_kg"] = {f"{h:g}": smallest_mass(tested, h) for h in steps}
+        content["steps_per_s"] = round(steps_per_second(tested), -2)
+    content["caveats"] = list(tested.caveats)
+    return Certificate(tested.name, content, tuple(_verdicts(content)))
+
+
+def _measure(tested: HostAdapter, one: Scenario, steps: tuple[float, ...]) -> dict[str, Any]:
+    reference = reference_of(one.name)
+    rows = {f"{h:g}": _errors(one, reference, run(tested, one, h), h, tested.staggered) for h in steps}
+    key = "position_error" if one.mechanism.path is None else "tension_error"
+    order = None
+    moves = one.mechanism.path is None  # a given path is followed exactly by synchronous hosts
+    if moves and {"0.001", "0.002"} <= rows.keys() and rows["0.001"][key]:
+        order = math.log2(rows["0.002"][key] / rows["0.001"][key])
+    return {
+        "title": one.title,
+        "rotary": one.mechanism.rotary,
+        "range": float(np.ptp(reference.positions)),
+        "turnover_J": reference.turnover,
+        "order": order,
+        "steps": rows,
+    }
+
+
+@functools.cache
+def reference_of(name: str) -> HostReference:
+    """The reference of a scenario."""
+    return scenario(name).reference()
+
+
+def run(tested: HostAdapter, one: Scenario, period: float) -> HostTrace:
+    """Run a scenario in a host.
+
+    Args:
+        tested: the host.
+        one: the scenario.
+        period: of its steps [s].
+    """
+    hosted = tested.open(one, period)
+    moments = one.moments(period, staggered=tested.staggered)
+    mechanism = one.mechanism
+    positions, seen, work = [mechanism.start], [], 0.0
+    for moment, following in itertools.pairwise([*moments, moments[-1]]):
+        before = moment.rate if moment.rate is not None else hosted.rate
+        seen.append(hosted.step(moment))
+        of_path = following.rate if tested.staggered else moment.rate
+        after = of_path if of_path is not None else hosted.rate
+        rates = mechanism.span_rate(0.5 * (before + after))
+        work += sum(period * pull * rates[name] for name, pull in seen[-1].tension.items())
+        positions.append(hosted.position)
+    of = lambda what: {n: np.array([getattr(row, what)[n] for row in seen]) for n in mechanism.arms}  # noqa: E731
+    return HostTrace(np.array(positions), of("tension"), of("pressure"), work, seen[-1].work)
+
+
+def _errors(
+    one: Scenario, reference: HostReference, trace: HostTrace, period: float, staggered: bool
+) -> dict[str, float]:
+    """Largest differences from the reference."""
+    count = one.count(period)
+    at = np.arange(count) * period
+    begins = at - 0.5 * period if staggered else at
+    ends = begins + period
+    errors = {}
+    if one.mechanism.path is None:
+        positions = np.interp(period * np.arange(count + 1), reference.time, reference.positions)
+        errors["position_error"] = float(np.abs(trace.positions - positions).max())
+    off, apart = [], []
+    for name in one.mechanism.arms:
+        means = reference.mean_tensions(name, begins, ends)
+        off.append(
+            np.abs(trace.tensions[name] - means)[1:].max()
+        )  # the first step of a staggered host lasts half as long
+        pressures = np.interp(ends, reference.time, reference.pressures[name])
+        apart.append(np.abs(trace.pressures[name] - pressures).max())
+    return errors | {
+        "tension_error": float(max(off)),
+        "pressure_error": float(max(apart)),
+        "gap_J": trace.host_work - trace.part_work,
+    }
+
+
+def _verdicts(content: Mapping[str, Any]) -> Iterable[Verdict]:
+    judged = f"{JUDGED:g}"
+    for name, measured in content["scenarios"].items():
+        row = measured["steps"].get(judged)
+        if name in POSITION_LIMITS and row:
+            limit, error = POSITION_LIMITS[name], row["position_error"]
+            unit, factor = ("deg", math.degrees(1.0)) if measured["rotary"] else ("mm", 1e3)
+            yield Verdict(f"{name}: error at 1 ms", error * factor, limit * factor, unit, error <= limit)
+        if name in ORDERED and measured["order"] is not None:
+            yield Verdict(f"{name}: order", measured["order"], LEAST_ORDER, "1", measured["order"] >= LEAST_ORDER)
+        if row and measured["turnover_J"] > 0.0:
+            gap = abs(row["gap_J"]) / measured["turnover_J"]
+            yield Verdict(f"{name}: gap at the border", 100.0 * gap, 100.0 * LARGEST_GAP, "%", gap <= LARGEST_GAP)
+    for name, equal in content.get("states", {}).items():
+        yield Verdict(f"{name}: equal bits", float(equal), 1.0, "1", equal)
+
+
+# ---- states
+
+
+def _started(tested: HostAdapter, steps: int = CHECKED) -> tuple[HostedMechanism, list[Any]]:
+    """The hanging weight some steps after its start, while the valve fills, and the moments that follow."""
+    one = scenario("hang")
+    hosted, moments = tested.open(one, JUDGED), one.moments(JUDGED, staggered=tested.staggered)
+    for moment in moments[:steps]:
+        hosted.step(moment)
+    return hosted, moments[steps : 2 * steps]
+
+
+def _path(hosted: HostedMechanism, moments: list[Any]) -> list[tuple[float, ...]]:
+    """All that is seen of some steps."""
+    rows = []
+    for moment in moments:
+        seen = hosted.step(moment)
+        rows.append((hosted.position, hosted.rate, *seen.tension.values(), *seen.pressure.values(), seen.work))
+    return rows
+
+
+def _restores(tested: HostAdapter) -> bool:
+    hosted, moments = _started(tested)
+    saved = hosted.save()
+    first = _path(hosted, moments)
+    hosted.restore(saved)
+    return _path(hosted, moments) == first
+
+
+def _restores_elsewhere(tested: HostAdapter) -> bool:
+    hosted, moments = _started(tested)
+    other, _ = _started(tested, 7)
+    other.restore(hosted.save())
+    return _path(other, moments) == _path(hosted, moments)
+
+
+def _copies(tested: HostAdapter) -> bool:
+    hosted, moments = _started(tested)
+    twin = hosted.copy()
+    first = _path(hosted, moments)
+    return _path(twin, moments) == first
+
+
+def _resets(tested: HostAdapter) -> bool:
+    hosted, _ = _started(tested)
+    hosted.reset()
+    fresh, _ = _started(tested, 0)
+    _, moments = _started(tested, 1)
+    return _path(hosted, moments) == _path(fresh, moments)
+
+
+def _looks(tested: HostAdapter) -> bool:
+    hosted, moments = _started(tested)
+    twin = hosted.copy()
+    rows = []
+    for moment in moments:
+        hosted.look(moment)
+        hosted.look(moment)
+        rows += _path(hosted, [moment])
+    return rows == _path(twin, moments)
+
+
+def _threads(tested: HostAdapter) -> bool:
+    hosted, moments = _started(tested)
+    twins = [hosted.copy() for _ in range(THREADS)]
+    paths: list[Any] = [None] * THREADS
+
+    def work(k: int) -> None:
+        paths[k] = _path(twins[k], moments)
+
+    workers = [threading.Thread(target=work, args=(k,)) for k in range(THREADS)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    alone = _path(hosted, moments)
+    return all(path == alone for path in paths)
+
+
+STATE_CHECKS: dict[str, Callable[[HostAdapter], bool]] = {
+    "saved and restored": _restores,
+    "restored elsewhere": _restores_elsewhere,
+    "copied": _copies,
+    "reset": _resets,
+    "evaluated twice": _looks,
+    "on four threads": _threads,
+}
+"""What a host must do without changing a bit."""
+
+
+# ---- smallest mass, speed
+
+
+def is_stable(tested: HostAdapter, mass: float, period: float) -> bool:
+    """Whether a mass [kg] under a constant force comes to rest at the end of the muscle; the host's step [s]."""
+    hang = scenario("hang")
+    count = round(LIGHT_TIME / 1e-2)
+    light = Scenario("light", "a light mass", hang.part, hanging(mass, LIGHT_LOAD), {"muscle": (0.0,) * count})
+    try:
+        spans = run(tested, light, period).positions
+    except ConvergenceError:
+        return False
+    tail = spans[-round(LIGHT_TAIL / period) :]
+    return bool(np.isfinite(spans).all() and np.ptp(tail) < LIGHT_CALM and abs(tail[-1] - START) < START)
+
+
+def smallest_mass(tested: HostAdapter, period: float) -> float | None:
+    """Smallest mass that the host moves stably [kg], to a tenth, None if it moves none; its step [s]."""
+    low, high = LIGHT_RANGE
+    if is_stable(tested, low, period):
+        return low
+    if not is_stable(tested, high, period):
+        return None
+    while high / low > 1.1:
+        middle = math.sqrt(low * high)
+        if is_stable(tested, middle, period):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def steps_per_second(tested: HostAdapter) -> float:
+    """Steps of 1 ms with one muscle that the host takes in a second, the best of three trials."""
+    hosted, _ = _started(tested)
+    moment = scenario("hang").moments(JUDGED, staggered=tested.staggered)[0]
+    best = math.inf
+    for _ in range(3):
+        saved, began = hosted.save(), time.perf_counter()
+        for _ in range(TIMED):
+            hosted.step(moment)
+        best = min(best, time.perf_counter() - began)
+        hosted.restore(saved)
+    return TIMED / best
