@@ -44,6 +44,7 @@ def test_the_rise_over_the_length_of_a_tube_is_to_the_settled_pressure():
     assert (np.diff(swept.rises) > 0.0).all()
 
 
+@pytest.mark.slow  # 64 times the run
 def test_what_does_not_settle_in_64_times_its_run_says_so_and_has_no_rise():
     narrow = desk_with("0.3 mm")
     found = narrow.quick(True).numbers

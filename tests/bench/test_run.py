@@ -96,6 +96,7 @@ def test_halving_the_step_converges_without_feedback_in_first_order_or_better():
     assert errors[1] < errors[0] / 2.0 and errors[2] < errors[1] / 2.0
 
 
+@pytest.mark.slow  # a stiff solver in Python
 def test_a_full_rig_agrees_with_an_independent_stiff_solver():
     """Without friction the rig is an ordinary differential equation; Radau restarts at each of the same held commands."""
     prepared = written(

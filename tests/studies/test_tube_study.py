@@ -114,6 +114,7 @@ def test_a_quarter_of_the_step_changes_no_prediction(study):
         assert np.sqrt(np.mean((rough - fine) ** 2)) < 1.0
 
 
+@pytest.mark.slow  # all fits of the study
 def test_the_improved_model_keeps_its_promises(study):
     inertial = study.result(THERMAL, "inertial", SMALL).rms
     for accumulator in ACCUMULATORS:

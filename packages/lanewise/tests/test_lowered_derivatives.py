@@ -29,6 +29,7 @@ def test_tangents_of_a_run_are_those_of_jax():
     agree(*both(lambda *given: jax.jvp(run, given[:4], given[4:]), *arguments, *ones))
 
 
+@pytest.mark.slow  # compiles the adjoint by XLA
 @pytest.mark.parametrize("recomputed", [False, True])
 def test_the_adjoint_of_a_run_is_that_of_jax_signals_included(recomputed):
     run, arguments = positions(SAMPLES, INNER), rubbing(SAMPLES)
