@@ -143,6 +143,7 @@ CALLS: dict[str, list[Call]] = {
     "conform": [
         Call(("python", "--scenario", "hang", "--out", "python.json"), ["python.json"]),
         Call(("matlab",), says=["python"]),
+        needs("mujoco", "mujoco"),
     ],
     "export": [
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),

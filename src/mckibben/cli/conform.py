@@ -17,7 +17,7 @@ OUT = OutputKinds(certificate=OBJECT)
 
 
 def conform_host(
-    host: Annotated[str, typer.Argument(metavar="HOST", help="Host to test, python or c.")],
+    host: Annotated[str, typer.Argument(metavar="HOST", help="Host to test, python, c or mujoco.")],
     scenario: Annotated[
         list[str] | None,
         typer.Option(

@@ -43,7 +43,7 @@ LIGHT_CALM = 4e-3  # largest motion at the end of a stable trial, in which the v
 LIGHT_RANGE = (1e-3, 4.0)  # of masses [kg]
 TIMED = 400  # steps
 
-HOSTS: dict[str, str] = {"python": "adapters:PythonHost", "c": "adapters:CHost"}
+HOSTS: dict[str, str] = {"python": "adapters:PythonHost", "c": "adapters:CHost", "mujoco": "mujoco_host:MujocoHost"}
 """Adapters by the names of their hosts, as ``module:class`` of this package; a module is imported when it is asked for."""
 
 
@@ -150,10 +150,10 @@ def conform(
     Raises:
         InputError: an unknown host or scenario, or a library of the host is missing.
     """
-    chosen = [scenario(name) for name in (SCENARIOS if scenarios is None else scenarios)]
     own = isinstance(host, str)
     tested = adapter(host) if isinstance(host, str) else host
     try:
+        chosen = [scenario(name) for name in (SCENARIOS if scenarios is None else scenarios)]
         return _certify(tested, chosen, tuple(steps), states, progress)
     finally:
         if own:
