@@ -174,6 +174,20 @@ def _unit(text: str) -> Any:
     return _registry().Unit("percent" if text == "%" else "" if text in ("1", "-", "fraction") else text)
 
 
+def base_exponents(si_unit: str) -> dict[str, int]:
+    """Exponents of the SI base units in an SI unit, by their symbols: ``N`` is kg m s^-2.
+
+    Raises:
+        ValueError: the text is no unit, or not a product of powers of base units.
+    """
+    symbols = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "radian": "rad"}
+    based = _registry().Quantity(1.0, _unit(si_unit)).to_base_units()
+    powers = dict(based.unit_items())
+    if based.magnitude != 1.0 or not all(n in symbols and float(p).is_integer() for n, p in powers.items()):
+        raise ValueError(si_unit)
+    return {symbols[name]: int(power) for name, power in powers.items()}
+
+
 def usual_units(si_unit: str) -> tuple[str, ...]:
     """Units that files and people use most for an SI unit, that unit first."""
     return (si_unit, *_USUAL.get(si_unit, {}))

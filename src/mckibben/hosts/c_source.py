@@ -23,7 +23,7 @@ from .._jax import jax
 from ..components.programs import lower_or_load
 from ..documents import write_text
 from ..errors import InputError
-from .coupling import HostStep, advance, observe, rates, rest
+from .coupling import HostStep, IntegratorStep, advance, complete, observe, rates, rest
 from .part import MODE, Part
 
 RESULTS = ("state", "outputs")
@@ -53,7 +53,7 @@ class PartVariable(NamedTuple):
     """A number or an array of numbers at the border of a part.
 
     Attributes:
-        group: struct that holds it: ``parameters``, ``state``, ``inputs`` or ``outputs``.
+        group: struct that holds it: ``parameters``, ``state``, ``inputs``, ``outputs``, ``rates`` or ``before``.
         member: name of the member in C.
         path: dotted path, by which users name it.
         unit: SI unit; empty where none is declared.
@@ -99,12 +99,14 @@ class PartSource:
         return [write_text(folder / name, text) for name, text in self.files.items()]
 
 
-def c_source(part: Part, name: str = "muscle_part") -> PartSource:
+def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False) -> PartSource:
     """The C of a part.
 
     Args:
         part: the part.
         name: beginning of all names, and name of the files.
+        integrated: whether hosts that integrate the part's states themselves get NAME_complete, which takes friction and
+            other memory along a step that they have integrated.
 
     Raises:
         InputError: the name is none that C can have.
@@ -122,6 +124,9 @@ def c_source(part: Part, name: str = "muscle_part") -> PartSource:
         "observe": (observe, (hosted, state, inputs), both, ("outputs",)),
         "derivatives": (rates, (hosted, state, inputs), both, ("rates",)),
     }
+    if integrated:
+        before = IntegratorStep(state.physics, inputs, np.float64(1e-3))
+        plan["complete"] = (complete, (hosted, state, inputs, before), (*both, "before"), ("state",))
     functions = {}
     for called, (function, examples, arguments, results) in plan.items():
         wrapped = functools.partial(_single, function) if len(results) == 1 else function
@@ -136,7 +141,7 @@ def c_source(part: Part, name: str = "muscle_part") -> PartSource:
         values=defaults,
         about=about.comment,
         title=part.title,
-        extern=("rest", "observe", "derivatives"),
+        extern=("rest", "observe", "derivatives", "complete"),
     )
     variables = tuple(about.variables(library.structs, defaults, functions))
     header, source = _with_step(name, library)
@@ -186,10 +191,14 @@ class _Meanings:
         if group == "outputs":
             unit, meaning = UNITS_OF_OUTPUTS[path.rpartition(".")[2] if first == "muscle" else first]
             return unit, free, meaning
-        if group in ("state", "rates"):
+        if group == "before" and first == "inputs":
+            return self.of("inputs", rest_of)
+        if group in ("state", "rates", "before"):
             kind = path.split(".")
             unit, meaning = next((UNITS_OF_STATES[word] for word in kind if word in UNITS_OF_STATES), ("", ""))
-            return unit, free, meaning
+            if group == "rates" and unit:
+                unit, meaning = per_second(unit), f"rate of the {meaning}"
+            return ("s", free, "length of the step") if path == "duration" else (unit, free, meaning)
         return {"period": ("s", free, "step of the host"), "staggered": ("1", free, "1 in a staggered host")}[first]
 
     def variables(self, structs: Any, defaults: Any, functions: Any) -> Iterator[PartVariable]:
@@ -210,6 +219,11 @@ def _named_leaves(functions: Any, group: str, leaves: Any) -> Iterator[tuple[str
     names = [leaf.name for leaf in program.arguments if leaf.name.startswith(f"[{place}]")]
     for name, value in zip(names, leaves, strict=True):
         yield lanewise.dotted_path(name), np.asarray(value).tolist()
+
+
+def per_second(unit: str) -> str:
+    """Unit of the rate of a quantity with that unit."""
+    return {"m/s": "m/s^2", "1": "1/s"}.get(unit, f"{unit}/s")
 
 
 def with_names(text: str, name: str, **words: str) -> str:

@@ -30,9 +30,10 @@ from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment, Module, Scalar, field
+from ..components.system import Moment
 from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
-from ..engine.step import outputs_of, step, zero_integrals
+from ..engine.step import advance_memory_of, outputs_of, step, zero_integrals
 from ..pneumatics.circuit import Circuit
 from ..quantities import as_array, quantity
 from ..simulation.stepping import CommandInput
@@ -189,6 +190,20 @@ class HostInputs(NamedTuple):
     command: Mapping[str, Scalar]
 
 
+class IntegratorStep(NamedTuple):
+    """A step that the host itself has integrated: where it began, and its length.
+
+    Attributes:
+        physics: state of the machine at its start.
+        inputs: at its start.
+        duration: its length [s].
+    """
+
+    physics: Any
+    inputs: HostInputs
+    duration: Scalar
+
+
 class PartState(NamedTuple):
     """All that changes; numbers only, so that a host may keep it as an array, copy it and bring it back.
 
@@ -322,6 +337,33 @@ def observe(part: HostedMuscles, state: PartState, inputs: HostInputs) -> PartOu
 def rates(part: HostedMuscles, state: PartState, inputs: HostInputs) -> Any:
     """Rates of the machine's state, for a host that integrates itself."""
     return part.machine.rate(state.physics, state.memory, _moment(part, inputs, state.lines))
+
+
+def complete(part: HostedMuscles, state: PartState, inputs: HostInputs, before: IntegratorStep) -> PartState:
+    """The state after a step of a host that integrates itself: memory goes along the step, and work is counted.
+
+    Args:
+        part: the part; none of its elements has dead time.
+        state: with the physics at the end of the step, the rest as at its start.
+        inputs: at the end of the step.
+        before: the start of the step, and its length.
+    """
+    machine = part.machine
+    start = Moment(before.physics, _moment(part, before.inputs, state.lines))
+    end = Moment(state.physics, _moment(part, inputs, state.lines))
+    memory = advance_memory_of(machine, state.memory, start, end, before.duration)
+    pulls = [
+        outputs_of(machine, moment.state, kept, moment.inputs) for moment, kept in ((start, state.memory), (end, memory))
+    ]
+    mean = {name: 0.5 * sum(pull[f"{name}.load_tension"] for pull in pulls) for name in part.muscles}
+    moved = {name: span - before.inputs.span[name] for name, span in inputs.span.items()}
+    return state._replace(
+        started=jnp.full((), 2.0),
+        memory=memory,
+        reach=dict(inputs.span),
+        command=dict(inputs.command),
+        work={name: state.work[name] + mean[name] * moved[name] for name in part.muscles},
+    )
 
 
 def _driven(part: HostedMuscles, command: Mapping[str, Any]) -> dict[str, Any]:

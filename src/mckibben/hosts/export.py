@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..extras import library
 from ..recordings.provenance import versions
 from .c_source import PartSource, PartVariable, c_source, with_names
+from .fmi import export_fmu, fmu_cautions
 from .mujoco_export import export_mujoco
 from .part import Part
 
@@ -24,9 +25,9 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
 
     Args:
         part: the part.
-        target: ``c`` for a source file and a header with a description, an example and a CMake file; ``mujoco`` for an
-            engine plugin of the installed MuJoCo with an example model.
-        out: folder for the files; it is made.
+        target: ``c`` for a source file and a header with a description, an example and a CMake file; ``fmi3`` or ``fmi2``
+            for an FMU of FMI 3.0 or 2.0; ``mujoco`` for an engine plugin of the installed MuJoCo with an example model.
+        out: folder for the files, which is made; or the FMU.
         name: beginning of all names in C, and of the names of the files.
 
     Returns:
@@ -41,6 +42,11 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
     if target in LIBRARIES_OF:
         library(*LIBRARIES_OF[target])
     return TARGETS[target](c_source(part, name), Path(out))
+
+
+def export_cautions(part: Part, target: str) -> list[str]:
+    """What the user of an export should know, as sentences."""
+    return fmu_cautions(part) if target in ("fmi3", "fmi2") else []
 
 
 def describe(source: PartSource) -> dict[str, Any]:
@@ -116,6 +122,19 @@ int main(void)
 }
 """
 
-TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {"c": _export_c, "mujoco": export_mujoco}
+def _export_fmi3(source: PartSource, out: Path) -> list[Path]:
+    return export_fmu(source.part, out, source.name, 3)
+
+
+def _export_fmi2(source: PartSource, out: Path) -> list[Path]:
+    return export_fmu(source.part, out, source.name, 2)
+
+
+TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {
+    "c": _export_c,
+    "fmi3": _export_fmi3,
+    "fmi2": _export_fmi2,
+    "mujoco": export_mujoco,
+}
 LIBRARIES_OF = {"mujoco": ("mujoco", "The MuJoCo plugin needs")}
 """Optional libraries of targets, each with the words of the error where it is missing."""
