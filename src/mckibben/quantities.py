@@ -180,7 +180,15 @@ def base_exponents(si_unit: str) -> dict[str, int]:
     Raises:
         ValueError: the text is no unit, or not a product of powers of base units.
     """
-    symbols = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "radian": "rad"}
+    symbols = {
+        "kilogram": "kg",
+        "meter": "m",
+        "second": "s",
+        "ampere": "A",
+        "kelvin": "K",
+        "mole": "mol",
+        "radian": "rad",
+    }
     based = _registry().Quantity(1.0, _unit(si_unit)).to_base_units()
     powers = dict(based.unit_items())
     if based.magnitude != 1.0 or not all(n in symbols and float(p).is_integer() for n, p in powers.items()):

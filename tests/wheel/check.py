@@ -147,6 +147,7 @@ CALLS: dict[str, list[Call]] = {
     ],
     "export": [
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),
+        Call((MUSCLE, "--for", "fmi3", "--out", "nylon.fmu"), ["nylon.fmu"]),
         needs("mujoco", MUSCLE, "--for", "mujoco", "--out", "nylon_mujoco"),
     ],
     "read": [Call((str(MAP), "--rest-length", "30 cm"))],

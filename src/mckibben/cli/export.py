@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import InputError
-from ._terminal import Json, print_json
+from ._terminal import Json, caution, print_json
 
 
 def export_part(
@@ -17,7 +17,7 @@ def export_part(
         typer.Argument(metavar="CIRCUIT|SPECIMEN", help="Circuit file with muscles, or a muscle with usual air."),
     ],
     target: Annotated[
-        str, typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c or mujoco.")
+        str, typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c, fmi3, fmi2 or mujoco.")
     ] = "c",
     name: Annotated[
         str, typer.Option(metavar="TEXT", help="Beginning of all names in C, and name of the files.")
@@ -38,7 +38,8 @@ def export_part(
     ] = None,
     substep: Annotated[str, typer.Option(metavar="TIME", help="Largest step of the muscle's physics.")] = "50 us",
     out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Folder for the files, made where missing; --name by default.")
+        Path | None,
+        typer.Option(metavar="PATH", help="Folder for the files, made where missing, or FMU; --name by default."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -47,6 +48,7 @@ def export_part(
     $ mckibben export nylon --for c --out nylon_c
     """
     from ..hosts import export, part_of
+    from ..hosts.export import export_cautions
 
     try:
         part = part_of(source, supply=supply, valve=valve, span=span, substep=substep)
@@ -58,9 +60,11 @@ def export_part(
             "substep": "--substep",
             "target": "--for",
             "name": "--name",
+            "out": "--out",
         }
         field = "--span" if error.field.startswith("span") else options.get(error.field, error.field)
         raise error.changed(field=field) from None
+    warnings = caution(*export_cautions(part, target))
     masses = part.smallest_masses()
     if as_json:
         print_json(
@@ -69,6 +73,7 @@ def export_part(
                 "muscles": list(part.muscles),
                 "commands": list(part.commands),
                 "smallest_mass_kg": {f"{h!r}": mass for h, mass in masses.items()},
+                "warnings": list(warnings),
             }
         )
         return

@@ -353,7 +353,8 @@ def complete(part: HostedMuscles, state: PartState, inputs: HostInputs, before: 
     end = Moment(state.physics, _moment(part, inputs, state.lines))
     memory = advance_memory_of(machine, state.memory, start, end, before.duration)
     pulls = [
-        outputs_of(machine, moment.state, kept, moment.inputs) for moment, kept in ((start, state.memory), (end, memory))
+        outputs_of(machine, moment.state, kept, moment.inputs)
+        for moment, kept in ((start, state.memory), (end, memory))
     ]
     mean = {name: 0.5 * sum(pull[f"{name}.load_tension"] for pull in pulls) for name in part.muscles}
     moved = {name: span - before.inputs.span[name] for name, span in inputs.span.items()}

@@ -122,6 +122,7 @@ int main(void)
 }
 """
 
+
 def _export_fmi3(source: PartSource, out: Path) -> list[Path]:
     return export_fmu(source.part, out, source.name, 3)
 

@@ -29,7 +29,7 @@ HEADERS = {
 PLATFORMS_2 = {"linux": "linux64", "windows": "win64", "darwin": "darwin64"}
 SUFFIXES = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 MOMENT = (1980, 1, 1, 0, 0, 0)  # of all files in the archive: the same part gives the same bytes
-HIDDEN = "-fvisibility=hidden"  # of all but the functions of FMI, so that two FMUs in one process do not mix
+MAP = "{ global: fmiVERSION*; local: *; };\n"  # of what the library offers, so that two FMUs in one process do not mix
 
 
 def export_fmu(part: Part, out: Path, name: str, version: int) -> list[Path]:
@@ -100,12 +100,17 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
         "instance.h": _shipped("c", "instance.h"),
         wrapper: _shipped("c", wrapper),
         **{header: _shipped("headers", header) for header in HEADERS[version]},
+        "exports.map": with_names(MAP, name, VERSION=str(version)),
         "CMakeLists.txt": with_names(CMAKE, name, **words, LIBRARY_FOLDER=_binary_folder(version)),
     }
     files = {f"sources/{file}": text for file, text in sources.items()}
     files["modelDescription.xml"] = description_3(fmu) if version == 3 else description_2(fmu)
     files["documentation/index.html"] = with_names(
-        DOCUMENTATION, name, TITLE=html.escape(part.title), STEPS=_steps(part), CAUTION=html.escape(" ".join(fmu_cautions(part)[:1]))
+        DOCUMENTATION,
+        name,
+        TITLE=html.escape(part.title),
+        STEPS=_steps(part),
+        CAUTION=html.escape(" ".join(fmu_cautions(part)[:1])),
     )
     if version == 3:
         files["sources/buildDescription.xml"] = build_description(fmu)
@@ -150,7 +155,8 @@ def _build(files: dict[str, bytes], folder: Path, name: str, version: int) -> di
         if path.startswith("sources/"):
             (folder / Path(path).name).write_bytes(content)
     library = folder / f"{name}{SUFFIXES.get(platform.system().lower(), '.so')}"
-    build_library([folder / f"fmi{version}.c", folder / f"{name}.c"], library, include=[folder], link=[HIDDEN])
+    link = [f"-Wl,--version-script={folder / 'exports.map'}"] if platform.system() == "Linux" else []
+    build_library([folder / f"fmi{version}.c", folder / f"{name}.c"], library, include=[folder], link=link)
     return {f"binaries/{_binary_folder(version)}/{library.name}": library.read_bytes()}
 
 
@@ -176,6 +182,9 @@ set_target_properties(NAME PROPERTIES PREFIX "")
 if(NOT MSVC)
   target_compile_options(NAME PRIVATE -ffp-contract=off)
   target_link_libraries(NAME PRIVATE m)
+endif()
+if(CMAKE_SYSTEM_NAME STREQUAL "Linux")
+  target_link_options(NAME PRIVATE "-Wl,--version-script=${CMAKE_CURRENT_SOURCE_DIR}/exports.map")
 endif()
 """
 

@@ -69,7 +69,9 @@ def _remember(source: PartSource) -> list[str]:
             lines.append(_assignment(member, "inputs", inputs[path]))
     lines += ["}", "", "static void set_duration(part_before *before, double duration)", "{"]
     timed = any(member.path == "duration" for member in source.of("before"))
-    lines.append("    before->duration = duration;" if timed else "    (void)before, (void)duration; /* no memory relaxes */")
+    lines.append(
+        "    before->duration = duration;" if timed else "    (void)before, (void)duration; /* no memory relaxes */"
+    )
     return [*lines, "}", ""]
 
 

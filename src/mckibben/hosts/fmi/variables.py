@@ -96,7 +96,9 @@ def _unnumbered(source: PartSource, states: bool) -> Iterator[FmuVariable]:
             continue
         name = f"{whose}.{what}" if several and whose else what
         yield _of(variable, name, "OUTPUT", MEANINGS.get(what, variable.meaning))._replace(start=None)
-    meaning = "0: rates belong to the time of the spans; 1: they are half a step older, as in a semi-implicit Euler method"
+    meaning = (
+        "0: rates belong to the time of the spans; 1: they are half a step older, as in a semi-implicit Euler method"
+    )
     yield FmuVariable(0, "staggered", "FIXED", "staggered", "1", (0.0, 1.0), meaning, 0.0)
     for variable in source.of("parameters"):
         fixed = variable.path.startswith("start.")
