@@ -15,6 +15,7 @@ LIBRARIES = {
     "dask": ("sweep", "dask"),
     "distributed": ("sweep", "distributed"),
     "gymnasium": ("gym", "gymnasium"),
+    "fmpy": ("fmi", "fmpy"),
     "grpc": ("daq", "nidaqmx[grpc]"),
     "mujoco": ("mujoco", "mujoco"),
     "nidaqmx": ("daq", "nidaqmx[grpc]"),

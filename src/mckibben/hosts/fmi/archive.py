@@ -194,10 +194,11 @@ DOCUMENTATION = """<!doctype html>
 <p>McKibben muscles with their air as a part of a simulation: spans in, tensions out. CAUTION</p>
 <h2>Co-simulation</h2>
 <ul>
-<li>Give each <code>span</code>, from the anchor to the attachment of the mechanism, and its <code>rate</code>, both at the start of the
-step; commands hold over the step.</li>
-<li>Step the muscle first, then the mechanism with the <code>tension</code> of the same step. It is the mean over the step, and the coupling
-is of second order. Steps in parallel, with the tension of the step before, pump energy into the mechanism.</li>
+<li>Give each <code>span</code>, from the anchor to the attachment of the mechanism, and its <code>rate</code>,
+both at the start of the step; commands hold over the step.</li>
+<li>Step the muscle first, then the mechanism with the <code>tension</code> of the same step. It is the mean
+over the step, and the coupling is of second order. Steps in parallel, with the tension of the step before, pump
+energy into the mechanism.</li>
 <li>Set <code>staggered</code> to 1 if the mechanism is integrated by the semi-implicit Euler method.</li>
 <li>The part begins at rest at the spans and commands of the initialization.</li>
 <li>Smallest mass at the end of a muscle that an explicit step can move: STEPS.</li>
