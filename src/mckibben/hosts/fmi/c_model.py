@@ -14,7 +14,7 @@ STRUCTS = ("parameters", "inputs", "state", "outputs", "rates", "before")
 
 def model_header(source: PartSource, variables: Sequence[FmuVariable], token: str, *, memory: bool) -> str:
     """Names of the part's structs and functions, its defaults, and what it can do."""
-    states = sum(v.count for v in variables if v.kind == "STATE")
+    states = sum(v.size for v in variables if v.kind == "STATE")
     lines = ["/* The part behind the functions of FMI. */", "#ifndef MODEL_H", "#define MODEL_H", ""]
     lines += [f'#include "{source.name}.h"', ""]
     lines += [f"typedef {source.name}_{s} part_{s};" for s in STRUCTS if source.of(s)]
@@ -33,7 +33,7 @@ def variables_header(source: PartSource, variables: Sequence[FmuVariable]) -> st
     for v in rows:
         low, high = (_c_number(bound) for bound in v.bounds)
         place = f"offsetof(model, {v.member})"
-        lines.append(f'    {{{v.reference}, {v.count}, {v.kind}, {place}, {low}, {high}, "{v.name}"}},')
+        lines.append(f'    {{{v.reference}, {v.size}, {v.kind}, {place}, {low}, {high}, "{v.name}"}},')
     lines += ["};", "", "/* Spans and their rates by value reference. */"]
     inputs = {v.member: v.reference for v in variables if v.kind == "INPUT"}
     by_path = {v.path: inputs[f"inputs.{v.member}"] for v in source.of("inputs")}
@@ -52,7 +52,7 @@ def _continuous(variables: Sequence[FmuVariable]) -> list[str]:
     for v in variables:
         if v.kind == "STATE":
             places = f"offsetof(model, {v.member}), offsetof(model, {rates[v.reference].member})"
-            lines.append(f"    {{{places}, {v.count}, {v.nominal!r}}},")
+            lines.append(f"    {{{places}, {v.size}, {v.nominal!r}}},")
     return [*lines, "};", ""]
 
 

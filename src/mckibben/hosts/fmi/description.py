@@ -100,8 +100,8 @@ def _limits(variable: FmuVariable) -> dict[str, float]:
 
 def _known(variable: FmuVariable) -> dict[str, object]:
     causality, variability, initial = CAUSALITY[variable.kind]
-    said = {"description": variable.meaning or None, "causality": causality, "variability": variability}
-    return said | {"initial": initial}
+    known: dict[str, object] = {"description": variable.meaning or None, "causality": causality}
+    return known | {"variability": variability, "initial": initial}
 
 
 def _numbers(variable: FmuVariable) -> dict[str, object]:
@@ -211,7 +211,7 @@ def description_2(fmu: FmuDescription) -> str:
     lines += [*texts, "  </ModelVariables>", "  <ModelStructure>"]
     groups = (("Outputs", ("OUTPUT",)), ("Derivatives", ("RATE",)), ("InitialUnknowns", ("OUTPUT", "STATE", "RATE")))
     for group, kinds in groups:
-        unknown = [places[v.reference + k] for v in fmu.of(*kinds) for k in range(v.count)]
+        unknown = [places[v.reference + k] for v in fmu.of(*kinds) for k in range(v.size)]
         if unknown:
             entries = [f"      <Unknown{_attributes(index=index)}/>" for index in sorted(unknown)]
             lines += [f"    <{group}>", *entries, f"    </{group}>"]
@@ -220,7 +220,7 @@ def description_2(fmu: FmuDescription) -> str:
 
 def _variables_2(fmu: FmuDescription) -> tuple[dict[int, int], list[str]]:
     """Index of each element by value reference, from 1 on, and the variables."""
-    elements = [(v, k) for v in fmu.variables for k in range(v.count)]
+    elements = [(v, k) for v in fmu.variables for k in range(v.size)]
     places = {v.reference + k: index for index, (v, k) in enumerate(elements, 1)}
     lines = []
     for v, k in elements:

@@ -50,7 +50,7 @@ class FmuVariable(NamedTuple):
     state: int | None = None
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Number of elements."""
         return math.prod(self.shape)
 
@@ -73,7 +73,7 @@ def fmu_variables(source: PartSource, *, states: bool) -> list[FmuVariable]:
     next_free = 1
     for variable in _unnumbered(source, states):
         made.append(variable._replace(reference=next_free))
-        next_free += variable.count
+        next_free += variable.size
     references = {v.name: v.reference for v in made}
     numbered = [v._replace(state=references[v.name[4:-1]]) if v.kind == "RATE" else v for v in made]
     names = [v.name for v in numbered]
