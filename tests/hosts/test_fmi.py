@@ -13,6 +13,7 @@ from host_loops import MASS, START, hanging_part, run_in_host
 
 from mckibben.errors import InputError
 from mckibben.hosts import Part, export
+from mckibben.hosts.conformance import conform
 from mckibben.hosts.fmi.archive import fmu_cautions, fmu_files
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.valves import SpoolValve
@@ -236,3 +237,10 @@ def test_dead_time_leaves_co_simulation_only(tmp_path: Path) -> None:
             assert abs(slave.get(fmu.references("pressure"))[0]) < 1.0
     assert slave.get(fmu.references("pressure"))[0] > 1e4
     slave.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("host", ["fmi3", "fmi2"])
+def test_importers_meet_the_limits_of_conformance(host: str) -> None:
+    certificate = conform(host, scenarios=["hang"], steps=(1e-3, 2e-3), states=False)
+    assert certificate.holds, certificate.verdicts

@@ -43,7 +43,13 @@ LIGHT_CALM = 4e-3  # largest motion at the end of a stable trial, in which the v
 LIGHT_RANGE = (1e-3, 4.0)  # of masses [kg]
 TIMED = 400  # steps
 
-HOSTS: dict[str, str] = {"python": "adapters:PythonHost", "c": "adapters:CHost", "mujoco": "mujoco_host:MujocoHost"}
+HOSTS: dict[str, str] = {
+    "python": "adapters:PythonHost",
+    "c": "adapters:CHost",
+    "mujoco": "mujoco_host:MujocoHost",
+    "fmi3": "fmi.host:Fmi3Host",
+    "fmi2": "fmi.host:Fmi2Host",
+}
 """Adapters by the names of their hosts, as ``module:class`` of this package; a module is imported when it is asked for."""
 
 

@@ -1,0 +1,162 @@
+"""FMPy as `mckibben conform` sees it: FMUs of parts in a loop that steps the muscle first, then the mechanism."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConvergenceError
+from ...extras import library
+from ..adapters import LoopHost, PartInstance, PartReadings
+from ..part import Part
+from .archive import export_fmu
+
+
+class _Fmu:
+    """The FMU of a part, unpacked."""
+
+    def __init__(self, part: Part, folder: Path, version: int) -> None:
+        self.fmpy = library("fmpy", "The hosts fmi2 and fmi3 need")
+        self.part, self.version = part, version
+        folder.mkdir(parents=True)
+        (path,) = export_fmu(part, folder / "part.fmu", "part", version)
+        self.folder = self.fmpy.extract(str(path), str(folder / "unpacked"))
+        self.description = self.fmpy.read_model_description(str(path))
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+
+    def name(self, muscle: str, variable: str) -> str:
+        """Name of a variable of a muscle."""
+        return variable if len(self.part.muscles) == 1 else f"{muscle}.{variable}"
+
+    def slave(self) -> Any:
+        """A new instance in co-simulation."""
+        third = self.version == 3
+        made = (self.fmpy.fmi3.FMU3Slave if third else self.fmpy.fmi2.FMU2Slave)(
+            guid=self.description.instantiationToken if third else self.description.guid,
+            unzipDirectory=self.folder,
+            modelIdentifier="part",
+            instanceName="part",
+        )
+        made.instantiate()
+        return made
+
+
+class _FmuInstance(PartInstance):
+    """An instance of a part's FMU in FMPy."""
+
+    def __init__(self, fmu: _Fmu, parameters: Mapping[str, float]) -> None:
+        self.fmu, self.parameters, self.slave = fmu, dict(parameters), fmu.slave()
+        third = fmu.version == 3
+        self.put = self.slave.setFloat64 if third else self.slave.setReal
+        self.get = self.slave.getFloat64 if third else self.slave.getReal
+        muscles, of = fmu.part.muscles, fmu.references
+        self.spans, self.rates = ([of[fmu.name(m, what)] for m in muscles] for what in ("span", "rate"))
+        self.read = [of[fmu.name(m, what)] for what in ("tension", "pressure", "work") for m in muscles]
+        self.time, self.started = 0.0, False
+
+    def _give(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        muscles = self.fmu.part.muscles
+        self.put(self.spans, [float(span[m]) for m in muscles])
+        self.put(self.rates, [float(rate[m]) for m in muscles])
+        self.put([self.fmu.references[f"command.{n}"] for n in commands], [float(v) for v in commands.values()])
+
+    def _start(self) -> None:
+        if self.parameters:
+            references = [self.fmu.references[path] for path in self.parameters]
+            self.put(references, [float(value) for value in self.parameters.values()])
+        if self.fmu.version == 2:
+            self.slave.setupExperiment()
+        self.slave.enterInitializationMode()
+        self.slave.exitInitializationMode()
+        self.started = True
+
+    def step(
+        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
+    ) -> PartReadings:
+        """Go on by one step."""
+        self._give(span, rate, commands)
+        if not self.started:
+            self._start()
+        try:
+            self.slave.doStep(self.time, period)
+        except self.fmu.fmpy.fmi1.FMICallException:
+            raise ConvergenceError(f"The FMU refuses a step of {period:g} s at {self.time:g} s.") from None
+        self.time += period
+        values, muscles = list(self.get(self.read)), self.fmu.part.muscles
+        count = len(muscles)
+        tension, pressure = (dict(zip(muscles, values[k * count :], strict=False)) for k in (0, 1))
+        return PartReadings(tension, pressure, float(sum(values[2 * count :])))
+
+    def save(self) -> Any:
+        """The time and the state as bytes; None before the first step."""
+        if not self.started:
+            return None
+        kept = self.slave.getFMUState() if self.fmu.version == 3 else self.slave.getFMUstate()
+        read = self.slave.serializeFMUState if self.fmu.version == 3 else self.slave.serializeFMUstate
+        content = self.time, read(kept)
+        self._free(kept)
+        return content
+
+    def _free(self, kept: Any) -> None:
+        (self.slave.freeFMUState if self.fmu.version == 3 else self.slave.freeFMUstate)(kept)
+
+    def restore(self, saved: Any) -> None:
+        """Return to a state, perhaps of another instance."""
+        if saved is None:
+            self.slave.reset()
+            self.time, self.started = 0.0, False
+            return
+        if not self.started:
+            self._start()
+        self.time, content = saved
+        third = self.fmu.version == 3
+        kept = (self.slave.deserializeFMUState if third else self.slave.deSerializeFMUstate)(content)
+        (self.slave.setFMUState if third else self.slave.setFMUstate)(kept)
+        self._free(kept)
+
+    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Set the inputs and read the outputs."""
+        if self.started:
+            self._give(span, rate, commands)
+            self.get(self.read)
+
+
+class _FmiHost(LoopHost):
+    """FMPy as importer of FMUs."""
+
+    staggered = False
+    of_version: int
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
+        self._fmus: dict[str, _Fmu] = {}
+
+    def version(self) -> str:
+        """Version of FMPy."""
+        return f"FMPy {library('fmpy', 'The hosts fmi2 and fmi3 need').__version__}"
+
+    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
+        """A new instance of a part, whose FMU is made once."""
+        key = part.fingerprint
+        if key not in self._fmus:
+            self._fmus[key] = _Fmu(part, Path(self._folder.name, key), self.of_version)
+        return _FmuInstance(self._fmus[key], parameters)
+
+    def close(self) -> None:
+        """Remove the FMUs."""
+        self._fmus.clear()
+        self._folder.cleanup()
+
+
+class Fmi3Host(_FmiHost):
+    """An importer of FMI 3.0."""
+
+    name, title, of_version = "fmi3", "FMU of FMI 3.0 in FMPy, mean acceleration", 3
+
+
+class Fmi2Host(_FmiHost):
+    """An importer of FMI 2.0."""
+
+    name, title, of_version = "fmi2", "FMU of FMI 2.0 in FMPy, mean acceleration", 2
