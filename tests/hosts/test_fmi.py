@@ -98,7 +98,8 @@ def test_the_checker_of_fmpy_finds_no_problem(fmu: Fmu) -> None:
     assert fmpy.validation.validate_fmu(str(fmu.path)) == []
     tension = next(v for v in fmu.description.modelVariables if v.name == "tension")
     assert tension.unit == "N" and "same step" in tension.description
-    assert (fmu.folder / "sources" / "CMakeLists.txt").is_file()
+    cmake = (fmu.folder / "sources" / "CMakeLists.txt").read_text()
+    assert "cmake_minimum_required(VERSION 3.16)" in cmake and f"of FMI {fmu.description.fmiVersion[0]}.0," in cmake
 
 
 def test_an_importer_steps_the_bits_of_the_part(part: Part, fmu: Fmu) -> None:

@@ -29,7 +29,7 @@ HEADERS = {
 PLATFORMS_2 = {"linux": "linux64", "windows": "win64", "darwin": "darwin64"}
 SUFFIXES = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 MOMENT = (1980, 1, 1, 0, 0, 0)  # of all files in the archive: the same part gives the same bytes
-MAP = "{ global: fmiVERSION*; local: *; };\n"  # of what the library offers, so that two FMUs in one process do not mix
+MAP = "{ global: fmiFMI_NUMBER*; local: *; };\n"  # what the library offers: two FMUs in one process do not mix
 
 
 def export_fmu(part: Part, out: Path, name: str, version: int) -> list[Path]:
@@ -92,7 +92,7 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
         exchange,
         memory,
     )
-    words = {"TITLE": part.title, "VERSION": str(version), "WRAPPER": wrapper}
+    words = {"TITLE": part.title, "FMI_NUMBER": str(version), "WRAPPER": wrapper}
     sources = {
         **source.files,
         "model.h": model_header(source, variables, token, memory=memory),
@@ -100,7 +100,7 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
         "instance.h": _shipped("c", "instance.h"),
         wrapper: _shipped("c", wrapper),
         **{header: _shipped("headers", header) for header in HEADERS[version]},
-        "exports.map": with_names(MAP, name, VERSION=str(version)),
+        "exports.map": with_names(MAP, name, FMI_NUMBER=str(version)),
         "CMakeLists.txt": with_names(CMAKE, name, **words, LIBRARY_FOLDER=_binary_folder(version)),
     }
     files = {f"sources/{file}": text for file, text in sources.items()}
@@ -169,7 +169,7 @@ def _pack(files: dict[str, bytes], path: Path) -> None:
             archive.writestr(entry, files[name])
 
 
-CMAKE = """# TITLE: the library of an FMU of FMI VERSION.0, to be put into its folder binaries/LIBRARY_FOLDER
+CMAKE = """# TITLE: the library of an FMU of FMI FMI_NUMBER.0, to be put into its folder binaries/LIBRARY_FOLDER
 cmake_minimum_required(VERSION 3.16)
 project(NAME LANGUAGES C)
 set(CMAKE_C_STANDARD 99)
@@ -183,7 +183,7 @@ if(NOT MSVC)
   target_compile_options(NAME PRIVATE -ffp-contract=off)
   target_link_libraries(NAME PRIVATE m)
 endif()
-if(CMAKE_SYSTEM_NAME STREQUAL "Linux")
+if(UNIX AND NOT APPLE)
   target_link_options(NAME PRIVATE "-Wl,--version-script=${CMAKE_CURRENT_SOURCE_DIR}/exports.map")
 endif()
 """
