@@ -1,0 +1,25 @@
+"""Benchmark of muscle models: measured tasks with frozen splits, into which any model enters by `fit` and `predict`."""
+
+from __future__ import annotations
+
+from .model import MODELS, BenchmarkModel, model_names, new_model
+from .records import BenchmarkRecord, Fold
+from .run import BenchmarkResult, benchmark, run_task
+from .scores import TaskScore
+from .tasks import TASKS, Task, task
+
+__all__ = [
+    "MODELS",
+    "TASKS",
+    "BenchmarkModel",
+    "BenchmarkRecord",
+    "BenchmarkResult",
+    "Fold",
+    "Task",
+    "TaskScore",
+    "benchmark",
+    "model_names",
+    "new_model",
+    "run_task",
+    "task",
+]

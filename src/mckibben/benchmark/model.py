@@ -1,0 +1,90 @@
+"""Interface of models in the benchmark, and the models that there are."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..muscles.law import TensionLaw
+from ..muscles.laws import LAWS
+from ..registry import Registry, is_reference, load_reference
+from .records import BenchmarkRecord
+
+
+@runtime_checkable
+class BenchmarkModel(Protocol):
+    """A model that takes part in the benchmark; any class with these two methods does.
+
+    `fit` is called once for each fold, on a new fold with data that the model has not to remember. A model that cannot do
+    a task raises `InputError` with the reason.
+
+    Examples:
+        >>> import numpy as np
+        >>> import mckibben as mk
+        >>> class Mean:
+        ...     def fit(self, train):
+        ...         self.value = np.mean(np.concatenate([r.outputs["tension"] for r in train]))
+        ...     def predict(self, record):
+        ...         return {"tension": np.full(len(record), self.value)}
+        >>> from mckibben.benchmark import run_task, task
+        >>> chosen = task("map-above-4-bar")
+        >>> run_task(chosen, chosen.load(), "mean", model=Mean()).rms() > 0.2
+        True
+    """
+
+    def fit(self, train: Sequence[BenchmarkRecord]) -> object:
+        """Learn from records with outputs; an output is NaN where it is hidden."""
+
+    def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
+        """Predict the outputs of a record from its inputs, by name, each (n,) [SI]."""
+
+
+def required_of_model(kind: object) -> str | None:
+    """What something must be to take part; None where it does."""
+    if isinstance(kind, type) and issubclass(kind, TensionLaw):
+        return None
+    if not isinstance(kind, type):
+        return "a class with the methods fit and predict, or a tension law"
+    missing = [name for name in ("fit", "predict") if not callable(getattr(kind, name, None))]
+    return f"complete; missing: {', '.join(missing)}" if missing else None
+
+
+_MODELS = f"{__package__}.models"
+# Models beside the tension laws, each in a module that is loaded on first use.
+MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
+    "mckibben.benchmark",
+    "model",
+    {},
+    accept=required_of_model,
+)
+# Models of this package; the others are competitors.
+OURS = frozenset({"seated_braid", "hyperelastic_braid"})
+
+
+def model_names() -> tuple[str, ...]:
+    """Names of all models: the tension laws, then the others."""
+    return (*LAWS, *MODELS)
+
+
+def new_model(name: str) -> BenchmarkModel:
+    """An untrained model.
+
+    Args:
+        name: of a tension law or of a model, such as ``seated_braid``, ``my.py:MyLaw`` or ``my.py:MyModel``.
+
+    Raises:
+        InputError: there is none of that name, or it has not what the benchmark needs.
+    """
+    from .models.law import LawModel
+
+    if is_reference(name):
+        kind: Any = load_reference(name, field="model")
+        if inspect.isclass(kind) and issubclass(kind, TensionLaw):
+            return LawModel(name)
+        return MODELS.find(name)()
+    if name in LAWS:
+        return LawModel(name)
+    return MODELS.find(name)()

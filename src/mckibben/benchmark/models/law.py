@@ -1,0 +1,87 @@
+"""A tension law as a model of the benchmark: fitted to the static points, or to samples of the runs as if they were."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ...identification.problem import Problem, solve
+from ...muscles.build import build_law
+from ...muscles.laws import law_type
+from ...quantities import declared
+from ...recordings import ForceMap
+from ..records import BenchmarkRecord
+
+MOST = 4000  # points of a fit; of runs every so many samples are taken
+EVERY = 100  # of the samples of a run: five per second
+
+
+class LawModel:
+    """A tension law with its own choice of free parameters.
+
+    Args:
+        law: its name, such as ``seated_braid`` or ``my.py:MyLaw``.
+    """
+
+    def __init__(self, law: str) -> None:
+        self.law = law
+        self._near: dict[tuple[str, ...], np.ndarray] = {}
+
+    def fit(self, train: Sequence[BenchmarkRecord]) -> None:
+        """Fit the free parameters; a search from many starts precedes the first fold only.
+
+        Raises:
+            InputError: the records are not of tension over length and pressure, or too few.
+            ConvergenceError: no fit converged.
+        """
+        self.points = joined(train)
+        self.known = _known(train)
+        problem = Problem.of(self.law, self.points, known=self.known)
+        near = self._near.get(problem.free)
+        solution = solve(problem, near=[] if near is None else [near], search=near is None)
+        if not solution.converged:
+            solution = solve(problem)
+        self._near[problem.free] = solution.scaled
+        self.values = solution.values(problem)
+
+    def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
+        """Tension at the lengths and pressures of a record; the law knows no time."""
+        length, pressure = record.inputs["length"], record.inputs["pressure"]
+        fields = declared(law_type(self.law))
+        known: dict[str, float] = {k: v for k, v in record.dimensions.items() if k in fields and k not in self.values}
+        if "upper_length" in fields:
+            seen = self.points.length if self.points.rest_length is None else length
+            known["upper_length"] = float(max(np.max(length), np.max(seen)))
+        law = build_law(self.law, known | self.values)
+        return {"tension": np.asarray(law.tension(length, pressure))}
+
+
+def joined(train: Sequence[BenchmarkRecord]) -> ForceMap:
+    """The points of records as one force map; runs over time are thinned.
+
+    Raises:
+        InputError: the records are not of tension over length and pressure.
+    """
+    for record in train:
+        if "tension" not in record.outputs or not {"length", "pressure"} <= set(record.inputs):
+            raise InputError("task", None, "must be of tension from length and pressure: a tension law knows no other")
+    thinned = [record if record.is_static else record.every(EVERY) for record in train]
+    columns = {name: np.concatenate([record.inputs[name] for record in thinned]) for name in ("length", "pressure")}
+    rest = [np.full(len(r), r.dimensions.get("rest_length", np.nan)) for r in thinned]
+    whole = np.concatenate(rest)
+    return ForceMap(
+        name="training data",
+        tension=np.concatenate([record.outputs["tension"] for record in thinned]),
+        rest_length=whole if np.isfinite(whole).all() else None,
+        **columns,
+    )
+
+
+def _known(train: Sequence[BenchmarkRecord]) -> dict[str, float]:
+    """Dimensions that all records share, but for the rest length, which each point has of its own."""
+    shared = dict(train[0].dimensions)
+    for record in train[1:]:
+        shared = {k: v for k, v in shared.items() if record.dimensions.get(k) == v}
+    return {k: v for k, v in shared.items() if k != "rest_length"}

@@ -1,0 +1,140 @@
+"""Runs of models on tasks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..documents import JsonValue
+from ..errors import ConvergenceError, InputError, MissingDataError
+from ..studies.validation import measured_data
+from .model import BenchmarkModel, model_names, new_model
+from .records import Fold
+from .scores import TaskScore, scales, score_record
+from .tasks import TASKS, Task, task
+
+
+@dataclass(frozen=True)
+class BenchmarkResult:
+    """Scores of models on tasks.
+
+    Attributes:
+        scores: of every model on every task whose data are at hand; models that a task does not suit have a reason.
+        absent: tasks whose data are not at hand, with the sentence that says where they are.
+    """
+
+    scores: tuple[TaskScore, ...]
+    absent: dict[str, str] = field(default_factory=dict)
+
+    def of(self, name: str) -> list[TaskScore]:
+        """Results on one task, best first."""
+        done = [s for s in self.scores if s.task == name and s.records]
+        return sorted(done, key=lambda s: s.rms())
+
+    def refused(self, name: str) -> dict[str, str]:
+        """Models without a result on a task, with the reason."""
+        return {s.model: s.reason for s in self.scores if s.task == name and not s.records}
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Names of the tasks with results, in their order."""
+        return tuple(dict.fromkeys(s.task for s in self.scores))
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """All figures as plain values, for JSON; errors are shares of the scale of the task."""
+        rows: list[JsonValue] = []
+        for one in self.scores:
+            low, high = one.interval() if one.records else (float("nan"), float("nan"))
+            rows.append(
+                {
+                    "task": one.task,
+                    "model": one.model,
+                    "rms": one.rms(),
+                    "low": low,
+                    "high": high,
+                    "largest": one.largest(),
+                    "phases": {p: {"rms": one.rms(p), "bias": one.bias(p)} for p in one.phases},
+                    "interval_over": "muscles" if one.over_muscles else "what is left out",
+                    "seconds": one.seconds,
+                    "reason": one.reason,
+                }
+            )
+        return {"scores": rows, "absent": dict(self.absent)}
+
+
+def run_task(chosen: Task, folds: Iterable[Fold], name: str, *, model: BenchmarkModel | None = None) -> TaskScore:
+    """Train and score a model on the folds of a task.
+
+    Args:
+        chosen: the task.
+        folds: of the task, see `Task.load`.
+        name: of the model.
+        model: the model itself, if it is not one of that name.
+
+    Returns:
+        The scores, or the reason why the model cannot do the task.
+    """
+    every = tuple(folds)
+    scale, scored = scales(chosen, every), []
+    began = time.process_time()
+    try:
+        contender = new_model(name) if model is None else model
+        for fold in every:
+            contender.fit(fold.train)
+            for record, counted in zip(fold.test, fold.scored, strict=True):
+                predicted = contender.predict(record.unseen())
+                scored += score_record(record, predicted, counted, fold.name, scale)
+    except (InputError, ConvergenceError) as error:
+        return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=str(error))
+    return TaskScore(chosen.name, name, tuple(scored), time.process_time() - began)
+
+
+def benchmark(
+    models: Iterable[str] = (),
+    *,
+    tasks: Iterable[str] = (),
+    folder: str | Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> BenchmarkResult:
+    """Train models on the tasks of the benchmark, and score their predictions of what they were not shown.
+
+    Args:
+        models: names, such as ``seated_braid`` or ``my.py:MyModel``; all by default.
+        tasks: names, such as ``map-pressure-out``; all by default.
+        folder: of measured data; the one that MCKIBBEN_DATA names where left out. Without either, only the tasks whose
+            data ship are done.
+        progress: called with a description of the next piece of work, once for each model on each task.
+
+    Raises:
+        InputError: for an unknown name, a folder that is not there, or data with another content.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> result = mk.benchmark(["ideal"], tasks=["map-above-4-bar"])
+        >>> 0.1 < result.of("map-above-4-bar")[0].rms() < 0.4
+        True
+    """
+    chosen = [task(name) for name in (tuple(tasks) or TASKS)]
+    names = tuple(models) or model_names()
+    for name in names:
+        new_model(name)  # refuses a wrong word before anything is computed
+    data, tell = measured_data(folder), progress or (lambda _: None)
+    scores: list[TaskScore] = []
+    absent: dict[str, str] = {}
+    for one in chosen:
+        try:
+            folds = one.load(data)
+        except MissingDataError as error:
+            absent[one.name] = str(error)
+            continue
+        for name in names:
+            tell(f"{one.name}, {name}")
+            scores.append(run_task(one, folds, name))
+    return BenchmarkResult(tuple(scores), absent)
+
+
+def stages(models: Iterable[str] = (), tasks: Iterable[str] = ()) -> int:
+    """Largest number of progress reports of `benchmark`."""
+    return len(tuple(models) or model_names()) * len(tuple(tasks) or TASKS)
