@@ -26,6 +26,7 @@ CONTENTS = {
     "cli": "the command line",
     "web": "the web interface",
     "report": "figures and reports",
+    "benchmarking": "models on measured tasks",
     "reproduction": "the numbers printed in the papers",
     "studies": "sizing, comparison, design, fits to published data",
     "batch": "sweeps of many variants",

@@ -567,6 +567,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
         "Units, errors, citations, names, documents, schemas, registries and extras.",
         ["quantities", "accessors", "errors", "citations", "nomenclature", "documents", "extras", "registry", "schema"],
     ),
+    "benchmarking": ("benchmarking", "Benchmark of muscle models on measured tasks.", ["benchmarking.**"]),
     "reproduction": ("reproduction", "Reproduction of the papers' numbers.", ["reproduction.**"]),
     "report": ("report", "Reports and other output files.", ["report.*"]),
     "figures": ("Figures", "Figures.", ["report.figures.**"]),

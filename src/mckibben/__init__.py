@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .bench.run import prepare as prepare
     from .bench.run import run as run
     from .bench.session import Session as Session
+    from .benchmarking import benchmark as benchmark
     from .errors import InputError as InputError
     from .errors import MckibbenError as MckibbenError
     from .experiments.read import protocol as protocol
@@ -110,6 +111,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "compare": "studies.comparison",
         "energy": "analysis.energy.working_cycles",
         "reproduce": "reproduction",
+        "benchmark": "benchmarking",
     },
     "Figures": {
         "figure_style": "report.figures.formats",

@@ -8,8 +8,8 @@ A package that has a tension law, a valve, a step of a protocol, a sensor or an 
 
 A class in a file of one's own needs no package: its name is ``my.py:MyLaw``, on the command line and in files.
 
-The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors`` and
-``mckibben.formats``.
+The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
+``mckibben.models`` and ``mckibben.formats``.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class BenchmarkResult:
         return tuple(dict.fromkeys(s.task for s in self.scores))
 
     def to_dict(self) -> dict[str, JsonValue]:
-        """All figures as plain values, for JSON; errors are shares of the scale of the task."""
+        """All figures as plain values, for JSON; errors are shares of the largest measured tension of the muscle."""
         rows: list[JsonValue] = []
         for one in self.scores:
             low, high = one.interval() if one.records else (float("nan"), float("nan"))
@@ -55,6 +55,7 @@ class BenchmarkResult:
                     "low": low,
                     "high": high,
                     "largest": one.largest(),
+                    "bias": one.bias(),
                     "phases": {p: {"rms": one.rms(p), "bias": one.bias(p)} for p in one.phases},
                     "interval_over": "muscles" if one.over_muscles else "what is left out",
                     "seconds": one.seconds,
@@ -77,7 +78,7 @@ def run_task(chosen: Task, folds: Iterable[Fold], name: str, *, model: Benchmark
         The scores, or the reason why the model cannot do the task.
     """
     every = tuple(folds)
-    scale, scored = scales(chosen, every), []
+    scale, scored = scales(every), []
     began = time.process_time()
     try:
         contender = new_model(name) if model is None else model

@@ -26,7 +26,7 @@ class BenchmarkRecord:
 
     Examples:
         >>> import numpy as np
-        >>> from mckibben.benchmark import BenchmarkRecord
+        >>> from mckibben.benchmarking import BenchmarkRecord
         >>> inputs = {"length": np.array([0.1, 0.1]), "pressure": np.array([1e5, 2e5])}
         >>> BenchmarkRecord("made up", "A", inputs, {"tension": np.array([10.0, 20.0])}).unseen().outputs
         {}

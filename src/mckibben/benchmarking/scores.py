@@ -9,7 +9,6 @@ import numpy as np
 
 from ..errors import InputError
 from .records import BenchmarkRecord, Fold
-from .tasks import LARGEST, Task
 
 DRAWS, SEED = 2000, 1
 FEWEST_MUSCLES = 3  # with fewer the interval is over what is left out
@@ -103,15 +102,15 @@ class TaskScore:
         return tuple(dict.fromkeys(r.phase for r in self.records if r.phase))
 
 
-def scales(task: Task, folds: Sequence[Fold]) -> dict[tuple[str, str], float]:
-    """Scale of each output of each muscle, of all that is predicted: (muscle, output) -> largest value or range [SI]."""
+def scales(folds: Sequence[Fold]) -> dict[tuple[str, str], float]:
+    """Largest measured value of each output of each muscle, to which errors relate: (muscle, output) -> value [SI]."""
     values: dict[tuple[str, str], list[np.ndarray]] = {}
     for fold in folds:
         for record in (*fold.test, *fold.train):
             for name, measured in record.outputs.items():
                 values.setdefault((record.muscle, name), []).append(measured[np.isfinite(measured)])
     whole = {key: np.concatenate(parts) for key, parts in values.items()}
-    return {key: float(np.abs(v).max() if task.scale == LARGEST else np.ptp(v)) for key, v in whole.items()}
+    return {key: float(np.abs(v).max()) for key, v in whole.items()}
 
 
 def score_record(

@@ -29,7 +29,7 @@ class BenchmarkModel(Protocol):
         ...         self.value = np.mean(np.concatenate([r.outputs["tension"] for r in train]))
         ...     def predict(self, record):
         ...         return {"tension": np.full(len(record), self.value)}
-        >>> from mckibben.benchmark import run_task, task
+        >>> from mckibben.benchmarking import run_task, task
         >>> chosen = task("map-above-4-bar")
         >>> run_task(chosen, chosen.load(), "mean", model=Mean()).rms() > 0.2
         True
@@ -55,13 +55,11 @@ def required_of_model(kind: object) -> str | None:
 _MODELS = f"{__package__}.models"
 # Models beside the tension laws, each in a module that is loaded on first use.
 MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
-    "mckibben.benchmark",
+    "mckibben.models",
     "model",
     {},
     accept=required_of_model,
 )
-# Models of this package; the others are competitors.
-OURS = frozenset({"seated_braid", "hyperelastic_braid"})
 
 
 def model_names() -> tuple[str, ...]:

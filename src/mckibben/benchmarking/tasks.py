@@ -17,17 +17,12 @@ from ..errors import InputError
 from ..quantities import to_si
 from ..recordings import ForceMap, read_force_map
 from ..specimens import specimen
-from ..studies.jumping_robot import MUSCLES, read_trial
-from ..studies.muscle_loops import HELD_FROM, read_loop, read_steps
 from ..studies.validation import AARL_ZERO, TRAINED_BELOW
 from . import datasets
 from .datasets import BenchmarkData
 from .records import BenchmarkRecord, Fold
 
 FILLING, VENTING = "filling", "venting"
-PAIR_TRAINED = 0.6  # share of the antagonist's record, from its beginning
-PAIR_STEP = 5  # every fifth sample of it: 200 Hz, for a motion of 0.1 Hz
-LARGEST, RANGE = "largest", "range"
 
 
 @dataclass(frozen=True)
@@ -41,7 +36,6 @@ class Task:
         split: what is left out.
         data: the files, with their hashes, source and licence.
         make: makes the folds of the located files.
-        scale: to what errors relate: the ``largest`` value of an output of the muscle, or its ``range``.
         note: what a reader of the figures must know.
     """
 
@@ -51,7 +45,6 @@ class Task:
     split: str
     data: tuple[BenchmarkData, ...]
     make: Callable[[Sequence[tuple[Path, ...]]], tuple[Fold, ...]]
-    scale: str = LARGEST
     note: str = ""
 
     @property
@@ -162,24 +155,6 @@ def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
     return _muscle_out(records, lambda record: record.outputs["tension"] > 0.0)
 
 
-def _isometric(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
-    records = []
-    for run in datasets.isometric_runs(located[0], pressure_zero=AARL_ZERO):
-        records.append(
-            BenchmarkRecord(
-                name=run.name,
-                muscle=f"{1e3 * run.rest_length:.0f} mm",
-                inputs={"length": np.full(len(run.time), run.length), "pressure": run.pressure},
-                outputs={"tension": run.tension},
-                dimensions=_ten_millimetres(run.rest_length),
-                time=run.time,
-                initial={"tension": float(run.tension[0])},
-                phase=np.where(run.venting, VENTING, FILLING),
-            )
-        )
-    return _muscle_out(records, lambda record: np.ones(len(record), bool))
-
-
 def _muscle_out(
     records: Sequence[BenchmarkRecord], scored: Callable[[BenchmarkRecord], np.ndarray]
 ) -> tuple[Fold, ...]:
@@ -190,84 +165,6 @@ def _muscle_out(
         test = tuple(record for record in records if record.muscle == muscle)
         folds.append(Fold(muscle, train, test, tuple(scored(record) for record in test)))
     return tuple(folds)
-
-
-# ---- loop, creep, robot, pair
-
-
-def _hidden(record: BenchmarkRecord, shown: np.ndarray, name: str) -> Fold:
-    """A fold that hides samples of one record: its outputs are NaN there."""
-    outputs = {key: np.where(shown, values, np.nan) for key, values in record.outputs.items()}
-    return Fold(name, (replace(record, outputs=outputs),), (record,), (~shown,))
-
-
-def _loop(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
-    path = read_loop(located[0][0].parent)
-    record = BenchmarkRecord(
-        name="loop",
-        muscle="DMSP-10-250",
-        inputs={"pressure": path.pressure},
-        outputs={"stroke": path.stroke},
-        dimensions=_dimensions("DMSP-10-250"),
-        time=np.arange(len(path.pressure), dtype=float),
-        initial={"stroke": float(path.stroke[0])},
-        phase=np.where(path.branch > 0, FILLING, VENTING),
-    )
-    train = path.split("blocks")
-    return _hidden(record, train, "second half"), _hidden(record, ~train, "first half")
-
-
-def _creep(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
-    folds = []
-    for segment, (time, stroke, pressure) in read_steps(located[0][0].parent).items():
-        held = time >= HELD_FROM[segment] - 1e-6
-        time, stroke, pressure = time[held] - time[held][0], stroke[held], pressure[held]
-        record = BenchmarkRecord(
-            name=segment.replace("_", " "),
-            muscle="DMSP-10-250",
-            inputs={"pressure": pressure},
-            outputs={"stroke": stroke},
-            dimensions=_dimensions("DMSP-10-250"),
-            time=time,
-            initial={"stroke": float(stroke[0])},
-        )
-        folds.append(_hidden(record, time <= 0.5 * time[-1], record.name))
-    return tuple(folds)
-
-
-def _robot(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
-    records = []
-    for folder in dict.fromkeys(path.parent for path in located[0]):
-        trial = read_trial(folder)
-        names = ("tank", *(f"muscle_{m}" for m in MUSCLES))
-        outputs = {name: np.asarray(trial[f"{name}.pressure"], float) for name in names}
-        inputs = {key: np.asarray(trial[key], float) for m in MUSCLES for key in (f"open_{m}", f"angle_{m}")}
-        records.append(
-            BenchmarkRecord(
-                name=folder.name,
-                muscle=folder.name,
-                inputs=inputs,
-                outputs=outputs,
-                time=np.asarray(trial.time, float),
-                initial={name: float(values[0]) for name, values in outputs.items()},
-            )
-        )
-    return _muscle_out(records, lambda record: np.ones(len(record), bool))
-
-
-def _pair(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
-    pair = datasets.pair_record(located[0][0])
-    whole = BenchmarkRecord(
-        name="pair",
-        muscle="pair",
-        inputs={"force": pair.force},
-        outputs={"displacement": pair.displacement},
-        time=pair.time,
-        initial={"displacement": float(pair.displacement[0])},
-    ).every(PAIR_STEP)
-    cut = int(PAIR_TRAINED * len(whole))
-    index = np.arange(len(whole))
-    return (_hidden(whole, index < cut, f"last {100 * (1 - PAIR_TRAINED):.0f} %"),)
 
 
 ONE_MUSCLE = (
@@ -327,55 +224,6 @@ TASKS: dict[str, Task] = {
             (datasets.PLATEAU,),
             _plateaus,
             note=THREE_MUSCLES,
-        ),
-        Task(
-            "transients",
-            "The same muscles over time",
-            "tension from the measured pressure, at 500 Hz",
-            "each muscle in turn, all its twelve runs; trained on the runs of the two others",
-            (datasets.ISOMETRIC,),
-            _isometric,
-            note=THREE_MUSCLES,
-        ),
-        Task(
-            "loop",
-            "Pressure-stroke loop of a DMSP-10-250",
-            "stroke from the path of the pressure",
-            "every other run of ten samples, then the others",
-            (datasets.LOOP,),
-            _loop,
-            scale=RANGE,
-            note=ONE_MUSCLE,
-        ),
-        Task(
-            "creep",
-            "Creep of a DMSP-10-250 at held pressure",
-            "stroke from pressure and time",
-            "the second half of each hold; trained on the first",
-            (datasets.LOOP,),
-            _creep,
-            scale=RANGE,
-            note=ONE_MUSCLE,
-        ),
-        Task(
-            "robot",
-            "Jumping robot",
-            "pressures of the tank and of four muscles from valve commands and joint angles",
-            "each jump in turn; trained on the three others",
-            (datasets.ROBOT,),
-            _robot,
-            scale=RANGE,
-            note="The interval is over the four jumps of one robot.",
-        ),
-        Task(
-            "antagonists",
-            "Two muscles against each other",
-            "displacement from the force that a motor imposes, valves shut",
-            "the last 40 % of 28 s; trained on what comes before",
-            (datasets.PAIR,),
-            _pair,
-            scale=RANGE,
-            note=f"{ONE_MUSCLE} The makers of the record low-passed the displacement at 3 Hz, forwards and backwards.",
         ),
     )
 }

@@ -1,0 +1,113 @@
+"""Measured data of the benchmark: where they are, what they must contain, and how they are read.
+
+Data without a licence that permits it do not ship. They are looked for below the folder of measured data, which the
+environment variable ``MCKIBBEN_DATA`` names; a hash of their content tells whether they are the data that the splits were
+made for. Compressed files are hashed as what they contain, so that it does not matter who compressed them.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import InputError, MissingDataError
+from ..specimens import map_file, specimen
+from ..studies.validation import AARL, MARTENS, NO_LICENCE, PLATEAUS, VARIABLE
+
+LARGEST = 64 << 20  # of a file, unpacked [B]
+
+
+@dataclass(frozen=True)
+class BenchmarkData:
+    """Files of measured data.
+
+    Attributes:
+        files: below the folder of measured data, or of a specimen's map that ships.
+        digest: SHA-256 of the lines "name hash" of all files, unpacked.
+        source: who measured them.
+        licence: in words.
+        ships_with: specimen whose force map the data are; empty if they do not ship.
+    """
+
+    files: tuple[str, ...]
+    digest: str
+    source: str
+    licence: str
+    ships_with: str = ""
+
+    def locate(self, folder: Path | None) -> tuple[Path, ...]:
+        """Find the files and check their content.
+
+        Raises:
+            MissingDataError: a file is not there; the sentence names it and where it was looked for.
+            InputError: the content is not that for which the tasks were made.
+        """
+        if self.ships_with:
+            paths: tuple[Path, ...] = (map_file(specimen(self.ships_with)),)
+        elif folder is None:
+            raise MissingDataError(f"{self.files[0]} does not ship; {VARIABLE} names the folder of measured data")
+        else:
+            paths = tuple(folder / name for name in self.files)
+        for path in paths:
+            if not path.is_file():
+                raise MissingDataError(
+                    f"{path} is not there; it does not ship ({self.source}; licence: {self.licence})"
+                )
+        found = content_digest(self.files, paths)
+        if found != self.digest:
+            said = f"{paths[0].parent}: the content has the hash {found[:12]}, must be {self.digest[:12]}"
+            raise InputError("data", str(paths[0].parent), "must be unchanged", sentence=said)
+        return paths
+
+
+def content_digest(names: tuple[str, ...], paths: tuple[Path, ...]) -> str:
+    """SHA-256 of the names and contents of files, compressed ones unpacked."""
+    whole = hashlib.sha256()
+    for name, path in zip(names, paths, strict=True):
+        one = hashlib.sha256(unpacked(path)).hexdigest()
+        whole.update(f"{name.removesuffix('.gz')} {one}\n".encode())
+    return whole.hexdigest()
+
+
+def unpacked(path: Path) -> bytes:
+    """Content of a file, without its gzip compression.
+
+    Raises:
+        InputError: the file is larger than any of these data.
+    """
+    opened = gzip.open(path) if path.suffix == ".gz" else path.open("rb")
+    with opened as stream:
+        content = stream.read(LARGEST + 1)
+    if len(content) > LARGEST:
+        raise InputError("file", str(path), f"must be at most {LARGEST >> 20} MB")
+    return bytes(content)
+
+
+DMSP_10 = BenchmarkData(
+    files=("martens_boblan_2017/DMSP-10-250_force_map.csv",),
+    digest="b08c755b1db167f3eeaf44ae8af47ce39c2ceb50de62e2df35c24fab1bb1d2f7",
+    source=MARTENS,
+    licence="CC BY 4.0; ships",
+    ships_with="DMSP-10-250",
+)
+DMSP_20 = BenchmarkData(
+    files=("martens_boblan_2017/DMSP-20-300_force_map.csv",),
+    digest="d5a4c798f3690819930dd2cf0a32bbca967f0f3b6e97954ac63e31a065d0a4e9",
+    source=MARTENS,
+    licence="CC BY 4.0; ships",
+    ships_with="DMSP-20-300",
+)
+SHEET = BenchmarkData(
+    files=("festo_datasheet/DMSP-20_force_contraction.csv",),
+    digest="35b41a409bf63bf76a1ffa998f198c958b61bb80f59ba190b5259d59a18267bc",
+    source="data sheet of the maker, read off by hand",
+    licence=NO_LICENCE,
+)
+PLATEAU = BenchmarkData(
+    files=(PLATEAUS,),
+    digest="b98518ecd21ae5154f0628f774c01129df23a8bf501e87071fd1dfd9353981a0",
+    source=AARL,
+    licence=NO_LICENCE,
+)

@@ -1,0 +1,85 @@
+"""``benchmark``: models of muscles on measured tasks with frozen splits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import __version__
+from ..benchmarking import TASKS, BenchmarkResult
+from ..benchmarking.page import COLUMNS, page, rows
+from ..benchmarking.run import benchmark, stages
+from ..documents import write_text
+from ._outputs import OBJECT, OutputKinds, Paths
+from ._progress import progress
+from ._terminal import Json, print_json, table
+
+OUT = OutputKinds(page=(".md",), result=OBJECT)
+
+
+def run_benchmark(
+    task: Annotated[
+        list[str] | None, typer.Option(metavar="TASK", help="Task, such as map-above-4-bar; all by default.")
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MODEL", help="Law, or a model of your own such as my.py:MyModel; all laws by default."),
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of measured data; by default the one that MCKIBBEN_DATA names."),
+    ] = None,
+    list_tasks: Annotated[bool, typer.Option("--list", help="List the tasks without running them.")] = False,
+    out: Annotated[Paths, OUT.option()] = None,
+    as_json: Json = False,
+) -> None:
+    """Train models on measured tasks, and score their predictions of what they were not shown.
+
+    A model of your own is a class with the methods fit(train) and predict(record), or a tension law. Tasks
+    whose data are not at hand are named. All laws on all tasks take some minutes.
+
+    $ mckibben benchmark --task map-above-4-bar --model ideal
+    """
+    if list_tasks:
+        _list(as_json=as_json)
+        return
+    with OUT.files(out) as files:
+        with progress("benchmark", stages(model or (), task or ())) as advance:
+            result = benchmark(model or (), tasks=task or (), folder=data, progress=advance)
+        files.write("page", lambda path: write_text(path, page(result, version=__version__)))
+        content = result.to_dict()
+        files.write_result(content)
+        if as_json:
+            print_json(content)
+            return
+        _show(result)
+        files.say()
+
+
+def _list(*, as_json: bool) -> None:
+    if as_json:
+        fields = ("title", "predicts", "split", "ships", "note")
+        print_json({"tasks": [{"name": n} | {f: getattr(t, f) for f in fields} for n, t in TASKS.items()]})
+        return
+    cells = [[name, one.predicts, one.split, "ships" if one.ships else "does not ship"] for name, one in TASKS.items()]
+    table("Tasks of the benchmark", ["task", "predicted", "left out", "data"], cells)
+
+
+def _show(result: BenchmarkResult) -> None:
+    """Print a table per task, with the models that have no result and the tasks without data."""
+    for name in result.tasks:
+        one = TASKS[name]
+        table(
+            f"{one.title}: errors as shares of the largest tension",
+            list(COLUMNS),
+            rows(result, name),
+            right=range(1, 5),
+        )
+        for model, reason in result.refused(name).items():
+            typer.echo(f"{model} has no result: {reason}.")
+        typer.echo(one.note)
+        typer.echo("")
+    for name, reason in result.absent.items():
+        typer.echo(f"{name} was not run: {reason}.")

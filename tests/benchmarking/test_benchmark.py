@@ -1,0 +1,90 @@
+"""Benchmark: what models are shown and scored on, and how one of a user's own file takes part."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.measured_data import FOLDER, measured
+from typer.testing import CliRunner
+
+from mckibben.benchmarking import TASKS, BenchmarkRecord, benchmark, task
+from mckibben.benchmarking.page import page
+from mckibben.benchmarking.scores import TaskScore, score_record
+from mckibben.cli.app import app
+from mckibben.errors import InputError, MissingDataError
+
+ABOVE = "map-above-4-bar"
+MEAN = """
+import numpy as np
+
+
+class Mean:
+    def fit(self, train):
+        self.value = np.mean(np.concatenate([r.outputs["tension"] for r in train]))
+
+    def predict(self, record):
+        assert not record.outputs
+        return {"tension": np.full(len(record), self.value)}
+"""
+
+
+@pytest.mark.parametrize("name", [name for name, one in TASKS.items() if one.ships])
+def test_no_predicted_point_is_trained_on(name):
+    for fold in task(name).load():
+        shown = {(p, x) for r in fold.train for p, x in zip(r.inputs["pressure"], r.inputs["length"], strict=True)}
+        asked = {(p, x) for r in fold.test for p, x in zip(r.inputs["pressure"], r.inputs["length"], strict=True)}
+        assert asked and not asked & shown
+
+
+@measured("aarl_10mm_isometric", "festo_datasheet")
+def test_a_muscle_left_out_is_in_no_record_to_train_on():
+    for fold in task("other-lengths").load(FOLDER):
+        assert {r.muscle for r in fold.test} == {fold.name}
+        assert fold.name not in {r.muscle for r in fold.train}
+    assert len(task("data-sheet").load(FOLDER)) > 1
+
+
+def test_an_error_of_one_per_cent_everywhere_is_rms_largest_and_bias():
+    length, tension = np.full(4, 0.1), np.array([10.0, 20.0, 50.0, 100.0])
+    record = BenchmarkRecord("a", "A", {"length": length}, {"tension": tension})
+    rows = score_record(record, {"tension": tension + 1.0}, np.ones(4, bool), "fold", {("A", "tension"): 100.0})
+    score = TaskScore("task", "model", tuple(rows))
+    # Sums of four numbers: a few roundings of 1e-16.
+    assert [score.rms(), score.largest(), score.bias()] == pytest.approx([0.01] * 3, rel=1e-12)
+    assert np.isnan(score.interval()[0])  # of one unit nothing can be drawn
+
+
+def test_a_prediction_that_is_not_finite_is_refused():
+    record = BenchmarkRecord("a", "A", {"length": np.ones(1)}, {"tension": np.ones(1)})
+    with pytest.raises(InputError, match="finite"):
+        score_record(record, {"tension": np.array([np.nan])}, np.ones(1, bool), "fold", {("A", "tension"): 1.0})
+
+
+def test_a_model_of_a_file_takes_part_beside_a_law(tmp_path, monkeypatch):
+    monkeypatch.delenv("MCKIBBEN_DATA", raising=False)
+    (tmp_path / "my.py").write_text(MEAN)
+    model = f"{tmp_path / 'my.py'}:Mean"
+    words = ["benchmark", "--task", ABOVE, "--model", model, "--json", "--out", str(tmp_path / "page.md")]
+    outcome = CliRunner().invoke(app, words)
+    assert outcome.exit_code == 0, outcome.output
+    (row,) = json.loads(outcome.stdout)["scores"]
+    assert row["model"] == model and row["bias"] < 0.0  # the mean of low pressures is below tension at high ones
+    assert model in (tmp_path / "page.md").read_text(encoding="utf-8")
+
+
+def test_what_is_not_at_hand_or_unknown_is_named(monkeypatch):
+    monkeypatch.delenv("MCKIBBEN_DATA", raising=False)
+    with pytest.raises(MissingDataError, match="does not ship"):
+        task("data-sheet").load()
+    result = benchmark(["ideal"], tasks=["data-sheet"])
+    assert list(result.absent) == ["data-sheet"] and "`data-sheet`" in page(result)
+    with pytest.raises(InputError, match="map-above-4-bar"):
+        task("map-above-4-bars")
+
+
+def test_data_with_another_content_are_refused(tmp_path):
+    place = tmp_path / "festo_datasheet"
+    place.mkdir()
+    (place / "DMSP-20_force_contraction.csv").write_text("contraction_fraction,pressure_kPa_gauge,force_N\n")
+    with pytest.raises(InputError, match="hash"):
+        task("data-sheet").load(tmp_path)
