@@ -27,14 +27,14 @@ as `mckibben benchmark --model my.py:MyModel`: any class with the methods `fit` 
 
 All figures are shares of the largest measured tension of the muscle. *Rms* is the root mean square error of all predicted
 points with tension, *largest* the largest single error, *bias* the mean signed error, positive where too much tension is
-predicted; *over* is more than that tension. The interval of the rms error is by a bootstrap over muscles where there are three
-or more, else over what is left out."""
+predicted; *over* is more than that tension. The interval of the rms error is by a bootstrap over muscles where there are
+three or more, else over what is left out."""
 END = """\
 ## What is not here
 
 The competitors are tension laws. Neural networks, Gaussian processes and other models without physics have not been run on
-these tasks, and no task is of a muscle in motion: loop, creep and a robot are on the [validation page](validation.md). Venting
-is scored together with filling. Nothing here tells how far two muscles of one make differ."""
+these tasks, and no task is of a muscle in motion: loop, creep and a robot are on the [validation page](validation.md).
+Venting is scored together with filling. Nothing here tells how far two muscles of one make differ."""
 
 
 def page(result: BenchmarkResult, *, version: str = "") -> str:

@@ -191,6 +191,7 @@ KINDS: dict[str, ValueKind] = {
     "TOPIC": ValueKind(),
     "LABEL": ValueKind(),
     "DATASET": ValueKind(),
+    "TASK": ValueKind(),
     "PATH": ValueKind(),
     "PATH=VALUE": ValueKind(),
     "NAME=VALUE": ValueKind(),

@@ -25,7 +25,9 @@ def run_benchmark(
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option(metavar="MODEL", help="Law, or a model of your own such as my.py:MyModel; all laws by default."),
+        typer.Option(
+            metavar="LAW|FILE.py:CLASS", help="Law, or a model of your own such as my.py:MyModel; all laws by default."
+        ),
     ] = None,
     data: Annotated[
         Path | None,

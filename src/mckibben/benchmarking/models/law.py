@@ -1,4 +1,4 @@
-"""A tension law as a model of the benchmark: fitted to the static points, or to samples of the runs as if they were."""
+"""A tension law as a model of the benchmark: fitted to the static points."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from ...muscles.laws import law_type
 from ...quantities import declared
 from ...recordings import ForceMap
 from ..records import BenchmarkRecord
-
-MOST = 4000  # points of a fit; of runs every so many samples are taken
-EVERY = 100  # of the samples of a run: five per second
 
 
 class LawModel:
@@ -59,7 +56,7 @@ class LawModel:
 
 
 def joined(train: Sequence[BenchmarkRecord]) -> ForceMap:
-    """The points of records as one force map; runs over time are thinned.
+    """The points of records as one force map.
 
     Raises:
         InputError: the records are not of tension over length and pressure.
@@ -67,15 +64,13 @@ def joined(train: Sequence[BenchmarkRecord]) -> ForceMap:
     for record in train:
         if "tension" not in record.outputs or not {"length", "pressure"} <= set(record.inputs):
             raise InputError("task", None, "must be of tension from length and pressure: a tension law knows no other")
-    thinned = [record if record.is_static else record.every(EVERY) for record in train]
-    columns = {name: np.concatenate([record.inputs[name] for record in thinned]) for name in ("length", "pressure")}
-    rest = [np.full(len(r), r.dimensions.get("rest_length", np.nan)) for r in thinned]
-    whole = np.concatenate(rest)
+    whole = np.concatenate([np.full(len(r), r.dimensions.get("rest_length", np.nan)) for r in train])
     return ForceMap(
         name="training data",
-        tension=np.concatenate([record.outputs["tension"] for record in thinned]),
+        length=np.concatenate([record.inputs["length"] for record in train]),
+        pressure=np.concatenate([record.inputs["pressure"] for record in train]),
+        tension=np.concatenate([record.outputs["tension"] for record in train]),
         rest_length=whole if np.isfinite(whole).all() else None,
-        **columns,
     )
 
 
