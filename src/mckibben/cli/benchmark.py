@@ -26,7 +26,7 @@ def run_benchmark(
     model: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="LAW|FILE.py:CLASS", help="Law, or a model of your own such as my.py:MyModel; all laws by default."
+            metavar="LAW|FILE.py:CLASS", help="Law, or model of your own such as my.py:MyModel; all laws by default."
         ),
     ] = None,
     data: Annotated[
