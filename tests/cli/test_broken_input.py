@@ -263,6 +263,8 @@ COMMANDS = {
         "--substep": "time",
     }),
     "check": ("check @name:ideal", {"--set": "pair", "--lowest": "pressure"}),
+    "conform": ("conform @name:python --scenario hang", {"--scenario": "name", "--out": "out"}),
+    "benchmark": ("benchmark --task @name:map-above-4-bar --model @name:ideal", {"--out": "out"}),
     "joint": ("joint @specimen:nylon --command flexor=0.2 --duration @time:0.02_s", {
         "--play": "record", "--command": "pair", "--angle": "number", "--arm": "length", "--inertia": "number",
         "--supply": "pressure", "--valve": "name", "--start-pressure": "pressure", "--period": "time", "--out": "out",

@@ -139,7 +139,7 @@ def test_repair_opens_what_kill_9_left(run, tmp_path):
         (("repair", "b.mcap"), "ile not found"),
         (("repair", "text.mcap"), "no log of mckibben"),
         (("repair", "empty.mcap"), "empty"),
-        (("repair", "run.mcap"), "it is there already"),
+        (("repair", "run.mcap"), "this file exists already"),
         (("repair", "run.mcap", "--out", "b.mat"), "ends in .nc or .csv"),
     ],
 )

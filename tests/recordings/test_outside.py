@@ -83,7 +83,7 @@ def test_a_reader_that_hangs_is_ended(archive, monkeypatch):
 
 def test_a_reader_that_dies_takes_nothing_with_it(archive, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    with pytest.raises(ValueError, match="brought its reader down"):
+    with pytest.raises(ValueError, match="the process that read it crashed"):
         _isolation.read_in_process(dies, archive)
 
 
