@@ -57,6 +57,7 @@ def test_a_person_reads_a_table_with_sources(run):
     assert "its size is inferred" in text
 
 
+@pytest.mark.slow  # all protocols
 def test_protocols_of_biological_muscles_and_their_figure(run, tmp_path):
     figure = tmp_path / "fibres.png"
     stimulation = ("--stimulation", "phase=60 deg", "--stimulation", "duty=0.4")

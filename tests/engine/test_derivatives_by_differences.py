@@ -106,6 +106,7 @@ def test_derivatives_of_a_chain_are_differences_however_many_states_it_has(count
     agree(run(count, stiff), places=(0, 2) if count > 6 else (0, 1, 2))  # every further direction costs compilation
 
 
+@pytest.mark.slow  # many compilations
 @pytest.mark.parametrize("stiff", [False, True])
 @pytest.mark.parametrize("count", [1, 5])
 def test_derivatives_with_friction_and_a_held_signal_that_is_late_are_differences(count, stiff):
@@ -113,6 +114,7 @@ def test_derivatives_with_friction_and_a_held_signal_that_is_late_are_difference
     agree(run(count, stiff, rubs=True, straight=False), places=(0, 1))
 
 
+@pytest.mark.slow  # many compilations
 @pytest.mark.parametrize("derive", [lambda p: tangents(p, [0, 1, 2], 1), lambda p: adjoint(p, [0, 1, 2])])
 def test_derivatives_of_a_lane_are_the_same_bits_among_any_number_of_lanes(derive):
     made = derive(run(5, True, rubs=True))

@@ -218,6 +218,7 @@ def independent(machine):
     return rate
 
 
+@pytest.mark.slow  # a stiff solver in Python
 def test_agreement_with_radau_on_the_equations_written_a_second_time():
     machine, signals = smooth(), smooth_signals()
     (state, _) = machine.initial(SMOOTH_START, at(signals, 0))

@@ -69,6 +69,7 @@ def test_order_4_where_all_is_smooth():
     assert order > 3.7, (order, errors)
 
 
+@pytest.mark.slow  # a stiff solver in Python
 def test_order_2_of_the_stiff_method_on_the_same():
     values, _ = zip(
         *(final(network(8e-9), {"block": 3.7e5, "tank": 3.3e5}, smooth_signals(), h, "ros2", 2e-3) for h in STEPS),

@@ -124,6 +124,7 @@ def test_the_improved_model_keeps_its_promises(study):
     assert [c.verdict for c in targets] == [HELD, HELD]
 
 
+@pytest.mark.slow  # all fits of the study
 def test_a_transfer_moves_nothing_but_the_conductance_by_the_surface(study):
     fitted, kept = (study.result(THERMAL, "lumped", a) for a in (LARGE, SMALL))
     assert fitted.fitted and not kept.fitted
@@ -137,6 +138,7 @@ def test_a_transfer_moves_nothing_but_the_conductance_by_the_surface(study):
     assert np.allclose(kept.comparisons[0].predicted, expected, rtol=1e-12)
 
 
+@pytest.mark.slow  # all fits of the study
 def test_the_fitted_conductance_is_that_of_the_reference(study):
     e = study.result(THERMAL, "lumped", LARGE).parameters["conductance"]
     # not exact, for the tube's own walls and the friction of a developing flow are lumped: within a third
@@ -144,6 +146,7 @@ def test_the_fitted_conductance_is_that_of_the_reference(study):
     assert e.low < tube_models.CONDUCTANCE < e.high
 
 
+@pytest.mark.slow  # all fits of the study
 def test_linear_is_early_when_low_and_late_when_high_and_a_constant_lead_is_neither(study):
     numbers = rising_speeds(study, THERMAL)
     assert numbers["lead_low"] > 0.0 > numbers["lead_high"]
@@ -167,6 +170,7 @@ def _replaced(study, predict) -> TubeStudy:
     return dataclasses.replace(study, results={THERMAL: others})
 
 
+@pytest.mark.slow  # all fits of the study
 def test_a_model_that_is_the_reference_has_no_error(study):
     case = study.cases[THERMAL, LARGE][0]
     model, result = models()["inertial"], study.result(THERMAL, "inertial", LARGE)
@@ -176,6 +180,7 @@ def test_a_model_that_is_the_reference_has_no_error(study):
     assert abs(compared.lead) < 1e-6
 
 
+@pytest.mark.slow  # all fits of the study
 def test_progress_is_told_at_every_stage(study, told):
     assert len(told) == stages(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=KEYS)
 
@@ -186,12 +191,14 @@ def test_verdicts_of_the_references_make_one():
     assert together([HELD, NOT]) == together([PARTLY, HELD]) == PARTLY
 
 
+@pytest.mark.slow  # all fits of the study
 def test_the_cost_is_that_of_two_tubes_in_one_circuit(study):
     # Which of them costs more is for the benchmark to say; a time is never asserted.
     assert study.cost is not None
     assert study.cost.ratio == study.cost.lumped / study.cost.inertial > 0.0
 
 
+@pytest.mark.slow  # all fits of the study
 def test_the_figure_shows_every_model(study):
     from mckibben.report.figures import style
     from mckibben.report.figures.tube_figures import SHOWN, tube_figure

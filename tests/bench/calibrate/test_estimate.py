@@ -46,6 +46,7 @@ def faulty(seed: int):
     return dataclasses.replace(FAULTY, sensors=sensors), tension, pressure
 
 
+@pytest.mark.slow  # hundreds of calibrations
 def test_gain_and_zero_of_cell_gauge_and_encoder_lie_in_their_stated_intervals_as_often_as_stated():
     hits: dict[str, list[bool]] = {}
 
