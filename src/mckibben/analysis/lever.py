@@ -51,7 +51,7 @@ class LeverProtocol(NamedTuple):
     cycles: float | None  # of the lever's sine
 
 
-class SetPoint(NamedTuple):
+class TensionShare(NamedTuple):
     """A point on the rise or on the relaxation of a contraction; NaN where its level lies below the force at rest."""
 
     share: float  # of the development of force [1]
@@ -67,8 +67,8 @@ class ContractionTiming(NamedTuple):
     peak_time: float  # [s]
     peak_force: float  # [N]
     above: str  # rest or zero, from which set points count
-    rising: tuple[SetPoint, ...]
-    relaxing: tuple[SetPoint, ...]
+    rising: tuple[TensionShare, ...]
+    relaxing: tuple[TensionShare, ...]
 
     @property
     def time_to_peak(self) -> float:
@@ -168,15 +168,15 @@ def contraction_timing(
     if not (peak > first and pulls[peak] > pulls[first]):
         raise InputError(f"channel {force}", None, "must have its largest value after the first stimulus")
 
-    def point(share: float, *, last: bool) -> SetPoint:
+    def point(share: float, *, last: bool) -> TensionShare:
         if not 0.0 <= share < 1.0:
             raise InputError("set point", share, "must be from 0 % to below 100 % of the development of force")
         level = base + share * (pulls[peak] - base)
         if level < pulls[first]:
-            return SetPoint(share, float("nan"), float("nan"))
+            return TensionShare(share, float("nan"), float("nan"))
         beyond = np.flatnonzero(pulls > level)
         at = int(beyond[-1] if last else beyond[0])
-        return SetPoint(share, float(record.time[at]), float(pulls[at]))
+        return TensionShare(share, float(record.time[at]), float(pulls[at]))
 
     return ContractionTiming(
         float(record.time[first]),

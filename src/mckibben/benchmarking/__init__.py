@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from .model import MODELS, BenchmarkModel, model_names, new_model
-from .records import BenchmarkRecord, Fold
+from .records import BenchmarkRecord, DataSplit
 from .run import BenchmarkResult, benchmark, run_task
 from .scores import TaskScore
-from .tasks import TASKS, Task, task
+from .tasks import TASKS, BenchmarkTask, task
 
 __all__ = [
     "MODELS",
@@ -14,8 +14,8 @@ __all__ = [
     "BenchmarkModel",
     "BenchmarkRecord",
     "BenchmarkResult",
-    "Fold",
-    "Task",
+    "DataSplit",
+    "BenchmarkTask",
     "TaskScore",
     "benchmark",
     "model_names",

@@ -76,7 +76,7 @@ class BenchmarkRecord:
 
 
 @dataclass(frozen=True)
-class Fold:
+class DataSplit:
     """A frozen split: what a model may see, and what it has to predict.
 
     Attributes:

@@ -11,9 +11,9 @@ from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError, MissingDataError
 from ..studies.validation import measured_data
 from .model import BenchmarkModel, model_names, new_model
-from .records import Fold
+from .records import DataSplit
 from .scores import TaskScore, scales, score_record
-from .tasks import TASKS, Task, task
+from .tasks import TASKS, BenchmarkTask, task
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,14 @@ class BenchmarkResult:
         return {"scores": rows, "absent": dict(self.absent)}
 
 
-def run_task(chosen: Task, folds: Iterable[Fold], name: str, *, model: BenchmarkModel | None = None) -> TaskScore:
+def run_task(
+    chosen: BenchmarkTask, folds: Iterable[DataSplit], name: str, *, model: BenchmarkModel | None = None
+) -> TaskScore:
     """Train and score a model on the folds of a task.
 
     Args:
         chosen: the task.
-        folds: of the task, see `Task.load`.
+        folds: of the task, see `BenchmarkTask.load`.
         name: of the model.
         model: the model itself, if it is not one of that name.
 

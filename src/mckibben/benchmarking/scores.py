@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from .records import BenchmarkRecord, Fold
+from .records import BenchmarkRecord, DataSplit
 
 DRAWS, SEED = 2000, 1
 FEWEST_MUSCLES = 3  # with fewer the interval is over what is left out
@@ -102,7 +102,7 @@ class TaskScore:
         return tuple(dict.fromkeys(r.phase for r in self.records if r.phase))
 
 
-def scales(folds: Sequence[Fold]) -> dict[tuple[str, str], float]:
+def scales(folds: Sequence[DataSplit]) -> dict[tuple[str, str], float]:
     """Largest measured value of each output of each muscle, to which errors relate: (muscle, output) -> value [SI]."""
     values: dict[tuple[str, str], list[np.ndarray]] = {}
     for fold in folds:

@@ -20,13 +20,13 @@ from ..specimens import specimen
 from ..studies.validation import AARL_ZERO, TRAINED_BELOW
 from . import datasets
 from .datasets import BenchmarkData
-from .records import BenchmarkRecord, Fold
+from .records import BenchmarkRecord, DataSplit
 
 FILLING, VENTING = "filling", "venting"
 
 
 @dataclass(frozen=True)
-class Task:
+class BenchmarkTask:
     """A task of the benchmark.
 
     Attributes:
@@ -44,7 +44,7 @@ class Task:
     predicts: str
     split: str
     data: tuple[BenchmarkData, ...]
-    make: Callable[[Sequence[tuple[Path, ...]]], tuple[Fold, ...]]
+    make: Callable[[Sequence[tuple[Path, ...]]], tuple[DataSplit, ...]]
     note: str = ""
 
     @property
@@ -52,7 +52,7 @@ class Task:
         """Whether all data of the task ship with the package."""
         return all(one.ships_with for one in self.data)
 
-    def load(self, folder: str | Path | None = None) -> tuple[Fold, ...]:
+    def load(self, folder: str | Path | None = None) -> tuple[DataSplit, ...]:
         """Read the data and split them.
 
         Args:
@@ -102,13 +102,13 @@ def _maps(located: Sequence[tuple[Path, ...]]) -> list[BenchmarkRecord]:
     return [_table(paths[0], name) for paths, name in zip(located, ("DMSP-10-250", "DMSP-20-300"), strict=True)]
 
 
-def _left_out(record: BenchmarkRecord, out: np.ndarray, name: str) -> Fold:
+def _left_out(record: BenchmarkRecord, out: np.ndarray, name: str) -> DataSplit:
     """A fold that leaves points of one muscle out; of these, those with tension are scored."""
     test = record.select(out)
-    return Fold(name, (record.select(~out),), (test,), (test.outputs["tension"] > 0.0,))
+    return DataSplit(name, (record.select(~out),), (test,), (test.outputs["tension"] > 0.0,))
 
 
-def _each_value_out(record: BenchmarkRecord, quantity: str, unit: float, text: str) -> list[Fold]:
+def _each_value_out(record: BenchmarkRecord, quantity: str, unit: float, text: str) -> list[DataSplit]:
     """A fold for each value of an input at which tension was measured."""
     values = record.inputs[quantity]
     taut = record.outputs["tension"] > 0.0
@@ -118,22 +118,22 @@ def _each_value_out(record: BenchmarkRecord, quantity: str, unit: float, text: s
     ]
 
 
-def _pressure_out(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
+def _pressure_out(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     bar = to_si(1.0, "bar", "Pa", field="pressure")
     return tuple(fold for record in _maps(located) for fold in _each_value_out(record, "pressure", bar, "bar"))
 
 
-def _length_out(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
+def _length_out(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     return tuple(fold for record in _maps(located) for fold in _each_value_out(record, "length", 1e-3, "mm"))
 
 
-def _above(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
+def _above(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     return tuple(
         _left_out(record, record.inputs["pressure"] > TRAINED_BELOW, record.muscle) for record in _maps(located)
     )
 
 
-def _sheet(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
+def _sheet(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     record = replace(_table(located[0][0], "DMSP-20-300"), name="DMSP-20 sheet", muscle="DMSP-20 sheet")
     return tuple(_each_value_out(record, "pressure", to_si(1.0, "bar", "Pa", field="pressure"), "bar"))
 
@@ -145,7 +145,7 @@ def _ten_millimetres(rest: float) -> dict[str, float]:
     return _dimensions("DMSP-10-250") | {"rest_length": rest}
 
 
-def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
+def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     points = read_force_map(located[0][0], pressure_zero=AARL_ZERO)
     rests = np.zeros(0) if points.rest_length is None else points.rest_length
     records = [
@@ -157,13 +157,13 @@ def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[Fold, ...]:
 
 def _muscle_out(
     records: Sequence[BenchmarkRecord], scored: Callable[[BenchmarkRecord], np.ndarray]
-) -> tuple[Fold, ...]:
+) -> tuple[DataSplit, ...]:
     """A fold for each muscle: all its records are left out."""
     folds = []
     for muscle in dict.fromkeys(record.muscle for record in records):
         train = tuple(record for record in records if record.muscle != muscle)
         test = tuple(record for record in records if record.muscle == muscle)
-        folds.append(Fold(muscle, train, test, tuple(scored(record) for record in test)))
+        folds.append(DataSplit(muscle, train, test, tuple(scored(record) for record in test)))
     return tuple(folds)
 
 
@@ -177,10 +177,10 @@ THREE_MUSCLES = (
 )
 ON_MAPS = "The exponent and the inactive share of `hyperelastic_braid` were chosen on these two maps."
 
-TASKS: dict[str, Task] = {
+TASKS: dict[str, BenchmarkTask] = {
     task.name: task
     for task in (
-        Task(
+        BenchmarkTask(
             "map-pressure-out",
             "Force maps, a pressure left out",
             "tension from length and pressure",
@@ -189,7 +189,7 @@ TASKS: dict[str, Task] = {
             _pressure_out,
             note=f"{TWO_MUSCLES} {ON_MAPS}",
         ),
-        Task(
+        BenchmarkTask(
             "map-above-4-bar",
             "Force maps, above 4 bar",
             "tension from length and pressure",
@@ -198,7 +198,7 @@ TASKS: dict[str, Task] = {
             _above,
             note=f"{TWO_MUSCLES} {ON_MAPS}",
         ),
-        Task(
+        BenchmarkTask(
             "map-length-out",
             "Force maps, a length left out",
             "tension from length and pressure",
@@ -207,7 +207,7 @@ TASKS: dict[str, Task] = {
             _length_out,
             note=f"{TWO_MUSCLES} {ON_MAPS}",
         ),
-        Task(
+        BenchmarkTask(
             "data-sheet",
             "Data sheet of a DMSP-20, a pressure left out",
             "tension from length and pressure",
@@ -216,7 +216,7 @@ TASKS: dict[str, Task] = {
             _sheet,
             note=ONE_MUSCLE,
         ),
-        Task(
+        BenchmarkTask(
             "other-lengths",
             "10 mm muscles of three lengths, one muscle left out",
             "tension from length, pressure and rest length, static",
@@ -229,7 +229,7 @@ TASKS: dict[str, Task] = {
 }
 
 
-def task(name: str) -> Task:
+def task(name: str) -> BenchmarkTask:
     """A task by its name.
 
     Raises:

@@ -30,7 +30,7 @@ ANCHOR = 0.175  # of a muscle from the joint that it turns [m]
 FULL = 6e5  # gauge pressure at which the gas is drawn darkest [Pa]
 
 
-class Place(NamedTuple):
+class PointInPicture(NamedTuple):
     """A point [m], and the direction of a part that begins there, counter-clockwise from straight down [rad]."""
 
     x: float
@@ -115,7 +115,7 @@ class MechanismPicture:
     def _draw_weight(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         hook = -seen["position"] - 2.0 * FITTING
         _hatched(ax, (-0.05, 0.0), (0.05, 0.0), 0.008)
-        self._draw_muscle(ax, "muscle", Place(0.0, 0.0, 0.0), 0.0, -hook, seen)
+        self._draw_muscle(ax, "muscle", PointInPicture(0.0, 0.0, 0.0), 0.0, -hook, seen)
         _box(ax, (-0.03, hook - 0.05), 0.06, 0.05, SUNKEN)
         if "position" in wanted:
             ax.plot(
@@ -129,7 +129,9 @@ class MechanismPicture:
 
     def _draw_plate(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         _hatched(ax, (0.0, -0.04), (0.0, 0.04), -0.008)
-        self._draw_muscle(ax, "muscle", Place(0.0, 0.0, 0.5 * math.pi), 0.0, seen["span"] + 2.0 * FITTING, seen)
+        self._draw_muscle(
+            ax, "muscle", PointInPicture(0.0, 0.0, 0.5 * math.pi), 0.0, seen["span"] + 2.0 * FITTING, seen
+        )
         _box(ax, (seen["span"] + 2.0 * FITTING, -0.03), 0.008, 0.06, INK_3)
         low, tall = -0.095, 0.04
         _box(ax, (0.05, low), 0.012, tall, "none")
@@ -142,33 +144,39 @@ class MechanismPicture:
         arms = _arms(self.system)
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
         if "angle" in wanted:
-            self._draw_wanted_limb(ax, Place(0.0, 0.0, wanted["angle"]), 0.13)
+            self._draw_wanted_limb(ax, PointInPicture(0.0, 0.0, wanted["angle"]), 0.13)
         self._draw_hinge(
-            ax, Place(0.0, 0.0, 0.0), seen["angle"], arms, {"flexor": "flexor", "extensor": "extensor"}, seen
+            ax, PointInPicture(0.0, 0.0, 0.0), seen["angle"], arms, {"flexor": "flexor", "extensor": "extensor"}, seen
         )
-        _limb(ax, Place(0.0, 0.0, seen["angle"]), 0.13)
+        _limb(ax, PointInPicture(0.0, 0.0, seen["angle"]), 0.13)
 
-    def _draw_wanted_limb(self, ax: Axes, place: Place, length: float) -> None:
+    def _draw_wanted_limb(self, ax: Axes, place: PointInPicture, length: float) -> None:
         x, y = place.at(0.0, length)
         ax.plot([place.x, x], [place.y, y], color=COLOURS["length"], lw=1.6, ls=(0, (4, 2.3)), zorder=2)
 
     def _draw_chain(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float], chain: Chain) -> None:
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
-        place = Place(0.0, 0.0, 0.0)
+        place = PointInPicture(0.0, 0.0, 0.0)
         for k, link in enumerate(chain.links, 1):
             muscles = {side: f"{side}_{k}" for side in ("flexor", "extensor") if f"{side}_{k}" in self.shapes}
             angle, length = seen[f"angle_{k}"], in_si(link.length, "m", "length")
             self._draw_hinge(ax, place, angle, _arms(link), muscles, seen)
-            limb = Place(place.x, place.y, place.direction + angle)
+            limb = PointInPicture(place.x, place.y, place.direction + angle)
             _limb(ax, limb, length)
-            place = Place(*limb.at(0.0, length), limb.direction)
+            place = PointInPicture(*limb.at(0.0, length), limb.direction)
         if {"tip_across", "tip_height"} <= set(wanted):
             goal = wanted["tip_across"], wanted["tip_height"]
             ax.plot(*goal, "o", ms=13.0, mfc="none", mec=COLOURS["length"], mew=1.8, zorder=9)
         ax.plot(place.x, place.y, "o", ms=5.0, color=INK, zorder=9)
 
     def _draw_hinge(
-        self, ax: Axes, base: Place, angle: float, arms: tuple[float, float], muscles: Mapping[str, str], seen: Any
+        self,
+        ax: Axes,
+        base: PointInPicture,
+        angle: float,
+        arms: tuple[float, float],
+        muscles: Mapping[str, str],
+        seen: Any,
     ) -> None:
         """A pulley at a joint, with its muscles beside the part that it hangs from."""
         from matplotlib.patches import Circle
@@ -177,15 +185,15 @@ class MechanismPicture:
             if side not in muscles:
                 continue
             across = arm if side == "flexor" else -arm
-            top = Place(*base.at(across, -ANCHOR), base.direction)
+            top = PointInPicture(*base.at(across, -ANCHOR), base.direction)
             self._draw_muscle(ax, muscles[side], top, 0.0, ANCHOR, seen)
             turned = np.linspace(0.5 * math.pi * math.copysign(1.0, across), angle, 25)
-            round_it = [Place(base.x, base.y, base.direction + one).at(0.0, arm) for one in turned]
+            round_it = [PointInPicture(base.x, base.y, base.direction + one).at(0.0, arm) for one in turned]
             ax.plot(*zip(*round_it, strict=True), color=INK, lw=1.2, zorder=4)
         ax.add_patch(Circle((base.x, base.y), 0.96 * min(arms), fc=SUNKEN, ec=INK_3, lw=0.9, zorder=3))
 
     def _draw_muscle(
-        self, ax: Axes, name: str, place: Place, begin: float, end: float, seen: Mapping[str, float]
+        self, ax: Axes, name: str, place: PointInPicture, begin: float, end: float, seen: Mapping[str, float]
     ) -> None:
         """A muscle that hangs at a place, and the cord from its lower end on [m]."""
         from matplotlib.transforms import Affine2D
@@ -257,7 +265,7 @@ def _box(ax: Axes, corner: tuple[float, float], width: float, height: float, col
     ax.add_patch(Rectangle(corner, width, height, fc=colour, ec=INK, lw=0.9, zorder=6))
 
 
-def _limb(ax: Axes, place: Place, length: float) -> None:
+def _limb(ax: Axes, place: PointInPicture, length: float) -> None:
     x, y = place.at(0.0, length)
     ax.plot([place.x, x], [place.y, y], color=INK_3, lw=7.0, solid_capstyle="round", zorder=2.5, alpha=0.8)
     ax.plot(place.x, place.y, "o", ms=4.5, color=INK, zorder=7)
