@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .._lazy import lazy_submodules
 from .model import MODELS, BenchmarkModel, model_names, new_model
 from .records import BenchmarkRecord, DataSplit
 from .run import BenchmarkResult, benchmark, run_task
@@ -23,3 +24,5 @@ __all__ = [
     "run_task",
     "task",
 ]
+
+lazy_submodules(__name__)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .. import __version__
-from ..benchmarking import TASKS, BenchmarkResult
-from ..benchmarking.page import COLUMNS, page, rows
-from ..benchmarking.run import benchmark, stages
+from .. import __version__, benchmarking
 from ..documents import write_text
 from ._outputs import OBJECT, OutputKinds, Paths
 from ._progress import progress
 from ._terminal import Json, print_json, table
+
+if TYPE_CHECKING:
+    from ..benchmarking import BenchmarkResult
 
 OUT = OutputKinds(page=(".md",), result=OBJECT)
 
@@ -48,9 +48,9 @@ def run_benchmark(
         _list(as_json=as_json)
         return
     with OUT.files(out) as files:
-        with progress("benchmark", stages(model or (), task or ())) as advance:
-            result = benchmark(model or (), tasks=task or (), folder=data, progress=advance)
-        files.write("page", lambda path: write_text(path, page(result, version=__version__)))
+        with progress("benchmark", benchmarking.run.stages(model or (), task or ())) as advance:
+            result = benchmarking.benchmark(model or (), tasks=task or (), folder=data, progress=advance)
+        files.write("page", lambda path: write_text(path, benchmarking.page.page(result, version=__version__)))
         content = result.to_dict()
         files.write_result(content)
         if as_json:
@@ -63,20 +63,23 @@ def run_benchmark(
 def _list(*, as_json: bool) -> None:
     if as_json:
         fields = ("title", "predicts", "split", "ships", "note")
-        print_json({"tasks": [{"name": n} | {f: getattr(t, f) for f in fields} for n, t in TASKS.items()]})
+        print_json({"tasks": [{"name": n} | {f: getattr(t, f) for f in fields} for n, t in benchmarking.TASKS.items()]})
         return
-    cells = [[name, one.predicts, one.split, "ships" if one.ships else "does not ship"] for name, one in TASKS.items()]
+    cells = [
+        [name, one.predicts, one.split, "ships" if one.ships else "does not ship"]
+        for name, one in benchmarking.TASKS.items()
+    ]
     table("Tasks of the benchmark", ["task", "predicted", "left out", "data"], cells)
 
 
 def _show(result: BenchmarkResult) -> None:
     """Print a table per task, with the models that have no result and the tasks without data."""
     for name in result.tasks:
-        one = TASKS[name]
+        one = benchmarking.TASKS[name]
         table(
             f"{one.title}: errors as shares of the largest tension",
-            list(COLUMNS),
-            rows(result, name),
+            list(benchmarking.page.COLUMNS),
+            benchmarking.page.rows(result, name),
             right=range(1, 5),
         )
         for model, reason in result.refused(name).items():
