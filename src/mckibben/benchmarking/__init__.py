@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .._lazy import lazy_submodules
 from .model import MODELS, BenchmarkModel, model_names, new_model
 from .records import BenchmarkRecord, DataSplit
 from .run import BenchmarkResult, benchmark, run_task
 from .scores import TaskScore
 from .tasks import TASKS, BenchmarkTask, task
+
+if TYPE_CHECKING:
+    from . import page as page
 
 __all__ = [
     "MODELS",
