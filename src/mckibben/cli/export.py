@@ -82,4 +82,4 @@ def export_part(
     commands = ", ".join(part.commands) or "none"
     typer.echo(f"Muscles {', '.join(part.muscles)}; commands {commands}.")
     felt = ", ".join(f"{1e3 * mass:.3g} g at {1e3 * h:g} ms" for h, mass in masses.items())
-    typer.echo(f"Smallest mass at the end of a muscle that an explicit step can move: {felt}.")
+    typer.echo(f"Estimate of the smallest mass at the end of a muscle that an explicit step can move: {felt}.")

@@ -360,7 +360,10 @@ class Part:
         return other
 
     def smallest_masses(self) -> dict[float, float]:
-        """Smallest mass [kg] felt at the end of a muscle that hosts can move, by their step [s]."""
+        """Estimate of the smallest mass [kg] felt at the end of a muscle that hosts can move, by their step [s].
+
+        Conformance tests of hosts found up to 1.45 times as much, at 1 ms.
+        """
         return {h: self.slope(h) * h * h for h in STEPS_OF_HOSTS}
 
 

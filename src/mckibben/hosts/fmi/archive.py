@@ -201,7 +201,7 @@ over the step, and the coupling is of second order. Steps in parallel, with the 
 energy into the mechanism.</li>
 <li>Set <code>staggered</code> to 1 if the mechanism is integrated by the semi-implicit Euler method.</li>
 <li>The part begins at rest at the spans and commands of the initialization.</li>
-<li>Smallest mass at the end of a muscle that an explicit step can move: STEPS.</li>
+<li>Estimate of the smallest mass at the end of a muscle that an explicit step can move: STEPS.</li>
 </ul>
 <p>Names, units and limits of all variables are in <code>modelDescription.xml</code>; the C sources and a CMake file are in
 <code>sources</code>.</p>
