@@ -322,9 +322,15 @@ def test_a_stop_is_told_once_and_stays_what_ended_the_run_after_a_reset(bench, u
     page.keyboard.press("Escape")
     until(lambda: status(page)["shape"] == "tripped" and not status(page).get("running"), 30.0)
     says(page, "#log", "Recorded as long-", "up to the stop")
-    log = page.evaluate("window.lab.lab.log.map(m => ({time: m.time, text: m.text, number: m.number}))")
-    begun = max(m["number"] for m in log if m["text"].startswith("Started"))
-    run = [m for m in log if m["number"] >= begun]
+
+    def messages_of_the_run():
+        log = page.evaluate("window.lab.lab.log.map(m => ({time: m.time, text: m.text, number: m.number}))")
+        begun = max(m["number"] for m in log if m["text"].startswith("Started"))
+        return [m for m in log if m["number"] >= begun]
+
+    # The state is sent before the messages, and the list of an earlier run may still be on the page.
+    until(lambda: any("up to the stop" in m["text"] for m in messages_of_the_run()), 30.0)
+    run = messages_of_the_run()
     (stop,) = [m for m in run if "emergency stop at" in m["text"].lower()]
     assert not [m for m in run if "began" in m["text"] and m["number"] > stop["number"]]
     says(page, "#pl", "ended by the emergency stop")
