@@ -35,9 +35,9 @@ WANTED = {"frames_per_second": (">=", 50.0), "server_share": ("<=", 0.30), "page
 def serve(folder: str) -> None:
     """The server with a machine that makes its samples for nothing; in a process of its own."""
     import numpy as np
+    from mckibben.web.laboratory import Laboratory
 
     from mckibben.web.bench import Bench
-    from mckibben.web.laboratory import Laboratory
     from mckibben.web.server import listen
     from mckibben.web.server import serve as go
 

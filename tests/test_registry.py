@@ -1,4 +1,4 @@
-"""Kinds by name: those of an installed package are found where the laboratory's own are."""
+"""Kinds by name: those of an installed package are found like those of this package."""
 
 import importlib.metadata
 

@@ -82,7 +82,7 @@ def _quiet(message) -> bool:
 
 @pytest.fixture
 def status():
-    """What a page knows of the laboratory."""
+    """What a page knows of the machine."""
     return lambda page: page.evaluate("window.lab.lab.status")
 
 

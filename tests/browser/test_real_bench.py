@@ -16,7 +16,7 @@ from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.read import parse_protocol
 from mckibben.recordings import read_recording
 from mckibben.web.bench import Bench, HardwareSpec
-from mckibben.web.laboratory import Laboratory
+from mckibben.web.workspace import Workspace
 
 MOUNTED = """schema = 1
 name = "mounted"
@@ -59,39 +59,39 @@ def mounted():
 
 
 @contextlib.contextmanager
-def laboratory(folder, mounted, **options):
+def open_workspace(folder, mounted, **options):
     """One whose bench is a machine behind a pseudo-terminal."""
     (part,) = mounted.segments()
     machine = SegmentMachine(mounted, 0, part, timing_of(mounted)).at_interface()
     with in_thread(machine, about=About(motor_rest=int(mounted.rig.motor_out.count(0.0))), **options) as device:
         spec = HardwareSpec(f"serial:{device.port}", lock_step=True)
-        lab = Laboratory(folder, functools.partial(Bench, spec=spec))
-        lab.control.join("me")
-        lab.begin()
+        workspace = Workspace(folder, functools.partial(Bench, spec=spec))
+        workspace.control.join("me")
+        workspace.begin()
         try:
-            until(lambda: lab.machine.session.ready, "by hand")
-            yield lab, lab.machine
+            until(lambda: workspace.machine.session.ready, "by hand")
+            yield workspace, workspace.machine
         finally:
-            lab.close()
+            workspace.close()
 
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory, mounted):
     """One for all tests that leave it as it was."""
-    with laboratory(tmp_path_factory.mktemp("real"), mounted) as found:
+    with open_workspace(tmp_path_factory.mktemp("real"), mounted) as found:
         yield found
 
 
 @pytest.fixture
 def at_rest(shared):
     """It, vented, with nothing to be reset."""
-    lab, bench = shared
+    workspace, bench = shared
     bench.control_back()
     if bench.status()["shape"] == "tripped":
-        done(lab, "reset")
-    done(lab, "vent")
+        done(workspace, "reset")
+    done(workspace, "vent")
     until(lambda: bench.session.latest()["pressure"] < 5e3, "vented")
-    return lab, bench
+    return workspace, bench
 
 
 def until(true, what="", longest=120.0):
@@ -107,37 +107,37 @@ def moved(session, span):
     return abs(session.latest()["span"] - span) > 1e-3
 
 
-def done(lab, action, **given):
-    answer = lab.act("me", action, given)
+def done(workspace, action, **given):
+    answer = workspace.act("me", action, given)
     assert answer["ok"], answer
     return answer["said"]
 
 
-def loaded(lab, text):
-    done(lab, "text", text=text)
-    until(lambda: lab.machine.chosen.dry is not None and lab.machine.chosen.dry.passed, "the dry run")
+def loaded(workspace, text):
+    done(workspace, "text", text=text)
+    until(lambda: workspace.machine.chosen.dry is not None and workspace.machine.chosen.dry.passed, "the dry run")
 
 
-def run(lab, text):
+def run(workspace, text):
     """Its recording."""
-    loaded(lab, text)
-    done(lab, "start")
-    return ended(lab)
+    loaded(workspace, text)
+    done(workspace, "start")
+    return ended(workspace)
 
 
-def ended(lab):
+def ended(workspace):
     """The recording of what runs."""
-    until(lambda: lab.machine.running is None, "the end of the run")
-    return read_recording(lab.recordings.folder / lab.machine.ended["file"])
+    until(lambda: workspace.machine.running is None, "the end of the run")
+    return read_recording(workspace.recordings.folder / workspace.machine.ended["file"])
 
 
 def test_a_real_machine_is_operated_by_hand_runs_a_protocol_and_is_by_hand_again(at_rest):
-    lab, bench = at_rest
+    workspace, bench = at_rest
     assert bench.describe()["setup"]["machine"].startswith("serial:")
-    done(lab, "set", pressure="1 bar")
+    done(workspace, "set", pressure="1 bar")
     until(lambda: abs(bench.stream.latest().get("pressure", 0.0) - 1e5) < 5e3, "1 bar by hand")
     assert bench.stream.about["kind"] == "hand" and bench.status()["name"] == "By hand"
-    record = run(lab, SHORT)
+    record = run(workspace, SHORT)
     assert record.meta["result"] == "done", record.meta["message"]
     assert record.meta["hardware"]["lost"] == 0
     assert not any(name.startswith("muscle.") for name in record.channels)  # nobody knows what is true there
@@ -145,87 +145,87 @@ def test_a_real_machine_is_operated_by_hand_runs_a_protocol_and_is_by_hand_again
     i = int(np.argmin(np.abs(record.time - 0.3)))
     assert abs(record["command.pressure"][i] - 2e5) < 4e3 and abs(record["span"][-1] - 0.13) < 3e-4
     assert record.time[0] == 0.0 and bench.stream.about == {"kind": "run", "name": "short"}
-    assert not list(lab.recordings.folder.glob("*.mcap"))  # the log of the run is in the recording
-    held = run(lab, HOLDING)
+    assert not list(workspace.recordings.folder.glob("*.mcap"))  # the log of the run is in the recording
+    held = run(workspace, HOLDING)
     assert held.meta["result"] == "done"
     # what the protocol ended with is held, and shown
     until(lambda: bench.stream.about["kind"] == "hand" and bench.stream.latest().get("pressure", 0.0) > 1.8e5, "held")
-    done(lab, "vent")
+    done(workspace, "vent")
     until(lambda: bench.stream.latest()["pressure"] < 5e3, "vented")
 
 
 def test_its_stops_vent_and_only_an_emergency_has_to_be_reset(at_rest):
-    lab, bench = at_rest
+    workspace, bench = at_rest
     for action in ("stop", "emergency_stop"):
-        loaded(lab, LONG)
-        done(lab, "start")
+        loaded(workspace, LONG)
+        done(workspace, "start")
         until(lambda: bench.running is not None and bench.running.time > 0.5, "half a second of the run")
-        done(lab, action)
-        record = ended(lab)
+        done(workspace, action)
+        record = ended(workspace)
         (event,) = [e for e in record.meta["events"] if "code" in e]
         assert event["code"] == action
         assert record["valve.command"][record.time > event["time"]].max() == 0.0 and record["pressure"][-1] < 2e4
         assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action]
-    refused = lab.act("me", "start")
+    refused = workspace.act("me", "start")
     assert not refused["ok"] and "reset it first" in refused["said"]
-    done(lab, "reset")
-    assert run(lab, SHORT).meta["result"] == "done"
+    done(workspace, "reset")
+    assert run(workspace, SHORT).meta["result"] == "done"
 
 
 def test_a_stop_on_the_way_to_where_a_protocol_begins_leaves_no_run_and_no_file(at_rest):
-    lab, bench = at_rest
+    workspace, bench = at_rest
     for action in ("stop", "emergency_stop"):
-        loaded(lab, FAR)
-        done(lab, "start")
+        loaded(workspace, FAR)
+        done(workspace, "start")
         until(functools.partial(moved, bench.session, bench.session.latest()["span"]), "on its way")
-        done(lab, action)
+        done(workspace, action)
         until(lambda: bench.running is None, "the end")
         assert bench.status()["shape"] == {"stop": "idle", "emergency_stop": "tripped"}[action], bench.session.why
-        assert bench.ended["file"] is None and not list(lab.recordings.folder.glob("far*"))
+        assert bench.ended["file"] is None and not list(workspace.recordings.folder.glob("far*"))
 
 
 def test_what_a_real_machine_cannot_is_refused_in_a_sentence(at_rest):
-    lab, bench = at_rest
+    workspace, bench = at_rest
     for action, given, said in (
         ("pace", {"name": "simulated"}, "own time"), ("rig", {"name": "modern"}, "mckibben serve --rig"),
     ):  # fmt: skip
-        answer = lab.act("me", action, given)
+        answer = workspace.act("me", action, given)
         assert not answer["ok"] and said in answer["said"], action
-    loaded(lab, LONG)
-    done(lab, "start")
+    loaded(workspace, LONG)
+    done(workspace, "start")
     until(lambda: bench.running is not None and bench.running.time > 0.1, "the run")
-    answer = lab.act("me", "pause")
+    answer = workspace.act("me", "pause")
     assert not answer["ok"] and "own time" in answer["said"]
-    done(lab, "stop")
+    done(workspace, "stop")
     until(lambda: bench.running is None, "the end of the run")
 
 
 def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, mounted):
-    with laboratory(tmp_path, mounted, faults=Faults(at={2500: "unplug"})) as (lab, bench):
-        loaded(lab, LONG)
-        done(lab, "start")
+    with open_workspace(tmp_path, mounted, faults=Faults(at={2500: "unplug"})) as (workspace, bench):
+        loaded(workspace, LONG)
+        done(workspace, "start")
         until(lambda: bench.running is None and bench.status()["shape"] == "tripped", "the end of the run")
         assert "unplugged" in bench.session.why
         record = read_recording(tmp_path / bench.ended["file"])
         assert record.meta["events"][-1]["code"] == "lost_line" and len(record) > 500
         # another try ends with a sentence too, for the line is still gone
-        done(lab, "reset")
+        done(workspace, "reset")
         until(lambda: bench.status()["shape"] == "tripped" and "serial" in bench.session.why, "the second try")
 
 
 def test_a_machine_whose_process_ends_is_told_to_be_lost_and_can_be_had_again(at_rest):
-    lab, bench = at_rest
+    workspace, bench = at_rest
     os.kill(bench.session.process, signal.SIGKILL)
     until(lambda: bench.status()["shape"] == "tripped", "the trip")
     assert "the process that had the machine ended" in bench.session.why
-    done(lab, "reset")
+    done(workspace, "reset")
     until(lambda: bench.session.ready, "by hand again")
-    assert bench.status()["shape"] == "idle" and run(lab, SHORT).meta["result"] == "done"
+    assert bench.status()["shape"] == "idle" and run(workspace, SHORT).meta["result"] == "done"
 
 
 def test_when_nobody_is_in_control_a_real_machine_vents_after_5_s_of_its_own(at_rest):
-    lab, bench = at_rest
-    done(lab, "set", pressure="1 bar")
+    workspace, bench = at_rest
+    done(workspace, "set", pressure="1 bar")
     until(lambda: bench.stream.latest().get("pressure", 0.0) > 0.9e5, "1 bar by hand")
     bench.control_lost()
     until(lambda: bench.stream.latest()["pressure"] < 5e3, "vented")

@@ -17,7 +17,7 @@ import mckibben
 from lanewise import ArgumentError, Program, cache
 from mckibben.cli import main
 from mckibben.documents import ErrorKeepingFile, write_whole
-from mckibben.engine import native  # noqa: F401 - its programs are kept where the variable of the laboratory says
+from mckibben.engine import native  # noqa: F401 - its programs are kept where the environment variable says
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.recordings.live_log import LiveLog

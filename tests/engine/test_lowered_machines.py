@@ -1,4 +1,4 @@
-"""Kernels of the laboratory's own systems against XLA, over states that no run visits: slack, choked, reversed, at stops."""
+"""Kernels of the package's own systems against XLA, over states that no run visits: slack, choked, reversed, at stops."""
 
 import jax
 import jax.numpy as jnp

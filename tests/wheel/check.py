@@ -1,7 +1,7 @@
 """What a person gets who installs the wheels and nothing else: `make wheel`.
 
-Wheels and source archives of the laboratory and of its compiler are built. The compiler is installed alone into an empty
-environment, where the example of its README runs; then the laboratory without extras, and every command is called there.
+Wheels and source archives of mckibben and of its compiler are built. The compiler is installed alone into an empty
+environment, where the example of its README runs; then mckibben without extras, and every command is called there.
 It works; or it says in one sentence, before it computes anything, which extra or which file it needs, and ends with exit
 code 2. A command that is not in `CALLS` is an error, so that a new one cannot be forgotten.
 
@@ -264,7 +264,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="mckibben-wheel-") as name:
         place = Path(name)
         compiler, wrong = built(COMPILER, "lanewise", ("README.md", "LICENSE"), place / "compiler")
-        wheel, more = built(ROOT, "mckibben", KEPT, place / "laboratory")
+        wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
         wrong += more
         python = environment(place / "venv")
         install(python, compiler)
@@ -332,7 +332,7 @@ def install(python: Path, *wheels: Path) -> None:
 
 
 def example_runs(python: Path, place: Path) -> list[str]:
-    """Run the first example of the compiler's README, and see that the compiler came without the laboratory."""
+    """Run the first example of the compiler's README, and see that the compiler came without mckibben."""
     example = re.search(
         r"^```python\n(.*?)^```", (COMPILER / "README.md").read_text(encoding="utf-8"), flags=re.M | re.S
     )

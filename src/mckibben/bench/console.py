@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from typing import Protocol as Interface
 
 from ..assembly.signal_table import read_points
-from ..errors import InputError, not_found
+from ..errors import InputError, not_found, shortened
 from ..experiments.amounts import CHANNELS
 from ..experiments.dry_run import check
 from ..experiments.protocol import Protocol
@@ -102,7 +102,8 @@ def words_of(line: str) -> list[str]:
 
 def usage(name: str, words: list[str]) -> InputError:
     """Return the error for wrong arguments of a command."""
-    return InputError(name, " ".join(words) or "alone", f"must be {COMMANDS[name].usage}")
+    right, line = COMMANDS[name].usage, " ".join([name, *words])
+    return InputError(name, line, f"must be {right}", sentence=f"Usage: {right}, got {shortened(repr(line))}")
 
 
 PROTOCOL = ".toml"
@@ -226,7 +227,7 @@ class CommandInterpreter(abc.ABC):
 
         Raises:
             InputError: one clear line; the console stays as it is.
-            MckibbenError: what the laboratory could not do.
+            MckibbenError: an error of the command, such as a lost machine.
         """
         words = words_of(line)
         if not words:

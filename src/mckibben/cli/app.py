@@ -241,7 +241,7 @@ class CommandGroup(typer.core.TyperGroup):
 app = typer.Typer(
     name="mckibben",
     cls=CommandGroup,
-    help="A laboratory for McKibben pneumatic artificial muscles.",
+    help="Models, test bench and analysis for McKibben pneumatic artificial muscles.",
     context_settings=NAMES,
     no_args_is_help=True,
     add_completion=False,
@@ -262,7 +262,7 @@ def options(
         bool, typer.Option("--version", help="Print the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """A laboratory for McKibben pneumatic artificial muscles."""
+    """Models, test bench and analysis for McKibben pneumatic artificial muscles."""
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -53,8 +53,8 @@ def serve_screen(
     for name in NEEDED:
         library(name, "The web interface needs")
     from ..web.bench import Bench, HardwareSpec  # these import what comes with the extra
-    from ..web.laboratory import Laboratory
     from ..web.server import listen, serve
+    from ..web.workspace import Workspace
 
     hardware.connect.check_connection(machine)
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
@@ -70,5 +70,5 @@ def serve_screen(
         typer.echo("Preparing the web interface ..", err=True)
         # Texts of a browser may name files: code comes from the folders that the owner has chosen only.
         limit_folders([".", *filter(None, os.environ.get(FOLDER_VARIABLE, "").split(os.pathsep))])
-        lab = Laboratory(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
-        serve(lab, line, host, show=show, tell=typer.echo)
+        workspace = Workspace(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
+        serve(workspace, line, host, show=show, tell=typer.echo)

@@ -75,7 +75,7 @@ def _is_number(leaf: Any) -> bool:
 
 
 def _kernel(method: Callable[..., Tree], owner: Any, structure: Any, count: int) -> tuple[Program, Tree]:
-    """The program of a method, and a tree like its results; what cannot be lowered is refused again without a trial."""
+    """The program of a method, and a tree like its results; what could not be lowered once raises at once."""
     key = (method, structure)
     known = _known.get(key)
     if known is None:

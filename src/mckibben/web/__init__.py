@@ -1,1 +1,1 @@
-"""The web interface: one server, eight pages, one state; `laboratory` is that state, `server` serves it."""
+"""The web interface: one server, eight pages, one state; `workspace` is that state, `server` serves it."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..documents import JsonValue, parse_json
 from .identity import PageRegistry
-from .laboratory import Laboratory
+from .workspace import Workspace
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
@@ -23,7 +23,7 @@ BEAT = 0.1  # time between two states while something moves [s]
 LONGEST = 200_000  # characters of an action
 FIRST = 10.0  # time for which a new line may say nothing [s]
 RATE, BURST = 200.0, 400.0  # messages of a page per second, and at once, beyond which they are read later
-AT_ONCE = 32  # actions of a page that are not answered yet, beyond which more are refused; stops have their own count
+AT_ONCE = 32  # actions of a page that are not answered yet, beyond which more get an error; stops have their own count
 STOPS = ("emergency_stop", "stop")
 SILENT, REPLACED = 4408, 4409  # codes with which a line is closed, beside those of `guard`
 _STOPS = ThreadPoolExecutor(2, thread_name_prefix="stop")  # nothing else may keep a stop waiting
@@ -34,12 +34,12 @@ class Lines:
     """Sockets of all pages; every page has an identity, and one socket.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         served: address and version, for the footer.
     """
 
-    def __init__(self, lab: Laboratory, served: dict[str, str]) -> None:
-        self.lab, self.served, self.registry = lab, served, PageRegistry()
+    def __init__(self, workspace: Workspace, served: dict[str, str]) -> None:
+        self.workspace, self.served, self.registry = workspace, served, PageRegistry()
         self._open: dict[str, PageConnection] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
@@ -55,7 +55,7 @@ class Lines:
         except WebSocketDisconnect:
             return
         page, secret = self.registry.admit(str(hello.get("secret", ""))[:100])
-        line = PageConnection(socket, self.lab, page, lambda: self.registry.confirm(page))
+        line = PageConnection(socket, self.workspace, page, lambda: self.registry.confirm(page))
         line.remember(hello)
         before, self._open[page] = self._open.get(page), line
         if before is not None:  # a line that the page lost, of which the server has not heard
@@ -70,9 +70,9 @@ class Lines:
 
     def _saved(self, hello: dict[str, JsonValue]) -> str | None:
         """Name of the file into which an earlier server saved its run, for a page that was connected to it."""
-        if not hello.get("server") or hello["server"] == self.lab.server:
+        if not hello.get("server") or hello["server"] == self.workspace.server:
             return None
-        return self.lab.saved_before(str(hello.get("file") or ""))
+        return self.workspace.saved_before(str(hello.get("file") or ""))
 
 
 class PageConnection:
@@ -80,15 +80,15 @@ class PageConnection:
 
     Args:
         socket: accepted.
-        lab: state of the server.
+        workspace: state of the server.
         page: public name of its identity.
         confirmed: called when the page has its new secret.
     """
 
     def __init__(
-        self, socket: WebSocket, lab: Laboratory, page: str, confirmed: Callable[[], None] = lambda: None
+        self, socket: WebSocket, workspace: Workspace, page: str, confirmed: Callable[[], None] = lambda: None
     ) -> None:
-        self.socket, self.lab, self.page, self._confirmed = socket, lab, page, confirmed
+        self.socket, self.workspace, self.page, self._confirmed = socket, workspace, page, confirmed
         self.stream = False
         self._seen, self._told = (0, 0), 0
         self._moving, self._stops, self._acts = False, 0, 0
@@ -97,7 +97,7 @@ class PageConnection:
     def remember(self, hello: dict[str, JsonValue]) -> None:
         """Store what the page has already; a page of another server has nothing."""
         self.stream = bool(hello.get("stream"))
-        if hello.get("server") == self.lab.server:
+        if hello.get("server") == self.workspace.server:
             self._seen = (_whole(hello.get("epoch")), _whole(hello.get("seen")))
             self._told = _whole(hello.get("log"))
 
@@ -105,9 +105,9 @@ class PageConnection:
         """Greet the page, and serve it until its socket closes."""
         from starlette.websockets import WebSocketDisconnect
 
-        await self._send({"type": "hello", "server": self.lab.server, **hello})
-        self.lab.control.join(self.page)
-        self.lab.changed()
+        await self._send({"type": "hello", "server": self.workspace.server, **hello})
+        self.workspace.control.join(self.page)
+        self.workspace.changed()
         both = [asyncio.create_task(self._hear()), asyncio.create_task(self._tell())]
         try:
             await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
@@ -117,8 +117,8 @@ class PageConnection:
             for one in await asyncio.gather(*both, return_exceptions=True):
                 if isinstance(one, Exception) and not isinstance(one, WebSocketDisconnect | RuntimeError):
                     LOGGER.error("a page lost its line", exc_info=one)  # it comes back by itself
-            self.lab.control.leave(self.page)
-            self.lab.changed()
+            self.workspace.control.leave(self.page)
+            self.workspace.changed()
 
     async def end(self, code: int, reason: str) -> None:
         """Close the socket."""
@@ -144,18 +144,18 @@ class PageConnection:
             if "shown" in asked:
                 # what is drawn after somebody wanted a stop lets the machine go no further
                 if not self._stops:
-                    self.lab.shown(self.page, _whole(asked.get("epoch")), _whole(asked["shown"]))
+                    self.workspace.shown(self.page, _whole(asked.get("epoch")), _whole(asked["shown"]))
                 continue
             action, words = str(asked.get("act", "")), asked.get("words")
             arguments = {str(k): v for k, v in words.items()} if isinstance(words, dict) else {}
             stops = action in STOPS
             if (self._stops if stops else self._acts) >= AT_ONCE:
-                said = f"refused: {AT_ONCE} requests of this page have no answer yet"
+                said = f"too many requests: {AT_ONCE} of this page have no answer yet"
                 await self._send({"type": "answer", "id": asked.get("id"), "ok": False, "said": said})
                 continue
             self._stops += stops
             self._acts += not stops
-            future = loop.run_in_executor(_STOPS if stops else _ACTS, self.lab.act, self.page, action, arguments)
+            future = loop.run_in_executor(_STOPS if stops else _ACTS, self.workspace.act, self.page, action, arguments)
             task = asyncio.create_task(self._answer(asked.get("id"), future, stops))
             tasks.add(task)
             task.add_done_callback(tasks.discard)
@@ -180,11 +180,11 @@ class PageConnection:
             pass  # whoever listens to it ends
 
     async def _tell(self) -> None:
-        machine, stream, clock = self.lab.machine, self.lab.machine.stream, asyncio.get_running_loop().time
+        machine, stream, clock = self.workspace.machine, self.workspace.machine.stream, asyncio.get_running_loop().time
         version, beat = None, 0.0
         while True:
-            if self.lab.version != version or (self._moving and clock() - beat > BEAT):
-                version, beat = self.lab.version, clock()
+            if self.workspace.version != version or (self._moving and clock() - beat > BEAT):
+                version, beat = self.workspace.version, clock()
                 await self._new(machine, stream)
             if self.stream:
                 data, epoch, count = stream.frame(*self._seen)
@@ -194,13 +194,13 @@ class PageConnection:
             await asyncio.sleep(TICK)
 
     async def _new(self, machine: Any, stream: Any) -> None:
-        status = self.lab.told()
+        status = self.workspace.told()
         self._moving = '"moving":true' in status
         for name, part in machine.describe().items():
             if self._kept.get(name) is not part:
                 self._kept[name] = part
                 await self._send({"type": "part", "name": name, "part": part})
-        for kind, one in (("epoch", stream.head()), ("toasts", self.lab.toasts.plain())):
+        for kind, one in (("epoch", stream.head()), ("toasts", self.workspace.toasts.plain())):
             key = _key(one) if kind == "toasts" else one
             if self._kept.get(kind) != key:
                 self._kept[kind] = key

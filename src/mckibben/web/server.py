@@ -20,7 +20,6 @@ from .. import __version__
 from ..errors import InputError, MckibbenError
 from .elements import Documents
 from .guard import Guard, is_loopback
-from .laboratory import Laboratory
 from .live import Lines
 from .pages import bench as bench_page
 from .pages.bench import measured_data
@@ -29,17 +28,18 @@ from .save import LARGEST_CHART, sent_figure
 from .shelf import LARGEST, check_size
 from .shell import HOME, PAGES, written
 from .transfers import IncomingFile
+from .workspace import Workspace
 
 LOOK = 0.25  # time between two looks at what time alone brings about [s]
 MOST_NAMES = 200  # of files that a list offers
 UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not known any more
 
 
-def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Guard:
+def build(workspace: Workspace, host: str, port: int, token: str | None = None) -> Guard:
     """Build the application, guarded.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         host: address that the server listens on.
         port: port number.
         token: that is requested; a new one by default.
@@ -50,26 +50,26 @@ def build(lab: Laboratory, host: str, port: int, token: str | None = None) -> Gu
 
     @contextlib.asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        lab.begin()
-        ticking = asyncio.create_task(_tick(lab))
+        workspace.begin()
+        ticking = asyncio.create_task(_tick(workspace))
         try:
             yield
         finally:
             ticking.cancel()
             documents.close_all()
-            lab.end_work()  # before the loop waits for the threads that wait for it
+            workspace.end_work()  # before the loop waits for the threads that wait for it
 
-    routes = [*_bench_routes(lab, host, port), *_page_routes(lab, documents)]
+    routes = [*_bench_routes(workspace, host, port), *_page_routes(workspace, documents)]
     return Guard(Starlette(routes=routes, lifespan=life), host, port, token)
 
 
-async def _tick(lab: Laboratory) -> None:
+async def _tick(workspace: Workspace) -> None:
     while True:
-        lab.tick()
+        workspace.tick()
         await asyncio.sleep(LOOK)
 
 
-def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
+def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
     """Routes of the pages, their sockets, uploads and downloads."""
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, PlainTextResponse, Response
@@ -82,7 +82,7 @@ def _page_routes(lab: Laboratory, documents: Documents) -> list[Any]:
             build_page = (await asyncio.to_thread(importlib.import_module, f".pages.{module}", __package__)).build
             opened = documents.open()
             with opened.root:
-                build_page(lab, request)
+                build_page(workspace, request)
             return HTMLResponse(written(opened), headers={"cache-control": "no-store"})
 
         return show
@@ -130,7 +130,7 @@ def _static(name: str) -> str:
     return str(resources.files(__package__) / "static" / name)
 
 
-def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
+def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
     """Routes of the bench page, the socket of samples, the emergency stop, recordings, and static files."""
     from starlette.requests import Request
     from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
@@ -138,7 +138,7 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
     from starlette.staticfiles import StaticFiles
     from starlette.websockets import WebSocket
 
-    lines = Lines(lab, {"address": f"{host}:{port}", "version": __version__})
+    lines = Lines(workspace, {"address": f"{host}:{port}", "version": __version__})
 
     async def live(line: WebSocket) -> None:
         await line.accept()
@@ -153,7 +153,7 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
     async def stop(request: Request) -> Response:
         begun = await anext(request.stream(), b"")  # no stop waits for the rest of what is sent
         reason = begun[:80].decode("utf-8", "replace")
-        answer = await asyncio.to_thread(lab.act, "nobody", "emergency_stop", {"reason": reason})
+        answer = await asyncio.to_thread(workspace.act, "nobody", "emergency_stop", {"reason": reason})
         return PlainTextResponse(answer["said"])
 
     async def figure(request: Request) -> Response:
@@ -168,22 +168,22 @@ def _bench_routes(lab: Laboratory, host: str, port: int) -> list[Any]:
         """Answer with the samples of a user's own file, which a POST brings; without a name with those that there are."""
         name, part = (request.query_params.get(key, "") for key in ("name", "part"))
         if not name:
-            return JSONResponse({"names": [*lab.recordings.names(), *lab.uploads.names()][:MOST_NAMES]})
+            return JSONResponse({"names": [*workspace.recordings.names(), *workspace.uploads.names()][:MOST_NAMES]})
         try:
             if request.method == "POST":
                 check_size(name, int(request.headers.get("content-length", 0)), LARGEST)
-                path = await asyncio.to_thread(measured_data.keep, lab, name, await request.body())
+                path = await asyncio.to_thread(measured_data.keep, workspace, name, await request.body())
             else:
-                path = measured_data.find(lab, name)
-            chosen = lab.machine.chosen  # type: ignore[attr-defined]
+                path = measured_data.find(workspace, name)
+            chosen = workspace.machine.chosen  # type: ignore[attr-defined]
             curves = chosen.parts.get("dry", {}).get("curves")
             return JSONResponse(await asyncio.to_thread(measured_data.measured_data, path, part, chosen.spec, curves))
         except MckibbenError as error:
-            return PlainTextResponse(str(error).replace(f"{lab.recordings.folder}/", ""), 400)
+            return PlainTextResponse(str(error).replace(f"{workspace.recordings.folder}/", ""), 400)
 
     async def recording(request: Request) -> Response:
         try:
-            path = lab.recordings.found(request.path_params["name"])
+            path = workspace.recordings.found(request.path_params["name"])
         except InputError as error:
             return PlainTextResponse(f"mckibben: {error}\n", 404)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
@@ -223,11 +223,11 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: Callable[[str], None]) -> None:
+def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, tell: Callable[[str], None]) -> None:
     """Serve until interrupted, then close the machine.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         line: from `listen`.
         host: address as it was requested.
         show: open a browser.
@@ -237,7 +237,7 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
 
     return_large_blocks()
     port = line.getsockname()[1]
-    app = build(lab, host, port)
+    app = build(workspace, host, port)
     shown = f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/?token={app.token}"
     tell(f"The web interface is at {address}")
@@ -262,7 +262,7 @@ def serve(lab: Laboratory, line: socket.socket, host: str, *, show: bool, tell: 
             pass  # the way in which a server ends
         finally:
             tell("Venting ..")
-            lab.close()
+            workspace.close()
 
 
 def leading_to(address: str, folder: Path) -> str:

@@ -14,7 +14,7 @@ from .elements import PageDocument, page_document
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-TITLE = "McKibben muscle laboratory"
+TITLE = "McKibben muscle test bench"
 
 
 class Page(NamedTuple):

@@ -105,7 +105,7 @@ class DeviceContext:
         status = self.session.status()
         if status.state not in (IDLE, MANUAL):
             why = f": {status.why}" if status.why else ""
-            raise InputError(what, None, f"is refused: the machine is {status.doing()}{why}; it works in manual mode")
+            raise InputError(what, None, f"works in manual mode only, and the machine is {status.doing()}{why}")
 
     def let_down(self, reason: str) -> None:
         """Leave nothing under pressure: stop what runs, or vent at the manual rate. Never raises `InputError`."""

@@ -390,31 +390,31 @@ class Session(MachineSession):
             return RUNNING
         return STOPPED if self.why else MANUAL if self._used else IDLE
 
-    def _alive(self, what: str, value: str | None = None) -> None:
+    def _alive(self, what: str) -> None:
         if self._gone:
-            refused = "is refused: " if value is None else ""
-            raise InputError(what, value, f"{refused}the machine is {self._gone}{': ' if self.why else ''}{self.why}")
+            why = f": {self.why}" if self.why else ""
+            raise InputError(what, None, f"is not possible: the machine is {self._gone}{why}")
 
     def _refuse(self, what: str) -> NoReturn:
         problem = "the session was opened for runs only; open it with by_hand=True to operate the machine by hand"
-        raise InputError(what, None, f"is refused: {problem}")
+        raise InputError(what, None, f"is not possible: {problem}")
 
     def _require_ready(self, what: str) -> None:
         """Raise an error unless the machine is sampled."""
         if not self.ready:
             self._refuse(what)
 
-    def _free(self, what: str, value: str = "refused") -> None:
+    def _free(self, what: str) -> None:
         """Raise an error unless the machine is in manual mode."""
-        self._alive(what, value)
+        self._alive(what)
         self._require_ready(what)
         if self._run is not None:
-            raise InputError(what, value, f"{self._run.prepared.protocol.name} is running and sets it; stop it first")
-        self._require_no_stop(what, value)
+            raise InputError(what, None, f"must wait: {self._run.prepared.protocol.name} is running; stop it first")
+        self._require_no_stop(what)
 
-    def _require_no_stop(self, what: str, value: str = "refused") -> None:
+    def _require_no_stop(self, what: str) -> None:
         if self.why:
-            raise InputError(what, value, f"the machine is stopped ({self.why}); reset it first")
+            raise InputError(what, None, f"must wait: the machine is stopped ({self.why}); reset it first")
 
     # ---- by hand
 

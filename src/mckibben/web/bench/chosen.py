@@ -175,9 +175,9 @@ class BenchSelection:
         """
         dry = self.dry
         if dry is None:
-            raise InputError("start", None, "is refused: the dry run is not done yet")
+            raise InputError("start", None, "must wait for the dry run, which is not done yet")
         if dry.prepared is None or not dry.passed:
-            raise InputError("start", None, f"is refused: {dry.plain['findings'][0]['sentence']}")
+            raise InputError("start", None, f"needs a dry run that passes: {dry.plain['findings'][0]['sentence']}")
         return dry.prepared
 
     def again(self) -> str:

@@ -21,7 +21,7 @@ from .states import PACE_NAMES, ended, status_of
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
-    from ..laboratory import Laboratory
+    from ..workspace import Workspace
 
 PACES = {"simulated": None, "real": 1.0, "slow": 0.1}  # over the wall clock; None: as fast as it goes
 GRAIN = 0.004  # a machine that is ahead sleeps at least so long [s], so that pages get their share of the processor
@@ -33,20 +33,20 @@ class Bench:
     """The bench of a server, with one machine, simulated or real.
 
     Args:
-        lab: its laboratory, for the shelves and for news.
+        workspace: state of the server, which has the folders and is told of changes.
         muscle: on it at first; a specimen's id.
         rig: at first, or its name. That of a real machine stays.
         spec: the real machine; None: a simulated one.
     """
 
     def __init__(
-        self, lab: Laboratory, *, muscle: str = "nylon", rig: Rig | str = "paper", spec: HardwareSpec | None = None
+        self, workspace: Workspace, *, muscle: str = "nylon", rig: Rig | str = "paper", spec: HardwareSpec | None = None
     ) -> None:
-        self.lab, self.stream, self.messages = lab, Stream(), Messages()
+        self.workspace, self.stream, self.messages = workspace, Stream(), Messages()
         self.pace, self.clock = "real", Clock(grain=GRAIN)  # of runs on the simulated machine
         self._lock, self.spec = threading.RLock(), spec
         words = "" if spec is None else spec.words
-        self.chosen = BenchSelection(lab.protocols, lab.changed, muscle=muscle, rig=rig, machine=words)
+        self.chosen = BenchSelection(workspace.protocols, workspace.changed, muscle=muscle, rig=rig, machine=words)
         self.chosen.told = self._dried
         self.running: RunController | None = None
         self.vented = False  # by the emergency stop of a page, until the machine is reset
@@ -100,20 +100,20 @@ class Bench:
     # ---- the choice
 
     def _change(self, do: Callable[..., str], *given: Any) -> str:
-        self._require_no_run("the protocol")
+        self._require_no_run("change of the protocol")
         return do(*given)
 
     def _set_up(self, do: Callable[..., str], name: str) -> str:
-        self._require_no_run("muscle and rig")
+        self._require_no_run("change of muscle or rig")
         if self.view.moving:
-            raise InputError("set-up", None, "is refused: the machine moves by hand; vent first")
+            raise InputError("muscle and rig", None, "must wait: the machine is operated by hand; vent first")
         said = do(str(name))
         self.messages.say(f"{self.chosen.words()}.")
         self._open_again()
         return said
 
     def _choose_rig(self, name: str) -> str:
-        self._require_simulated("rig", "it is what the real machine is; another one begins with mckibben serve --rig")
+        self._require_simulated("rig", "is that of the real machine; choose another one by mckibben serve --rig")
         return self._set_up(self.chosen.choose_rig, name)
 
     def _dried(self, dry: DryRun) -> None:
@@ -134,7 +134,7 @@ class Bench:
             caution = "lengths count from the muscle's rest length, at which it is taken to stand"
             self.messages.say(f"Connecting to {words}; {caution}.", kind="caution")
         after = () if self.spec is None else self._closing
-        self.view = ManualView(self.session, rig, self.stream, self.lab.changed, after)
+        self.view = ManualView(self.session, rig, self.stream, self.workspace.changed, after)
 
     def _open_again(self) -> None:
         """Let go of the machine in a separate thread, and take that of the choice."""
@@ -147,32 +147,32 @@ class Bench:
     # ---- what may not be done to the machine as it is
 
     def _require_simulated(
-        self, what: str, otherwise: str = "a real machine has its own time; it can only be stopped"
+        self, what: str, problem: str = "needs a simulated machine; a real one has its own time and can only be stopped"
     ) -> None:
         if self.spec is not None:
-            raise InputError(what, None, f"is refused: {otherwise}")
+            raise InputError(what, None, problem)
 
     def _require_no_run(self, what: str) -> None:
         if self.running is not None:
-            raise InputError(what, None, f"is refused: {self.running.prepared.protocol.name} is running; stop it first")
+            raise InputError(what, None, f"must wait: {self.running.prepared.protocol.name} is running; stop it first")
 
     def _require_idle(self, what: str) -> None:
         self._require_no_run(what)
         if why := self.session.why:
-            raise InputError(what, None, f"is refused: the machine is stopped ({why}); reset it first")
+            raise InputError(what, None, f"must wait: the machine is stopped ({why}); reset it first")
 
     def _require_run(self, what: str) -> RunController:
         if self.running is None:
-            raise InputError(what, None, "is refused: nothing is running")
+            raise InputError(what, None, "needs a run, and nothing is running")
         if self.running.button():
-            raise InputError(what, None, "is refused: the run is being stopped")
+            raise InputError(what, None, "is too late: the run is being stopped")
         return self.running
 
     def _operated(self, what: str, wanted: Iterable[str]) -> MachineSession:
         """Return the session, if somebody may operate it by hand; pages see its samples from now on."""
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
-            raise InputError(what, None, f"is refused: the protocol sets the {names}; stop the run first")
+            raise InputError(what, None, f"must wait: the running protocol sets the {names}; stop it first")
         self._require_idle(what)
         self._require_ready()
         self.view.show()
@@ -209,7 +209,7 @@ class Bench:
             self.running = None
             self.clock.halt(False)
             self.view.hold(False)
-        self.lab.changed()
+        self.workspace.changed()
 
     def pause(self) -> str:
         """Pause the simulated machine."""
@@ -245,7 +245,7 @@ class Bench:
 
     def choose_pace(self, name: str) -> str:
         """Choose the pace of the simulated machine."""
-        self._require_simulated("pace", "a real machine has its own time")
+        self._require_simulated("pace", "can be chosen only for a simulated machine; a real one has its own time")
         if name not in PACES:
             raise InputError("pace", name, known=PACES)
         self.pace, self.clock.speed = name, PACES[name]
@@ -287,13 +287,13 @@ class Bench:
             run.stop(reason, trip=True)
         else:
             self.session.emergency_stop(reason)
-        self.lab.changed()
+        self.workspace.changed()
 
     def reset(self) -> str:
         """Return to manual operation after a stop, vented."""
         with self._lock:
             if self.running is not None:
-                raise InputError("reset", None, "is refused: the run is being stopped; wait until it has vented")
+                raise InputError("reset", None, "must wait: the run is being stopped; try again once it has vented")
             if not self.session.why:
                 raise InputError("reset", None, "is allowed only after a stop")
             if self.session.gone:  # another try

@@ -56,9 +56,9 @@ class RunController:
         name = plain(prepared.protocol.name)
         self._crash_log: Path | None = None
         if not self.anew:
-            self._crash_log = bench.lab.recordings.ready() / bench.lab.recordings.numbered(name, ".mcap")
+            self._crash_log = bench.workspace.recordings.ready() / bench.workspace.recordings.numbered(name, ".mcap")
             name = self._crash_log.stem
-        self.file = f"{name}.nc" if self._crash_log else bench.lab.recordings.numbered(name, ".nc")
+        self.file = f"{name}.nc" if self._crash_log else bench.workspace.recordings.numbered(name, ".nc")
         self.state, self.time, self._answered = RunState(), 0.0, threading.Event()
         self.stopping = self.asked = ""
         self.words = "getting the machine ready" if self.anew else "going to where it begins"
@@ -106,7 +106,7 @@ class RunController:
             )  # fmt: skip
         except MckibbenError as error:
             said = str(error)
-        except Exception as error:  # of a run that fails, no other thing of the laboratory may
+        except Exception as error:  # a failed run must not end anything else
             said = f"the run failed: {type(error).__name__}: {str(error)[:200]}"
         why, name = self.tripped or self.bench.session.why, None
         if record is None:
@@ -117,7 +117,7 @@ class RunController:
 
     def _save(self, record: Recording, why: str) -> tuple[str | None, str]:
         """Save the recording and say so; return the name of its file, if there is one, and how the run ended."""
-        shelf, message = self.bench.lab.recordings, str(record.meta["message"])
+        shelf, message = self.bench.workspace.recordings, str(record.meta["message"])
         if self.stopping:
             message = f"Stopped by you at {self.time:.3f} s; the valve vented."
         try:
@@ -150,12 +150,12 @@ class RunController:
     def _ask(self, text: str) -> None:
         self.asked = text
         self._answered.clear()
-        self.bench.lab.changed()
+        self.bench.workspace.changed()
         self._answered.wait()
         self.asked = ""
         if self.button():
             raise InputError("run", self.prepared.protocol.name, f"it was stopped before somebody could {text}")
-        self.bench.lab.changed()
+        self.bench.workspace.changed()
 
     def _show(self, times: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
         first = -self._count % self._every

@@ -1,1 +1,1 @@
-"""The eight pages; each module has `build(lab, request)`, which builds the page."""
+"""The eight pages; each module has `build(workspace, request)`, which builds the page."""

@@ -21,9 +21,9 @@ from ....recordings.columns import quantity_of
 from ....recordings.force_map import ALIASES
 from ....recordings.formats import part_options, parts_of
 from ....specimens import Specimen
-from ...laboratory import Laboratory
 from ...reader import check_rows, read_outside
 from ...shelf import plain_name
+from ...workspace import Workspace
 from ..recordings.state import places
 
 MOST_ROWS = 5_000_000  # of a file that is read
@@ -66,19 +66,19 @@ def measured_data(path: Path, part: str, spec: Specimen, curves: Mapping[str, An
     return {**plain, "name": path.name, "option": option, "parts": parts, "part": tried}
 
 
-def find(lab: Laboratory, name: str) -> Path:
+def find(workspace: Workspace, name: str) -> Path:
     """Path of a recording, or of an uploaded file, by its name; refused if there is none."""
     try:
-        return lab.recordings.found(name)
+        return workspace.recordings.found(name)
     except InputError:
-        return lab.uploads.found(name)
+        return workspace.uploads.found(name)
 
 
-def keep(lab: Laboratory, name: str, content: bytes) -> Path:
+def keep(workspace: Workspace, name: str, content: bytes) -> Path:
     """Store an uploaded file with the others; one of the same name and content is used again."""
-    path = lab.uploads.path(plain_name(name))
+    path = workspace.uploads.path(plain_name(name))
     same = path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
-    return path if same else lab.uploads.store(path.name, content)
+    return path if same else workspace.uploads.store(path.name, content)
 
 
 @functools.lru_cache(maxsize=8)

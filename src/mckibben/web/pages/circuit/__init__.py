@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ....errors import InputError
-from ...laboratory import Laboratory
 from ...shelf import Shelf
 from ...shell import asked
+from ...workspace import Workspace
 
 if TYPE_CHECKING:
     from starlette.requests import Request
 
 
-def build(lab: Laboratory, request: Request) -> None:
+def build(workspace: Workspace, request: Request) -> None:
     """Build the page."""
     from .document import read_text, starts, unpacked
     from .page import CircuitPage
 
-    shelf = Shelf(lab.recordings.folder / "circuits", (".toml",))
+    shelf = Shelf(workspace.recordings.folder / "circuits", (".toml",))
     view = asked(request, "part", "sensors", "flows", "models", "file")
     document, said, word = next(iter(starts().values())), "", request.query_params.get("c", "")
     try:
@@ -28,4 +28,4 @@ def build(lab: Laboratory, request: Request) -> None:
             document = read_text(shelf.found(f"{view['file']}.toml").read_text(encoding="utf-8"))
     except InputError as error:
         said = str(error)
-    CircuitPage(lab, shelf, document, view).build(said)
+    CircuitPage(workspace, shelf, document, view).build(said)

@@ -149,6 +149,6 @@ def to_bench(face: CircuitPage) -> None:
         InputError: the bench has no place for a part, or somebody else is in control.
     """
     plan = face.desk.plan
-    muscle, rigs = muscle_of(plan), Shelf(face.lab.recordings.folder / "rigs", (".toml",))
+    muscle, rigs = muscle_of(plan), Shelf(face.workspace.recordings.folder / "rigs", (".toml",))
     _store(rigs, NAME, rig_text(plan, NAME))
     call_script("toBench", [["muscle", muscle], ["rig", NAME]])  # in the order of the link of the bench

@@ -9,10 +9,10 @@ from ....errors import InputError
 from ....report.figures import circuit_diagram
 from ... import charts
 from ...elements import page_document
-from ...laboratory import Laboratory
 from ...save import saveable
 from ...shelf import Shelf
 from ...widgets import box, button, link, loading, page_frame, panel, raw, refused, text
+from ...workspace import Workspace
 from . import diagram, dialogs, edit, inspector, response
 from .document import Document, text_of
 from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
@@ -31,14 +31,14 @@ class CircuitPage:
     """The Circuit page of one visitor.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         shelf: shelf of the circuits that were saved.
         document: to begin with.
         view: parameters of the address.
     """
 
-    def __init__(self, lab: Laboratory, shelf: Shelf, document: Document, view: dict[str, str]) -> None:
-        self.lab, self.shelf = lab, shelf
+    def __init__(self, workspace: Workspace, shelf: Shelf, document: Document, view: dict[str, str]) -> None:
+        self.workspace, self.shelf = workspace, shelf
         self.desk = CircuitState(document, view.get("part", ""))
         named = {k: [w for w in view[k].split(",") if w] for k in ("sensors", "flows", "models") if k in view}
         self.desk.sensors = response.shown_nodes(self.desk.plan, named.get("sensors", ()))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...laboratory import Laboratory
 from ...shell import asked
+from ...workspace import Workspace
 
 if TYPE_CHECKING:
     from starlette.requests import Request
 
 
-def build(lab: Laboratory, request: Request) -> None:
+def build(workspace: Workspace, request: Request) -> None:
     """Build the page."""
     from .page import ComparePage
 
-    ComparePage(lab, asked(request, "muscles", "values", "recordings", "pressure")).build()
+    ComparePage(workspace, asked(request, "muscles", "values", "recordings", "pressure")).build()

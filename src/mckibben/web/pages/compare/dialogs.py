@@ -25,7 +25,7 @@ def add(face: ComparePage) -> None:
     with dialog:
         if face.values == "recordings":
             text("h3", "Recordings")
-            left = [n for n in face.lab.recordings.names() if n.endswith(".nc") and n not in face.recordings][:60]
+            left = [n for n in face.workspace.recordings.names() if n.endswith(".nc") and n not in face.recordings][:60]
             for name in left:
                 button(name.removesuffix(".nc"), lambda n=name: take(n), quiet=True)
             if not left:
@@ -40,7 +40,7 @@ def add(face: ComparePage) -> None:
                 button(spec.title, lambda n=spec.id: take(n), quiet=True)
             if not others:
                 text("p", "All of them are shown.", "small dim")
-        own_files = [n for n in face.lab.specimens.names() if n not in face.muscles]
+        own_files = [n for n in face.workspace.specimens.names() if n not in face.muscles]
         if own_files and face.values == "laws":
             text("h3", "Your own")
             for name in own_files:

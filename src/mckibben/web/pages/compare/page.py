@@ -14,9 +14,9 @@ from ....specimens import specimen
 from ....studies.comparison import FULL_PRESSURE, ComparedMuscle, MuscleColumn
 from ... import forms
 from ...elements import page_document
-from ...laboratory import Laboratory
 from ...transfers import download
 from ...widgets import box, button, empty, link, loading, page_frame, panel, raw, refused, segments, tell, text
+from ...workspace import Workspace
 from . import drawings, jobs
 from .dialogs import add, runs
 from .grid import ComparisonGrid
@@ -30,12 +30,12 @@ class ComparePage:
     """The Compare page of one visitor.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         view: parameters of the address.
     """
 
-    def __init__(self, lab: Laboratory, view: dict[str, str]) -> None:
-        self.lab = lab
+    def __init__(self, workspace: Workspace, view: dict[str, str]) -> None:
+        self.workspace = workspace
         self.muscles = _words(view.get("muscles", ",".join(jobs.FIRST)))[: jobs.MOST]
         self.values = view.get("values", "laws") if view.get("values") in ("laws", "recordings") else "laws"
         self.recordings = _words(view["recordings"])[: jobs.MOST] if "recordings" in view else self._newest()
@@ -50,7 +50,7 @@ class ComparePage:
                 self.said, self.pressure = str(error), FULL_PRESSURE
 
     def _newest(self) -> list[str]:
-        return [n for n in self.lab.recordings.names() if n.endswith(".nc")][:3]
+        return [n for n in self.workspace.recordings.names() if n.endswith(".nc")][:3]
 
     def build(self) -> None:
         """Build the page; the numbers follow."""
@@ -161,7 +161,9 @@ class ComparePage:
 
     def path(self, name: str) -> str | Path:
         """Path of the specimen, or of the visitor's file, named by a value of the link."""
-        return self.lab.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
+        return (
+            self.workspace.specimens.found(name) if name.endswith(".toml") else name.replace("/", "").replace("\\", "")
+        )
 
     def _subjects(self, pressure: float) -> dict[str, ComparedMuscle]:
         return {n: jobs.subject_of(self.path(n), pressure) for n in self.muscles}
@@ -221,9 +223,9 @@ class ComparePage:
         biological = self.values == "recordings"
         for name in self.recordings if biological else []:
             try:
-                columns.append((name, jobs.recorded(self.lab.recordings.found(name)), None, ""))
+                columns.append((name, jobs.recorded(self.workspace.recordings.found(name)), None, ""))
             except MckibbenError as error:
-                said = str(error).replace(f"{self.lab.recordings.folder}/", "")
+                said = str(error).replace(f"{self.workspace.recordings.folder}/", "")
                 columns.append((name, None, None, said))
         for name in self.muscles:
             try:
@@ -240,7 +242,7 @@ class ComparePage:
         more["loops"] = []
         for name, column, muscle, _ in columns:
             if column is not None and muscle is None:
-                more["loops"].append((name, jobs.loop_of(self.lab.recordings.found(name))))
+                more["loops"].append((name, jobs.loop_of(self.workspace.recordings.found(name))))
         return columns, more
 
     # ---- what is shown

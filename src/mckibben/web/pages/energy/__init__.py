@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...elements import page_document
-from ...laboratory import Laboratory
 from ...shell import asked
 from ...widgets import box, page_frame
+from ...workspace import Workspace
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -18,7 +18,7 @@ LINKED = (
 )  # fmt: skip
 
 
-def build(lab: Laboratory, request: Request) -> None:
+def build(workspace: Workspace, request: Request) -> None:
     """Build the page; slow parts follow when it is displayed."""
     words = asked(request, *LINKED)
     with page_frame(
@@ -32,6 +32,6 @@ def build(lab: Laboratory, request: Request) -> None:
         async def begin() -> None:
             from .page import begin as go
 
-            await go(lab, words, bar, place)
+            await go(workspace, words, bar, place)
 
         page_document().when_connected(begin)

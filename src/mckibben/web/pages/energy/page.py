@@ -15,10 +15,10 @@ from ....quantities import from_si, with_unit
 from ....report.figures.energy_figures import energy_flow_figure
 from ...elements import Element, page_document
 from ...forms import accept, field
-from ...laboratory import Laboratory
 from ...save import saveable
 from ...transfers import IncomingFile, UploadPlace, download, run_in_thread
 from ...widgets import box, button, empty, link, panel, raw, refused, segments, select, text
+from ...workspace import Workspace
 from .cycles import TITLES, curves, curves_key, cycle_document, cycle_report, efficiency_picture, loops_picture
 from .flow import account, cycle_names, flow_document, stretch
 from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolved, to_link
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from ....report.figures.page_charts import Figure
 
 
-async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
+async def begin(workspace: Workspace, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load the computing modules, then build the page."""
     loaded = await run_in_thread(place, "Loading the muscles", _loaded, words)
     if loaded is not None:
-        await EnergyPage(lab, words, bar, place, *loaded).show()
+        await EnergyPage(workspace, words, bar, place, *loaded).show()
 
 
 def _loaded(words: dict[str, str]) -> tuple[EnergyChoice, list[str], dict[str, str]]:
@@ -44,7 +44,7 @@ class EnergyPage:
     """The Energy page of one visitor.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         words: words of the link.
         bar: place of the buttons in the heading.
         place: place of all below.
@@ -55,7 +55,7 @@ class EnergyPage:
 
     def __init__(
         self,
-        lab: Laboratory,
+        workspace: Workspace,
         words: dict[str, str],
         bar: Element,
         place: Element,
@@ -63,7 +63,7 @@ class EnergyPage:
         said: list[str],
         muscles: dict[str, str],
     ) -> None:
-        self.lab, self.words, self.bar, self.place, self.muscles = lab, words, bar, place, muscles
+        self.workspace, self.words, self.bar, self.place, self.muscles = workspace, words, bar, place, muscles
         self.choice, self.good, self.said = choice, choice, said
         self.wish, self.busy = 0, False
 
@@ -357,7 +357,7 @@ class RecordedFlow:
 
     def names(self) -> list[str]:
         """Names of the recordings from which an account can be made, the newest first."""
-        return [n for n in self.view.lab.recordings.names() if n.lower().endswith(ENDINGS)][:MOST]
+        return [n for n in self.view.workspace.recordings.names() if n.lower().endswith(ENDINGS)][:MOST]
 
     def begin(self) -> None:
         """Show the lists, and the recording of the link or the newest one."""
@@ -373,10 +373,10 @@ class RecordedFlow:
 
     async def dropped(self, one: IncomingFile) -> None:
         """Store an uploaded file with the recordings."""
-        path = await asyncio.to_thread(self.view.lab.recordings.store, one.name, one.path)
+        path = await asyncio.to_thread(self.view.workspace.recordings.store, one.name, one.path)
         one.close()
         self.name = path.name
-        self.view.lab.changed()
+        self.view.workspace.changed()
         await self.load()
 
     def lists(self) -> None:
@@ -422,7 +422,7 @@ class RecordedFlow:
 
     def _account(self, name: str, kind: str) -> Any:
 
-        path = self.view.lab.recordings.found(name)
+        path = self.view.workspace.recordings.found(name)
         try:
             try:
                 return account(path, kind, "")

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ....errors import InputError, MckibbenError
-from ...laboratory import Laboratory
 from ...reader import check_rows
+from ...workspace import Workspace
 from . import state
 from .state import FitRequest
 
@@ -37,7 +37,7 @@ class FitJob:
     """Fits of one page.
 
     Args:
-        lab: whose tables are fitted.
+        workspace: whose tables are fitted.
 
     Attributes:
         fits: by law.
@@ -46,8 +46,8 @@ class FitJob:
         version: changes with every step.
     """
 
-    def __init__(self, lab: Laboratory) -> None:
-        self._lab, self._stop = lab, threading.Event()
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace, self._stop = workspace, threading.Event()
         self.fits: dict[str, Fit] = {}
         self.skipped: dict[str, str] = {}
         self.words, self.version, self.running = "", 0, False
@@ -69,7 +69,7 @@ class FitJob:
     def start(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> None:
         """Fit the requested laws that are missing, and stop others."""
         self.stop()
-        path = state.file_of(self._lab, asked)
+        path = state.file_of(self._workspace, asked)
         key = (str(path), path.stat().st_mtime_ns, asked)
         if key != self._key:
             self._key, self.fits, self.skipped = key, {}, {}

@@ -14,10 +14,10 @@ from ....errors import InputError, MckibbenError
 from ....muscles.build import rest_length_of
 from ....specimens import specimen
 from ...elements import Element, Timer, call_script, page_document
-from ...laboratory import UPLOADS, Laboratory
 from ...save import saveable
 from ...transfers import IncomingFile, UploadPlace, download, read_with_progress
 from ...widgets import box, button, check, empty, link, note, panel, raw, refused, segments, select, tell, text
+from ...workspace import UPLOADS, Workspace
 from . import columns, jobs, results, state
 from .jobs import FitJob
 from .state import FitRequest
@@ -35,14 +35,14 @@ class FitPage:
     """The Fit page of one visitor.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         words: words of the link.
     """
 
-    def __init__(self, lab: Laboratory, words: Mapping[str, str]) -> None:
+    def __init__(self, workspace: Workspace, words: Mapping[str, str]) -> None:
         from ....muscles.laws import LAWS
 
-        self.lab, self.asked, self.work = lab, state.from_link(words), FitJob(lab)
+        self.workspace, self.asked, self.work = workspace, state.from_link(words), FitJob(workspace)
         self.laws = [law for law in words.get("laws", "").split(",") if law in LAWS] or [*LAWS]
         self.law = words.get("law", "")
         self.points: ForceMap | None = None
@@ -111,7 +111,7 @@ class FitPage:
     # ---- what a person does
 
     async def _came(self, one: IncomingFile) -> None:
-        path = await asyncio.to_thread(state.stored, self.lab, one.name, one.path)
+        path = await asyncio.to_thread(state.stored, self.workspace, one.name, one.path)
         one.close()
         self.law = ""
         await self.ask(FitRequest("table", path.name), fresh=True)
@@ -176,7 +176,7 @@ class FitPage:
             return
         place = self._places["mapping"]
         try:
-            path = state.file_of(self.lab, asked)
+            path = state.file_of(self.workspace, asked)
             reading = await read_with_progress(place, f"Reading {asked.name}", jobs.read, path, asked, passes=2)
         except MckibbenError as error:
             if mine == self._loading:
@@ -514,12 +514,12 @@ async def _specimen(view: FitPage) -> None:
         return
     try:
         name, data = await asyncio.to_thread(_written, study)
-        path = await asyncio.to_thread(view.lab.specimens.store, name, data)
+        path = await asyncio.to_thread(view.workspace.specimens.store, name, data)
     except MckibbenError as error:
         tell(str(error))
         return
-    view.lab.toasts.tell(f"Saved specimens/{path.name}.", undo=lambda: path.unlink(missing_ok=True))
-    view.lab.changed()
+    view.workspace.toasts.tell(f"Saved specimens/{path.name}.", undo=lambda: path.unlink(missing_ok=True))
+    view.workspace.changed()
     download(name, data)
 
 
@@ -532,7 +532,7 @@ async def _bench(view: FitPage) -> None:
     study = replace(study, fits=[*shown, *(f for f in study.fits if f.law != shown[0].law)])
     try:
         name, data = await asyncio.to_thread(_written, study)
-        path = await asyncio.to_thread(view.lab.specimens.store_once, name, data)
+        path = await asyncio.to_thread(view.workspace.specimens.store_once, name, data)
         await asyncio.to_thread(rest_length_of, specimen(path))
     except MckibbenError as error:
         tell(str(error))

@@ -14,8 +14,8 @@ from ....documents import JsonValue, parse_json
 from ....errors import InputError
 from ....quantities import declared, parse
 from ....specimens import map_file, specimen
-from ...laboratory import Laboratory
 from ...reader import check_rows
+from ...workspace import Workspace
 
 if TYPE_CHECKING:
     from ....recordings import ForceMap
@@ -92,15 +92,15 @@ def _pairs(text: str) -> tuple[tuple[str, str], ...]:
     return tuple(sorted((str(k), str(v)) for k, v in table.items())) if isinstance(table, dict) else ()
 
 
-def stored(lab: Laboratory, name: str, data: Path) -> Path:
+def stored(workspace: Workspace, name: str, data: Path) -> Path:
     """Store an uploaded file; an identical one is reused.
 
     Raises:
         InputError: if it has more rows than a fit takes, or the name is not allowed; nothing is stored then.
     """
-    path = lab.uploads.path(name)
+    path = workspace.uploads.path(name)
     check_rows(data, MOST_ROWS, "a fit")
-    return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else lab.uploads.store(name, data)
+    return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else workspace.uploads.store(name, data)
 
 
 def specimen_of(asked: FitRequest) -> Specimen | None:
@@ -109,11 +109,11 @@ def specimen_of(asked: FitRequest) -> Specimen | None:
     return specimen(name) if name else None
 
 
-def file_of(lab: Laboratory, asked: FitRequest) -> Path:
+def file_of(workspace: Workspace, asked: FitRequest) -> Path:
     """Path of the table."""
     if asked.kind == "map":
         return map_file(specimen(asked.name))
-    return (lab.uploads if asked.kind == "table" else lab.recordings).found(asked.name)
+    return (workspace.uploads if asked.kind == "table" else workspace.recordings).found(asked.name)
 
 
 def read(path: Path, asked: FitRequest) -> ForceMap:

@@ -13,7 +13,7 @@ from ...transfers import download, run_in_thread
 from ...widgets import box, button, link, loading, note, raw, refused, segments, tell, text
 
 if TYPE_CHECKING:
-    from ...laboratory import Laboratory
+    from ...workspace import Workspace
     from .state import Reproduction
 
 LOOK = 0.4  # time between two looks at the run [s]
@@ -22,27 +22,27 @@ CALM = 2.5  # time for which a page must have stood before small pictures are dr
 FORMS = {"form": "In the paper\u2019s form", "numbers": "Its numbers"}
 
 
-async def begin(lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
+async def begin(workspace: Workspace, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load the computing modules, then build the page."""
-    loaded = await run_in_thread(place, "Loading the rows", _loaded, lab)
+    loaded = await run_in_thread(place, "Loading the rows", _loaded, workspace)
     if loaded is not None:
-        PaperPage(lab, words, bar, place, loaded).show()
+        PaperPage(workspace, words, bar, place, loaded).show()
 
 
-def _loaded(lab: Laboratory) -> Reproduction:
+def _loaded(workspace: Workspace) -> Reproduction:
     from . import rows  # noqa: F401  (loads the figures' register in this thread)
     from .state import reproduction
 
-    return reproduction(lab)
+    return reproduction(workspace)
 
 
 class PaperPage:
     """The page The paper of one visitor."""
 
     def __init__(
-        self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element, all_: Reproduction
+        self, workspace: Workspace, words: dict[str, str], bar: Element, place: Element, all_: Reproduction
     ) -> None:
-        self.lab, self.bar, self.place, self.all, self.figures = lab, bar, place, all_, FIGURES
+        self.workspace, self.bar, self.place, self.all, self.figures = workspace, bar, place, all_, FIGURES
         self.said: list[str] = []
         self.writing: list[tuple[Any, list[str]]] = []  # reports that are written: a line, and how far
         self.sent: set[str] = set()  # figures whose small picture the browser has

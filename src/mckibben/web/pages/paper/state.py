@@ -71,7 +71,7 @@ class Reproduction:
         """
         with self._lock:
             if self.running:
-                raise InputError("run", None, "is refused: rows are computed already; stop that first")
+                raise InputError("run", None, "must wait: rows are being computed; stop that first")
             for name in names or ():
                 if name not in self.rows:
                     raise InputError(
@@ -228,10 +228,10 @@ _of: weakref.WeakKeyDictionary[Any, Reproduction] = weakref.WeakKeyDictionary()
 _one = threading.Lock()
 
 
-def reproduction(lab: Any) -> Reproduction:
+def reproduction(workspace: Any) -> Reproduction:
     """Reproduction of a server; made at the first call."""
     with _one:
-        if lab not in _of:
-            _of[lab] = Reproduction()
-            lab.on_close(_of[lab].close)
-        return _of[lab]
+        if workspace not in _of:
+            _of[workspace] = Reproduction()
+            workspace.on_close(_of[workspace].close)
+        return _of[workspace]

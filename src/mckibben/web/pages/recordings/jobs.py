@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from ....errors import InputError, MckibbenError
 from ....quantities import parse
-from ...laboratory import UPLOADS, Laboratory
 from ...reader import check_rows
+from ...workspace import UPLOADS, Workspace
 
 FORMATS = {".nc": "netCDF", ".csv": "CSV", ".parquet": "Parquet", ".mat": "MAT", ".mcap": "MCAP", ".tdms": "TDMS"}
 IMPORTED = UPLOADS
@@ -112,18 +112,18 @@ def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:
         return place.name, place.read_bytes(), remarks
 
 
-def repaired(lab: Laboratory, name: str) -> tuple[str, list[str]]:
+def repaired(workspace: Workspace, name: str) -> tuple[str, list[str]]:
     """Recover a recording from an incomplete log, which is kept; return its name, and what was lost."""
     from ....recordings.mcap import read_log
 
-    path = lab.recordings.found(name)
+    path = workspace.recordings.found(name)
     if path.suffix.lower() != ".mcap":
         raise InputError("file", name, "must be a log of a bench, .mcap; others are written whole or not at all")
     try:
         recording = read_log(path)
     except MckibbenError as error:
         raise MckibbenError(said_of(error, path, name)) from None
-    target = lab.recordings.folder / lab.recordings.free(f"{path.stem}.nc")
+    target = workspace.recordings.folder / workspace.recordings.free(f"{path.stem}.nc")
     recording.recording.save(target)
     return target.name, ["The log was complete."] if recording.whole else recording.remarks
 

@@ -11,9 +11,9 @@ from urllib.parse import quote
 
 from ....errors import InputError, MckibbenError
 from ...elements import Element, Timer, call_script, page_document
-from ...laboratory import Laboratory
 from ...transfers import IncomingFile, download, read_with_progress
 from ...widgets import Dialog, TypedField, box, button, check, empty, link, tell, text
+from ...workspace import Workspace
 from . import jobs, listing, state
 from .dialogs import ImportDialog
 from .listing import LETTERS
@@ -30,12 +30,12 @@ class RecordingsPage:
     """The Recordings page of one visitor.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         words: words of the link.
     """
 
-    def __init__(self, lab: Laboratory, words: Mapping[str, str]) -> None:
-        self.lab = lab
+    def __init__(self, workspace: Workspace, words: Mapping[str, str]) -> None:
+        self.workspace = workspace
         self.words = {k: words.get(k, "") for k in WORDS}
         self.chosen = [n for n in dict.fromkeys((words.get("a", ""), words.get("b", ""))) if n]
         self.entries: list[RecordingEntry] = []
@@ -70,7 +70,7 @@ class RecordingsPage:
 
     async def begin(self) -> None:
         """Show cached entries at once, others as they are read; unknown names of the link are skipped."""
-        there = self.lab.recordings.names()
+        there = self.workspace.recordings.names()
         for name in [n for n in self.chosen if n not in there]:
             self.chosen.remove(name)
             tell(f"{name[:120]}: no such recording.")
@@ -92,26 +92,26 @@ class RecordingsPage:
 
     def _state(self) -> list[tuple[str, Any]]:
         entries = []
-        for name in self.lab.recordings.names():
+        for name in self.workspace.recordings.names():
             with contextlib.suppress(OSError):
-                entries.append((name, state.key_of(self.lab.recordings.path(name))))
+                entries.append((name, state.key_of(self.workspace.recordings.path(name))))
         return entries
 
     def _quick(self, names: list[str]) -> None:
         """Show the cached entries, without reading any file."""
         before = {e.name: e for e in self.entries}
         unread = {n: before.get(n, RecordingEntry(n, origin="", sign="", said="is being read")) for n in names}
-        entries = [state.known(self.lab.recordings.path(n)) or unread[n] for n in names]
+        entries = [state.known(self.workspace.recordings.path(n)) or unread[n] for n in names]
         self.entries = entries
         self._draw()
 
     async def _read(self, names: list[str]) -> None:
         self._quick(names)
-        missing = [n for n in names if state.known(self.lab.recordings.path(n)) is None]
+        missing = [n for n in names if state.known(self.workspace.recordings.path(n)) is None]
         missing.sort(key=lambda n: n not in self.chosen)
         for start in range(0, len(missing), AT_ONCE):
             for name in missing[start : start + AT_ONCE]:
-                await asyncio.to_thread(state.entry, self.lab.recordings.path(name))
+                await asyncio.to_thread(state.entry, self.workspace.recordings.path(name))
             self._quick(names)
         gone = [n for n in self.chosen if n not in names]
         if gone:
@@ -196,7 +196,7 @@ class RecordingsPage:
 
     def path(self, name: str) -> Path:
         """Path of a chosen recording."""
-        return self.lab.recordings.found(name)
+        return self.workspace.recordings.found(name)
 
     def refuse(self, error: MckibbenError) -> None:
         """Show why an action was refused."""
@@ -255,7 +255,7 @@ class RecordingActions:
             return
         name = self._view.chosen[-1]
         to = self._name.value.strip() + Path(name).suffix
-        shelf, lab = self._view.lab.recordings, self._view.lab
+        shelf, workspace = self._view.workspace.recordings, self._view.workspace
         if to == name:
             self._renaming.close()
             return
@@ -264,8 +264,8 @@ class RecordingActions:
         except InputError as error:
             self._renaming.answer(str(error))
             return
-        lab.toasts.tell(f"Renamed {Path(name).stem} to {Path(to).stem}.", undo=lambda: shelf.rename(to, name))
-        lab.changed()
+        workspace.toasts.tell(f"Renamed {Path(name).stem} to {Path(to).stem}.", undo=lambda: shelf.rename(to, name))
+        workspace.changed()
         self._renaming.close()
         await self._view.choose([*self._view.chosen[:-1], to])
         await self._view.look()
@@ -273,7 +273,7 @@ class RecordingActions:
     async def _delete(self) -> None:
         for name in [*self._some()]:
             try:
-                self._view.lab.delete(name)
+                self._view.workspace.delete(name)
             except MckibbenError as error:
                 tell(str(error))
         await self._view.choose([])
@@ -292,7 +292,7 @@ class RecordingActions:
     ) -> tuple[str, list[str]]:
         """Import an uploaded file; return its name, and remarks."""
         jobs.check_kind(one.name)
-        shelf, target = self._view.lab.recordings, one.path.with_name("taken.nc")
+        shelf, target = self._view.workspace.recordings, one.path.with_name("taken.nc")
         words = f"Reading {one.name}"
         choices = one.name, target, columns, units, period, part
         read = await read_with_progress(place, words, jobs.imported, one.path, *choices)
@@ -300,8 +300,8 @@ class RecordingActions:
         return (await asyncio.to_thread(shelf.store, plain, data)).name, read.remarks
 
     async def _taken(self, name: str, remarks: list[str]) -> None:
-        self._view.lab.toasts.tell(f"Imported {Path(name).stem}.")
-        self._view.lab.changed()
+        self._view.workspace.toasts.tell(f"Imported {Path(name).stem}.")
+        self._view.workspace.changed()
         for remark in remarks[:3]:
             tell(f"Note: {remark}")
         await self._view.choose([*self._view.chosen[:1], name])
@@ -310,7 +310,7 @@ class RecordingActions:
     async def _repair(self) -> None:
         for name in self._some()[-1:]:
             try:
-                name_of_file, remarks = await asyncio.to_thread(jobs.repaired, self._view.lab, name)
+                name_of_file, remarks = await asyncio.to_thread(jobs.repaired, self._view.workspace, name)
             except MckibbenError as error:
                 tell(str(error))
                 return

@@ -137,7 +137,7 @@ class OverlayPane:
             try:
                 part = await asyncio.to_thread(self._part, letter, name)
             except MckibbenError as error:
-                wrong.append(f"{letter}: {str(error).replace(str(self._view.lab.recordings.folder) + '/', '')}")
+                wrong.append(f"{letter}: {str(error).replace(str(self._view.workspace.recordings.folder) + '/', '')}")
                 continue
             parts.append(part[0])
             choices.append((name, letter, part[1], part[2]))
@@ -280,8 +280,8 @@ class OverlayPane:
         await self._again()
 
     def _done(self, words: str, path: Path, before: Any) -> None:
-        self._view.lab.toasts.tell(words, undo=lambda: jobs.rewritten(path, before))
-        self._view.lab.changed()
+        self._view.workspace.toasts.tell(words, undo=lambda: jobs.rewritten(path, before))
+        self._view.workspace.changed()
 
     async def _again(self) -> None:
         await self.show(self._view.chosen)

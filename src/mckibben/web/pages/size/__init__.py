@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from ...elements import page_document
-from ...laboratory import Laboratory
 from ...shell import asked
 from ...widgets import box, page_frame
+from ...workspace import Workspace
 from .question import LINKED
 
 
-def build(lab: Laboratory, request: Any) -> None:
+def build(workspace: Workspace, request: Any) -> None:
     """Build the page; the answer follows when it is displayed."""
     words = asked(request, *LINKED)
     with page_frame("size", sub="Muscle, valve, tube and gas source for a load", sheets=("size.css",)) as bar:
@@ -20,6 +20,6 @@ def build(lab: Laboratory, request: Any) -> None:
         async def begin() -> None:
             from .page import SizePage
 
-            await SizePage(lab, words, bar, place).show()
+            await SizePage(workspace, words, bar, place).show()
 
         page_document().when_connected(begin)

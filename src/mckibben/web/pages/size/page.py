@@ -15,9 +15,9 @@ from ....specimens.parts import parts
 from ....specimens.write import specimen_toml
 from ....studies.sizing import BRAID_LAWS, OBJECTIVES, Sizing, size, tables_of
 from ...elements import Element, call_script
-from ...laboratory import Laboratory
 from ...transfers import download
 from ...widgets import box, button, check, empty, link, loading, panel, raw, refused, select, table, tell, text
+from ...workspace import Workspace
 from ..circuit.document import packed
 from .drawings import SizingCharts, charts_of, facts_of
 from .question import FIELD_OF, FIELDS, QuestionField, SizeQuestion, from_link
@@ -54,14 +54,14 @@ class SizePage:
     """The Size page of one visitor.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
         words: words of the link.
         bar: place of the buttons in the heading.
         place: place of all below.
     """
 
-    def __init__(self, lab: Laboratory, words: dict[str, str], bar: Element, place: Element) -> None:
-        self.lab, self.bar, self.place = lab, bar, place
+    def __init__(self, workspace: Workspace, words: dict[str, str], bar: Element, place: Element) -> None:
+        self.workspace, self.bar, self.place = workspace, bar, place
         self.question = from_link(words)
         self.sizing: Sizing | None = None
         self.number = 0
@@ -228,7 +228,7 @@ class SizePage:
         name = sizing.chosen.muscle.id
         if name not in specimen_ids("mckibben"):
             data = await asyncio.to_thread(_specimen_data, sizing)
-            path = await asyncio.to_thread(self.lab.specimens.store_once, f"{name}.toml", data)
+            path = await asyncio.to_thread(self.workspace.specimens.store_once, f"{name}.toml", data)
             name = path.stem
         call_script("goTo", f"/?{urlencode({'muscle': name})}")
 

@@ -23,7 +23,6 @@ from mckibben.web.forms import accept
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
 from mckibben.web.identity import KEPT as KEPT_PAGES
 from mckibben.web.identity import PageRegistry
-from mckibben.web.laboratory import Laboratory
 from mckibben.web.live import PageConnection
 from mckibben.web.pages.bench import drawing
 from mckibben.web.pages.bench.dry import dry_run
@@ -32,6 +31,7 @@ from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, Stream, unpacked
 from mckibben.web.toasts import LASTS, Toasts
+from mckibben.web.workspace import Workspace
 
 
 def completed(work):
@@ -53,9 +53,9 @@ class Clock:
 
 
 class Bench:
-    """What a laboratory asks of its machine."""
+    """The machine of a workspace, as far as it is asked here."""
 
-    def __init__(self, lab):
+    def __init__(self, workspace):
         self.stream, self.done = Stream(), []
 
     def status(self):
@@ -87,77 +87,77 @@ class Bench:
 
 
 @pytest.fixture
-def lab(tmp_path):
+def workspace(tmp_path):
     clock = Clock()
-    found = Laboratory(tmp_path / "recordings", Bench, clock)
+    found = Workspace(tmp_path / "recordings", Bench, clock)
     found.clock = clock
     return found
 
 
-def test_the_first_page_is_in_control_and_a_reload_keeps_it(lab):
-    lab.control.join("a")
-    lab.control.join("b")
-    assert lab.control.holds("a") and lab.control.watching == 1
-    lab.control.leave("a")
-    assert lab.machine.done[-1] == "lost" and not lab.control.present
-    lab.clock.now += HOLD - 0.1
-    lab.control.join("a")
-    assert lab.control.holds("a") and lab.machine.done[-1] == "back"
+def test_the_first_page_is_in_control_and_a_reload_keeps_it(workspace):
+    workspace.control.join("a")
+    workspace.control.join("b")
+    assert workspace.control.holds("a") and workspace.control.watching == 1
+    workspace.control.leave("a")
+    assert workspace.machine.done[-1] == "lost" and not workspace.control.present
+    workspace.clock.now += HOLD - 0.1
+    workspace.control.join("a")
+    assert workspace.control.holds("a") and workspace.machine.done[-1] == "back"
 
 
-def test_after_the_time_of_holding_the_only_page_left_is_in_control_and_of_several_the_one_that_asks(lab):
+def test_after_the_time_of_holding_the_only_page_left_is_in_control_and_of_several_the_one_that_asks(workspace):
     for name in "abc":
-        lab.control.join(name)
-    lab.control.leave("a")
-    lab.clock.now += HOLD + 0.1
-    lab.tick()
-    assert not lab.control.holds("b") and not lab.control.holds("c")
-    assert lab.control.ask("c") and lab.control.holds("c")
-    lab.control.leave("c")
-    lab.clock.now += HOLD + 0.1
-    lab.tick()
-    assert not lab.control.holds("b")  # what was held by hand is vented first
-    lab.clock.now += AFTER
-    lab.tick()
-    assert lab.control.holds("b")
+        workspace.control.join(name)
+    workspace.control.leave("a")
+    workspace.clock.now += HOLD + 0.1
+    workspace.tick()
+    assert not workspace.control.holds("b") and not workspace.control.holds("c")
+    assert workspace.control.ask("c") and workspace.control.holds("c")
+    workspace.control.leave("c")
+    workspace.clock.now += HOLD + 0.1
+    workspace.tick()
+    assert not workspace.control.holds("b")  # what was held by hand is vented first
+    workspace.clock.now += AFTER
+    workspace.tick()
+    assert workspace.control.holds("b")
 
 
-def test_controls_are_handed_over_only_by_who_has_them(lab):
-    lab.control.join("a")
-    lab.control.join("b")
-    assert not lab.control.ask("b") and lab.control.wanted == "b"
-    assert not lab.control.give("b")
-    lab.control.keep("a")
-    assert lab.control.wanted is None
-    lab.control.ask("b")
-    assert lab.control.give("a") and lab.control.holds("b")
+def test_controls_are_handed_over_only_by_who_has_them(workspace):
+    workspace.control.join("a")
+    workspace.control.join("b")
+    assert not workspace.control.ask("b") and workspace.control.wanted == "b"
+    assert not workspace.control.give("b")
+    workspace.control.keep("a")
+    assert workspace.control.wanted is None
+    workspace.control.ask("b")
+    assert workspace.control.give("a") and workspace.control.holds("b")
 
 
-def test_whoever_watches_may_stop_and_nothing_else(lab):
-    lab.control.join("a")
-    assert lab.act("b", "emergency_stop", {"reason": "x" * 500})["ok"] and len(lab.machine.done[-1]) == 80
-    refused = lab.act("b", "start")
+def test_whoever_watches_may_stop_and_nothing_else(workspace):
+    workspace.control.join("a")
+    assert workspace.act("b", "emergency_stop", {"reason": "x" * 500})["ok"] and len(workspace.machine.done[-1]) == 80
+    refused = workspace.act("b", "start")
     assert not refused["ok"] and "another page is in control" in refused["said"]
-    assert lab.act("a", "start") == {"ok": True, "said": "started"}
-    wrong = lab.act("a", "fails", {"number": 2})
+    assert workspace.act("a", "start") == {"ok": True, "said": "started"}
+    wrong = workspace.act("a", "fails", {"number": 2})
     assert wrong["said"] == "number must be 1, got 2" and wrong["field"] == "number"
-    assert not lab.act("a", "fails", {"other": 2})["ok"] and not lab.act("a", "close")["ok"]
+    assert not workspace.act("a", "fails", {"other": 2})["ok"] and not workspace.act("a", "close")["ok"]
 
 
-def test_what_is_deleted_comes_back_within_20_s_and_is_gone_afterwards(lab):
-    lab.recordings.store("one.nc", b"1")
-    lab.recordings.store("two.nc", b"2")
-    lab.delete("one.nc")
-    assert lab.recordings.names() == ["two.nc"]
-    lab.clock.now += LASTS - 0.1
-    lab.tick()
-    assert lab.act("x", "undo")["ok"] and set(lab.recordings.names()) == {"one.nc", "two.nc"}
-    assert lab.recordings.found("one.nc").read_bytes() == b"1"
-    lab.delete("two.nc")
-    lab.clock.now += LASTS
-    lab.tick()
-    assert not lab.act("x", "undo")["ok"]
-    assert [p.name for p in lab.recordings.folder.rglob("*") if p.is_file()] == ["one.nc"]
+def test_what_is_deleted_comes_back_within_20_s_and_is_gone_afterwards(workspace):
+    workspace.recordings.store("one.nc", b"1")
+    workspace.recordings.store("two.nc", b"2")
+    workspace.delete("one.nc")
+    assert workspace.recordings.names() == ["two.nc"]
+    workspace.clock.now += LASTS - 0.1
+    workspace.tick()
+    assert workspace.act("x", "undo")["ok"] and set(workspace.recordings.names()) == {"one.nc", "two.nc"}
+    assert workspace.recordings.found("one.nc").read_bytes() == b"1"
+    workspace.delete("two.nc")
+    workspace.clock.now += LASTS
+    workspace.tick()
+    assert not workspace.act("x", "undo")["ok"]
+    assert [p.name for p in workspace.recordings.folder.rglob("*") if p.is_file()] == ["one.nc"]
 
 
 def test_a_toast_waits_while_somebody_points_at_it():
@@ -397,17 +397,17 @@ def test_identities_are_forgotten_in_the_order_in_which_they_came_last():
     assert pages.admit(names[1][1])[0] != names[1][0] and len(pages._names) <= 2 * KEPT_PAGES
 
 
-def test_what_an_earlier_server_saved_of_a_run_is_found_and_nothing_else(lab):
-    lab.recordings.store("work-loop-0001.nc", b"1")
-    lab.recordings.store("long-0002.mcap", b"2")
-    for path in lab.recordings.folder.iterdir():
-        os.utime(path, (lab.began - 9.0, lab.began - 9.0))
-    lab.recordings.store("new-0003.nc", b"3")  # of this server
-    os.utime(lab.recordings.found("new-0003.nc"), (lab.began + 9.0, lab.began + 9.0))
-    assert lab.saved_before("work-loop-0001.nc") == "work-loop-0001.nc"
-    assert lab.saved_before("long-0002.nc") == "long-0002.mcap"  # the log of a real machine
+def test_what_an_earlier_server_saved_of_a_run_is_found_and_nothing_else(workspace):
+    workspace.recordings.store("work-loop-0001.nc", b"1")
+    workspace.recordings.store("long-0002.mcap", b"2")
+    for path in workspace.recordings.folder.iterdir():
+        os.utime(path, (workspace.began - 9.0, workspace.began - 9.0))
+    workspace.recordings.store("new-0003.nc", b"3")  # of this server
+    os.utime(workspace.recordings.found("new-0003.nc"), (workspace.began + 9.0, workspace.began + 9.0))
+    assert workspace.saved_before("work-loop-0001.nc") == "work-loop-0001.nc"
+    assert workspace.saved_before("long-0002.nc") == "long-0002.mcap"  # the log of a real machine
     for name in ("new-0003.nc", "work-loop-0009.nc", "", "../work-loop-0001.nc/x", "\0"):
-        assert lab.saved_before(name) is None, name
+        assert workspace.saved_before(name) is None, name
 
 
 def test_a_field_speaks_as_the_command_line_does_and_keeps_the_old_value():

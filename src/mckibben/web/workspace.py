@@ -63,7 +63,7 @@ class PageMachine(Protocol):
         """Vent, and release the machine."""
 
 
-class Laboratory:
+class Workspace:
     """State of a server, shared by all its pages.
 
     Args:
@@ -73,7 +73,7 @@ class Laboratory:
     """
 
     def __init__(
-        self, folder: Path, machine: Callable[[Laboratory], PageMachine], clock: Callable[[], float] = time.monotonic
+        self, folder: Path, machine: Callable[[Workspace], PageMachine], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.recordings = Shelf(folder, RECORDINGS)
         self.uploads = Shelf(folder / "uploads", UPLOADS)
@@ -156,8 +156,9 @@ class Laboratory:
             if action not in known:
                 raise InputError("action", action[:80], known=known)
             if action not in FREE and not self.control.holds(page):
-                who = "another page is in control" if self.control.present else "nobody is in control"
-                raise InputError(action.replace("_", " "), None, f"is refused: {who}; ask for the controls first")
+                who = "another page" if self.control.present else "nobody"
+                problem = f"needs control of the machine, which {who} has; ask for the controls first"
+                raise InputError(action.replace("_", " "), None, problem)
             arguments = {**(words or {}), "page": page} if action in self._own else dict(words or {})
             said = known[action](**arguments)
             return {"ok": True, "said": said}
