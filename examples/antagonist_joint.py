@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mckibben.bench.joint_run import joint_stand, run_joint
-from mckibben.report.figures import style
-from mckibben.report.figures.joint_figures import joint_figure
+from mckibben.bench import joint_stand, run_joint
+from mckibben.report.figures import joint_figure, style
 
 STEP, STIFFEN, BACK, LOOP_OFF, AGAIN = 0.3, 1.1, 1.9, 2.5, 3.6  # times of the changes [s]
 PUSHES = {2.6: 0.7, 4.1: 1.4}  # start of each push [s], and the stiffness set-point at that time [N m/rad]

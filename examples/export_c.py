@@ -19,17 +19,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from lanewise import lower, to_c
-from mckibben.assembly.build import AirLine, several, unit_from_specimen
-from mckibben.assembly.loads import PlateLoad
-from mckibben.engine import held, march
-from mckibben.engine.signals import Value
-from mckibben.muscles.elements import Tendon
+from mckibben.assembly import AirLine, PlateLoad, several, unit_from_specimen
+from mckibben.engine import Value, held, march
+from mckibben.muscles import Tendon
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
-from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.tubes import InertialTube
+from mckibben.pneumatics import InertialTube, Orifice
 from mckibben.recordings import Channel, Recording
-from mckibben.report.figures import style
-from mckibben.report.figures.recording_figures import time_figure
+from mckibben.report.figures import style, time_figure
 
 PERIOD, INNER, SAMPLES = 1e-3, 10, 3000  # [s], steps of the physics per sample, samples
 ROOM, SUPPLY = 101325.0, 6e5  # [Pa]

@@ -14,8 +14,7 @@ import numpy as np
 
 import mckibben
 from mckibben.muscles import from_specimen
-from mckibben.report.figures import style
-from mckibben.report.figures.muscle_figures import DrawnLoop, loop_figure
+from mckibben.report.figures import DrawnLoop, loop_figure, style
 
 SHORTEST, PRESSURE, PIECES = 0.115, 5e5, 200
 

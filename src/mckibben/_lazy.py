@@ -1,4 +1,4 @@
-"""Modules that are imported when one of their names is first asked for."""
+"""Modules, and public names of packages, that are loaded when they are first asked for."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 import types
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 _OWN_NAMES: Any = vars(types.ModuleType)["__dict__"].__get__  # of a module that stands for another one
@@ -54,3 +55,23 @@ def lazy_submodules(package: str) -> None:
             if ending == "py" or (entry.is_dir() and not ending and not name.startswith("__")):
                 if not name.startswith("__") and whole not in sys.modules and not hasattr(room, name):
                     setattr(room, name, LazyModule(whole))
+
+
+def lazy_names(package: str, sources: Mapping[str, Iterable[str]]) -> None:
+    """Let a package have public names whose modules are loaded when a name is first used.
+
+    Args:
+        package: the full name of the package, ``__name__`` in its ``__init__``.
+        sources: names by the module of the package that defines them. None is the name of a module of the package.
+    """
+    room = sys.modules[package]
+    places = {name: module for module, names in sources.items() for name in names}
+
+    def load(name: str) -> Any:
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
+        setattr(room, name, value)
+        return value
+
+    setattr(room, "__getattr__", load)  # noqa: B010  # the type of a module has no such attribute

@@ -30,6 +30,24 @@ def test_pages_and_examples_import_nothing_private(path):
     assert not private
 
 
+# Modules that pages import from, since a name of theirs is that of a module of their package, or since they are a subject.
+MODULES = {
+    "mckibben.assembly.pair_map": "the function has the name of its module",
+    "mckibben.components.paths": "paths.put",
+}
+
+
+def test_pages_and_examples_import_from_packages_not_from_modules_inside_them():
+    """So that a reader learns `mckibben.pneumatics`, and a module can move within it."""
+    deep = set()
+    for path in TEXTS:
+        for module, _ in IMPORT.findall(path.read_text(encoding="utf-8")):
+            place = ROOT / "src" / module.replace(".", "/")
+            if "decisions" not in path.parts and module.count(".") > 1 and not (place / "__init__.py").is_file():
+                deep.add(module)
+    assert deep == set(MODULES)
+
+
 def test_no_notebook_types_how_a_figure_becomes_a_picture():
     for book in DOCS.rglob("*.ipynb"):
         assert "to_svg" not in book.read_text(encoding="utf-8")

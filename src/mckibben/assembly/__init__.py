@@ -2,9 +2,33 @@
 
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy_submodules
+from .._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
     from . import check as check
+    from .build import AirLine as AirLine
+    from .build import several as several
+    from .build import unit_from_specimen as unit_from_specimen
+    from .circuit_file import read_circuit as read_circuit
+    from .loads import PlateLoad as PlateLoad
+    from .machine import Machine as Machine
+
+__all__ = [
+    "AirLine",
+    "Machine",
+    "PlateLoad",
+    "read_circuit",
+    "several",
+    "unit_from_specimen",
+]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "build": ["AirLine", "several", "unit_from_specimen"],
+        "circuit_file": ["read_circuit"],
+        "loads": ["PlateLoad"],
+        "machine": ["Machine"],
+    },
+)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy_submodules
+from .._lazy import lazy_names, lazy_submodules
 from .outputs import Output, VariantOutcome
 from .variants import Variants, crossed, grid, latin, listed
 
@@ -10,7 +10,23 @@ if TYPE_CHECKING:
     from . import drive as drive
     from . import sweep_file as sweep_file
     from . import workers as workers
+    from .store import read_results as read_results
 
-__all__ = ["Output", "VariantOutcome", "Variants", "crossed", "grid", "latin", "listed"]
+__all__ = [
+    "Output",
+    "VariantOutcome",
+    "Variants",
+    "crossed",
+    "grid",
+    "latin",
+    "listed",
+    "read_results",
+]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "store": ["read_results"],
+    },
+)

@@ -5,22 +5,44 @@ What stands here is loaded when first asked for: a saved kernel runs without JAX
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from .integration import STEP, Result, Run, integrate, march
-    from .rates import fastest_rate
-    from .signals import Signal, held, ramped
+    from .integration import STEP as STEP
+    from .integration import Result as Result
+    from .integration import Run as Run
+    from .integration import compile_march as compile_march
+    from .integration import integrate as integrate
+    from .integration import march as march
+    from .native import differentiable as differentiable
+    from .rates import fastest_rate as fastest_rate
+    from .signals import Signal as Signal
+    from .signals import Value as Value
+    from .signals import held as held
+    from .signals import ramped as ramped
 
-__all__ = ["Result", "Run", "STEP", "Signal", "fastest_rate", "held", "integrate", "march", "ramped"]
-_PLACES = {"fastest_rate": "rates", "Signal": "signals", "held": "signals", "ramped": "signals"}
-
-
-def __getattr__(name: str) -> Any:
-    """Load the names of `__all__` from their modules on first use."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"{__name__}.{_PLACES.get(name, 'integration')}"), name)
-    globals()[name] = value
-    return value
+__all__ = [
+    "Result",
+    "Run",
+    "STEP",
+    "Signal",
+    "Value",
+    "compile_march",
+    "differentiable",
+    "fastest_rate",
+    "held",
+    "integrate",
+    "march",
+    "ramped",
+]
+lazy_names(
+    __name__,
+    {
+        "integration": ["Result", "Run", "STEP", "compile_march", "integrate", "march"],
+        "native": ["differentiable"],
+        "rates": ["fastest_rate"],
+        "signals": ["Signal", "Value", "held", "ramped"],
+    },
+)

@@ -1,5 +1,36 @@
 """What to do: waveforms and protocols, as data."""
 
-from .._lazy import lazy_submodules
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_names, lazy_submodules
+
+if TYPE_CHECKING:
+    from .amounts import CHANNELS as CHANNELS
+    from .amounts import Amount as Amount
+    from .amounts import read_amount as read_amount
+    from .commands import COMMANDS as COMMANDS
+    from .commands import Command as Command
+    from .commands import known_set_points as known_set_points
+    from .read import build_protocol as build_protocol
+    from .read import parse_protocol as parse_protocol
+
+__all__ = [
+    "Amount",
+    "CHANNELS",
+    "COMMANDS",
+    "Command",
+    "build_protocol",
+    "known_set_points",
+    "parse_protocol",
+    "read_amount",
+]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "amounts": ["Amount", "CHANNELS", "read_amount"],
+        "commands": ["COMMANDS", "Command", "known_set_points"],
+        "read": ["build_protocol", "parse_protocol"],
+    },
+)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy_submodules
+from .._lazy import lazy_names, lazy_submodules
 from .fit import SCHEMES, Fit, bound_of, degenerate_words, evaluate, fit_all, rank
 from .ranking import Ranking, fit, load_table
 from .uncertainty import Estimate
@@ -15,37 +14,37 @@ if TYPE_CHECKING:
     from . import constraints as constraints
     from . import hysteresis_fit as hysteresis_fit
     from . import trial as trial
-    from .circuit_fit import CircuitFit, fit_circuit
-    from .trial import Trial
+    from .circuit_fit import CircuitFit as CircuitFit
+    from .circuit_fit import fit_circuit as fit_circuit
+    from .constraints import Constraint as Constraint
+    from .constraints import fit_constraints as fit_constraints
+    from .trial import Trial as Trial
 
 __all__ = [
-    "SCHEMES",
-    "bound_of",
-    "degenerate_words",
     "CircuitFit",
+    "Constraint",
     "Estimate",
     "Fit",
     "Ranking",
+    "SCHEMES",
     "Trial",
+    "bound_of",
+    "degenerate_words",
     "evaluate",
     "fit",
     "fit_all",
     "fit_circuit",
+    "fit_constraints",
     "load_table",
     "rank",
 ]
-_MODULES = {
-    "CircuitFit": "circuit_fit",
-    "Trial": "trial",
-    "fit_circuit": "circuit_fit",
-}  # a fit of a law needs no circuit
-
-
-def __getattr__(name: str) -> object:
-    """Load the fit of circuits when it is first used."""
-    if name in _MODULES:
-        return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "circuit_fit": ["CircuitFit", "fit_circuit"],
+        "constraints": ["Constraint", "fit_constraints"],
+        "trial": ["Trial"],
+    },
+)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy_submodules
+from .._lazy import lazy_names, lazy_submodules
 from .build import build_law as law
 from .build import from_specimen, law_from_specimen
 from .law import LawState, TensionLaw
@@ -14,7 +14,27 @@ if TYPE_CHECKING:
     from . import laws as laws
     from . import plausible as plausible
     from . import sleeve as sleeve
+    from .elements import Tendon as Tendon
+    from .sleeve import braid_laws as braid_laws
 
-__all__ = ["LAWS", "LawState", "Muscle", "TensionLaw", "from_specimen", "law", "law_from_specimen", "law_type"]
+__all__ = [
+    "LAWS",
+    "LawState",
+    "Muscle",
+    "Tendon",
+    "TensionLaw",
+    "braid_laws",
+    "from_specimen",
+    "law",
+    "law_from_specimen",
+    "law_type",
+]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "elements": ["Tendon"],
+        "sleeve": ["braid_laws"],
+    },
+)

@@ -9,23 +9,40 @@ seen = sim.step(flexor=0.2, extensor=-0.1)
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from .air import Air
-    from .mechanisms import Chain, Joint, Link, Mechanism, Plate, Spring, Weight
-    from .simulation import Simulation
-    from .stepping import SimulationState
+    from .air import Air as Air
+    from .mechanisms import Chain as Chain
+    from .mechanisms import Joint as Joint
+    from .mechanisms import Link as Link
+    from .mechanisms import Mechanism as Mechanism
+    from .mechanisms import Plate as Plate
+    from .mechanisms import Spring as Spring
+    from .mechanisms import Weight as Weight
+    from .simulation import Simulation as Simulation
+    from .stepping import SimulationState as SimulationState
 
-__all__ = ["Air", "Chain", "Joint", "Link", "Mechanism", "Plate", "Simulation", "SimulationState", "Spring", "Weight"]
-_PLACES = {"Air": "air", "Simulation": "simulation", "SimulationState": "stepping"}
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from the module that defines it."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"{__name__}.{_PLACES.get(name, 'mechanisms')}"), name)
-    globals()[name] = value
-    return value
+__all__ = [
+    "Air",
+    "Chain",
+    "Joint",
+    "Link",
+    "Mechanism",
+    "Plate",
+    "Simulation",
+    "SimulationState",
+    "Spring",
+    "Weight",
+]
+lazy_names(
+    __name__,
+    {
+        "air": ["Air"],
+        "mechanisms": ["Chain", "Joint", "Link", "Mechanism", "Plate", "Spring", "Weight"],
+        "simulation": ["Simulation"],
+        "stepping": ["SimulationState"],
+    },
+)

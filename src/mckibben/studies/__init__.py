@@ -1,5 +1,20 @@
 """Complete studies of one question each, with fixed inputs and seeds."""
 
-from .._lazy import lazy_submodules
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_names, lazy_submodules
+
+if TYPE_CHECKING:
+    from .design import design_study as design_study
+
+__all__ = [
+    "design_study",
+]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "design": ["design_study"],
+    },
+)

@@ -156,9 +156,8 @@ class Workspace:
             if action not in known:
                 raise InputError("action", action[:80], known=known)
             if action not in FREE and not self.control.holds(page):
-                who = "another page" if self.control.present else "nobody"
-                problem = f"needs control of the machine, which {who} has; ask for the controls first"
-                raise InputError(action.replace("_", " "), None, problem)
+                who = "another page is in control" if self.control.present else "nobody is in control"
+                raise InputError(action.replace("_", " "), None, f"must wait: {who}; ask for the controls first")
             arguments = {**(words or {}), "page": page} if action in self._own else dict(words or {})
             said = known[action](**arguments)
             return {"ok": True, "said": said}

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ..._lazy import lazy_submodules
+from ..._lazy import lazy_names, lazy_submodules
 from .analogue import AnalogOut, Converter, Sensor
 from .computer import Computer
 from .frame import Frame, FrameState, StandState, TestStand
@@ -11,6 +11,9 @@ from .motor import Encoder, Motor, MotorPowers
 if TYPE_CHECKING:
     from . import connect as connect
     from . import serial_line as serial_line
+    from .connect import HardwareRequest as HardwareRequest
+    from .connect import connected as connected
+    from .interface import Hardware as Hardware
 
 __all__ = [
     "AnalogOut",
@@ -19,11 +22,21 @@ __all__ = [
     "Encoder",
     "Frame",
     "FrameState",
+    "Hardware",
+    "HardwareRequest",
     "Motor",
     "MotorPowers",
     "Sensor",
     "StandState",
     "TestStand",
+    "connected",
 ]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "connect": ["HardwareRequest", "connected"],
+        "interface": ["Hardware"],
+    },
+)

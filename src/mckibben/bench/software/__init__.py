@@ -1,5 +1,22 @@
 """Software of the test machine: set-points, controllers, interlocks, and processing of samples."""
 
-from ..._lazy import lazy_submodules
+from typing import TYPE_CHECKING
+
+from ..._lazy import lazy_names, lazy_submodules
+
+if TYPE_CHECKING:
+    from .controllers import bounded as bounded
+    from .controllers import first_trim as first_trim
+
+__all__ = [
+    "bounded",
+    "first_trim",
+]
 
 lazy_submodules(__name__)
+lazy_names(
+    __name__,
+    {
+        "controllers": ["bounded", "first_trim"],
+    },
+)
