@@ -1,5 +1,6 @@
 """Benchmark: what models are shown and scored on, and how one of a user's own file takes part."""
 
+import functools
 import json
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 from tests.measured_data import FOLDER, measured
 from typer.testing import CliRunner
 
-from mckibben.benchmarking import TASKS, BenchmarkRecord, benchmark, task
+from mckibben.benchmarking import TASKS, BenchmarkRecord, DataSplit, benchmark, run_task, task
+from mckibben.benchmarking.moving import VENTING
 from mckibben.benchmarking.page import page
-from mckibben.benchmarking.scores import TaskScore, score_record
+from mckibben.benchmarking.scores import TaskScore, scales, score_record
 from mckibben.cli.app import app
 from mckibben.errors import InputError, MissingDataError
 
@@ -42,6 +44,55 @@ def test_a_muscle_left_out_is_in_no_record_to_train_on():
         assert {r.muscle for r in fold.test} == {fold.name}
         assert fold.name not in {r.muscle for r in fold.train}
     assert len(task("data-sheet").load(FOLDER)) > 1
+
+
+@functools.cache
+def folds_of(name):
+    return task(name).load(FOLDER)
+
+
+@measured("aarl_10mm_isometric", "dmsp_10_250_hysteresis", "gtdynamics_jumping_robot", "pneu_sim_antagonist")
+@pytest.mark.parametrize("name", ["isometric-runs", "loop", "creep", "robot", "antagonist"])
+def test_every_sample_in_motion_is_predicted_once_and_trained_on_by_no_fold_that_predicts_it(name):
+    asked = []
+    for fold in folds_of(name):
+        shown = {(r.name, i) for r in fold.train for i in some(r) if all(np.isfinite(v[i]) for v in r.outputs.values())}
+        pairs = zip(fold.test, fold.scored, strict=True)
+        predicted = {(r.name, i) for r, scored in pairs for i in some(r) if scored[i]}
+        assert predicted and not predicted & shown
+        asked += predicted
+    assert len(asked) == len(set(asked))
+
+
+def some(record):
+    """Every sample of a short record, some of a long one."""
+    return range(0, len(record), max(1, len(record) // 150))
+
+
+@measured("aarl_10mm_isometric")
+def test_the_exhaust_begins_where_the_pressure_falls():
+    for record in folds_of("isometric-runs")[0].test:
+        venting, pressure = record.phase == VENTING, record.inputs["pressure"]
+        began = int(np.argmax(venting))
+        assert 0 < began and venting[began:].all() and not venting[:began].any()
+        # From 2 s after it on the steps of the exhaust have halved what was held, whichever run it is.
+        assert np.median(pressure[began + 1000 :]) < 0.5 * np.median(pressure[began - 500 : began])
+
+
+def test_a_swing_is_the_scale_of_what_has_no_natural_zero():
+    record = BenchmarkRecord("a", "A", {"force": np.zeros(3)}, {"pressure": np.array([10.0, np.nan, 12.0])})
+    fold = DataSplit("a", (record,), (record,), (np.ones(3, bool),))
+    assert scales([fold]) == {("A", "pressure"): 12.0}
+    assert scales([fold], swing=True) == {("A", "pressure"): 2.0}
+
+
+@measured("dmsp_10_250_hysteresis")
+def test_the_hidden_half_of_a_step_is_predicted_by_creep_and_by_no_friction():
+    # The study of these steps measured 0.03 and 0.05 mm of a swing of some millimetres; beyond, a fit stood still.
+    assert run_task(task("creep"), folds_of("creep"), "creep").rms() < 0.02
+    refused = run_task(task("creep"), folds_of("creep"), "friction")
+    assert not refused.records and "turns" in refused.reason
+    assert "held pressure" in run_task(task("loop"), folds_of("loop"), "creep").reason
 
 
 def test_an_error_of_one_per_cent_everywhere_is_rms_largest_and_bias():

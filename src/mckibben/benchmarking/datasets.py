@@ -14,8 +14,15 @@ from pathlib import Path
 
 from ..errors import InputError, MissingDataError
 from ..specimens import map_file, specimen
-from ..studies.validation import AARL, MARTENS, NO_LICENCE, PLATEAUS, VARIABLE
+from ..studies.validation import AARL, LOOP_FOLDER, MARTENS, NO_LICENCE, PLATEAUS, ROBOT_FOLDER, VARIABLE
 
+# Isometric runs of 10 mm muscles: cut lengths, mountings from stretched to slack, and runs.
+CUTS = ("10cm", "20cm", "30cm")
+MOUNTINGS = ("Unkink", "kinked25", "kinked50", "kinked75")
+RUN_NAMES = ("Test8", "Test9", "Test10")
+# Jumps of a robot, and the tables of each.
+JUMP_NAMES = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
+JUMP_TABLES = ("pres_filt.txt", "t_valve.txt", "angle_pre.txt", "vid_time.txt")
 LARGEST = 64 << 20  # of a file, unpacked [B]
 
 
@@ -110,4 +117,33 @@ PLATEAU = BenchmarkData(
     digest="b98518ecd21ae5154f0628f774c01129df23a8bf501e87071fd1dfd9353981a0",
     source=AARL,
     licence=NO_LICENCE,
+)
+RUNS = BenchmarkData(
+    files=tuple(
+        f"aarl_10mm_isometric/10mm_{cut}_{mounting}_{run}.csv.gz"
+        for cut in CUTS
+        for mounting in MOUNTINGS
+        for run in RUN_NAMES
+    ),
+    digest="ed930cdfbf5c87025bf55337b3167ac3fb9960dfffd7577c9f9ece1da5ca62f4",
+    source=AARL,
+    licence=NO_LICENCE,
+)
+LOOP = BenchmarkData(
+    files=tuple(f"{LOOP_FOLDER}/{name}" for name in ("pressure_stroke_loop.csv", "step_response_100hz.csv")),
+    digest="3687a5161433f9dff5eb2340be196101b84b6f2cc07b1945bb3710e0d675651b",
+    source="public repository tbazina/pam_lqi_pid",
+    licence=NO_LICENCE,
+)
+JUMPS = BenchmarkData(
+    files=tuple(f"{ROBOT_FOLDER}/{jump}/{table}" for jump in JUMP_NAMES for table in JUMP_TABLES),
+    digest="ad127217b62ee927cd541ec785043903f833f7d3670e8db2dfec78bdcf7a63e4",
+    source="public repository borglab/GTDynamics, Georgia Tech Research Corp.",
+    licence="BSD-style: read, not copied",
+)
+ANTAGONIST = BenchmarkData(
+    files=("pneu_sim_antagonist/data.mat",),
+    digest="479d7eb51187efad5ca368c62a3d0eb30104203d7b2f5595cc2be37b1b477d7d",
+    source="public repository jonreal/pneu-sim",
+    licence="Apache-2.0; does not ship",
 )

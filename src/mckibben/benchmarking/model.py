@@ -57,7 +57,11 @@ _MODELS = f"{__package__}.models"
 MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
     "mckibben.models",
     "model",
-    {},
+    {
+        "friction": f"{_MODELS}.memory:FrictionModel",
+        "creep": f"{_MODELS}.memory:CreepModel",
+        "robot_circuit": f"{_MODELS}.circuit:RobotCircuit",
+    },
     accept=required_of_model,
 )
 

@@ -7,12 +7,15 @@ import math
 from ..studies.validation import VARIABLE
 from ..studies.validation_page import DASH, FRONT
 from ..studies.validation_page import table as markdown_table
+from .moving import FILLING, VENTING
 from .run import BenchmarkResult
 from .scores import TaskScore
 from .tasks import task
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"
 COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")
+PHASES = (FILLING, VENTING)
+PHASE_COLUMNS = ("model", "filling, rms", "bias", "venting, rms", "bias")
 INTRO = f"""\
 Models of muscles on measured tasks: each is trained on a part of the data and predicts a part that it was not shown. What is
 left out follows from the data alone, and hashes tell whether the data are those for which the splits were made. One
@@ -25,16 +28,15 @@ $ {VARIABLE}=/folder/of/measured/data mckibben benchmark --out docs/reference/be
 Without that folder it does the tasks whose data ship with the package, and names the others. A model of your own takes part
 as `mckibben benchmark --model my.py:MyModel`: any class with the methods `fit` and `predict`, or a tension law.
 
-All figures are shares of the largest measured tension of the muscle. *Rms* is the root mean square error of all predicted
-points with tension, *largest* the largest single error, *bias* the mean signed error, positive where too much tension is
-predicted; *over* is more than that tension. The interval of the rms error is by a bootstrap over muscles where there are
-three or more, else over what is left out."""
+All figures are shares of the largest measured tension of the muscle; where something else than tension is predicted, of the
+swing of what was measured. *Rms* is the root mean square error of all predicted samples, *largest* the largest single
+error, *bias* the mean signed error, positive where too much is predicted; *over* is more than the whole. Tension is scored
+where the muscle was taut. The interval of the rms error is by a bootstrap over muscles where there are three or more, else
+over what is left out."""
 END = """\
 ## What is not here
 
-The competitors are tension laws. Neural networks, Gaussian processes and other models without physics have not been run on
-these tasks, and no task is of a muscle in motion: loop, creep and a robot are on the [validation page](validation.md).
-Venting is scored together with filling. Nothing here tells how far two muscles of one make differ."""
+Nothing here tells how far two muscles of one make differ, and each loop, robot and pair of muscles was measured once."""
 
 
 def page(result: BenchmarkResult, *, version: str = "") -> str:
@@ -59,7 +61,10 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
             f"`{name}`: {one.predicts}. Left out: {one.split}. Data: {sources}.",
             markdown_table(COLUMNS, [[f"`{cells[0]}`", *cells[1:]] for cells in rows(result, name)]),
         ]
-        parts += [f"`{model}` has no result: {reason}." for model, reason in result.refused(name).items()]
+        phased = phase_rows(result, name)
+        if phased:
+            parts += ["Filling and venting apart:", markdown_table(PHASE_COLUMNS, phased)]
+        parts += refusals(result, name)
         parts.append(one.note)
     return "\n\n".join([*parts, END]) + "\n"
 
@@ -70,6 +75,23 @@ def rows(result: BenchmarkResult, name: str) -> list[list[str]]:
         [score.model, percent(score.rms()), interval(score), percent(score.largest()), percent(score.bias(), sign=True)]
         for score in result.of(name)
     ]
+
+
+def phase_rows(result: BenchmarkResult, name: str) -> list[list[str]]:
+    """Cells of the table of filling and venting of one task, in the order of `PHASE_COLUMNS`; none without phases."""
+    return [
+        [f"`{score.model}`", *(percent(f(p), sign=f == score.bias) for p in PHASES for f in (score.rms, score.bias))]
+        for score in result.of(name)
+        if set(PHASES) <= set(score.phases)
+    ]
+
+
+def refusals(result: BenchmarkResult, name: str) -> list[str]:
+    """A sentence for each reason why models have no result on a task."""
+    reasons: dict[str, list[str]] = {}
+    for model, reason in result.refused(name).items():
+        reasons.setdefault(reason, []).append(f"`{model}`")
+    return [f"No result of {', '.join(models)}: {reason}." for reason, models in reasons.items()]
 
 
 def interval(score: TaskScore) -> str:

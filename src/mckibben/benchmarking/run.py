@@ -80,7 +80,7 @@ def run_task(
         The scores, or the reason why the model cannot do the task.
     """
     every = tuple(folds)
-    scale, scored = scales(every), []
+    scale, scored = scales(every, swing=chosen.of_swing), []
     began = time.process_time()
     try:
         contender = new_model(name) if model is None else model

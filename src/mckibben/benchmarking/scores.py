@@ -102,15 +102,20 @@ class TaskScore:
         return tuple(dict.fromkeys(r.phase for r in self.records if r.phase))
 
 
-def scales(folds: Sequence[DataSplit]) -> dict[tuple[str, str], float]:
-    """Largest measured value of each output of each muscle, to which errors relate: (muscle, output) -> value [SI]."""
+def scales(folds: Sequence[DataSplit], *, swing: bool = False) -> dict[tuple[str, str], float]:
+    """What errors relate to: (muscle, output) -> value [SI].
+
+    Args:
+        folds: of a task.
+        swing: take the largest less the smallest measured value, instead of the largest.
+    """
     values: dict[tuple[str, str], list[np.ndarray]] = {}
     for fold in folds:
         for record in (*fold.test, *fold.train):
             for name, measured in record.outputs.items():
                 values.setdefault((record.muscle, name), []).append(measured[np.isfinite(measured)])
     whole = {key: np.concatenate(parts) for key, parts in values.items()}
-    return {key: float(np.abs(v).max()) for key, v in whole.items()}
+    return {key: float(np.ptp(v) if swing else np.abs(v).max()) for key, v in whole.items()}
 
 
 def score_record(

@@ -26,7 +26,8 @@ def run_benchmark(
     model: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="LAW|FILE.py:CLASS", help="Law, or model of your own such as my.py:MyModel; all laws by default."
+            metavar="LAW|FILE.py:CLASS",
+            help="Law, other model, or one of your own such as my.py:MyModel; all by default.",
         ),
     ] = None,
     data: Annotated[
@@ -77,13 +78,13 @@ def _show(result: BenchmarkResult) -> None:
     for name in result.tasks:
         one = benchmarking.TASKS[name]
         table(
-            f"{one.title}: errors as shares of the largest tension",
+            f"{one.title}: errors as shares of {'the swing' if one.of_swing else 'the largest tension'}",
             list(benchmarking.page.COLUMNS),
             benchmarking.page.rows(result, name),
             right=range(1, 5),
         )
-        for model, reason in result.refused(name).items():
-            typer.echo(f"{model} has no result: {reason}.")
+        for sentence in benchmarking.page.refusals(result, name):
+            typer.echo(sentence.replace("`", ""))
         typer.echo(one.note)
         typer.echo("")
     for name, reason in result.absent.items():

@@ -276,7 +276,7 @@ def fit_circuit(
     errors: list[ChannelError] = []
     predicted: dict[str, dict[str, np.ndarray]] = {}
     for trial in (*trials, *predict):
-        outputs = _checked_run(trial, changes, step).outputs
+        outputs = run_trial(trial, changes, step=step).outputs
         predicted[trial.name] = {c: np.asarray(outputs[c]) for c in trial.channels}
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
@@ -292,8 +292,17 @@ def fit_circuit(
     )
 
 
-def _checked_run(trial: Trial, changes: Mapping[str, float], step: float) -> Run:
-    """The run by which a record is judged: fitted parameters may ask for a shorter step than the first guesses did."""
+def run_trial(trial: Trial, changes: Mapping[str, float], *, step: float = STEP) -> Run:
+    """Run a trial with fitted parameters, which may ask for a shorter step than the first guesses did.
+
+    Args:
+        trial: the trial.
+        changes: parameters by dotted path [SI], such as `CircuitFit.changes`.
+        step: of the integration [s]; halved up to four times.
+
+    Raises:
+        ConvergenceError: the circuit cannot be run with these parameters.
+    """
     for halved in range(HALVINGS):
         try:
             return trial.run(changes, step=step / 2**halved)

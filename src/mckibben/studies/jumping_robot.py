@@ -71,10 +71,14 @@ def read_trial(folder: str | Path) -> Recording:
 
 
 def robot_trial(folder: str | Path, plan: CircuitPlan) -> Trial:
-    """Read a trial's folder for comparison; valves' lines begin at the pressure of their muscles."""
-    record = read_trial(folder)
+    """Read a trial's folder for comparison."""
+    return trial_of_recording(read_trial(folder), plan, name=Path(folder).name)
+
+
+def trial_of_recording(record: Recording, plan: CircuitPlan, *, name: str) -> Trial:
+    """Prepare a recording as `read_trial` makes it for comparison; valves' lines begin at the pressure of their muscles."""
     lines = {f"line_{m}": f"muscle_{m}" for m in MUSCLES}
-    trial = trial_from_record(plan, record, name=Path(folder).name)
+    trial = trial_from_record(plan, record, name=name)
     first = {line: trial.initial[muscle] for line, muscle in lines.items()}
     return trial.replace(initial={**trial.initial, **first})
 

@@ -75,6 +75,15 @@ def read_steps(folder: str | Path) -> dict[str, tuple[np.ndarray, np.ndarray, np
     return {s: (time[words == s], stroke[words == s], pressure[words == s]) for s in SEGMENTS}
 
 
+def held_steps(folder: str | Path) -> dict[str, Segment]:
+    """Read the part of each segment of a folder in which the pressure is held: time since the step, stroke, pressure.
+
+    Raises as `read_loop`, and `InputError` for a pressure that is not held.
+    """
+    where = str(Path(folder) / STEPS)
+    return {segment: _hold(segment, rows, where) for segment, rows in read_steps(folder).items()}
+
+
 def _file(folder: str | Path, name: str) -> Path:
     path = Path(folder) / name
     if not path.is_file():

@@ -33,6 +33,7 @@ class LawModel:
             InputError: the records are not of tension over length and pressure, or too few.
             ConvergenceError: no fit converged.
         """
+        train = thinned(train)
         self.points = joined(train)
         self.known = _known(train)
         problem = Problem.of(self.law, self.points, known=self.known)
@@ -53,6 +54,16 @@ class LawModel:
             known["upper_length"] = float(max(np.max(length), np.max(seen)))
         law = build_law(self.law, known | self.values)
         return {"tension": np.asarray(law.tension(length, pressure))}
+
+
+MOST = 3000  # samples of records in time that a law is fitted to; more of them say the same
+
+
+def thinned(train: Sequence[BenchmarkRecord], most: int = MOST) -> list[BenchmarkRecord]:
+    """Static records as they are, and of records in time as many evenly spaced samples as sum up to `most`."""
+    count = sum(len(record) for record in train if not record.is_static)
+    step = -(-count // most)
+    return [record if record.is_static else record.every(step) for record in train]
 
 
 def joined(train: Sequence[BenchmarkRecord]) -> ForceMap:
