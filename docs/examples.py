@@ -6,6 +6,7 @@ line that begins with ``$ mckibben`` runs, and its output follows. Options after
     ```console exit=2          the command must end with this exit code; standard error is shown
     ```console lines=12        show at most this many lines of the output, then an ellipsis
     ```python quiet            run without showing the code or its output
+    ```python needs=LIBRARY    run only where the library is installed, which `make docs` does not install; else without output
     ```python job              a script of a job, which runs in a process of its own and is timed (see jobs.py)
 
 Each page runs in an empty working directory; figures saved there become assets of the site.
@@ -14,6 +15,7 @@ Each page runs in an empty working directory; figures saved there become assets 
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import os
 import re
@@ -78,6 +80,10 @@ def _block(kind: str, words: list[str], body: str, space: dict[str, object], job
         return _job_block(kind, body, job[0], options.get("file", ""), int(options.get("exit", "0")), most, where)
     if kind == "console":
         return f"```console\n{_commands(body, int(options.get('exit', '0')), most, where)}```"
+    needs = next((w.partition("=")[2] for w in words if w.startswith("needs=")), "")
+    if needs and importlib.util.find_spec(needs) is None:
+        print(f"{where}: not run, for {needs} is not installed")
+        return f"```python\n{body}```"
     printed = _python(body, space, where)
     if "quiet" in words:
         return ""

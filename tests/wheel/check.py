@@ -144,6 +144,8 @@ CALLS: dict[str, list[Call]] = {
         Call(("python", "--scenario", "hang", "--out", "python.json"), ["python.json"]),
         Call(("matlab",), says=["python"]),
         needs("mujoco", "mujoco"),
+        needs("drake", "drake"),
+        needs("opensim", "opensim"),
     ],
     "export": [
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),

@@ -17,7 +17,9 @@ OUT = OutputKinds(certificate=OBJECT)
 
 
 def conform_host(
-    host: Annotated[str, typer.Argument(metavar="HOST", help="Host to test: python, c, mujoco, fmi3 or fmi2.")],
+    host: Annotated[
+        str, typer.Argument(metavar="HOST", help="Host to test: python, c, mujoco, drake, opensim, fmi3 or fmi2.")
+    ],
     scenario: Annotated[
         list[str] | None,
         typer.Option(

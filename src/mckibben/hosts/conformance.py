@@ -47,6 +47,8 @@ HOSTS: dict[str, str] = {
     "python": "adapters:PythonHost",
     "c": "adapters:CHost",
     "mujoco": "mujoco_host:MujocoHost",
+    "drake": "drake_host:DrakeHost",
+    "opensim": "opensim_host:OpensimHost",
     "fmi3": "fmi.host:Fmi3Host",
     "fmi2": "fmi.host:Fmi2Host",
 }

@@ -1,0 +1,166 @@
+"""Muscles with their air beside the muscles of an OpenSim model: both are stepped by turns.
+
+    from mckibben.hosts.opensim import CoSimulation
+
+    together = CoSimulation(model, Part("nylon", span=0.14), {"muscle": "pam"})
+    seen = together.step(muscle=0.3)
+
+Each muscle is a `PathActuator` of the model, whose length is the span and whose force the part gives. In each step the part
+goes first, along the lengthening speeds of the moment; the model is then integrated with the mean tensions of the same step,
+by its own integrator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import ConvergenceError, InputError
+from ..extras import library
+from .part import Part
+
+ACCURACY = 1e-6  # of OpenSim's integrator
+
+
+class CoSimulationState(NamedTuple):
+    """A moment of a co-simulation.
+
+    Attributes:
+        time: [s].
+        model: continuous state of the model, as OpenSim orders it.
+        part: state of the muscles with their air.
+    """
+
+    time: float
+    model: np.ndarray
+    part: np.ndarray
+
+
+class CoSimulation:
+    """An OpenSim model and muscles with their air, stepped together.
+
+    Args:
+        model: an ``opensim.Model``; its system is initialized here.
+        part: muscles and their air.
+        actuators: name of the model's `PathActuator` for each muscle.
+        period: of the steps in which tensions are exchanged [s].
+        accuracy: of OpenSim's integrator.
+        start: of the model, as ``model.initSystem()`` returns it and perhaps changed since; a new one by default.
+
+    Attributes:
+        model: the model.
+        part: muscles and their air.
+        state: the model's state at the present moment, which goes on with every step.
+
+    Raises:
+        InputError: an actuator that the model does not have, or a muscle without one.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        part: Part,
+        actuators: Mapping[str, str],
+        *,
+        period: float = 1e-3,
+        accuracy: float = ACCURACY,
+        start: Any = None,
+    ) -> None:
+        self._opensim = library("opensim", "Muscles in OpenSim need")
+        if not period > 0.0:
+            raise InputError("period", f"{period:g} s", "must be greater than 0 s")
+        self.model, self.part, self.period = model, part, float(period)
+        self.state = model.initSystem() if start is None else start
+        forces = model.updForceSet()
+        known = [forces.get(k).getName() for k in range(forces.getSize())]
+        self._actuators = {}
+        for muscle in part.muscles:
+            if muscle not in actuators:
+                raise InputError("actuators", None, f"is missing for the muscle {muscle}")
+            if actuators[muscle] not in known:
+                raise InputError("actuators", actuators[muscle], known=known)
+            actuator = self._opensim.PathActuator.safeDownCast(forces.get(actuators[muscle]))
+            if actuator is None:
+                raise InputError("actuators", actuators[muscle], "must be a PathActuator")
+            actuator.overrideActuation(self.state, True)
+            self._actuators[muscle] = actuator
+        self._manager = self._opensim.Manager(model)
+        self._manager.setIntegratorAccuracy(accuracy)
+        self._manager.setWriteToStorage(False)
+        self._part_state: np.ndarray | None = None
+        self._count = round(self.time / self.period)
+
+    def __repr__(self) -> str:
+        return f"CoSimulation({self.model.getName()!r}, {self.part!r}, {self.time:g} s)"
+
+    @property
+    def time(self) -> float:
+        """Of the model [s]."""
+        return float(self.state.getTime())
+
+    def span(self) -> dict[str, float]:
+        """Span of each muscle [m]."""
+        self.model.realizePosition(self.state)
+        return {name: float(actuator.getLength(self.state)) for name, actuator in self._actuators.items()}
+
+    def span_rate(self) -> dict[str, float]:
+        """Rate of each span [m/s]."""
+        self.model.realizeVelocity(self.state)
+        return {name: float(actuator.getLengtheningSpeed(self.state)) for name, actuator in self._actuators.items()}
+
+    def step(self, **commands: Any) -> Any:
+        """Go on by one period.
+
+        Args:
+            **commands: by name [SI]; those that are left out stay as they were.
+
+        Returns:
+            The outputs of the part, see `Part.step`: of a single muscle ``tension`` first, the mean over the step [N].
+
+        Raises:
+            InputError: an unknown command.
+            ConvergenceError: the state of the muscles is not possible any more, or OpenSim cannot integrate the model.
+        """
+        spans, rates = self.span(), self.span_rate()
+        if self._part_state is None:
+            self._part_state = self.part.rest(spans, **commands)
+        self._part_state, seen = self.part.step(
+            self._part_state, period=self.period, span=spans, rate=rates, **commands
+        )
+        for place, name in enumerate(sorted(self._actuators)):  # tensions come first, by muscle
+            self._actuators[name].setOverrideActuation(self.state, seen[place])
+        self._count += 1
+        try:
+            self._manager.initialize(self.state)
+            after = self._manager.integrate(self._count * self.period)
+        except RuntimeError as error:
+            raise ConvergenceError(f"OpenSim could not integrate the model at {self.time:g} s: {error}") from None
+        self.state.setTime(
+            after.getTime()
+        )  # into the same state: a copied one keeps lengthening speeds of another moment
+        self.state.setY(after.getY())
+        return seen
+
+    def observe(self, **commands: Any) -> Any:
+        """Outputs of the muscles at the present moment, without going on."""
+        spans = self.span()
+        state = self.part.rest(spans, **commands) if self._part_state is None else self._part_state
+        return self.part.observe(state, span=spans, rate=self.span_rate(), **commands)
+
+    def save_state(self) -> CoSimulationState:
+        """The present moment, for `load_state`."""
+        numbers = self.state.getY()
+        part = np.zeros(0) if self._part_state is None else self._part_state
+        return CoSimulationState(self.time, np.array([numbers.get(k) for k in range(numbers.size())]), part)
+
+    def load_state(self, saved: CoSimulationState) -> None:
+        """Return to a moment, perhaps of another co-simulation of the same model and part."""
+        numbers = self._opensim.Vector(len(saved.model), 0.0)
+        for k, value in enumerate(saved.model):
+            numbers.set(k, float(value))
+        self.state.setTime(saved.time)
+        self.state.setY(numbers)
+        self._count = round(saved.time / self.period)
+        self._part_state = saved.part if saved.part.size else None
