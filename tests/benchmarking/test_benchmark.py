@@ -2,16 +2,28 @@
 
 import functools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.measured_data import FOLDER, measured
 from typer.testing import CliRunner
 
-from mckibben.benchmarking import TASKS, BenchmarkRecord, DataSplit, benchmark, run_task, task
+from mckibben.benchmarking import (
+    TASKS,
+    BenchmarkRecord,
+    BenchmarkResult,
+    DataSplit,
+    benchmark,
+    new_model,
+    run_task,
+    task,
+)
+from mckibben.benchmarking.models.columns import held_back
+from mckibben.benchmarking.models.gaussian_process import likelihood
 from mckibben.benchmarking.moving import VENTING
 from mckibben.benchmarking.page import page
-from mckibben.benchmarking.scores import TaskScore, scales, score_record
+from mckibben.benchmarking.scores import RecordScore, TaskScore, scales, score_record
 from mckibben.cli.app import app
 from mckibben.errors import InputError, MissingDataError
 
@@ -95,6 +107,46 @@ def test_the_hidden_half_of_a_step_is_predicted_by_creep_and_by_no_friction():
     assert "held pressure" in run_task(task("loop"), folds_of("loop"), "creep").reason
 
 
+def sine_record(name, phase=0.0):
+    """A made-up system: an output that follows an input with a lag, in 100 samples."""
+    time = np.linspace(0.0, 10.0, 100)
+    drive, output = np.sin(time + phase), np.zeros(100)
+    for i in range(1, 100):
+        output[i] = output[i - 1] + 0.2 * (drive[i] - output[i - 1])
+    return BenchmarkRecord(name, "A", {"drive": drive}, {"y": output}, time=time, initial={"y": 0.0})
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("gaussian_process", "perceptron", "gru", "neural_ode")]
+
+
+@pytest.mark.parametrize("name", ["koopman", *SLOW])
+def test_a_competitor_learns_a_lag_from_other_records(name):
+    model, unseen = new_model(name), sine_record("unseen", 2.0)
+    model.fit([sine_record(str(phase), phase) for phase in np.arange(8) * np.pi / 4.0])
+    error = model.predict(unseen.unseen())["y"] - unseen.outputs["y"]
+    # The output swings by 1.6; a lag of first order is in the span of all, and the drive alone is 0.4 off.
+    assert np.sqrt(np.mean(error**2)) < 0.05
+
+
+def test_the_kernel_is_chosen_by_the_slope_of_its_likelihood():
+    draw = np.random.default_rng(3)
+    inputs, targets, chosen = draw.normal(size=(12, 2)), draw.normal(size=(12, 2)), draw.normal(size=5)
+    value, slope = likelihood(chosen, inputs, targets)
+    for i in range(5):
+        moved = chosen + 1e-5 * (np.arange(5) == i)
+        # A difference over 1e-5 has an error of its square root of precision, 1e-5 of the value.
+        assert (likelihood(moved, inputs, targets)[0] - value) / 1e-5 == pytest.approx(slope[i], abs=1e-3)
+
+
+def test_what_is_held_back_is_the_last_muscle_the_last_record_or_pieces_of_one():
+    a, b = sine_record("a"), sine_record("b")
+    assert [h.all() for h in held_back([a, b])] == [False, True]
+    other = replace(a, muscle="B")
+    assert [bool(h.any()) for h in held_back([a, other, b])] == [False, True, False]
+    (held,) = held_back([a])
+    assert held.sum() == 20 and held[-10:].all()
+
+
 def test_an_error_of_one_per_cent_everywhere_is_rms_largest_and_bias():
     length, tension = np.full(4, 0.1), np.array([10.0, 20.0, 50.0, 100.0])
     record = BenchmarkRecord("a", "A", {"length": length}, {"tension": tension})
@@ -119,6 +171,10 @@ def test_a_model_of_a_file_takes_part_beside_a_law(tmp_path, monkeypatch):
     outcome = CliRunner().invoke(app, words)
     assert outcome.exit_code == 0, outcome.output
     (row,) = json.loads(outcome.stdout)["scores"]
+    earlier = tmp_path / "earlier.json"
+    earlier.write_text(outcome.stdout, encoding="utf-8")
+    assert BenchmarkResult.read(earlier).score(ABOVE, model).rms() == pytest.approx(row["rms"], rel=1e-12)
+    assert benchmark([model], tasks=[ABOVE], earlier=BenchmarkResult.read(earlier)).seconds == row["seconds"]
     assert row["model"] == model and row["bias"] < 0.0  # the mean of low pressures is below tension at high ones
     assert model in (tmp_path / "page.md").read_text(encoding="utf-8")
 
@@ -139,3 +195,15 @@ def test_data_with_another_content_are_refused(tmp_path):
     (place / "DMSP-20_force_contraction.csv").write_text("contraction_fraction,pressure_kPa_gauge,force_N\n")
     with pytest.raises(InputError, match="hash"):
         task("data-sheet").load(tmp_path)
+
+
+def test_the_page_says_who_is_first(tmp_path):
+    rows = [RecordScore(str(k), "A", "", 1e-4 * (1 + k), 1, 0.01, 0.0) for k in range(3)]
+    better = [replace(row, sum_squares=0.1 * row.sum_squares) for row in rows]
+    for ours, others, said in ((better, rows, "| first |"), (rows, better, "**not first**")):
+        scores = TaskScore(ABOVE, "ideal", tuple(ours)), TaskScore(ABOVE, "gru", tuple(others))
+        assert said in page(BenchmarkResult(scores))
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text('{"scores": [{"task": "x"}]}', encoding="utf-8")
+    with pytest.raises(InputError, match="scores must be those of a benchmark"):
+        BenchmarkResult.read(wrong)

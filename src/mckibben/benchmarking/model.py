@@ -59,16 +59,31 @@ MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
     "model",
     {
         "friction": f"{_MODELS}.memory:FrictionModel",
+        "seated_braid_memory": f"{_MODELS}.seated_memory:SeatedBraidMemory",
         "creep": f"{_MODELS}.memory:CreepModel",
         "robot_circuit": f"{_MODELS}.circuit:RobotCircuit",
+        "gaussian_process": f"{_MODELS}.gaussian_process:GaussianProcess",
+        "perceptron": f"{_MODELS}.perceptron:Perceptron",
+        "gru": f"{_MODELS}.recurrent:GatedRecurrentUnit",
+        "neural_ode": f"{_MODELS}.recurrent:NeuralODE",
+        "koopman": f"{_MODELS}.koopman:ExtendedDMD",
     },
     accept=required_of_model,
 )
 
 
-def model_names() -> tuple[str, ...]:
-    """Names of all models: the tension laws, then the others."""
-    return (*LAWS, *MODELS)
+# Models with physics beside the laws, and models without, to compare with.
+PHYSICS = ("seated_braid_memory", "friction", "creep", "robot_circuit")
+COMPETITORS = ("gaussian_process", "perceptron", "gru", "neural_ode", "koopman")
+
+
+def model_names(*, competitors: bool = True) -> tuple[str, ...]:
+    """Names of all models: the tension laws, then the others.
+
+    Args:
+        competitors: with those that know no physics.
+    """
+    return (*LAWS, *(name for name in MODELS if competitors or name not in COMPETITORS))
 
 
 def new_model(name: str) -> BenchmarkModel:

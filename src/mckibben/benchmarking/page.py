@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from ..muscles.laws import LAWS
 from ..studies.validation import VARIABLE
 from ..studies.validation_page import DASH, FRONT
 from ..studies.validation_page import table as markdown_table
+from .model import COMPETITORS, PHYSICS
 from .moving import FILLING, VENTING
 from .run import BenchmarkResult
 from .scores import TaskScore
@@ -14,6 +16,11 @@ from .tasks import task
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"
 COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")
+VERDICT = (
+    "The best model with physics of this package, law or other, against the best without physics. *Within its interval*: the"
+    " rms error of the other lies in the 95 % interval of ours."
+)
+VERDICT_COLUMNS = ("task", "with physics", "rms", "95 % interval", "without", "rms", "95 % interval", "with physics is")
 PHASES = (FILLING, VENTING)
 PHASE_COLUMNS = ("model", "filling, rms", "bias", "venting, rms", "bias")
 INTRO = f"""\
@@ -22,10 +29,13 @@ left out follows from the data alone, and hashes tell whether the data are those
 command makes this page anew:
 
 ```sh
-$ {VARIABLE}=/folder/of/measured/data mckibben benchmark --out docs/reference/benchmark.md
+$ export {VARIABLE}=/folder/of/measured/data
+$ mckibben benchmark --all --out docs/reference/benchmark.md --out docs/reference/benchmark.json
 ```
 
-Without that folder it does the tasks whose data ship with the package, and names the others. A model of your own takes part
+Without that folder it does the tasks whose data ship with the package, and names the others; without `--all` the models
+without physics stay away. All figures are in [`benchmark.json`](benchmark.json), with the processor time and date of each;
+`--earlier benchmark.json` takes from there what need not be computed again. A model of your own takes part
 as `mckibben benchmark --model my.py:MyModel`: any class with the methods `fit` and `predict`, or a tension law.
 
 All figures are shares of the largest measured tension of the muscle; where something else than tension is predicted, of the
@@ -33,6 +43,36 @@ swing of what was measured. *Rms* is the root mean square error of all predicted
 error, *bias* the mean signed error, positive where too much is predicted; *over* is more than the whole. Tension is scored
 where the muscle was taut. The interval of the rms error is by a bootstrap over muscles where there are three or more, else
 over what is left out."""
+COMPETITORS_TEXT = """\
+## The models without physics
+
+They are given the same inputs, the contraction in place of the length, and the rest length where muscles differ in it; of
+records in time those without a memory also get earlier inputs and the time. Their settings were chosen within the
+training part of each fold only, on samples held back there: the last muscle, else the last record, else two of ten pieces of
+a record, else a fifth of the points, drawn. Nothing was chosen after a test set had been seen."""
+COMPETITOR_ROWS = (
+    (
+        "`gaussian_process`",
+        "linear and squared exponential kernel, a length for each input",
+        "kernel and noise, by marginal likelihood of 500 samples; 1,500 are conditioned on",
+    ),
+    ("`perceptron`", "two hidden layers of 32, mean of three networks", "weight decay, of four"),
+    ("`gru`", "24 gated recurrent units", "number of training steps, up to 300"),
+    (
+        "`neural_ode`",
+        "state of the outputs and six more, rate by a hidden layer of 32, Heun's steps",
+        "number of training steps, up to 300",
+    ),
+    (
+        "`koopman`",
+        "extended dynamic mode decomposition: a linear step of lifted outputs and inputs, run freely",
+        "degree of the polynomials and ridge, of six",
+    ),
+)
+COMPETITORS_END = """\
+Models with a memory learn from at most 750 samples of each record. All are so small that they learn in minutes on one
+processor; more time and larger networks may do better. The analytical model of Kang is not here: his
+paper was not at hand, and from what others say of it the model cannot be written down."""
 END = """\
 ## What is not here
 
@@ -48,7 +88,12 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
     """
     parts = [FRONT, "# Benchmark", HEAD, INTRO]
     if version:
-        parts.append(f"Computed with version {version}.")
+        dates = sorted({score.date for score in result.scores if score.date})
+        when = f" on {' and '.join(dates)}" if dates else ""
+        parts.append(f"Computed with version {version}{when} in {result.seconds / 60.0:.0f} minutes of one processor.")
+    summary = [cells for name in result.tasks if (cells := verdict_row(result, name))]
+    if summary:
+        parts += ["## Who is first", VERDICT, markdown_table(VERDICT_COLUMNS, summary)]
     if result.absent:
         parts.append(
             "Not done, for their data are not at hand: " + "; ".join(f"`{name}`" for name in result.absent) + "."
@@ -66,6 +111,10 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
             parts += ["Filling and venting apart:", markdown_table(PHASE_COLUMNS, phased)]
         parts += refusals(result, name)
         parts.append(one.note)
+    if summary:
+        lines = ["| model | what it is | what is chosen |", "|---|---|---|"]
+        lines += [f"| {' | '.join(row)} |" for row in COMPETITOR_ROWS]
+        parts += [COMPETITORS_TEXT, "\n".join(lines), COMPETITORS_END]
     return "\n\n".join([*parts, END]) + "\n"
 
 
@@ -75,6 +124,25 @@ def rows(result: BenchmarkResult, name: str) -> list[list[str]]:
         [score.model, percent(score.rms()), interval(score), percent(score.largest()), percent(score.bias(), sign=True)]
         for score in result.of(name)
     ]
+
+
+def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:
+    """Cells of the summary for one task, in the order of `VERDICT_COLUMNS`; None unless both kinds of models took part."""
+    scores = result.of(name)
+    others = [s for s in scores if s.model in COMPETITORS]
+    ours = [s for s in scores if s.model in (*LAWS, *PHYSICS)]
+    if not ours or not others:
+        return None
+    best, other = ours[0], others[0]
+    low, high = best.interval()
+    if best.rms() <= other.rms():
+        place = "first"
+    elif low <= other.rms():
+        place = "not first, but the other lies within its interval"
+    else:
+        place = "**not first**, and the other lies outside its interval"
+    one = [f"`{name}`", f"`{best.model}`", percent(best.rms()), interval(best)]
+    return [*one, f"`{other.model}`", percent(other.rms()), interval(other), place]
 
 
 def phase_rows(result: BenchmarkResult, name: str) -> list[list[str]]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from ..documents import JsonValue
+from ..documents import JsonValue, parse_json, read_text
 from ..errors import ConvergenceError, InputError, MissingDataError
 from ..studies.validation import measured_data
 from .model import BenchmarkModel, model_names, new_model
@@ -44,25 +46,34 @@ class BenchmarkResult:
 
     def to_dict(self) -> dict[str, JsonValue]:
         """All figures as plain values, for JSON; errors are shares of the largest measured tension of the muscle."""
-        rows: list[JsonValue] = []
-        for one in self.scores:
-            low, high = one.interval() if one.records else (float("nan"), float("nan"))
-            rows.append(
-                {
-                    "task": one.task,
-                    "model": one.model,
-                    "rms": one.rms(),
-                    "low": low,
-                    "high": high,
-                    "largest": one.largest(),
-                    "bias": one.bias(),
-                    "phases": {p: {"rms": one.rms(p), "bias": one.bias(p)} for p in one.phases},
-                    "interval_over": "muscles" if one.over_muscles else "what is left out",
-                    "seconds": one.seconds,
-                    "reason": one.reason,
-                }
-            )
-        return {"scores": rows, "absent": dict(self.absent)}
+        return {"scores": [one.to_dict() for one in self.scores], "absent": dict(self.absent)}
+
+    @classmethod
+    def read(cls, path: str | Path) -> BenchmarkResult:
+        """Read a result that the command stored by ``--out result.json``.
+
+        Raises:
+            InputError: the file cannot be read, or is no such result.
+        """
+        try:
+            content: Any = parse_json(read_text(path))
+        except ValueError as error:
+            raise InputError("file", None, f"is not JSON: {error}", where=str(path)) from None
+        rows = content.get("scores") if isinstance(content, dict) else None
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise InputError("scores", None, "is missing: the file must be a result of the benchmark", where=str(path))
+        absent = content.get("absent")
+        scores = tuple(TaskScore.from_dict(row, where=str(path)) for row in rows)
+        return cls(scores, absent if isinstance(absent, dict) else {})
+
+    def score(self, task: str, model: str) -> TaskScore | None:
+        """The result of a model on a task, if it was computed."""
+        return next((s for s in self.scores if (s.task, s.model) == (task, model)), None)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of all results [s]."""
+        return sum(s.seconds for s in self.scores)
 
 
 def run_task(
@@ -80,6 +91,7 @@ def run_task(
         The scores, or the reason why the model cannot do the task.
     """
     every = tuple(folds)
+    date = datetime.now(UTC).date().isoformat()
     scale, scored = scales(every, swing=chosen.of_swing), []
     began = time.process_time()
     try:
@@ -90,8 +102,8 @@ def run_task(
                 predicted = contender.predict(record.unseen())
                 scored += score_record(record, predicted, counted, fold.name, scale)
     except (InputError, ConvergenceError) as error:
-        return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=str(error))
-    return TaskScore(chosen.name, name, tuple(scored), time.process_time() - began)
+        return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=str(error), date=date)
+    return TaskScore(chosen.name, name, tuple(scored), time.process_time() - began, date=date)
 
 
 def benchmark(
@@ -99,15 +111,19 @@ def benchmark(
     *,
     tasks: Iterable[str] = (),
     folder: str | Path | None = None,
+    competitors: bool = False,
+    earlier: BenchmarkResult | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> BenchmarkResult:
     """Train models on the tasks of the benchmark, and score their predictions of what they were not shown.
 
     Args:
-        models: names, such as ``seated_braid`` or ``my.py:MyModel``; all by default.
+        models: names, such as ``seated_braid`` or ``my.py:MyModel``; all of this package by default.
         tasks: names, such as ``map-pressure-out``; all by default.
         folder: of measured data; the one that MCKIBBEN_DATA names where left out. Without either, only the tasks whose
             data ship are done.
+        competitors: by default also models without physics, which take a quarter of an hour.
+        earlier: results that are not computed again.
         progress: called with a description of the next piece of work, once for each model on each task.
 
     Raises:
@@ -120,7 +136,7 @@ def benchmark(
         True
     """
     chosen = [task(name) for name in (tuple(tasks) or TASKS)]
-    names = tuple(models) or model_names()
+    names = tuple(models) or model_names(competitors=competitors)
     for name in names:
         new_model(name)  # refuses a wrong word before anything is computed
     data, tell = measured_data(folder), progress or (lambda _: None)
@@ -134,10 +150,11 @@ def benchmark(
             continue
         for name in names:
             tell(f"{one.name}, {name}")
-            scores.append(run_task(one, folds, name))
+            known = earlier and earlier.score(one.name, name)
+            scores.append(known or run_task(one, folds, name))
     return BenchmarkResult(tuple(scores), absent)
 
 
-def stages(models: Iterable[str] = (), tasks: Iterable[str] = ()) -> int:
+def stages(models: Iterable[str] = (), tasks: Iterable[str] = (), *, competitors: bool = False) -> int:
     """Largest number of progress reports of `benchmark`."""
-    return len(tuple(models) or model_names()) * len(tuple(tasks) or TASKS)
+    return len(tuple(models) or model_names(competitors=competitors)) * len(tuple(tasks) or TASKS)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 from .records import BenchmarkRecord, DataSplit
 
@@ -36,6 +38,16 @@ class RecordScore:
     largest: float
     total: float
 
+    def __add__(self, other: RecordScore) -> RecordScore:
+        """The score of both, of the same phase of what was left out."""
+        return replace(
+            self,
+            sum_squares=self.sum_squares + other.sum_squares,
+            count=self.count + other.count,
+            largest=max(self.largest, other.largest),
+            total=self.total + other.total,
+        )
+
 
 @dataclass(frozen=True)
 class TaskScore:
@@ -47,6 +59,7 @@ class TaskScore:
         records: scores of all predicted records.
         seconds: of processor time, to train and to predict.
         reason: in words, empty if there is a result.
+        date: on which it was computed.
     """
 
     task: str
@@ -54,6 +67,43 @@ class TaskScore:
     records: tuple[RecordScore, ...] = ()
     seconds: float = 0.0
     reason: str = ""
+    date: str = ""
+
+    @classmethod
+    def from_dict(cls, row: Mapping[str, Any], *, where: str | None = None) -> TaskScore:
+        """A result as `to_dict` stores it.
+
+        Raises:
+            InputError: something is missing.
+        """
+        try:
+            records = tuple(RecordScore(**part) for part in row["parts"])
+            return cls(row["task"], row["model"], records, float(row["seconds"]), row["reason"], row["date"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError("scores", None, f"must be those of a benchmark; wrong is {error}", where=where) from None
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """All figures as plain values; `parts` are the sums of each phase of what was left out."""
+        low, high = self.interval() if self.records else (float("nan"), float("nan"))
+        merged: dict[tuple[str, str, str], RecordScore] = {}
+        for one in self.records:
+            key = one.fold, one.muscle, one.phase
+            merged[key] = one + merged[key] if key in merged else one
+        return {
+            "task": self.task,
+            "model": self.model,
+            "rms": self.rms(),
+            "low": low,
+            "high": high,
+            "largest": self.largest(),
+            "bias": self.bias(),
+            "phases": {p: {"rms": self.rms(p), "bias": self.bias(p)} for p in self.phases},
+            "interval_over": "muscles" if self.over_muscles else "what is left out",
+            "seconds": self.seconds,
+            "date": self.date,
+            "reason": self.reason,
+            "parts": [asdict(part) for part in merged.values()],
+        }
 
     def rms(self, phase: str | None = None) -> float:
         """Root mean square share of error, of one phase if it is named; NaN without a result."""

@@ -203,7 +203,8 @@ THREE_MUSCLES = (
 )
 AT_RATE = (
     "The recorder's clock says 1 kHz; by its own times it took about 530 samples per second. Samples are scored where the"
-    " sensor reads tension."
+    " sensor reads tension. That a law without friction predicts too little while these muscles vent was known before"
+    " friction and creep were put into the braid of `seated_braid_memory`."
 )
 INTERLEAVED = "The halves interleave, so that a prediction bridges gaps of 0.6 bar on both branches."
 ONE_ROBOT = "Only one robot was measured: the interval is over jumps."

@@ -235,6 +235,7 @@ KINDS: dict[str, ValueKind] = {
     "SWEEP": ValueKind(suffixes=(".toml",)),
     "CALIBRATION": ValueKind(suffixes=(".toml",)),
     "CALIBRATION|RECORDING": ValueKind(suffixes=(".toml", *RECORDINGS)),
+    "SCORES": ValueKind(suffixes=(".json",)),
     "SCRIPT": ValueKind(suffixes=_ANY),
     "FOLDER": ValueKind(suffixes=("/",)),
     # files that are written

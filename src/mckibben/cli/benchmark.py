@@ -34,6 +34,13 @@ def run_benchmark(
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of measured data; by default the one that MCKIBBEN_DATA names."),
     ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Run the competitors without physics too, which takes a quarter of an hour.")
+    ] = False,
+    earlier: Annotated[
+        Path | None,
+        typer.Option(metavar="SCORES", help="Earlier result whose scores are not computed again."),
+    ] = None,
     list_tasks: Annotated[bool, typer.Option("--list", help="List the tasks without running them.")] = False,
     out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
@@ -41,7 +48,8 @@ def run_benchmark(
     """Train models on measured tasks, and score their predictions of what they were not shown.
 
     A model of your own is a class with the methods fit(train) and predict(record), or a tension law. Tasks
-    whose data are not at hand are named. All laws on all tasks take some minutes.
+    whose data are not at hand are named. All laws on all tasks take some minutes; with --all, models without
+    physics take part: a Gaussian process, a perceptron, a gated recurrent unit, a neural ODE and Koopman's operator.
 
     $ mckibben benchmark --task map-above-4-bar --model ideal
     """
@@ -49,10 +57,14 @@ def run_benchmark(
         _list(as_json=as_json)
         return
     with OUT.files(out) as files:
-        with progress("benchmark", benchmarking.run.stages(model or (), task or ())) as advance:
-            result = benchmarking.benchmark(model or (), tasks=task or (), folder=data, progress=advance)
+        known = None if earlier is None else benchmarking.BenchmarkResult.read(earlier)
+        count = benchmarking.run.stages(model or (), task or (), competitors=everything)
+        with progress("benchmark", count) as advance:
+            result = benchmarking.benchmark(
+                model or (), tasks=task or (), folder=data, competitors=everything, earlier=known, progress=advance
+            )
         files.write("page", lambda path: write_text(path, benchmarking.page.page(result, version=__version__)))
-        content = result.to_dict()
+        content = {"version": __version__, **result.to_dict()}
         files.write_result(content)
         if as_json:
             print_json(content)

@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import InputError
 from ...identification.problem import Problem, solve
 from ...muscles.build import build_law
+from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
 from ...quantities import declared
 from ...recordings import ForceMap
@@ -47,13 +48,17 @@ class LawModel:
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
         """Tension at the lengths and pressures of a record; the law knows no time."""
         length, pressure = record.inputs["length"], record.inputs["pressure"]
+        return {"tension": np.asarray(self.law_for(record).tension(length, pressure))}
+
+    def law_for(self, record: BenchmarkRecord) -> TensionLaw:
+        """The fitted law with the dimensions of the muscle of a record."""
+        length = record.inputs["length"]
         fields = declared(law_type(self.law))
         known: dict[str, float] = {k: v for k, v in record.dimensions.items() if k in fields and k not in self.values}
         if "upper_length" in fields:
             seen = self.points.length if self.points.rest_length is None else length
             known["upper_length"] = float(max(np.max(length), np.max(seen)))
-        law = build_law(self.law, known | self.values)
-        return {"tension": np.asarray(law.tension(length, pressure))}
+        return build_law(self.law, known | self.values)
 
 
 MOST = 3000  # samples of records in time that a law is fitted to; more of them say the same

@@ -56,6 +56,10 @@ class SeatedBraid(TensionLaw):
         """Gas energy [J]: what the potential loses by the pressure."""
         return self._potential(length, jnp.zeros_like(pressure)) - self._potential(length, pressure)
 
+    def take_up(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """How far both ends have settled together [m], by which the braid is shorter than the muscle."""
+        return self._take_up(self._braid(), length, pressure)
+
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         braid = self._braid()
         u = self._take_up(braid, length, pressure)
