@@ -44,7 +44,13 @@ OPTIONS = {
 
 def energy(
     name: SpecimenName,
-    pressure: Annotated[str, typer.Option(metavar="PRESSURE", help="Gauge pressure of the supply, such as '5 bar'.")],
+    pressure: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PRESSURE",
+            help="Gauge pressure of the supply; 5 bar by default, less where the specimen's rated pressure is less.",
+        ),
+    ] = None,
     cycle: Annotated[
         list[str] | None,
         typer.Option("--cycle", metavar="CYCLE", help="Cycle to compute: maximal, isotonic or valve; all by default."),
@@ -112,7 +118,7 @@ def energy(
         try:
             computed = cycle_energy.energy(
                 spec,
-                pressure=parse(pressure, "Pa", field="--pressure"),
+                pressure=None if pressure is None else parse(pressure, "Pa", field="--pressure"),
                 cycles=cycle or tuple(cycle_energy.CYCLES),
                 law=chosen,
                 parameters=parameters(change, chosen) if change else None,
@@ -148,7 +154,7 @@ def _units() -> dict[str, str]:
     return dict.fromkeys(energies, "J") | lengths | volumes | {"load": "N", "start_pressure": "Pa"}
 
 
-def _cautions(computed: WorkingCycles, pressure: str, stretched: str | None) -> list[str]:
+def _cautions(computed: WorkingCycles, pressure: str | None, stretched: str | None) -> list[str]:
     longest = float(computed.muscles[computed.volume].length_range()[1])
     between = computed.conditions
     return caution(

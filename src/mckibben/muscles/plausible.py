@@ -31,6 +31,11 @@ def highest_pressure(spec: Specimen | None = None) -> tuple[float, str]:
     return HIGHEST_PRESSURE, "McKibben muscles take at most"
 
 
+def usual_pressure(spec: Specimen) -> float:
+    """Gauge pressure at which a muscle is computed where none is stated [Pa]: 5 bar, less if it is rated for less."""
+    return min(USUAL_PRESSURE, highest_pressure(spec)[0])
+
+
 def pressure_caution(pressure: float, spec: Specimen | None = None, *, text: str | None = None) -> str | None:
     """Caution about an unusual gauge pressure for a muscle [Pa]; None if it is usual.
 

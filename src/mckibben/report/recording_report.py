@@ -421,10 +421,22 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
 
 def stimulation_blocks(record: Recording) -> list[Block]:
     """Tables of the contractions and work loops of a stimulated muscle, and tension against the rate of stimulation."""
-    if "excitation" not in record:
-        return []
-    apart = _told_apart(record)
     blocks: list[Block] = []
+    for title, listed_rows in stimulation_tables(record).items():
+        blocks += [Heading(title), listed_rows]
+    drawn = force_frequency_figure(record)
+    if drawn is not None:
+        caption = "Largest and mean active tension over the rate of stimulation."
+        blocks.append(Figure(as_written(drawn), caption, caption))
+    return blocks
+
+
+def stimulation_tables(record: Recording) -> dict[str, ReportTable]:
+    """Tables of the contractions and work loops of a stimulated muscle by title; none where nothing was stimulated."""
+    if "excitation" not in record:
+        return {}
+    apart = _told_apart(record)
+    tables: dict[str, ReportTable] = {}
     for columns, rows_of in ((CONTRACTION_COLUMNS, stimulated_contractions), (LOOP_COLUMNS, stimulated_loops)):
         try:
             each: Sequence[StimulatedContraction | StimulatedLoop] = rows_of(record)
@@ -436,12 +448,8 @@ def stimulation_blocks(record: Recording) -> list[Block]:
         ]
         heads = (TableColumn("Case"), *(TableColumn(title, unit, True) for _, _, title, unit in columns))
         title = "Contractions" if columns is CONTRACTION_COLUMNS else "Work loops with stimulation"
-        blocks += [Heading(title), ReportTable(heads, tuple(rows))]
-    drawn = force_frequency_figure(record)
-    if drawn is not None:
-        caption = "Largest and mean active tension over the rate of stimulation."
-        blocks.append(Figure(as_written(drawn), caption, caption))
-    return blocks
+        tables[title] = ReportTable(heads, tuple(rows))
+    return tables
 
 
 # Field, factor from SI, title and unit of what is shown of a contraction and of a work loop.

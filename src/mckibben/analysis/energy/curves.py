@@ -13,6 +13,7 @@ from .cycles import CYCLES, Conditions, EnergyCycle, computed, energy_cycle, iso
 from .muscle import CycleMuscle, Probe
 
 POINTS = 61
+LEG_POINTS = 257  # of each curved leg of a path
 
 
 class EnergyCurve(NamedTuple):
@@ -131,7 +132,7 @@ class CycleLoops(NamedTuple):
     tendon: CyclePath
 
 
-def cycle_loops(muscle: CycleMuscle, name: str, conditions: Conditions, *, points: int = 257) -> CycleLoops:
+def cycle_loops(muscle: CycleMuscle, name: str, conditions: Conditions, *, points: int = LEG_POINTS) -> CycleLoops:
     """The paths of a cycle.
 
     The area of the piston's is the negative of the input, that of the tendon's the negative of the output. Corners have the

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...accessors import Accessor, implementation
@@ -14,10 +14,11 @@ from ...extras import library
 from ...muscles.build import muscle as built_muscle
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
+from ...muscles.plausible import usual_pressure
 from ...quantities import in_si, with_unit
 from ...specimens import Specimen, muscle_specimen
 from . import cycles as one_cycle
-from .curves import CycleLoops, EnergyCurve, cycle_loops, energy_curve
+from .curves import LEG_POINTS, CycleLoops, EnergyCurve, cycle_loops, energy_curve
 from .cycles import CYCLES, Conditions, EnergyCycle, energy_cycle
 from .muscle import CycleMuscle
 
@@ -66,9 +67,27 @@ class WorkingCycles:
         """Whether the cycles begin beyond the lengths that the law is made for."""
         return bool(self.muscles[self.volume].law.overstretched(self.conditions.stretched_length))
 
-    def loops(self) -> list[CycleLoops]:
-        """The cycles as closed paths of piston and tendon."""
-        return [cycle_loops(self.muscles[self.volume], name, self.conditions) for name in self.cycles]
+    def loops(self, points: int = LEG_POINTS) -> list[CycleLoops]:
+        """The cycles as closed paths of piston and tendon, with a number of points on each curved leg."""
+        return [cycle_loops(self.muscles[self.volume], name, self.conditions, points=points) for name in self.cycles]
+
+    def curve(self, name: str, highest: float | None = None, points: int = CURVE_POINTS - 1) -> EnergyCurve:
+        """A cycle over the pressure of the supply.
+
+        Args:
+            name: name of `CYCLES`.
+            highest: gauge pressure up to which it is computed, from the threshold on [Pa]; twice that of the conditions by
+                default.
+            points: number of pressures.
+        """
+        muscle, most = self.muscles[self.volume], 2.0 * self.conditions.pressure if highest is None else highest
+        at = one_cycle.pressures(muscle, self.conditions, most, points)
+        return energy_curve(muscle, name, at, self.conditions)
+
+    @property
+    def threshold(self) -> float:
+        """Gauge pressure from which the gas pulls, zero for a law without one [Pa]."""
+        return float(self.muscles[self.volume].threshold())
 
     def to_dict(self) -> dict[str, Any]:
         """Cycles, conditions and curves as plain values, in SI units."""
@@ -131,7 +150,7 @@ class WorkingCycles:
 def energy(
     muscle: str | os.PathLike[str] | Specimen | Muscle,
     *,
-    pressure: float | str = "5 bar",
+    pressure: float | str | None = None,
     cycles: str | Sequence[str] = tuple(CYCLES),
     law: str | None = None,
     parameters: Mapping[str, float] | None = None,
@@ -149,7 +168,7 @@ def energy(
 
     Args:
         muscle: a specimen, its id or file, or a muscle of one.
-        pressure: highest gauge pressure, that of the supply [Pa].
+        pressure: highest gauge pressure, that of the supply [Pa]; 5 bar by default, less where the muscle is rated for less.
         cycles: names of `CYCLES`.
         law: name of a law that the specimen states; its default, or that of the muscle, if left out.
         parameters: parameters of the law that are replaced [SI].
@@ -182,7 +201,7 @@ def energy(
     if ambient is not None:
         around = Environment(pressure_abs=in_si(ambient, "Pa", field="ambient"))
     conditions = Conditions(
-        pressure=float(in_si(pressure, "Pa", field="pressure")),
+        pressure=usual_pressure(spec) if pressure is None else float(in_si(pressure, "Pa", field="pressure")),
         stretched_length=_stretched(spec, own, law, stretched_length, contraction),
         ambient=around,
         exchange_pressure=_exchange(accumulator, accumulator_pressure, own, law),
@@ -193,8 +212,8 @@ def energy(
     )
     conditions.check(own)
     computed = {n: {v: energy_cycle(m, n, conditions) for v, m in muscles.items()} for n in names}
-    over = {n: _curve(own, n, conditions) for n in names} if curves else {}
-    return WorkingCycles(spec, law, which, conditions, muscles, computed, over)
+    whole = WorkingCycles(spec, law, which, conditions, muscles, computed, {})
+    return replace(whole, curves={n: whole.curve(n) for n in names}) if curves else whole
 
 
 def _described(
@@ -239,8 +258,3 @@ def _exchange(accumulator: bool, pressure: float | str | None, muscle: CycleMusc
         return float(in_si(pressure, "Pa", field="accumulator_pressure"))
     cure = "an accumulator pressure, such as '0.9 bar'"
     return one_cycle.at_threshold(muscle, law, cure=cure) if accumulator else 0.0
-
-
-def _curve(muscle: CycleMuscle, name: str, conditions: Conditions) -> EnergyCurve:
-    at = one_cycle.pressures(muscle, conditions, 2.0 * conditions.pressure, CURVE_POINTS - 1)
-    return energy_curve(muscle, name, at, conditions)

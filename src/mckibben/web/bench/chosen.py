@@ -23,7 +23,7 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol, protocol_names, shipped
 from ...muscles.build import upper_length_of
 from ...quantities import with_unit
-from ...specimens import Specimen, specimen
+from ...specimens import Specimen, specimen, specimen_ids
 from ..pages.bench import drawing
 from ..pages.bench.columns import factors
 from ..pages.bench.dry import DryRun, dry_run, laws
@@ -79,6 +79,12 @@ class BenchSelection:
     def _muscle(self, name: str) -> Specimen:
         if name not in self.muscles:
             self.muscles = self._muscles()  # a fit may have added one
+        if name in specimen_ids("biological"):
+            sentence = (
+                f"{name} is a biological muscle, which has no valve: stimulate it on the page Compare, "
+                f"or with mckibben run twitch --muscle {name}"
+            )
+            raise InputError("muscle", name, sentence=sentence)
         if name not in self.muscles:
             raise InputError("muscle", str(name)[:80], known=self.muscles)
         return self.muscles[name]
@@ -241,6 +247,7 @@ class BenchSelection:
         rest = drawing.rest_length(self.spec)
         return {
             "muscles": [drawing.plain(s) for s in self.muscles.values()],
+            "biological": specimen_ids("biological"),
             "muscle": self.spec.id,
             "rest_length": rest,
             "rigs": [{"name": n, "title": t} for n, t in self._rigs().items()],

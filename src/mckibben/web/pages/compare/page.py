@@ -20,6 +20,7 @@ from ...workspace import Workspace
 from . import drawings, jobs
 from .dialogs import add, runs
 from .grid import ComparisonGrid
+from .stimulation import StimulationPanel
 
 PRESSURE = Quantity(
     "Pa", (0.0, 1e8), "gauge pressure that counts as the full drive of McKibben muscles", "P", (1e5, 8e5)
@@ -74,6 +75,7 @@ class ComparePage:
                         self.step = box("div", "place")
                     with panel("Energy efficiency"):
                         self.energy = box("div", "place small-place")
+                    self.stimulation = StimulationPanel(self.lab)
         self.document = page_document()
         self.document.on_close(self._leave)
         if self.said:
@@ -278,6 +280,7 @@ class ComparePage:
             if self.shown:
                 drawings.velocity_chart(self.shown).show()
         runs(self)
+        self.stimulation.show([one for _, one in self.shown])
         if columns is not None:
             self.letters = [drawings.LETTERS[i] for i, c in enumerate(columns) if c[1] is not None]
         names = [c.name for c in self.table.columns]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,15 +16,11 @@ from ....analysis.energy import (
     READINGS,
     Conditions,
     CycleLoops,
-    CycleMuscle,
     CyclePath,
     EnergyCurve,
     EnergyCycle,
-    cycle_loops,
-    energy_curve,
-    energy_cycle,
+    WorkingCycles,
 )
-from ....analysis.energy.cycles import pressures
 from ....documents import JsonValue
 from ....errors import InputError, NoVolumeError
 from ....muscles.plausible import pressure_caution
@@ -33,7 +28,7 @@ from ....quantities import from_si, with_unit
 from ....report.energy_report import energy_report
 from ....report.figures import energy_figures
 from ....reproduction import part4
-from .state import EnergyChoice, conditions, resolved
+from .state import EnergyChoice, conditions, described, working_cycle
 
 if TYPE_CHECKING:
     from ....report.figures.page_charts import Figure
@@ -57,16 +52,13 @@ def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
     Raises:
         MckibbenError: there is no such cycle; says why.
     """
-    spec, law, all_ = resolved(choice)
-    volume, muscle = next(iter(all_.items()))
-    between = conditions(choice)
-    main = cycle_loops(muscle, choice.cycle, between, points=POINTS)
-    other = _other(choice, muscle)
-    smooth = cycle_loops(muscle, choice.cycle, between._replace(friction=0.0), points=POINTS)
-    overstretched = bool(muscle.law.overstretched(between.stretched_length))
+    computed = working_cycle(choice)
+    (main,) = computed.loops(POINTS)
+    other, between, volume = _other(choice), computed.conditions, computed.volume
+    (smooth,) = working_cycle(replace(choice, friction=0.0)).loops(POINTS)
     return {
-        "title": spec.title,
-        "law": law,
+        "title": computed.specimen.title,
+        "law": computed.law,
         "volume": volume,
         "cycle": choice.cycle,
         "pressure": choice.pressure * BAR,
@@ -91,18 +83,18 @@ def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
         "friction": between.friction,
         "rows": _rows(choice, main.cycle, None if other is None else other.cycle, between, volume),
         "say": _say(choice, main, other, between),
-        "more": _more(choice, main, between, overstretched),
+        "more": _more(choice, main, computed),
         "efficiency": _plain(main.cycle.efficiency),
         "other_efficiency": None if other is None else _plain(other.cycle.efficiency),
-        "volumes": _volumes(all_, choice.cycle, between),
+        "volumes": _volumes(computed, choice.cycle),
     }
 
 
-def _other(choice: EnergyChoice, muscle: CycleMuscle) -> CycleLoops | None:
+def _other(choice: EnergyChoice) -> CycleLoops | None:
     """Compute the same cycle with the other exchange, if there is one."""
     flipped = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
     try:
-        return cycle_loops(muscle, choice.cycle, conditions(choice, flipped), points=POINTS)
+        return working_cycle(choice, flipped).loops(POINTS)[0]
     except (InputError, NoVolumeError):
         return None
 
@@ -195,16 +187,17 @@ def _say(choice: EnergyChoice, main: CycleLoops, other: CycleLoops | None, betwe
     return said
 
 
-def _more(choice: EnergyChoice, main: CycleLoops, between: Conditions, overstretched: bool) -> list[str]:
+def _more(choice: EnergyChoice, main: CycleLoops, computed: WorkingCycles) -> list[str]:
     """Sentences about the assumptions of the numbers."""
-    caution = pressure_caution(between.pressure, resolved(choice).spec)
+    between = computed.conditions
+    caution = pressure_caution(between.pressure, computed.specimen)
     said = [] if caution is None else [f"{caution[0].upper()}{caution[1:]}."]
     if choice.cycle != "maximal" and between.friction:
         said.append(f"Friction: {READINGS[between.reading]}.")
     if abs(main.cycle.unaccounted) > 5e-4:
         said.append("Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull.")
-    if overstretched:
-        most = with_unit(float(next(iter(resolved(choice).muscles.values())).law.length_range()[1]), "m")
+    if computed.overstretched:
+        most = with_unit(float(computed.muscles[computed.volume].law.length_range()[1]), "m")
         said.append(f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper.")
     return said
 
@@ -216,51 +209,50 @@ def _accumulator(choice: EnergyChoice) -> float | None:
         return None
 
 
-def _volumes(all_: Mapping[str, CycleMuscle], cycle: str, between: Conditions) -> list[dict[str, JsonValue]]:
+def _volumes(computed: WorkingCycles, cycle: str) -> list[dict[str, JsonValue]]:
     """Division of the input under each volume [J], as the table of the command line."""
-    rows = []
-    for name, muscle in all_.items():
-        try:
-            one = energy_cycle(muscle, cycle, between)
-        except InputError:
-            continue
-        parts = {k: _plain(getattr(one, k)) for k in ("input", "output", "efficiency", *LOSSES)}
-        rows.append({"volume": name, **parts})
-    return rows
+    return [
+        {"volume": name, **{k: _plain(getattr(one, k)) for k in ("input", "output", "efficiency", *LOSSES)}}
+        for name, one in computed.cycles[cycle].items()
+    ]
 
 
 @functools.lru_cache(maxsize=16)
 def curves(choice: EnergyChoice) -> dict[str, JsonValue]:
     """Efficiency over supply pressure, with each exchange, with and without friction."""
-    muscle = next(iter(resolved(choice).muscles.values()))
     highest = max(CURVE_TOP, choice.pressure)
     lines = []
     for exchange in ("atmosphere", "accumulator"):
         for rubs in (True, False):
             try:
-                between = conditions(replace(choice, pressure=highest), exchange)
+                computed = working_cycle(_wide(choice), exchange)
+                if not rubs and not computed.conditions.friction:
+                    continue
+                computed = computed if rubs else working_cycle(replace(_wide(choice), friction=0.0), exchange)
             except InputError:
                 continue
-            if not rubs and not between.friction:
-                continue
-            between = between if rubs else between._replace(friction=0.0)
-            at = pressures(muscle, between, highest, CURVE_POINTS)
-            share = energy_curve(muscle, choice.cycle, at, between).cycles.efficiency
+            over = computed.curve(choice.cycle, highest, CURVE_POINTS)
+            share = over.cycles.efficiency
             keep = np.isfinite(share) & (share >= 0.0)
             lines.append(
                 {
                     "words": exchange,
                     "friction": rubs,
-                    "x": [float(f"{v:.6g}") for v in at[keep] * BAR],
+                    "x": [float(f"{v:.6g}") for v in over.pressure[keep] * BAR],
                     "y": [float(f"{v:.6g}") for v in share[keep]],
                 }
             )
-    return {"lines": lines, "highest": highest * BAR, "threshold": float(muscle.threshold()) * BAR}
+    return {"lines": lines, "highest": highest * BAR, "threshold": described(choice).threshold * BAR}
+
+
+def _wide(choice: EnergyChoice) -> EnergyChoice:
+    """The choice at the highest pressure of the curves."""
+    return replace(choice, pressure=max(CURVE_TOP, choice.pressure))
 
 
 def curves_key(choice: EnergyChoice) -> EnergyChoice:
     """Choices on which the curves depend."""
-    return replace(choice, pressure=max(CURVE_TOP, choice.pressure), exchange="atmosphere")
+    return replace(_wide(choice), exchange="atmosphere")
 
 
 class DrawnCycle(NamedTuple):
@@ -273,38 +265,32 @@ class DrawnCycle(NamedTuple):
 
 def drawn_cycle(choice: EnergyChoice) -> DrawnCycle:
     """Compute what figures and reports show of a cycle, with each available exchange."""
-    muscles = resolved(choice).muscles
-    muscle = next(iter(muscles.values()))
     other = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
     drawn = DrawnCycle([], [], {})
     for exchange in (choice.exchange, other):
         try:
-            between = conditions(choice, exchange)
-            highest = max(CURVE_TOP, choice.pressure)
-            wide = conditions(replace(choice, pressure=highest), exchange)
+            computed, wide = working_cycle(choice, exchange), working_cycle(_wide(choice), exchange)
         except InputError:
             continue
-        drawn.loops.append(cycle_loops(muscle, choice.cycle, between))
-        at = pressures(muscle, wide, highest, CURVE_POINTS)
-        drawn.curves.append((exchange, energy_curve(muscle, choice.cycle, at, wide)))
-        for volume, one in muscles.items():
-            drawn.numbers[exchange, volume] = energy_cycle(one, choice.cycle, between)
+        drawn.loops.extend(computed.loops())
+        drawn.curves.append((exchange, wide.curve(choice.cycle, wide.conditions.pressure, CURVE_POINTS)))
+        for volume, one in computed.cycles[choice.cycle].items():
+            drawn.numbers[exchange, volume] = one
     return drawn
 
 
 def loops_picture(choice: EnergyChoice) -> Figure:
     """Draw both loops of a cycle, with each exchange."""
-    return energy_figures.loops_figure(drawn_cycle(choice).loops, title=resolved(choice).spec.title)
+    return energy_figures.loops_figure(drawn_cycle(choice).loops, title=described(choice).specimen.title)
 
 
 def efficiency_picture(choice: EnergyChoice) -> Figure:
     """Draw the efficiency over supply pressure, with each exchange."""
     lines = [energy_figures.EfficiencyLine(words, curve) for words, curve in drawn_cycle(choice).curves]
-    return energy_figures.efficiency_figure(lines, title=resolved(choice).spec.title)
+    return energy_figures.efficiency_figure(lines, title=described(choice).specimen.title)
 
 
 def cycle_report(choice: EnergyChoice) -> bytes:
     """Write the report as an HTML file, with each available exchange."""
-    spec, law, muscles = resolved(choice)
-    drawn = drawn_cycle(choice)
-    return energy_report(spec.title, law, muscles, *drawn).html().encode("utf-8")
+    of = described(choice)
+    return energy_report(of.specimen.title, of.law, of.muscles, *drawn_cycle(choice)).html().encode("utf-8")

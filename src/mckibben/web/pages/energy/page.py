@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ....analysis.energy import READINGS
-from ....analysis.energy.cycles import SETTINGS, coulomb_friction, stretched_length
+from ....analysis.energy.cycles import SETTINGS
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si, with_unit
 from ....report.figures.energy_figures import energy_flow_figure
@@ -21,7 +21,7 @@ from ...widgets import box, button, empty, link, panel, raw, refused, segments, 
 from ...workspace import Workspace
 from .cycles import TITLES, curves, curves_key, cycle_document, cycle_report, efficiency_picture, loops_picture
 from .flow import account, cycle_names, flow_document, stretch
-from .state import LINKED, EnergyChoice, conditions, from_link, muscles, resolved, to_link
+from .state import LINKED, EnergyChoice, conditions, described, from_link, muscles, to_link
 
 if TYPE_CHECKING:
     from ....report.figures.page_charts import Figure
@@ -262,8 +262,7 @@ class CycleControls:
 
     def _choices(self) -> None:
         choice, go = self.view.choice, self.view.changed
-        own = coulomb_friction(resolved(choice).spec) if choice.friction is None else choice.friction
-        own = own or coulomb_friction(resolved(choice).spec)
+        own = choice.friction or described(choice).conditions.friction
         segments(TITLES, choice.cycle, lambda v: go(cycle=v), "Cycle")
         segments(
             {"atmosphere": "Atmosphere", "accumulator": "Accumulator"},
@@ -279,26 +278,23 @@ class CycleControls:
     def _conditions(self) -> None:
         choice = self.view.choice
         self.line = text("summary", "Conditions")
-        resolved_muscle = resolved(choice)
-        muscle = next(iter(resolved_muscle.muscles.values()))
-        values = {
-            "stretched_length": stretched_length(resolved_muscle.spec, muscle)
-            if choice.stretched_length is None
-            else choice.stretched_length,
-            "accumulator_pressure": float(muscle.threshold())
-            if choice.accumulator_pressure is None
-            else choice.accumulator_pressure,
-            "friction": coulomb_friction(resolved_muscle.spec) if choice.friction is None else choice.friction,
+        usual = described(choice)
+        own = {
+            "stretched_length": usual.conditions.stretched_length,
+            "accumulator_pressure": usual.threshold,
+            "friction": usual.conditions.friction,
         }
+        chosen = {name: getattr(choice, name) for name in own}
+        values = {name: own[name] if chosen[name] is None else chosen[name] for name in own}
         with box("div", "bd form"):
             for name, value in values.items():
                 field(name, SETTINGS[name], value, functools.partial(self._set, name))
             with box("div", "row wrap"):
-                if len(resolved_muscle.spec.laws) > 1:
-                    names = {n: n.replace("_", " ") for n in resolved_muscle.spec.laws}
-                    select(names, resolved_muscle.law, lambda v: self.view.changed(law=v, volume=""), "Law")
-                volumes = {v: VOLUMES[v] for v in sorted(resolved_muscle.muscles)}
-                select(volumes, resolved_muscle.volume, lambda v: self.view.changed(volume=v), "Volume of the gas")
+                if len(usual.specimen.laws) > 1:
+                    names = {n: n.replace("_", " ") for n in usual.specimen.laws}
+                    select(names, usual.law, lambda v: self.view.changed(law=v, volume=""), "Law")
+                volumes = {v: VOLUMES[v] for v in sorted(usual.muscles)}
+                select(volumes, usual.volume, lambda v: self.view.changed(volume=v), "Volume of the gas")
                 words = {"printed": "Friction in the output only", "throughout": "Friction throughout"}
                 readings = {r: words[r] for r in READINGS}
                 select(
@@ -321,7 +317,7 @@ class CycleControls:
         except MckibbenError:
             return
         around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
-        volume = VOLUMES[resolved(self.view.choice).volume].lower()
+        volume = VOLUMES[described(self.view.choice).volume].lower()
         words = f"Conditions: begins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, {volume}"
         self.line.say(words)
 

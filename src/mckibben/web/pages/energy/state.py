@@ -5,21 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
-from ....analysis.energy import CYCLES, READINGS, Conditions, CycleMuscle
-from ....analysis.energy.cycles import (
-    SETTINGS,
-    at_threshold,
-    check_threads,
-    coulomb_friction,
-    cycle_muscles,
-    stretched_length,
-    surroundings,
-)
+from ....analysis.energy import CYCLES, READINGS, Conditions, WorkingCycles, energy
+from ....analysis.energy.cycles import SETTINGS
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si, parse, shown_unit
-from ....specimens import Specimen, specimen, specimen_ids
+from ....specimens import specimen, specimen_ids
 
 
 @dataclass(frozen=True)
@@ -69,7 +61,7 @@ def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
             elif name in WORDS and text not in WORDS[name]:
                 raise InputError(name, text, known=WORDS[name])
             tried = replace(choice, **{name: value})
-            resolved(tried) if name in ("muscle", "law", "volume") else None
+            described(tried) if name in ("muscle", "law", "volume") else None
             choice = tried
         except MckibbenError as error:
             said.append(str(error))
@@ -98,60 +90,45 @@ def muscles() -> dict[str, str]:
     titles = {}
     for one in specimen_ids("mckibben"):
         try:
-            resolved(EnergyChoice(one))
+            described(EnergyChoice(one))
         except MckibbenError:
             continue  # of another kind, or without a volume
         titles[one] = specimen(one).title
     return titles
 
 
-class ResolvedMuscle(NamedTuple):
-    """A choice with its specimen, its law's name, and the muscle under each volume."""
-
-    spec: Specimen
-    law: str
-    muscles: dict[str, CycleMuscle]
-
-    @property
-    def volume(self) -> str:
-        """Name of the requested volume."""
-        return next(iter(self.muscles))
-
-
-def resolved(choice: EnergyChoice) -> ResolvedMuscle:
-    """Resolve the muscle of a choice.
+def described(choice: EnergyChoice) -> WorkingCycles:
+    """Muscle of a choice with the conditions that it has where none are chosen, without cycles.
 
     Raises:
         InputError: there is none, or it is of another kind.
         NoVolumeError: the law does not say how large the volume is.
     """
-    return _resolved(choice.muscle, choice.law, choice.volume)
-
-
-@functools.lru_cache(maxsize=32)
-def _resolved(name: str, law: str, volume: str) -> ResolvedMuscle:
-    spec = specimen(name)
-    return ResolvedMuscle(spec, *cycle_muscles(spec, law, volume))
+    return _computed(EnergyChoice(choice.muscle, choice.law, volume=choice.volume), False)
 
 
 def conditions(choice: EnergyChoice, exchange: str | None = None) -> Conditions:
     """Conditions of the cycle; with the other exchange, if it is named."""
-    spec, law, all_ = resolved(choice)
-    muscle = next(iter(all_.values()))
-    own = choice.stretched_length
-    if own is not None:
-        check_threads(spec, own)
-    low = 0.0
-    if (exchange or choice.exchange) == "accumulator":
-        own_low = choice.accumulator_pressure
-        low = at_threshold(muscle, law, cure="a pressure under Conditions") if own_low is None else own_low
-    between = Conditions(
+    return _computed(replace(choice, exchange=exchange or choice.exchange), False).conditions
+
+
+def working_cycle(choice: EnergyChoice, exchange: str | None = None) -> WorkingCycles:
+    """Cycle of a choice under each volume; with the other exchange, if it is named."""
+    return _computed(replace(choice, exchange=exchange or choice.exchange), True)
+
+
+@functools.lru_cache(maxsize=64)
+def _computed(choice: EnergyChoice, cycles: bool) -> WorkingCycles:
+    accumulated, pressure = choice.exchange == "accumulator", choice.accumulator_pressure
+    return energy(
+        choice.muscle,
         pressure=choice.pressure,
-        stretched_length=stretched_length(spec, muscle) if own is None else own,
-        ambient=surroundings(spec),
-        exchange_pressure=low,
-        friction=coulomb_friction(spec) if choice.friction is None else choice.friction,
+        cycles=choice.cycle if cycles else (),
+        law=choice.law or None,
+        volume=choice.volume or None,
+        stretched_length=choice.stretched_length,
+        accumulator=accumulated and pressure is None,
+        accumulator_pressure=pressure if accumulated else None,
+        friction=choice.friction,
         reading=choice.reading,
     )
-    between.check(muscle)
-    return between

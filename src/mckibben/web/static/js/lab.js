@@ -259,10 +259,11 @@ function button (bar, text, click) {
   bar.append(b)
   return b
 }
-/** A line at the foot of the page that goes by itself. */
-export function tell (text, seconds = 8) {
+/** A line at the foot of the page that goes by itself, with a link to another page where `go` has its words and address. */
+export function tell (text, seconds = 8, go = null) {
   for (const old of document.querySelectorAll('.toast.told')) if (old.firstChild.textContent === text) old.remove()
   const bar = toast(text)
+  if (go) bar.append(Object.assign(document.createElement('a'), { className: 'btn s', textContent: go.words, href: go.address }))
   bar.classList.add('told')
   setTimeout(() => bar.remove(), seconds * 1000)
 }

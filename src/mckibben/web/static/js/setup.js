@@ -28,7 +28,7 @@ export function machine () {
   drawn = key
   const box = $('#muscle'); const scrolled = box.querySelector('.muscles')?.scrollTop ?? 0
   if (free) {
-    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b title="${escape(m.title)}">${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>`
+    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b title="${escape(m.title)}">${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>${s.biological.length ? `<p class="small faint">Biological muscles have no valve: <a href="${escape(living(s.biological))}">stimulate them on Compare</a>.</p>` : ''}`
     const longest = Math.max(...s.muscles.map(m => m.rest_length * 100))
     box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 50 / longest, 68))
     uncover(box.querySelector('.muscles'), scrolled)
@@ -48,6 +48,7 @@ function uncover (list, scrolled) {
   const one = list.querySelector(':checked')?.closest('label')
   list.scrollTop = one ? clamp(scrolled, one.offsetTop + one.offsetHeight - list.clientHeight, one.offsetTop) : scrolled
 }
+const living = names => `/compare?muscles=${names.map(encodeURIComponent).join(',')}`
 const brief = m => m.title.replace(/ of Chou and Hannaford$/, '').replace(/ muscle$/, '').replace(/^Festo (DMSP\S+) fluidic$/, '$1').replace(/^(Festo .*) fluidic(?: muscle, any rest length)?$/, '$1')
 const picture = s => {
   const plumbing = lab.parts.dry?.plumbing ?? s.plumbing[0]
@@ -213,11 +214,20 @@ export function fromLink () {
   if (!want || !setup() || !lab.parts.protocol || !lab.status) return
   since ??= performance.now()
   const have = chosen()
+  if (setup().biological.includes(want.muscle)) {
+    const said = `${want.muscle} is a biological muscle, which has no valve: it is stimulated on the page Compare.`
+    tell(said, 60, { words: 'Compare', address: living([want.muscle]) })
+    delete want.muscle
+  }
   const differ = Object.entries(want).filter(([k, v]) => v !== have[k])
   if (differ.length && (!mine() || shape() !== 'idle') && performance.now() - since < WAITS) return
   want = null
   if (mine() && shape() === 'idle') for (const [k, v] of differ) asks(k, { name: v })
-  else link(have)
+  else {
+    const words = differ.map(([k, v]) => `${k} ${v}`).join(', ')
+    if (differ.length) tell(`The link's ${words} was not chosen: ${mine() ? 'the machine is not idle' : 'this page is not in control'}.`, 20)
+    link(have)
+  }
 }
 events.addEventListener('part', () => {
   fromLink()

@@ -1,0 +1,162 @@
+"""Stimulation of the biological muscles of a comparison: a protocol with its values, run, drawn and recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import quote
+
+from ....bench.biological_run import BiologicalSubject, run_biological
+from ....errors import InputError
+from ....experiments.protocol import Protocol
+from ....experiments.read import shipped, stimulation_protocol_names
+from ....quantities import with_unit
+from ....recordings.recording import Recording
+from ....report.recording_report import stimulation_tables
+from ....studies.comparison import ComparedMuscle
+from ...charts import Axis, Chart, ChartLine
+from ...laboratory import Laboratory
+from ...shelf import plain
+from ...transfers import run_in_thread
+from ...widgets import box, button, panel, refused, select, table, text
+from ..bench.faces import changed, form
+
+if TYPE_CHECKING:
+    from ...elements import Element
+
+FIRST = "twitch"
+LONGEST = 120.0  # that a run of a page may last [s]
+
+
+class StimulatedRun(NamedTuple):
+    """A recorded run: name of its file, and what was recorded."""
+
+    file: str
+    recording: Recording
+
+
+def protocols() -> dict[str, str]:
+    """Titles of the shipped protocols with stimulation by name, the twitch first."""
+    return {name: shipped(name).title for name in (FIRST, *stimulation_protocol_names())}
+
+
+def stimulated(lab: Laboratory, subject: BiologicalSubject, protocol: Protocol) -> StimulatedRun:
+    """Run a protocol on a muscle and keep the recording.
+
+    Raises:
+        InputError: the protocol lasts longer than `LONGEST`, or the muscle cannot follow it.
+    """
+    duration = protocol.expand(rest_length=float(subject.muscle.rest_length)).duration
+    if duration > LONGEST:
+        limit = f"must last at most {with_unit(LONGEST, 's')} on this page; mckibben run has no such limit"
+        raise InputError("protocol", with_unit(duration, "s"), limit)
+    recording = run_biological(protocol, subject)
+    lab.recordings.ready()
+    name = lab.recordings.numbered(plain(protocol.name), ".nc")
+    recording.save(lab.recordings.path(name))
+    return StimulatedRun(name, recording)
+
+
+def tension_chart(recording: Recording, title: str) -> Chart:
+    """Chart of tension and excitation over time; of work loops the tension over the length."""
+    tension = recording["tension"]
+    if "Work loops with stimulation" in stimulation_tables(recording):
+        x, across = 1e2 * recording["span"], Axis("Length", "cm", "length")
+    else:
+        x, across = 1e3 * recording.time, Axis("Time", "ms")
+    summary = f"Tension of the muscle, up to {with_unit(float(tension.max()), 'N', 3)}"
+    line = ChartLine(x, tension, quantity="tension")
+    return Chart(title, summary, across, Axis("Tension", "N", "tension"), [line], height=220)
+
+
+class StimulationPanel:
+    """The panel of a visitor; hidden while no biological muscle is compared.
+
+    Args:
+        lab: state of the server.
+    """
+
+    def __init__(self, lab: Laboratory) -> None:
+        self.lab, self.protocol = lab, shipped(FIRST)
+        self.muscles: dict[str, ComparedMuscle] = {}
+        self.muscle = ""
+        with box("div") as self.whole:
+            with panel("Stimulation", sub="biological muscles"):
+                self.choice = box("div", "stimulation-choice")
+                self.values = box("div", "form")
+                self.said = box("div")
+                self.run_button = button("Stimulate", self.run)
+                self.result = box("div", "stimulation-result")
+        self.whole.set(hidden=True)
+
+    def show(self, muscles: Sequence[ComparedMuscle]) -> None:
+        """Offer the biological ones of some muscles."""
+        self.muscles = {one.id: one for one in muscles if one.fibre is not None}
+        self.whole.set(hidden=None if self.muscles else True)
+        if self.muscle not in self.muscles:
+            self.muscle = next(iter(self.muscles), "")
+        self.choice.clear()
+        with self.choice:
+            names = {name: one.spec.title for name, one in self.muscles.items()}
+            select(names, self.muscle, self._choose_muscle, "Muscle")
+            select(protocols(), self.protocol.name, self._choose_protocol, "Protocol")
+        self._fields()
+
+    def _choose_muscle(self, name: str) -> None:
+        self.muscle = name
+
+    def _choose_protocol(self, name: str) -> None:
+        if name not in protocols():
+            raise InputError("protocol", name, known=protocols())
+        self.protocol = shipped(name)
+        self._fields()
+
+    def _fields(self) -> None:
+        self.values.clear()
+        self.said.clear()
+        with self.values:
+            for one in form(self.protocol):
+                self._field(str(one["name"]), str(one["label"]), str(one["value"]), str(one["unit"]), str(one["about"]))
+
+    def _field(self, name: str, label: str, value: str, unit: str, about: str) -> None:
+        with box("div", "f") as row:
+            text("label", label).set(for_=f"s-{row.number}", title=about)
+            with box("div", "field s"):
+                typed = box("input").set(id=f"s-{row.number}", value=value, title=about, autocomplete="off")
+                if unit and unit != "1":
+                    text("span", unit, "u")
+        typed.on_value("change", lambda words: self._change(name, str(words)[:2000], typed))
+
+    def _change(self, name: str, words: str, typed: Element) -> None:
+        """Take a value, or show why it was refused; the old one stays in use."""
+        self.said.clear()
+        try:
+            self.protocol = changed(self.protocol, name, words)
+        except InputError as error:
+            typed.set(aria_invalid="true")
+            with self.said:
+                refused(f"{error}. The old value stays in use.")
+            return
+        typed.set(aria_invalid="false")
+
+    async def run(self) -> None:
+        """Run the protocol; show the tension, what was read off, and where the recording is."""
+        one, protocol = self.muscles[self.muscle], self.protocol
+        assert one.fibre is not None
+        subject = BiologicalSubject(one.fibre, one.spec)
+        self.run_button.set(disabled=True)
+        words = f"{one.id}: {protocol.title[:1].lower()}{protocol.title[1:]}"
+        done: StimulatedRun | None = await run_in_thread(self.result, words, stimulated, self.lab, subject, protocol)
+        self.run_button.set(disabled=None)
+        if done is None:
+            return
+        with self.result:
+            tension_chart(done.recording, f"{one.spec.title}, {protocol.name}").show()
+            for listed in stimulation_tables(done.recording).values():
+                heads = [f"{c.title}, {c.unit}" if c.unit else str(c.title) for c in listed.columns]
+                rows = [[str(cell) for cell in row.cells] for row in listed.rows]
+                table(heads, rows, right=range(1, len(heads)), name=protocol.title)
+            with box("p", "small"):
+                text("span", "Recorded as ")
+                text("a", done.file).set(href=f"/recordings?a={quote(done.file)}")
+        self.lab.changed()
