@@ -13,6 +13,7 @@ from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_un
 from .elements import Element
 from .widgets import box, refused, text
 
+DECADES = 1e9  # ratio of bounds from which on they are not shown
 # The class of lab.css that colours a label, by the SI unit of what it names.
 COLOURS = {"Pa": "P", "N": "F", "m": "L", "m^3/s": "q"}
 
@@ -93,7 +94,7 @@ def field(
                 text("span", shown_unit(quantity.unit), "u")
         said = box("div", "err").set(id=f"d-{one.number}").style(display="contents")
         if about:
-            text("span", f"{quantity.doc}; {quantity.allowed()}", "about")
+            text("span", quantity.doc if _is_wide(quantity) else f"{quantity.doc}; {quantity.allowed()}", "about")
 
     def came(words: object) -> None:
         nonlocal kept
@@ -115,6 +116,12 @@ def field(
 
     typed.on_value("change", came)
     return one
+
+
+def _is_wide(quantity: Quantity) -> bool:
+    """Whether the bounds leave so much that they tell a person nothing."""
+    low, high = quantity.bounds
+    return 0.0 < low * DECADES < high
 
 
 def form(

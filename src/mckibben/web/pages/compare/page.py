@@ -73,9 +73,9 @@ class ComparePage:
                         with head:
                             self.running = box("div")
                         self.step = box("div", "place")
+                    self.stimulation = StimulationPanel(self.lab)
                     with panel("Energy efficiency"):
                         self.energy = box("div", "place small-place")
-                    self.stimulation = StimulationPanel(self.lab)
         self.document = page_document()
         self.document.on_close(self._leave)
         if self.said:

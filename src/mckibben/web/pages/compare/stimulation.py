@@ -80,7 +80,7 @@ class StimulationPanel:
         self.lab, self.protocol = lab, shipped(FIRST)
         self.muscles: dict[str, ComparedMuscle] = {}
         self.muscle = ""
-        with box("div") as self.whole:
+        with box("div", "stimulation") as self.whole:
             with panel("Stimulation", sub="biological muscles"):
                 self.choice = box("div", "stimulation-choice")
                 self.values = box("div", "form")

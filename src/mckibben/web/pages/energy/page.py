@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import json
 from dataclasses import replace
@@ -330,6 +331,7 @@ def _with(choice: EnergyChoice, **what: Any) -> EnergyChoice:
 
 ENDINGS = (".nc", ".csv", ".mcap")
 MOST = 200  # recordings in the list
+TRIED = 6  # newest ones among which an account is sought
 EMPTY = "No recordings yet. Start a run on the bench, or drop a file here."
 
 
@@ -359,13 +361,29 @@ class RecordedFlow:
         """Show the lists, and the recording of the link or the newest one."""
         names = self.names()
         if not self.name and names:
-            self.name = names[0]
-        if not self.name:
-            with self.place:
-                empty(EMPTY, "To the bench", "/")
-                UploadPlace("A recording of mckibben: .nc, .csv or .mcap", self.dropped, ENDINGS)
-            return
-        page_document().spawn(self.load())
+            page_document().spawn(self.newest(names))
+        elif not self.name:
+            self.none()
+        else:
+            page_document().spawn(self.load())
+
+    def none(self) -> None:
+        """Say that there is nothing to show, and take a file."""
+        self.place.clear()
+        with self.place:
+            empty(EMPTY, "To the bench", "/")
+            UploadPlace("A recording of mckibben: .nc, .csv or .mcap", self.dropped, ENDINGS)
+
+    async def newest(self, names: list[str]) -> None:
+        """Show the newest recording of which there is an account; those of biological muscles, for one, have no air."""
+        for name in names[:TRIED]:
+            with contextlib.suppress(MckibbenError):
+                await asyncio.to_thread(self._account, name, "")
+                self.name = name
+                await self.load()
+                return
+        self.lists()
+        self.none()
 
     async def dropped(self, one: IncomingFile) -> None:
         """Store an uploaded file with the recordings."""
@@ -380,6 +398,8 @@ class RecordedFlow:
         self.head.clear()
         names = self.names()
         shown = {n: n for n in ([] if self.name in names or not self.name else [self.name]) + names}
+        if not self.name:
+            shown = {"": "choose"} | shown
         with self.head:
             if self.account is not None and self.account.cycles:
                 select(cycle_names(self.account), self.part, self.stretched, "Stretch of the recording")

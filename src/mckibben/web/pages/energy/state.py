@@ -10,6 +10,7 @@ from typing import Any
 from ....analysis.energy import CYCLES, READINGS, Conditions, WorkingCycles, energy
 from ....analysis.energy.cycles import SETTINGS
 from ....errors import InputError, MckibbenError
+from ....muscles.build import muscle as built_muscle
 from ....quantities import from_si, parse, shown_unit
 from ....specimens import specimen, specimen_ids
 
@@ -87,14 +88,7 @@ def to_link(choice: EnergyChoice) -> dict[str, str | None]:
 
 def muscles() -> dict[str, str]:
     """Specimens with a volume: id and title."""
-    titles = {}
-    for one in specimen_ids("mckibben"):
-        try:
-            described(EnergyChoice(one))
-        except MckibbenError:
-            continue  # of another kind, or without a volume
-        titles[one] = specimen(one).title
-    return titles
+    return {one: specimen(one).title for one in specimen_ids("mckibben") if built_muscle(one).law.has_volume()}
 
 
 def described(choice: EnergyChoice) -> WorkingCycles:

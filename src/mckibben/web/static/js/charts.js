@@ -89,7 +89,13 @@ function labels (u, spec) {
   ctx.font = `${size(11) * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'
   put.sort((a, b) => a.y - b.y)
   const gap = size(12) * px
-  for (let i = 1; i < put.length; i++) if (put[i].y - put[i - 1].y < gap && Math.abs(put[i].x - put[i - 1].x) < 60 * px) put[i].y = put[i - 1].y + gap
+  const beside = i => Math.abs(put[i].x - put[i - 1].x) < 60 * px
+  for (let i = 1; i < put.length; i++) if (put[i].y - put[i - 1].y < gap && beside(i)) put[i].y = put[i - 1].y + gap
+  const floor = bbox.top + bbox.height - gap / 2 // above the numbers of the axis
+  for (let i = put.length - 1, room = floor; i >= 0; i--) {
+    put[i].y = Math.min(put[i].y, room)
+    room = i > 0 && beside(i) ? put[i].y - gap : floor
+  }
   for (const p of put) {
     ctx.fillStyle = p.colour
     const over = p.x + ctx.measureText(p.text).width - u.ctx.canvas.width

@@ -52,7 +52,7 @@ function tendon (place, d, w) {
   const maximal = d.cycle === 'maximal'
   corners(p, l.corners, maximal ? { A: [13, 4], B: [13, 0], C: [-4, -10], D: [0, -10] } : { E: [13, 4], F: [13, 0], G: [-10, -8], H: [11, -8] })
   if (l.other) {
-    const m = maximal ? Math.floor(l.other.x.length / 3) : 20
+    const m = maximal ? Math.floor(l.other.x.length * (w < 420 ? 0.2 : 0.34)) : 20 // a narrow chart has the label further to the right
     p.text(l.other.x[m], l.other.y[m], 'without friction', maximal ? { a: 'end', dx: -8, dy: -8 } : { a: 'middle', dy: -8 })
   }
   const mid = maximal ? a + 0.68 * (b - a) : (a + b) / 2

@@ -30,8 +30,8 @@ const triangle = (x, y) => `<path d="${mark('tension', x, y, 3.6)}" fill="var(--
 const told = (d, p) => `<b class="F">${number(p.F)}${TS}N</b> measured, ${number(p.e)} off<br>${fmt(p.L, 2)}${TS}cm, ${fmt(p.P, 2)}${TS}bar`
 
 function tension (d, w, h, figure) {
-  const narrow = w < 480
-  const top = d.top * 1.06; const p = new Picture(w, h, d.x, [0, top], { l: 52, r: size(62), b: narrow ? 52 : 38 }, figure).grid()
+  const narrow = w < size(480)
+  const top = d.top * 1.06; const p = new Picture(w, h, d.x, [0, top], { l: 52, r: size(62), b: size(narrow ? 52 : 38) }, figure).grid()
   const strong = new Set(d.labelled)
   d.curves.forEach((c, i) => p.line(c.x.map((x, j) => [x, c.y[j]]).filter(q => q[1] <= top), strong.has(i) ? 1.75 : 1, strong.has(i) ? 1 : 0.45))
   let last = Infinity
@@ -44,7 +44,7 @@ function tension (d, w, h, figure) {
     p.add(`<text class="tick" x="${p.X(e.at[0]) + 6}" y="${y + 4}" style="fill:var(--q-pressure);${strong.has(e.i) ? 'font-weight:600' : ''}">${fmt(e.P, 2)}${first ? `${TS}bar` : ''}</text>`)
     first = false
   }
-  if (d.rest !== null && p.shows(d.rest, 0)) p.add(`<path d="M${p.X(d.rest)} ${p.Y(0)}v5" stroke="var(--ink)"/><text class="tick" x="${p.X(d.rest)}" y="${p.Y(0) + 28}" text-anchor="middle">rest length</text>`)
+  if (d.rest !== null && p.shows(d.rest, 0)) p.add(`<path d="M${p.X(d.rest)} ${p.Y(0)}v5" stroke="var(--ink)"/><text class="tick" x="${p.X(d.rest)}" y="${p.Y(0) + size(28)}" text-anchor="middle">rest length</text>`)
   for (const L of d.slack) if (p.shows(L, 0)) p.add(`<circle cx="${p.X(L)}" cy="${p.Y(0)}" r="3.2" fill="var(--panel)" stroke="var(--ink-3)"/>`)
   const spots = p.spots(d.points, q => q.L, q => q.F, q => told(d, q))
   for (const s of spots) p.add(triangle(s[0], s[1]))
@@ -69,7 +69,7 @@ function bubbles (d, w, h, figure) {
   const spots = p.spots(d.points, q => q.L, q => q.P, q => told(d, q))
   const ring = (x, y, e) => `<circle cx="${x}" cy="${y}" r="${Math.max(1, radius(e)).toFixed(1)}" fill="${e > 0 ? F : 'var(--panel)'}" fill-opacity="${e > 0 ? 0.8 : 1}" stroke="${F}" stroke-width="1.3"/>`
   for (const [x, y, , q] of spots) p.add(ring(x, y, q.e))
-  ;[most, most / 4, -most / 4, -most].forEach((e, i) => p.add(`${ring(w - 56, 44 + i * 30, e)}<text class="tick" x="${w - 42}" y="${48 + i * 30}">${e > 0 ? '+' : ''}${number(e, most < 20 ? 1 : 0)}${i ? '' : `${TS}N`}</text>`))
+  ;[most, most / 4, -most / 4, -most].forEach((e, i) => p.add(`${ring(w - size(56), 44 + i * 30, e)}<text class="tick" x="${w - size(42)}" y="${48 + i * 30}">${e > 0 ? '+' : ''}${number(e, most < 20 ? 1 : 0)}${i ? '' : `${TS}N`}</text>`))
   p.add(`<text class="tick" x="4" y="14">${name('pressure', 'Pressure')}, bar, against ${name('length', 'length')}, cm</text>`)
   return [p.svg(), spots, p]
 }
@@ -78,7 +78,7 @@ function left (d, w, h, figure) {
   const p = new Picture(w, h, [0, d.highest * 1.05], [-most, most], { l: size(44), b: 34, t: 10 }, figure).grid(v => `${v > 0 ? '+' : ''}${fmt(v, v % 1 ? 1 : 0)}${TS}%`)
   const spots = p.spots(d.left, q => q.P, q => q.e / d.percent, q => `${fmt(q.P, 2)}${TS}bar left out<br><b class="F">${number(q.e)}${TS}N</b> off at ${fmt(q.L, 2)}${TS}cm`)
   for (const s of spots) p.add(`<path d="M${s[0]} ${p.Y(0)}V${s[1]}" stroke="${F}" stroke-width="3"${p.cut}/>`)
-  p.add(`<path d="M${p.m.l} ${p.Y(0)}H${w - 14}" stroke="var(--edge)"${p.cut}/><text class="tick" x="${w - 14}" y="${h - 4}" text-anchor="end">largest error, of the largest tension, against ${name('pressure', 'pressure')}, bar</text>`)
+  p.add(`<path d="M${p.m.l} ${p.Y(0)}H${w - 14}" stroke="var(--edge)"${p.cut}/><text class="tick" x="${w - 14}" y="${h - 4}" text-anchor="end">${w < size(340) ? 'largest error' : 'largest error, of the largest tension,'} against ${name('pressure', 'pressure')}, bar</text>`)
   return [p.svg(), spots, p]
 }
 // Length to the right, pressure into the depth, tension up; turned by dragging or with the arrows.

@@ -89,7 +89,7 @@ function line (g, colour, width, ...points) {
 
 /** The machine: wall, cell, muscle, rod; every value where it lives. */
 export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, range, dry, old }) {
-  const H = phone ? 150 : 196; const g = sharp(canvas, W, H)
+  const H = phone ? 150 : 196 + (projected(1) > 1 ? 24 : 0); const g = sharp(canvas, W, H)
   const x0 = phone ? 40 : 112; const y = phone ? 70 : 88; const room = W - x0 - (phone ? 62 : 66)
   const rest = muscle.rest_length * 100; const most = room / PX / SCALES.at(-1) // what no stage holds is drawn as far as it goes
   const L = clamp(Number.isFinite(now.length) ? now.length : rest, 0, most)
@@ -114,7 +114,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     g.moveTo(tx, y - 0.42 * k); g.lineTo(tx, y - 46); g.quadraticCurveTo(tx, y - 54, tx - 8, y - 54); g.lineTo(left, y - 54); g.stroke(); g.globalAlpha = 1
   }
   if (!phone) {
-    words(g, 'valve', 14, y - 50)
+    words(g, 'valve', 42, y - 50, { align: 'right' })
     g.fillStyle = token('--panel'); g.strokeStyle = token('--q-valve'); g.lineWidth = 1.5; g.beginPath(); g.roundRect(46, y - 68, 46, 28, 2); g.fill(); g.stroke()
     words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
   }
@@ -133,15 +133,20 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
   const dx = x0 + L * k * (phone ? 0.14 : 0.3)
   line(g, '--ink', 1, [dx, y - r - 16], [dx, y - r]); line(g, '--ink', 1, [dx, y + r], [dx, y + r + 14])
   g.fillStyle = token('--ink'); g.beginPath(); g.moveTo(dx, y - r); g.lineTo(dx - 3, y - r - 6); g.lineTo(dx + 3, y - r - 6); g.moveTo(dx, y + r); g.lineTo(dx - 3, y + r + 6); g.lineTo(dx + 3, y + r + 6); g.fill()
-  words(g, `D${TS}${fmt(braid(muscle, L).diameter, 2)}${TS}cm`, dx + 7, y - r - 8, { size: 12, weight: 600, colour: '--ink' })
+  const wide = `D${TS}${fmt(braid(muscle, L).diameter, 2)}${TS}cm`; g.font = `600 ${projected(12)}px ${token('--font')}`
+  const fits = dx + 7 + g.measureText(wide).width < x0 + L * k * 0.64 - (phone ? 24 : 34) || phone // beside the lens
+  words(g, wide, fits ? dx + 7 : dx - 7, y - r - 8, { size: 12, weight: 600, colour: '--ink', align: fits ? 'left' : 'right' })
   ruler(g, { x0, yr, xe, y, k, far, rest, L: Number.isFinite(told.length) ? told.length : rest, range, phone })
   if (!phone) {
     const ratio = scale === 1 ? `1${TS}:${TS}1` : `1${TS}:${TS}${fmt(1 / scale, (1 / scale) % 1 > 0.01 ? 2 : 0)}`
-    words(g, `drawn ${ratio}`, W - 12, H - 6, { align: 'right' })
-    if (range) {
-      words(g, '\u25ac', x0, H - 8, { colour: '--q-length' })
-      words(g, `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`, x0 + 15, H - 8)
+    const said = range && `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`
+    if (said) {
+      const from = projected(1) > 1 ? 14 : x0
+      words(g, '\u25ac', from, H - 8, { colour: '--q-length' })
+      words(g, said, from + projected(15), H - 8)
     }
+    const beside = !said || g.measureText(`${said} drawn ${ratio}`).width + x0 + 40 < W
+    words(g, `drawn ${ratio}`, W - 12, beside ? H - 6 : projected(13), { align: 'right' })
   }
   return { scale, x0, k, old }
 }
@@ -169,7 +174,7 @@ function ruler (g, { x0, yr, xe, y, k, far, rest, L, range, phone }) {
     line(g, '--ink-2', i % 10 ? 0.7 : 1, [X, yr], [X, yr + (i % 10 ? i % 5 ? 4 : 6 : 9)])
     if (i % (10 * every) === 0) words(g, String(i / 10), X, yr + 21, { align: 'center' })
   }
-  if (!phone) { words(g, 'cm', x0 - 10, yr + 21, { align: 'right' }); words(g, 'L\u2080', x0 + rest * k, yr + 34, { align: 'center' }) }
+  if (!phone) { words(g, 'cm', x0 - 10, yr + 21, { align: 'right' }); words(g, 'L\u2080', x0 + rest * k, yr + 21 + projected(13), { align: 'center' }) }
   g.setLineDash([2, 2]); line(g, '--q-length', 1, [xe, y + 14], [xe, yr]); g.setLineDash([])
   g.fillStyle = token('--q-length'); g.beginPath(); g.moveTo(xe, yr + 1); g.lineTo(xe + 5.5, yr - 8); g.lineTo(xe - 5.5, yr - 8); g.fill()
   words(g, `${fmt(L, 2)}${TS}cm`, xe - 9, yr - 6, { size: 12, weight: 600, colour: '--q-length', align: 'right' })

@@ -28,7 +28,7 @@ export function machine () {
   drawn = key
   const box = $('#muscle'); const scrolled = box.querySelector('.muscles')?.scrollTop ?? 0
   if (free) {
-    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b title="${escape(m.title)}">${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>${s.biological.length ? `<p class="small faint">Biological muscles have no valve: <a href="${escape(living(s.biological))}">stimulate them on Compare</a>.</p>` : ''}`
+    box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b title="${escape(m.title)}">${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>${s.biological.length ? `<p class="small faint living">Biological muscles are <a href="${escape(living(s.biological))}">on Compare</a>.</p>` : ''}`
     const longest = Math.max(...s.muscles.map(m => m.rest_length * 100))
     box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 50 / longest, 68))
     uncover(box.querySelector('.muscles'), scrolled)
