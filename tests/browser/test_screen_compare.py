@@ -3,9 +3,11 @@
 import csv
 
 import numpy as np
+import pytest
 from screen_server import says
 
-from mckibben.recordings import Channel, Recording
+from mckibben.bench.run import run
+from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.specimens import specimen
 from mckibben.studies.comparison import compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
@@ -104,3 +106,33 @@ def test_the_arrows_tell_a_points_tension_per_section(visit, until):
     until(lambda: tip.inner_text().startswith(f"{most:.1f}"))
     page.keyboard.press("ArrowDown")
     until(lambda: "4.5" in tip.inner_text())
+
+
+def test_a_stimulated_fibre_pulls_as_by_the_command_and_is_recorded(visit, served, until):
+    page = opened(visit, "muscles=fast-fibre")
+    width = page.locator(".stimulation").get_by_label("Width", exact=True)
+    width.fill("-9")
+    width.press("Tab")
+    says(page, ".stimulation", "width must be between", "The old value stays in use.")
+    width.fill("9")
+    width.press("Tab")
+    page.get_by_role("button", name="Stimulate").click()
+    page.locator(".stimulation-result a").wait_for(timeout=LONG)
+    (twitch,) = run("twitch", muscle="fast-fibre", width="9 ms").stimulated_contractions()
+    shown = page.locator(".stimulation-result td").all_inner_texts()
+    assert float(shown[1]) == pytest.approx(twitch.peak, rel=1e-3)  # four digits are shown
+    name = page.locator(".stimulation-result a").inner_text()
+    (kept,) = read_recording(served.folder / name).stimulated_contractions()
+    assert kept.peak == twitch.peak
+
+
+def test_only_biological_muscles_are_stimulated(visit):
+    page = opened(visit, "muscles=nylon")
+    assert page.locator(".stimulation").is_hidden()
+
+
+def test_a_link_of_the_bench_to_a_biological_muscle_leads_to_the_comparison(visit):
+    page = visit("/?muscle=fast-fibre", control=True)
+    page.locator(".toast a").click()
+    page.wait_for_url("**/compare?muscles=fast-fibre*")
+    page.locator(".ch", has_text="Fast fibres").wait_for(timeout=LONG)

@@ -46,6 +46,16 @@ def test_the_nylon_muscle_gives_the_papers_joules(run):
     assert found["ambient_pressure"] == 103360.0 and found["volume"] == "paper"
 
 
+def test_a_muscle_is_computed_at_5_bar_or_at_its_lower_rated_pressure_where_none_is_stated(run, tmp_path):
+    from mckibben.specimens import specimen, specimen_toml
+
+    (tmp_path / "weak.toml").write_text(
+        specimen_toml(specimen("nylon")) + '\n[properties.rated_pressure]\nvalue = 3\nunit = "bar"\nsource = "chou1996"\n'
+    )
+    assert json.loads(run("energy", "nylon", "--cycle", "maximal", "--json")[1])["pressure"] == 5e5
+    assert json.loads(run("energy", "weak.toml", "--cycle", "maximal", "--json")[1])["pressure"] == 3e5
+
+
 def test_accumulator_friction_reading_and_volume_are_taken(run):
     plain, full = (asked(run, "--cycle", "maximal", *more)["cycles"] for more in ((), ("--accumulator",)))
     assert len(plain) == 1

@@ -75,7 +75,7 @@ function bubbles (d, w, h, figure) {
 }
 function left (d, w, h, figure) {
   const most = Math.max(...d.left.map(q => Math.abs(q.e) / d.percent), 1) * 1.2
-  const p = new Picture(w, h, [0, d.highest * 1.05], [-most, most], { l: size(44), b: 34, t: 10 }, figure).grid(v => `${v > 0 ? '+' : ''}${fmt(v, v % 1 ? 1 : 0)}${TS}%`)
+  const p = new Picture(w, h, [0, d.highest * 1.05], [-most, most], { l: size(44), b: size(34), t: 10 }, figure).grid(v => `${v > 0 ? '+' : ''}${fmt(v, v % 1 ? 1 : 0)}${TS}%`)
   const spots = p.spots(d.left, q => q.P, q => q.e / d.percent, q => `${fmt(q.P, 2)}${TS}bar left out<br><b class="F">${number(q.e)}${TS}N</b> off at ${fmt(q.L, 2)}${TS}cm`)
   for (const s of spots) p.add(`<path d="M${s[0]} ${p.Y(0)}V${s[1]}" stroke="${F}" stroke-width="3"${p.cut}/>`)
   p.add(`<path d="M${p.m.l} ${p.Y(0)}H${w - 14}" stroke="var(--edge)"${p.cut}/><text class="tick" x="${w - 14}" y="${h - 4}" text-anchor="end">${w < size(340) ? 'largest error' : 'largest error, of the largest tension,'} against ${name('pressure', 'pressure')}, bar</text>`)
