@@ -50,7 +50,8 @@ def test_a_muscle_is_computed_at_5_bar_or_at_its_lower_rated_pressure_where_none
     from mckibben.specimens import specimen, specimen_toml
 
     (tmp_path / "weak.toml").write_text(
-        specimen_toml(specimen("nylon")) + '\n[properties.rated_pressure]\nvalue = 3\nunit = "bar"\nsource = "chou1996"\n'
+        specimen_toml(specimen("nylon"))
+        + '\n[properties.rated_pressure]\nvalue = 3\nunit = "bar"\nsource = "chou1996"\n'
     )
     assert json.loads(run("energy", "nylon", "--cycle", "maximal", "--json")[1])["pressure"] == 5e5
     assert json.loads(run("energy", "weak.toml", "--cycle", "maximal", "--json")[1])["pressure"] == 3e5
