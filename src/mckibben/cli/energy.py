@@ -48,7 +48,7 @@ def energy(
         str | None,
         typer.Option(
             metavar="PRESSURE",
-            help="Gauge pressure of the supply, such as '5 bar', which is the default unless the specimen is rated for less.",
+            help="Gauge pressure of the supply; '5 bar' by default, less where the specimen's rated pressure is less.",
         ),
     ] = None,
     cycle: Annotated[
