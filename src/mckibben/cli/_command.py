@@ -7,6 +7,7 @@ parameters of that parser, so that a new command has it without a line of its ow
 from __future__ import annotations
 
 import contextlib
+import functools
 import inspect
 import re
 import shutil
@@ -72,10 +73,55 @@ class HelpEntry(NamedTuple):
     meaning: str
 
 
+class PlainValue:
+    """Conversion of words that need none: text, paths, lists of them, and numbers that were not typed.
+
+    The parser has every value converted by a library whose import takes longer than most commands. It is left what is typed
+    and is no text.
+
+    Args:
+        param: a parameter of the parser.
+        kind: ``str``, ``Path``, ``int``, ``float`` or ``bool``.
+    """
+
+    def __init__(self, param: Any, kind: type) -> None:
+        self._kind, self._usual = kind, type(param).get_runtime_param
+
+    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Convert the value of a parameter."""
+        if value is None:
+            return () if param.multiple or param.nargs == -1 else None
+        if self._kind in (str, Path):
+            if isinstance(value, str):
+                return self._kind(value)
+            if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):
+                return [self._kind(one) for one in value]
+        elif type(value) is self._kind and value == param.default:
+            return value
+        return self._usual(param).coerce(value, param=param, ctx=ctx)
+
+
+PLAIN = {str: str, Path: Path, int: int, float: float, bool: bool, list[str]: str, list[Path]: Path}
+
+
+def with_plain_values(params: list[Any]) -> list[Any]:
+    """Parameters that convert text by themselves; those of a typer that loads no library for it as they are."""
+    for param in params:
+        described = getattr(param, "type_descriptor", None)
+        kind = PLAIN.get(getattr(described, "annotation", None))  # type: ignore[call-overload]
+        if kind is not None and hasattr(param, "get_runtime_param") and described.parameter_info.parser is None:
+            param.get_runtime_param = functools.partial(PlainValue, param, kind)
+    return params
+
+
 class CommandWithHelp(typer.core.TyperCommand):
     """A command of the table in `app`."""
 
     words = ""  # of the command line, such as "circuit run"
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Parameters and the option of the help."""
+        return with_plain_values(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of the command line, those with former names of options too."""

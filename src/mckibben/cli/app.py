@@ -22,7 +22,7 @@ from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError
-from ._command import CommandWithHelp, help_width, rows_of_help
+from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable
 
@@ -205,6 +205,10 @@ class CommandGroup(typer.core.TyperGroup):
     def __init__(self, *, group: str = "", **options: Any) -> None:
         super().__init__(**options)
         self.commands: Any = CommandTable(group)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Parameters and the option of the help."""
+        return with_plain_values(super().get_params(ctx))
 
     def make_context(self, *args: Any, **options: Any) -> Any:
         """Parse the words of the command line; Ctrl-C is reported by `main`."""
