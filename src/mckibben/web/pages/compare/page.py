@@ -73,7 +73,7 @@ class ComparePage:
                         with head:
                             self.running = box("div")
                         self.step = box("div", "place")
-                    self.stimulation = StimulationPanel(self.lab)
+                    self.stimulation = StimulationPanel(self.workspace)
                     with panel("Energy efficiency"):
                         self.energy = box("div", "place small-place")
         self.document = page_document()

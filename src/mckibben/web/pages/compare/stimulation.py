@@ -15,10 +15,10 @@ from ....recordings.recording import Recording
 from ....report.recording_report import stimulation_tables
 from ....studies.comparison import ComparedMuscle
 from ...charts import Axis, Chart, ChartLine
-from ...laboratory import Laboratory
 from ...shelf import plain
 from ...transfers import run_in_thread
 from ...widgets import box, button, panel, refused, select, table, text
+from ...workspace import Workspace
 from ..bench.faces import changed, form
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def protocols() -> dict[str, str]:
     return {name: shipped(name).title for name in (FIRST, *stimulation_protocol_names())}
 
 
-def stimulated(lab: Laboratory, subject: BiologicalSubject, protocol: Protocol) -> StimulatedRun:
+def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Protocol) -> StimulatedRun:
     """Run a protocol on a muscle and keep the recording.
 
     Raises:
@@ -51,9 +51,9 @@ def stimulated(lab: Laboratory, subject: BiologicalSubject, protocol: Protocol) 
         limit = f"must last at most {with_unit(LONGEST, 's')} on this page; mckibben run has no such limit"
         raise InputError("protocol", with_unit(duration, "s"), limit)
     recording = run_biological(protocol, subject)
-    lab.recordings.ready()
-    name = lab.recordings.numbered(plain(protocol.name), ".nc")
-    recording.save(lab.recordings.path(name))
+    workspace.recordings.ready()
+    name = workspace.recordings.numbered(plain(protocol.name), ".nc")
+    recording.save(workspace.recordings.path(name))
     return StimulatedRun(name, recording)
 
 
@@ -73,11 +73,11 @@ class StimulationPanel:
     """The panel of a visitor; hidden while no biological muscle is compared.
 
     Args:
-        lab: state of the server.
+        workspace: state of the server.
     """
 
-    def __init__(self, lab: Laboratory) -> None:
-        self.lab, self.protocol = lab, shipped(FIRST)
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace, self.protocol = workspace, shipped(FIRST)
         self.muscles: dict[str, ComparedMuscle] = {}
         self.muscle = ""
         with box("div", "stimulation") as self.whole:
@@ -146,7 +146,9 @@ class StimulationPanel:
         subject = BiologicalSubject(one.fibre, one.spec)
         self.run_button.set(disabled=True)
         words = f"{one.id}: {protocol.title[:1].lower()}{protocol.title[1:]}"
-        done: StimulatedRun | None = await run_in_thread(self.result, words, stimulated, self.lab, subject, protocol)
+        done: StimulatedRun | None = await run_in_thread(
+            self.result, words, stimulated, self.workspace, subject, protocol
+        )
         self.run_button.set(disabled=None)
         if done is None:
             return
@@ -159,4 +161,4 @@ class StimulationPanel:
             with box("p", "small"):
                 text("span", "Recorded as ")
                 text("a", done.file).set(href=f"/recordings?a={quote(done.file)}")
-        self.lab.changed()
+        self.workspace.changed()
