@@ -204,12 +204,14 @@ THREE_MUSCLES = (
 AT_RATE = (
     "The recorder's clock says 1 kHz; by its own times it took about 530 samples per second. Samples are scored where the"
     " sensor reads tension. That a law without friction predicts too little while these muscles vent was known before"
-    " friction and creep were put into the braid of `seated_braid_memory`."
+    " friction and creep were put into the braid of `seated_braid_memory`; they change little, for most of its error on an"
+    " unseen muscle is that of the law."
 )
 INTERLEAVED = "The halves interleave, so that a prediction bridges gaps of 0.6 bar on both branches."
 ONE_ROBOT = "Only one robot was measured: the interval is over jumps."
 ON_JUMPS = (
-    "The saturation of the muscles' volume in the circuit was chosen after its errors on these jumps had been seen."
+    "The jump from 80 psi lies outside of what the others show. The saturation of the muscles' volume in the circuit was"
+    " chosen after its errors on these jumps had been seen."
 )
 ONE_PAIR = "Only one pair was measured: the interval is over periods, and says nothing about other pairs."
 SMOOTHED = (
