@@ -1,4 +1,4 @@
-"""The plugin of MuJoCo: the same motion as a loop of ours, equal bits in copies, and what it refuses."""
+"""The plugin of MuJoCo with two muscles on one tank: the motion of a loop of ours, equal bits, and what it refuses."""
 
 import copy
 import pickle
@@ -8,19 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tank_part import tank_part
 
-from mckibben.errors import InputError
 from mckibben.hosts import Part, export
-from mckibben.simulation.air import Air
+from mckibben.hosts.actuators import ActuatorRole, actuator_roles
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 pytestmark = pytest.mark.skipif(not (shutil.which("gcc") or shutil.which("cc")), reason="no C compiler here")
 SPAN, MASS, STEP = 0.14, 4.0, 1e-3
+COMMANDS = {"left": 0.3, "right": 0.1}
 
 
 @pytest.fixture(scope="module")
-def part() -> Part:
-    return Part("nylon", Air(supply="6 bar"), span=SPAN)
+def part(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    return tank_part(tmp_path_factory.mktemp("tank"))
 
 
 @pytest.fixture(scope="module")
@@ -41,38 +42,58 @@ def model(text: str):
 def motion(model, data, steps: int = 60) -> np.ndarray:
     rows = []
     for _ in range(steps):
-        data.ctrl[0] = 0.3
+        data.ctrl[:] = list(COMMANDS.values())
         mujoco.mj_step(model, data)
         rows.append([*data.qpos, *data.actuator_force, *data.sensordata])
     return np.array(rows)
 
 
-def test_mujoco_moves_a_weight_as_a_semi_implicit_loop_does(part, model):
+def test_mujoco_moves_two_weights_on_one_tank_as_a_semi_implicit_loop_does(part, model):
     """Both take the same steps; ``act`` is divided by its size and comes back with a rounding per step."""
     rows = motion(model, mujoco.MjData(model), 100)
-    span, rate, state, spans = SPAN, 0.0, part.rest(SPAN, muscle=0.3), []
+    spans, rates = dict.fromkeys(part.muscles, SPAN), dict.fromkeys(part.muscles, 0.0)
+    state, ours = part.rest(SPAN, **COMMANDS), []
     for _ in range(100):
-        state, seen = part.step(state, period=STEP, span=span, rate=rate, staggered=True, muscle=0.3)
-        rate += STEP * (9.81 - seen.tension / MASS)
-        span += STEP * rate
-        spans.append(span)
+        state, seen = part.step(state, period=STEP, span=spans, rate=rates, staggered=True, **COMMANDS)
+        for name in part.muscles:
+            rates[name] += STEP * (9.81 - getattr(seen, f"{name}_tension") / MASS)
+            spans[name] += STEP * rates[name]
+        ours.append(list(spans.values()))
     assert np.ptp(rows[:, 0]) > 5e-3
-    np.testing.assert_allclose(SPAN - rows[:, 0], spans, atol=1e-9)
-    np.testing.assert_allclose(rows[-1, 2], seen.pressure, rtol=1e-7)
+    np.testing.assert_allclose(SPAN - rows[:, :2], ours, atol=1e-9)
+    np.testing.assert_allclose(rows[-1, [4, 11]], [seen.left_pressure, seen.right_pressure], rtol=1e-7)
 
 
 def test_copies_pickles_and_restored_states_go_on_with_the_same_bits(model):
     data = mujoco.MjData(model)
     motion(model, data)
-    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION)
-    state = np.empty(size)
-    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
-    restored = mujoco.MjData(model)
-    mujoco.mj_setState(model, restored, state, mujoco.mjtState.mjSTATE_INTEGRATION)
-    others = [copy.copy(data), pickle.loads(pickle.dumps(data)), restored]
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    state = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, state, kind)
+    restored, twin = mujoco.MjData(model), mujoco.MjData(model)
+    mujoco.mj_setState(model, restored, state, kind)
+    mujoco.mj_copyData(twin, model, data)
+    others = [copy.copy(data), pickle.loads(pickle.dumps(data)), restored, twin]
     first = motion(model, data)
     for other in others:
         assert np.array_equal(motion(model, other), first)
+
+
+def test_a_rollout_on_two_threads_has_the_bits_of_single_steps(model):
+    rollout = pytest.importorskip("mujoco.rollout")
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    start = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, mujoco.MjData(model), start, kind)
+    controls = np.random.default_rng(0).uniform(-0.3, 0.3, (3, 1, 2)).repeat(20, axis=1)
+    states, sensors = rollout.rollout(
+        model, [mujoco.MjData(model) for _ in range(2)], start[None].repeat(3, 0), controls
+    )
+    for k in range(3):
+        data = mujoco.MjData(model)
+        data.ctrl[:] = controls[k, 0]
+        mujoco.mj_step(model, data, nstep=20)
+        assert np.array_equal(sensors[k, -1], data.sensordata)
+        assert np.array_equal(states[k, -1, 1 : 1 + model.nq], data.qpos)
 
 
 def test_evaluating_does_not_go_on_and_reset_returns_to_the_start(model):
@@ -98,8 +119,12 @@ def test_a_slack_muscle_does_not_pull(model):
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [(r'actdim="\d+"', 'actdim="3"'), ('timestep="0.001"', 'timestep="0.001" integrator="RK4"')],
-    ids=["too few numbers in act", "RK4"],
+    [
+        (r'actdim="\d+"', 'actdim="3"'),
+        ('timestep="0.001"', 'timestep="0.001" integrator="RK4"'),
+        (r'    <plugin name="right".*/>\n', ""),
+    ],
+    ids=["too few numbers in act", "RK4", "a muscle without an actuator"],
 )
 def test_models_that_cannot_work_are_refused(text, old, new, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings to a file there
@@ -109,6 +134,14 @@ def test_models_that_cannot_work_are_refused(text, old, new, tmp_path: Path, mon
         mujoco.MjData(mujoco.MjModel.from_xml_string(wrong))
 
 
-def test_parts_with_several_muscles_are_refused(tmp_path):
-    with pytest.raises(InputError, match="must have one muscle and one command for MuJoCo"):
-        export(Part({"flexor": "nylon", "extensor": "nylon"}), "mujoco", tmp_path)
+class StatedPart:
+    """The names of a part."""
+
+    def __init__(self, muscles: str, commands: str) -> None:
+        self.muscles, self.commands = tuple(muscles.split()), tuple(commands.split())
+
+
+def test_commands_without_a_muscle_go_to_the_next_free_actuator_and_then_to_one_of_their_own():
+    roles = actuator_roles(StatedPart("a b c", "x b y z"))
+    assert roles == (ActuatorRole("a", "x"), ActuatorRole("b", "b"), ActuatorRole("c", "y"), ActuatorRole(None, "z"))
+    assert actuator_roles(StatedPart("a b", "both")) == (ActuatorRole("a", "both"), ActuatorRole("b", None))

@@ -144,6 +144,7 @@ CALLS: dict[str, list[Call]] = {
         Call(("python", "--scenario", "hang", "--out", "python.json"), ["python.json"]),
         Call(("matlab",), says=["python"]),
         needs("mujoco", "mujoco"),
+        needs("mujoco", "mujoco-python"),
         needs("drake", "drake"),
         needs("opensim", "opensim"),
     ],

@@ -18,7 +18,10 @@ OUT = OutputKinds(certificate=OBJECT)
 
 def conform_host(
     host: Annotated[
-        str, typer.Argument(metavar="HOST", help="Host to test: python, c, mujoco, drake, opensim, fmi3 or fmi2.")
+        str,
+        typer.Argument(
+            metavar="HOST", help="Host to test: python, c, mujoco, mujoco-python, drake, opensim, fmi3 or fmi2."
+        ),
     ],
     scenario: Annotated[
         list[str] | None,

@@ -47,6 +47,7 @@ HOSTS: dict[str, str] = {
     "python": "adapters:PythonHost",
     "c": "adapters:CHost",
     "mujoco": "mujoco_host:MujocoHost",
+    "mujoco-python": "mujoco_host:MujocoPythonHost",
     "drake": "drake_host:DrakeHost",
     "opensim": "opensim_host:OpensimHost",
     "fmi3": "fmi.host:Fmi3Host",

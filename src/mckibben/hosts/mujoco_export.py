@@ -1,9 +1,10 @@
-"""A part with one muscle as an engine plugin of MuJoCo: an actuator and a sensor, built against the installed wheel.
+"""A part as an engine plugin of MuJoCo: actuators and a sensor, built against the installed wheel.
 
-The state of the part lies in ``act``, divided by its size at rest, so that finite differences see every number of it. The
-plugin takes a whole step of the part in ``actuator_act_dot`` and returns the difference over the step, so that MuJoCo's
-Euler step lands on the next state. Parameters and last outputs lie in ``plugin_state``; nothing is a pointer, so that data
-may be copied, pickled and used on threads.
+An instance of the plugin is a part: one muscle, or several that share a tank, with an actuator for each (see `actuators`).
+The state of the part lies in ``act`` of the first actuator, divided by its size at rest, so that finite differences see
+every number of it. The plugin takes a whole step of the part in ``actuator_act_dot`` and returns the difference over the
+step, so that MuJoCo's Euler step lands on the next state. Parameters and last outputs lie in ``plugin_state``; nothing is a
+pointer, so that data may be copied, pickled and used on threads.
 """
 
 from __future__ import annotations
@@ -16,31 +17,26 @@ import numpy as np
 from ..documents import write_text
 from ..errors import InputError
 from ..extras import library
+from .actuators import ActuatorRole, actuator_roles, state_sizes
 from .c_source import PartSource, with_names
 from .compiler import build_library
+from .part import Part
 
-LEAST_SIZE = 1e-6  # of a number of the state by which it is divided
 SENSED = ("pressure", "tension", "length", "temperature", "friction", "slack", "work")
-"""What the sensor shows, in this order; of the last step."""
+"""What the sensor shows of each muscle, in this order, one muscle behind the other; of the last step."""
 
 
 def export_mujoco(source: PartSource, out: Path) -> list[Path]:
     """Write a part as a plugin of MuJoCo, build it, and write an example model.
 
     Args:
-        source: the C of a part with one muscle and one command.
+        source: the C of a part.
         out: folder for the files.
 
     Raises:
-        InputError: the part has more muscles or commands, or MuJoCo is not installed.
+        InputError: MuJoCo is not installed.
         EngineError: there is no C compiler, or it failed.
     """
-    part = source.part
-    if len(part.muscles) != 1 or len(part.commands) != 1:
-        had = f"{len(part.muscles)} muscles and {len(part.commands)} commands"
-        raise InputError(
-            "part", had, "must have one muscle and one command for MuJoCo; use an actuator for each muscle"
-        )
     place = Path(str(library("mujoco", "The MuJoCo plugin needs").__file__)).parent
     files = source.write(out)
     files.append(write_text(out / f"{source.name}_plugin.c", plugin_source(source)))
@@ -66,76 +62,146 @@ def config_key(path: str) -> str:
 
 def plugin_source(source: PartSource) -> str:
     """The C of the plugin."""
-    muscle, command = source.part.muscles[0], source.part.commands[0]
+    part, roles = source.part, actuator_roles(source.part)
     members = {(v.group, v.path): v.member for v in (*source.of("inputs"), *source.of("outputs"))}
-    rested = np.abs(source.part.rest())
-    sizes = ", ".join(repr(float(x)) if x > LEAST_SIZE else "1.0" for x in rested)
     keys = []
     for variable in source.of("parameters"):
         low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in variable.bounds)
         key = config_key(variable.path)
         count = int(np.prod(variable.shape))
         keys.append(f'    {{"{key}", offsetof({source.name}_parameters, {variable.member}), {count}, {low}, {high}}},')
-    outputs = {"tension": f"tension.{muscle}", "work": f"work.{muscle}"}
-    shown = [members["outputs", outputs.get(name, f"muscle.{muscle}.{name}")] for name in SENSED]
+    offsets = [f'"offset.{name}"' for name in part.muscles] if len(part.muscles) > 1 else ['"offset"']
+    given, pulls, shown = [], [], []
+    for k, role in enumerate(roles):
+        if role.muscle is not None:
+            of_muscle = {"tension": f"tension.{role.muscle}", "work": f"work.{role.muscle}"}
+            span, rate = (members["inputs", f"{what}.{role.muscle}"] for what in ("span", "rate"))
+            given.append(f"    inputs.{span} = q->offset[{k}] + d->actuator_length[output(m, q, {k})];")
+            given.append(f"    inputs.{rate} = d->actuator_velocity[output(m, q, {k})];")
+            tension = members["outputs", of_muscle["tension"]]
+            pulls.append(f"        d->actuator_force[output(m, q, {k})] = -q->out.{tension};")
+            paths = [of_muscle.get(name, f"muscle.{role.muscle}.{name}") for name in SENSED]
+            shown.append(", ".join(f"q->out.{members['outputs', path]}" for path in paths))
+        else:
+            pulls.append(f"        d->actuator_force[output(m, q, {k})] = 0.0;")
+        if role.command is not None:
+            given.append(f"    inputs.{members['inputs', f'command.{role.command}']} = control(m, d, q, {k});")
     words: dict[str, Any] = {
         "KEYROWS": "\n".join(keys),
-        "SIZES": sizes,
-        "SPAN": members["inputs", f"span.{muscle}"],
-        "RATE": members["inputs", f"rate.{muscle}"],
-        "COMMAND": members["inputs", f"command.{command}"],
-        "TENSION": members["outputs", f"tension.{muscle}"],
-        "SHOWN": ", ".join(f"q->out.{member}" for member in shown),
+        "OFFSETKEYS": ", ".join(offsets),
+        "SIZES": ", ".join(repr(float(size)) for size in state_sizes(part)),
+        "NMUSCLES": str(len(part.muscles)),
+        "NACTUATORS": str(len(roles)),
+        "NSEEN": str(len(SENSED) * len(part.muscles)),
+        "ROLES": ", ".join(role.name for role in roles),
+        "GIVEN": "\n".join(given),
+        "PULLS": "\n".join(pulls),
+        "SHOWN": ",\n        ".join(shown),
         "TITLE": plugin_name(source.name),
     }
     return with_names(TEMPLATE, source.name, **words)
 
 
 def example_model(source: PartSource) -> str:
-    """The text of a model: a mass that hangs from the muscle."""
-    span = source.part.span[source.part.muscles[0]]
-    return EXAMPLE.format(plugin=plugin_name(source.name), span=f"{-span:.6g}", numbers=source.part.rest().size)
+    """The text of a model: a mass that hangs from each muscle."""
+    part, roles = source.part, actuator_roles(source.part)
+    single, rows = len(part.muscles) == 1, []
+    bodies, tendons, actuators = [], [], []
+    for k, role in enumerate(roles):
+        name = role.name
+        words = {
+            "name": name,
+            "of": "" if single else f"_{name}",
+            "x": f"{0.1 * k:g}",
+            "plugin": plugin_name(source.name),
+        }
+        words["actdim"] = f' actdim="{part.rest().size}"' if k == 0 else ""
+        words["range"] = _control_range(part, role)
+        if role.muscle is None:
+            words["of"] = "" if single else f"_{roles[0].name}"
+            actuators.append(COMMANDER.format(**words))
+            continue
+        words["span"] = f"{-part.span[name]:.6g}"
+        bodies.append(BODY.format(**words))
+        tendons.append(TENDON.format(**words))
+        actuators.append(ACTUATOR.format(**words))
+    rows = ["".join(one).rstrip("\n") for one in (bodies, tendons, actuators)]
+    names = ", ".join(role.name for role in roles)
+    order = "" if len(roles) == 1 else f"    <!-- the actuators of an instance, in this order: {names} -->\n"
+    return EXAMPLE.format(plugin=plugin_name(source.name), bodies=rows[0], tendons=rows[1], actuators=order + rows[2])
+
+
+def _control_range(part: Part, role: ActuatorRole) -> str:
+    """The range of an actuator's control, where its command is the opening of a valve."""
+    units = {drive.command: drive.unit for drive in part.hosted.drives}
+    return ' ctrllimited="true" ctrlrange="-1 1"' if units.get(role.command or "") == "1" else ""
 
 
 EXAMPLE = """<mujoco>
   <option timestep="0.001"/>
   <extension><plugin plugin="{plugin}"><instance name="m"/></plugin></extension>
   <worldbody>
-    <site name="anchor"/>
-    <body pos="0 0 {span}">
-      <joint name="height" type="slide" axis="0 0 1"/>
-      <geom type="sphere" size="0.03" mass="4" contype="0" conaffinity="0"/>
-      <site name="hook"/>
-    </body>
+{bodies}
   </worldbody>
-  <tendon><spatial name="cord"><site site="anchor"/><site site="hook"/></spatial></tendon>
+  <tendon>
+{tendons}
+  </tendon>
   <actuator>
-    <plugin name="muscle" plugin="{plugin}" instance="m" tendon="cord" actdim="{numbers}"
-            ctrllimited="true" ctrlrange="-1 1"/>
+{actuators}
   </actuator>
   <sensor><plugin name="inside" plugin="{plugin}" instance="m"/></sensor>
 </mujoco>
 """
+BODY = """    <site name="anchor{of}" pos="{x} 0 0"/>
+    <body pos="{x} 0 {span}">
+      <joint name="height{of}" type="slide" axis="0 0 1"/>
+      <geom type="sphere" size="0.03" mass="4" contype="0" conaffinity="0"/>
+      <site name="hook{of}"/>
+    </body>
+"""
+TENDON = """    <spatial name="cord{of}"><site site="anchor{of}"/><site site="hook{of}"/></spatial>
+"""
+ACTUATOR = """    <plugin name="{name}" plugin="{plugin}" instance="m" tendon="cord{of}"{actdim}{range}/>
+"""
+COMMANDER = """    <plugin name="{name}" plugin="{plugin}" instance="m" tendon="cord{of}" gear="0"{range}/>
+"""
 
-TEMPLATE = """/* MuJoCo engine plugin TITLE: actuator and sensor. */
+TEMPLATE = """/* MuJoCo engine plugin TITLE: actuators and sensor. The actuators of an instance are, in this order: ROLES. */
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 #include <mujoco/mujoco.h>
 #include "NAME.h"
 
-enum { SIZE = UPPER_STATE_SIZE, SEEN = 7 };
+enum { SIZE = UPPER_STATE_SIZE, MUSCLES = NMUSCLES, ACTUATORS = NACTUATORS, SEEN = NSEEN };
 static const double SCALES[SIZE] = {SIZES};
 static const struct { const char *key; size_t at; int count; double low, high; } KEYS[] = {
 KEYROWS
 };
+static const char *const OFFSETS[MUSCLES] = {OFFSETKEYS};
 
 /* doubles only, so that data may be copied, pickled and used on threads */
-typedef struct { NAME_parameters parameters; NAME_outputs out; double offset, actuator; } instance_state;
+typedef struct {
+    NAME_parameters parameters;
+    NAME_outputs out;
+    double offset[MUSCLES], actuator[ACTUATORS];
+} instance_state;
 
 static instance_state *of(const mjModel *m, const mjData *d, int instance)
 {
     return (instance_state *)(d->plugin_state + m->plugin_stateadr[instance]);
+}
+
+static int output(const mjModel *m, const instance_state *q, int k)
+{
+    return m->actuator_outadr[(int)q->actuator[k]];
+}
+
+static double control(const mjModel *m, const mjData *d, const instance_state *q, int k)
+{
+    int c = m->actuator_ctrladr[(int)q->actuator[k]];
+    if (!m->actuator_ctrllimited[c]) return d->ctrl[c];
+    return mju_clip(d->ctrl[c], m->actuator_ctrlrange[2 * c], m->actuator_ctrlrange[2 * c + 1]);
 }
 
 static int number(const mjModel *m, int instance, const char *key, double low, double high, double *to, int count)
@@ -161,17 +227,20 @@ static int fill(const mjModel *m, int instance, instance_state *q)
     memset(q, 0, sizeof *q);
     q->parameters = NAME_default_parameters;
     for (int i = 0; i < m->nactuator; ++i)
-        if (m->actuator_plugin[i] == instance) { q->actuator = i; count++; }
-    int good = number(m, instance, "offset", -10.0, 10.0, &q->offset, 1);
+        if (m->actuator_plugin[i] == instance && count++ < ACTUATORS) q->actuator[count - 1] = i;
+    int good = 1;
+    for (int k = 0; good && k < MUSCLES; ++k)
+        good = number(m, instance, OFFSETS[k], -10.0, 10.0, &q->offset[k], 1);
     for (size_t k = 0; good && k < sizeof KEYS / sizeof *KEYS; ++k)
         good = number(m, instance, KEYS[k].key, KEYS[k].low, KEYS[k].high,
                       (double *)((char *)&q->parameters + KEYS[k].at), KEYS[k].count);
-    if (good && count != 1) {
-        mju_warning("TITLE: an instance must have one actuator, got %d", count);
+    if (good && count != ACTUATORS) {
+        mju_warning("TITLE: an instance must have %d actuator(s), in this order: ROLES; got %d", ACTUATORS, count);
         good = 0;
     }
-    if (good && m->actuator_actnum[(int)q->actuator] != SIZE) {
-        mju_warning("TITLE: actdim must be %d, got %d", SIZE, m->actuator_actnum[(int)q->actuator]);
+    if (good && m->actuator_actnum[(int)q->actuator[0]] != SIZE) {
+        mju_warning("TITLE: actdim of the first actuator must be %d, got %d", SIZE,
+                    m->actuator_actnum[(int)q->actuator[0]]);
         good = 0;
     }
     if (good && m->opt.integrator == mjINT_RK4) {
@@ -209,15 +278,11 @@ static void reset(const mjModel *m, mjtNum *state, void *data, int instance)
 static void act_dot(const mjModel *m, mjData *d, int instance)
 {
     instance_state *q = of(m, d, instance);
-    int i = (int)q->actuator, a = m->actuator_actadr[i], o = m->actuator_outadr[i];
-    double h = m->opt.timestep, command = d->ctrl[m->actuator_ctrladr[i]], numbers[SIZE];
+    int a = m->actuator_actadr[(int)q->actuator[0]];
+    double h = m->opt.timestep, numbers[SIZE];
     NAME_inputs inputs = NAME_default_inputs;
-    if (m->actuator_ctrllimited[i])
-        command = mju_clip(command, m->actuator_ctrlrange[2 * i], m->actuator_ctrlrange[2 * i + 1]);
     for (int k = 0; k < SIZE; ++k) numbers[k] = d->act[a + k] * SCALES[k];
-    inputs.SPAN = q->offset + d->actuator_length[o];
-    inputs.RATE = d->actuator_velocity[o];
-    inputs.COMMAND = command;
+GIVEN
     NAME_step(&q->parameters, (NAME_state *)numbers, &inputs, h, UPPER_STAGGERED, &q->out);
     for (int k = 0; k < SIZE; ++k) d->act_dot[a + k] = (numbers[k] / SCALES[k] - d->act[a + k]) / h;
 }
@@ -226,10 +291,12 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
 {
     instance_state *q = of(m, d, instance);
     if (capability == mjPLUGIN_ACTUATOR) {
-        d->actuator_force[m->actuator_outadr[(int)q->actuator]] = -q->out.TENSION;
+PULLS
         return;
     }
-    const double shown[SEEN] = {SHOWN};
+    const double shown[SEEN] = {
+        SHOWN
+    };
     for (int s = 0; s < m->nsensor; ++s)
         if (m->sensor_type[s] == mjSENS_PLUGIN && m->sensor_plugin[s] == instance)
             memcpy(d->sensordata + m->sensor_adr[s], shown, sizeof shown);
@@ -237,10 +304,10 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
 
 mjPLUGIN_LIB_INIT(mckibben)
 {
-    static const char *keys[1 + sizeof KEYS / sizeof *KEYS];
+    static const char *keys[MUSCLES + sizeof KEYS / sizeof *KEYS];
     mjpPlugin plugin;
     int count = 0;
-    keys[count++] = "offset";
+    for (int k = 0; k < MUSCLES; ++k) keys[count++] = OFFSETS[k];
     for (size_t k = 0; k < sizeof KEYS / sizeof *KEYS; ++k) keys[count++] = KEYS[k].key;
     mjp_defaultPlugin(&plugin);
     plugin.name = "TITLE";

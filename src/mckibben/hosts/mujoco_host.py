@@ -1,7 +1,8 @@
-"""MuJoCo as `mckibben conform` sees it: the plugin of a part in models of the scenarios."""
+"""MuJoCo as `mckibben conform` sees it: a part as a plugin, or by callbacks of Python, in models of the scenarios."""
 
 from __future__ import annotations
 
+import abc
 import atexit
 import functools
 import shutil
@@ -12,10 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..extras import library
+from .actuators import actuator_roles
 from .adapters import HostAdapter, HostedMechanism, PartReadings
 from .c_source import c_source
+from .mujoco_callbacks import MuscleCallbacks, act_size
 from .mujoco_export import SENSED, config_key, export_mujoco, plugin_name
-from .scenarios import HostMoment, Scenario, single_part
+from .mujoco_model import model_text, pulled_ends
+from .part import Part
+from .scenarios import HostMoment, Scenario, pair_part, single_part
 
 
 def _mujoco() -> Any:
@@ -23,55 +28,55 @@ def _mujoco() -> Any:
 
 
 @functools.cache
-def _plugin() -> tuple[str, int]:
-    """Build and load the plugin of one muscle, once per process; its name, and the length of its state."""
-    part = single_part()
-    name = f"conform_{part.fingerprint[:8]}"
+def _plugin(fingerprint: str) -> str:
+    """Build and load the plugin of a part of the scenarios, once per process; its name."""
+    part = next(part for part in (single_part(), pair_part()) if part.fingerprint == fingerprint)
+    name = f"conform_{fingerprint[:8]}"
     folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     built = export_mujoco(c_source(part, name), folder)
     _mujoco().mj_loadPluginLibrary(str(built[-1]))
-    return plugin_name(name), part.rest().size
+    return plugin_name(name)
 
 
-def _model_text(scenario: Scenario, period: float) -> str:
-    """The model of a scenario: a mass on a tendon, or a hinge between two muscles at gears."""
-    mechanism, (plugin, numbers) = scenario.mechanism, _plugin()
-    instances, actuators, sensors = [], [], []
-    for name, arm in mechanism.arms.items():
-        config = {"offset": mechanism.spans[name]}
-        for chamber, pressure in scenario.part.hosted.start.items():
-            owner, _, more = chamber.partition(".")
-            if owner == name:
-                config["start.muscle" + (f".{more}" if more else "")] = float(pressure)
-        config |= {config_key(path): value for path, value in scenario.parameters.items()}
-        words = "".join(f'<config key="{key}" value="{value!r}"/>' for key, value in config.items())
-        instances.append(f'<instance name="{name}">{words}</instance>')
-        end = f'joint="q" gear="{-arm!r}"' if mechanism.rotary else 'tendon="cord"'
-        actuators.append(f'<plugin name="{name}" plugin="{plugin}" instance="{name}" actdim="{numbers}" {end}/>')
-        sensors.append(f'<plugin name="{name}" plugin="{plugin}" instance="{name}"/>')
-    inertia = repr(mechanism.inertia)
-    if mechanism.rotary:
-        all_axes = " ".join([inertia] * 3)
-        limb = f'<inertial pos="0 0 0" mass="1" diaginertia="{all_axes}"/>'
-        body = f'<joint name="q" type="hinge" axis="0 1 0"/>{limb}'
-        tendon = ""
-    else:
-        ball = f'<inertial pos="0 0 0" mass="{inertia}" diaginertia="1 1 1"/>'
-        body = f'<joint name="q" type="slide" axis="0 0 -1"/>{ball}<site name="hook"/>'
-        tendon = '<tendon><spatial name="cord"><site site="anchor"/><site site="hook"/></spatial></tendon>'
-    return f"""<mujoco><option timestep="{period!r}" gravity="0 0 0"><flag autoreset="disable"/></option>
-<extension><plugin plugin="{plugin}">{"".join(instances)}</plugin></extension>
-<worldbody><site name="anchor"/><body>{body}</body></worldbody>{tendon}
-<actuator>{"".join(actuators)}</actuator><sensor>{"".join(sensors)}</sensor></mujoco>"""
+def _plugin_model(scenario: Scenario, period: float) -> str:
+    """The model with one instance of the plugin, which has all muscles of the scenario."""
+    part, plugin, size = scenario.part, _plugin(scenario.part.fingerprint), scenario.part.rest().size
+    several = len(part.muscles) > 1
+    config = {f"offset.{n}" if several else "offset": scenario.mechanism.spans[n] for n in part.muscles}
+    config |= {config_key(path): value for path, value in scenario.parameters.items()}
+    words = "".join(f'<config key="{key}" value="{value!r}"/>' for key, value in config.items())
+    sizes = {part.muscles[0]: f' actdim="{size}"'}
+    rows = [
+        f'<plugin name="{name}" plugin="{plugin}" instance="p" {end}{sizes.get(name, "")}/>'
+        for name, end in pulled_ends(scenario).items()
+    ]
+    return model_text(
+        scenario,
+        period,
+        extension=f'<extension><plugin plugin="{plugin}"><instance name="p">{words}</instance></plugin></extension>',
+        actuators="".join(rows),
+        sensors=f'<sensor><plugin name="inside" plugin="{plugin}" instance="p"/></sensor>',
+    )
+
+
+def _callback_model(scenario: Scenario, period: float) -> str:
+    """The model with an actuator of the user's kind for each muscle."""
+    part, rows = scenario.part, []
+    for name, end in pulled_ends(scenario).items():
+        dynamics = f' dyntype="user" actdim="{act_size(part)}"' if name == part.muscles[0] else ""
+        span = scenario.mechanism.spans[name]
+        rows.append(f'<general name="{name}" {end}{dynamics} gainprm="0" biastype="user" biasprm="{span!r}"/>')
+    return model_text(scenario, period, actuators="".join(rows))
 
 
 class MujocoMechanism(HostedMechanism):
-    """A scenario in MuJoCo."""
+    """A scenario in MuJoCo, whatever the way of its muscles into it."""
 
     def __init__(self, scenario: Scenario, model: Any, data: Any) -> None:
         self.scenario, self.model, self.data, self.mujoco = scenario, model, data, _mujoco()
-        self.names = tuple(scenario.mechanism.arms)
+        self.names = scenario.part.muscles
+        self._roles = actuator_roles(scenario.part)
         self._kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
 
     @property
@@ -87,20 +92,20 @@ class MujocoMechanism(HostedMechanism):
     def _put(self, moment: HostMoment) -> None:
         if moment.position is not None:
             self.data.qpos[0], self.data.qvel[0] = moment.position, moment.rate
-        self.data.ctrl[:] = [moment.commands[name] for name in self.names]
+        self.data.ctrl[:] = [moment.commands[role.command] for role in self._roles if role.command]
         self.data.qfrc_applied[0] = self.scenario.mechanism.load + moment.force
 
     def step(self, moment: HostMoment) -> PartReadings:
         """Go on by one step of MuJoCo."""
         self._put(moment)
         self.mujoco.mj_step(self.model, self.data)
-        seen = self.data.sensordata.reshape(len(self.names), len(SENSED))
-        tensions = (-self.data.actuator_force).tolist()
-        pressures = seen[:, SENSED.index("pressure")].tolist()
-        work = float(seen[:, SENSED.index("work")].sum())
-        return PartReadings(
-            dict(zip(self.names, tensions, strict=True)), dict(zip(self.names, pressures, strict=True)), work
-        )
+        tensions = dict(zip(self.names, (-self.data.actuator_force).tolist(), strict=True))
+        pressures, work = self.seen()
+        return PartReadings(tensions, pressures, work)
+
+    @abc.abstractmethod
+    def seen(self) -> tuple[dict[str, float], float]:
+        """Pressures of the muscles [Pa], and work of the host on all of them [J]."""
 
     def save(self) -> Any:
         """The state of the integration."""
@@ -116,7 +121,7 @@ class MujocoMechanism(HostedMechanism):
         """Another one at the same moment, by ``mj_copyData``."""
         data = self.mujoco.MjData(self.model)
         self.mujoco.mj_copyData(data, self.model, self.data)
-        return MujocoMechanism(self.scenario, self.model, data)
+        return type(self)(self.scenario, self.model, data)
 
     def reset(self) -> None:
         """Return to the start."""
@@ -129,8 +134,37 @@ class MujocoMechanism(HostedMechanism):
         self.mujoco.mj_forward(self.model, self.data)
 
 
+class PluginMechanism(MujocoMechanism):
+    """A scenario in MuJoCo with the plugin."""
+
+    def seen(self) -> tuple[dict[str, float], float]:
+        """Pressures and work, from the sensor."""
+        seen = self.data.sensordata.reshape(len(self.names), len(SENSED))
+        pressures = dict(zip(self.names, seen[:, SENSED.index("pressure")].tolist(), strict=True))
+        return pressures, float(seen[:, SENSED.index("work")].sum())
+
+
+class CallbackMechanism(MujocoMechanism):
+    """A scenario in MuJoCo with callbacks of Python."""
+
+    callbacks: MuscleCallbacks
+
+    def seen(self) -> tuple[dict[str, float], float]:
+        """Pressures and work, as the part has them at the end of the step."""
+        values = self.callbacks.observe(self.model, self.data, self.names[0])._asdict()
+        of = lambda what: {n: values[what if len(self.names) == 1 else f"{n}_{what}"] for n in self.names}  # noqa: E731
+        return of("pressure"), sum(of("work").values())
+
+    def copy(self) -> HostedMechanism:
+        """Another one at the same moment, with the same callbacks."""
+        twin = super().copy()
+        assert isinstance(twin, CallbackMechanism)
+        twin.callbacks = self.callbacks
+        return twin
+
+
 class MujocoHost(HostAdapter):
-    """MuJoCo with the plugin, tendons for one muscle and gears at a hinge for two."""
+    """MuJoCo with the plugin, tendons for one muscle and gears at a hinge for two of one instance."""
 
     name, title, staggered = "mujoco", "MuJoCo, engine plugin, Euler", True
 
@@ -144,11 +178,50 @@ class MujocoHost(HostAdapter):
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The model of a scenario at its start."""
         mujoco = _mujoco()
-        model = mujoco.MjModel.from_xml_string(_model_text(scenario, period))
-        hosted = MujocoMechanism(scenario, model, mujoco.MjData(model))
+        model = mujoco.MjModel.from_xml_string(_plugin_model(scenario, period))
+        hosted = PluginMechanism(scenario, model, mujoco.MjData(model))
         hosted.reset()
         return hosted
 
     def close(self) -> None:
         """Let MuJoCo warn again; the plugin stays loaded until the process ends."""
+        _mujoco().set_mju_user_warning(None)
+
+
+class MujocoPythonHost(HostAdapter):
+    """MuJoCo with callbacks of Python, tendons for one muscle and gears at a hinge for two of one part."""
+
+    name, title, staggered = "mujoco-python", "MuJoCo, callbacks of Python, Euler", True
+
+    def __init__(self) -> None:
+        _mujoco().set_mju_user_warning(lambda sentence: None)
+        self._callbacks: MuscleCallbacks | None = None
+        self._parts: dict[str, Part] = {}  # with the parameters of scenarios, so that each is compiled once
+
+    def version(self) -> str:
+        """Version of MuJoCo."""
+        return f"MuJoCo {_mujoco().__version__}"
+
+    def open(self, scenario: Scenario, period: float) -> HostedMechanism:
+        """The model of a scenario at its start, and its callbacks instead of those of the last one."""
+        mujoco = _mujoco()
+        part = scenario.part.with_parameters(scenario.parameters)
+        part = self._parts.setdefault(part.fingerprint, part)
+        self._remove()
+        model = mujoco.MjModel.from_xml_string(_callback_model(scenario, period))
+        self._callbacks = MuscleCallbacks(model, {part.muscles: part})
+        self._callbacks.install()
+        hosted = CallbackMechanism(scenario, model, mujoco.MjData(model))
+        hosted.callbacks = self._callbacks
+        hosted.reset()
+        return hosted
+
+    def _remove(self) -> None:
+        if self._callbacks is not None:
+            self._callbacks.remove()
+            self._callbacks = None
+
+    def close(self) -> None:
+        """Remove the callbacks, and let MuJoCo warn again."""
+        self._remove()
         _mujoco().set_mju_user_warning(None)

@@ -188,6 +188,7 @@ class Part:
         self._places = {name: 2 * len(self.muscles) + k for k, name in enumerate(sorted(self.commands))}
         numbered = self.layouts.state.unpack(np.arange(float(self.layouts.state.size)))
         self._commands_in_state = np.array([int(numbered.command[n]) for n in sorted(self.commands)], int)
+        self._reach_in_state = np.array([int(numbered.reach[n]) for n in sorted(self.muscles)], int)
         names = _output_names(self.muscles)
         self.outputs = tuple(names)
         self._Outputs: Any = _observation_type(names)
@@ -213,8 +214,11 @@ class Part:
             **commands: as they have lasted [SI].
         """
         spans = self.span | _by_muscle(span, "m", "span", self.muscles)
-        vector = self._vector(spans, {}, self.command | self._checked(commands))
-        (state,) = self._call("rest", _rest, [vector], [self._size])
+        return self.rest_vector(self._vector(spans, {}, self.command | self._checked(commands)))
+
+    def rest_vector(self, inputs: np.ndarray) -> np.ndarray:
+        """The state at rest at the spans and commands of inputs, as `step_vector` takes them."""
+        (state,) = self._call("rest", _rest, [inputs], [self._size])
         return state
 
     def step(
@@ -245,8 +249,7 @@ class Part:
             ConvergenceError: the state is not finite or not possible any more.
         """
         vector = self._moment(state, span, rate, commands)
-        timing = np.array([period, 1.0 if staggered else 0.0])
-        new, out = self._call("advance", _advance, [state, vector, timing], [self._size, len(self.outputs)])
+        new, out = self.step_vector(state, vector, period, staggered=staggered)
         seen = self._Outputs._make(out.tolist())
         if seen.sound != 1.0:
             raise ConvergenceError(f"The state is not finite or not possible any more after a step of {period:g} s.")
@@ -254,8 +257,33 @@ class Part:
 
     def observe(self, state: np.ndarray, *, span: Any, rate: Any = 0.0, **commands: float) -> Any:
         """Outputs at a moment, as `step` returns them, without going on."""
-        vector = self._moment(state, span, rate, commands)
-        (out,) = self._call("observe", _observe, [state, vector], [len(self.outputs)])
+        return self.observe_vector(state, self._moment(state, span, rate, commands))
+
+    def step_vector(
+        self, state: np.ndarray, inputs: np.ndarray, period: float, *, staggered: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Go on by one step without names, for hosts that look them up once.
+
+        Args:
+            state: at its start; it is not changed.
+            inputs: spans [m] by the sorted names of the muscles, their rates [m/s], and commands by their sorted names [SI].
+            period: of the step [s].
+            staggered: as for `step`.
+
+        Returns:
+            The state at the end, and outputs in the order of `outputs`. Whether they are sound is one of them.
+        """
+        timing = np.array([period, 1.0 if staggered else 0.0])
+        new, out = self._call("advance", _advance, [state, inputs, timing], [self._size, len(self.outputs)])
+        return new, out
+
+    def reach(self, state: np.ndarray) -> np.ndarray:
+        """Spans at which the last step ended, by the sorted names of the muscles [m]."""
+        return state[self._reach_in_state]
+
+    def observe_vector(self, state: np.ndarray, inputs: np.ndarray) -> Any:
+        """Outputs at a moment as a named tuple, without going on; inputs as for `step_vector`."""
+        (out,) = self._call("observe", _observe, [state, inputs], [len(self.outputs)])
         return self._Outputs._make(out.tolist())
 
     def _call(self, key: str, function: Any, given: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:

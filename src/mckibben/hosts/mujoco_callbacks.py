@@ -1,0 +1,226 @@
+"""Muscles of MuJoCo models by callbacks of Python: no compiler, any part, half the speed of the plugin.
+
+    model = mujoco.MjModel.from_xml_string(text)
+    with MuscleCallbacks(model, {"muscle": part}):
+        mujoco.mj_step(model, data)
+
+An actuator of the model is a muscle if it has the name of one and
+
+    <general name="muscle" tendon="cord" dyntype="user" gainprm="0" biastype="user" biasprm="0" actdim="25"/>
+
+where ``actdim`` is `act_size` of the part and ``biasprm`` the span at length zero [m], zero on a spatial tendon. Parts with
+several muscles have an actuator for each (see `actuators`), of which only the first has ``dyntype`` and ``actdim``. State
+and mean tensions lie in ``act``; nothing is kept outside the data, so that they may be copied, pickled and used on threads.
+
+MuJoCo has one callback of each kind for all models, and calls it with the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..extras import library
+from .actuators import actuator_roles, state_sizes
+from .part import Part
+
+
+def act_size(part: Part) -> int:
+    """Number of activations of a part: its state, and the mean tension of each muscle."""
+    return part.rest().size + len(part.muscles)
+
+
+class _ModelPlaces(NamedTuple):
+    """Where a part lies in a model.
+
+    Attributes:
+        act: first activation.
+        muscles: actuators of the muscles, in the part's order.
+        spans: places of their spans in the vector of inputs; those of the rates are behind them.
+        offsets: spans at length zero [m].
+        controls: controls of the commands.
+        commands: their places in the vector of inputs.
+    """
+
+    act: int
+    muscles: list[int]
+    spans: list[int]
+    offsets: np.ndarray
+    controls: list[int]
+    commands: list[int]
+
+
+class _AttachedPart:
+    """A part with the actuators that have its muscles, in whatever model."""
+
+    def __init__(self, names: tuple[str, ...], part: Part) -> None:
+        self.part, self.roles, self.names = part, actuator_roles(part), names
+        if len(names) != len(self.roles):
+            wanted = ", ".join(role.name for role in self.roles)
+            raise InputError("actuators", ", ".join(names), f"must be one actuator for each of {wanted}, in this order")
+        self.sizes, self.count = state_sizes(part), len(part.muscles)
+        self.total = act_size(part)
+        self.tensions = [part.outputs.index(f"{m}_tension" if self.count > 1 else "tension") for m in part.muscles]
+
+    def places(self, model: Any) -> _ModelPlaces:
+        """Find the part in a model; raises `InputError` where it does not fit."""
+        mujoco = library("mujoco", "Muscles in MuJoCo need")
+        kind = mujoco.mjtObj.mjOBJ_ACTUATOR
+        ids = [mujoco.mj_name2id(model, kind, name) for name in self.names]
+        for name, found in zip(self.names, ids, strict=True):
+            if found < 0:
+                raise InputError("actuator", name, known=tuple(model.actuator(k).name for k in range(model.nactuator)))
+        first = ids[0]
+        if int(model.actuator_dyntype[first]) != int(mujoco.mjtDyn.mjDYN_USER):
+            raise InputError(f"dyntype of the actuator {self.names[0]}", None, 'must be "user"')
+        if int(model.actuator_actnum[first]) != self.total:
+            had = int(model.actuator_actnum[first])
+            raise InputError(f"actdim of the actuator {self.names[0]}", had, f"must be {self.total}")
+        if int(model.opt.integrator) == int(mujoco.mjtIntegrator.mjINT_RK4):
+            raise InputError("integrator", "RK4", "must be Euler, implicit or implicitfast")
+        for name, k in zip(self.names[: self.count], ids, strict=False):
+            if int(model.actuator_biastype[k]) != int(mujoco.mjtBias.mjBIAS_USER):
+                raise InputError(f"biastype of the actuator {name}", None, 'must be "user"')
+        ordered = sorted(self.part.muscles)
+        commands = sorted(self.part.commands)
+        commanded = [(k, role.command) for k, role in zip(ids, self.roles, strict=True) if role.command is not None]
+        return _ModelPlaces(
+            int(model.actuator_actadr[first]),
+            ids[: self.count],
+            [ordered.index(muscle) for muscle in self.part.muscles],
+            np.array([float(model.actuator_biasprm[k, 0]) for k in ids[: self.count]]),
+            [int(model.actuator_ctrladr[k]) for k, _ in commanded],
+            [2 * self.count + commands.index(command) for _, command in commanded],
+        )
+
+    def inputs(self, model: Any, data: Any, at: _ModelPlaces) -> np.ndarray:
+        """Spans, rates and commands of a moment."""
+        vector = np.zeros(2 * self.count + len(self.part.commands))
+        outputs = model.actuator_outadr[at.muscles]
+        vector[at.spans] = data.actuator_length[outputs] + at.offsets
+        vector[[self.count + k for k in at.spans]] = data.actuator_velocity[outputs]
+        controls = data.ctrl[at.controls]
+        limited = model.actuator_ctrllimited[at.controls] != 0
+        low, high = model.actuator_ctrlrange[at.controls].T
+        vector[at.commands] = np.where(limited, np.clip(controls, low, high), controls)
+        return vector
+
+    def step(self, model: Any, data: Any, at: _ModelPlaces) -> None:
+        """Take a whole step of the part, and write the rates that lead there."""
+        period, act = float(model.opt.timestep), data.act[at.act : at.act + self.total]
+        inputs = self.inputs(model, data, at)
+        state = act[: self.sizes.size] * self.sizes
+        if not state[0] > 0.0:
+            state = self.part.rest_vector(inputs)
+        new, out = self.part.step_vector(state, inputs, period, staggered=True)
+        following = np.concatenate([new / self.sizes, out[self.tensions]])
+        data.act_dot[at.act : at.act + self.total] = (following - act) / period
+
+
+    def observe(self, model: Any, data: Any, at: _ModelPlaces) -> Any:
+        """Outputs at the end of the last step, at the spans where it ended."""
+        act = data.act[at.act : at.act + self.total]
+        state, inputs = act[: self.sizes.size] * self.sizes, self.inputs(model, data, at)
+        inputs[: self.count] = self.part.reach(state)
+        means = dict(zip((self.part.outputs[k] for k in self.tensions), act[self.sizes.size :].tolist(), strict=True))
+        return self.part.observe_vector(state, inputs)._replace(**means)
+
+
+class MuscleCallbacks:
+    """Parts in a MuJoCo model, stepped by callbacks; a context that installs them.
+
+    Args:
+        model: the model. Copies of it, and models with the same names, are served too; other models are left alone.
+        parts: parts by the name of their actuator, or by a tuple of names, one for each muscle; see `actuators`.
+
+    Raises:
+        InputError: names what does not fit.
+        MissingLibraryError: MuJoCo is not installed.
+    """
+
+    def __init__(self, model: Any, parts: Mapping[str | tuple[str, ...], Part]) -> None:
+        self._mujoco: Any = library("mujoco", "Muscles in MuJoCo need")
+        self._parts = [
+            _AttachedPart((names,) if isinstance(names, str) else tuple(names), part) for names, part in parts.items()
+        ]
+        self._models: weakref.WeakKeyDictionary[Any, tuple[dict[int, Any], dict[int, int]]] = weakref.WeakKeyDictionary(
+            {model: self._places(model)}
+        )
+        self._before: tuple[Any, Any] | None = None
+
+    def _places(self, model: Any) -> tuple[dict[int, Any], dict[int, int]]:
+        """By actuator: the part that is stepped there, with its places; and the activation of the mean tension."""
+        steps, pulls = {}, {}
+        for one in self._parts:
+            at = one.places(model)
+            steps[at.muscles[0]] = (one, at)
+            pulls |= {k: at.act + one.sizes.size + j for j, k in enumerate(at.muscles)}
+        return steps, pulls
+
+    def _lookup(self, model: Any) -> tuple[dict[int, Any], dict[int, int]]:
+        """As `_places`, found once for each model; of a model without the parts, such as one in the making, none."""
+        known = self._models.get(model)
+        if known is None:
+            try:
+                known = self._places(model)
+            except InputError:
+                known = {}, {}
+            self._models[model] = known
+        return known
+
+    def _act_dyn(self, model: Any, data: Any, actuator: int) -> float:
+        found = self._lookup(model)[0].get(actuator)
+        if found is not None:
+            part, at = found
+            part.step(model, data, at)
+        return 0.0
+
+    def _act_bias(self, model: Any, data: Any, actuator: int) -> float:
+        place = self._lookup(model)[1].get(actuator)
+        if place is None:
+            return 0.0
+        return -float(data.act[place] + model.opt.timestep * data.act_dot[place])
+
+    def install(self) -> None:
+        """Make them the callbacks of MuJoCo."""
+        if self._before is None:
+            self._before = self._mujoco.get_mjcb_act_dyn(), self._mujoco.get_mjcb_act_bias()
+        self._mujoco.set_mjcb_act_dyn(self._act_dyn)
+        self._mujoco.set_mjcb_act_bias(self._act_bias)
+
+    def remove(self) -> None:
+        """Bring the callbacks back that were there before."""
+        if self._before is not None:
+            self._mujoco.set_mjcb_act_dyn(self._before[0])
+            self._mujoco.set_mjcb_act_bias(self._before[1])
+            self._before = None
+
+    def __enter__(self) -> MuscleCallbacks:
+        self.install()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.remove()
+
+    def observe(self, model: Any, data: Any, actuator: str) -> Any:
+        """Outputs of the part after the last step, at least one, as `Part.step` returns them.
+
+        Args:
+            model: the model.
+            data: its data.
+            actuator: name of one of the part's actuators.
+
+        Raises:
+            InputError: no part has the actuator.
+        """
+        for part, at in self._lookup(model)[0].values():
+            if actuator in part.names:
+                return part.observe(model, data, at)
+        raise InputError("actuator", actuator, known=tuple(name for part in self._parts for name in part.names))
