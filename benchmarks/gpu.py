@@ -6,13 +6,21 @@ The kernel is that of a `Simulation`: a control period of 10 ms of a weight on o
 The same program runs on the processor and, as PTX, on the GPU. Seconds are those of the GPU itself, copies left out, the
 best of three; those of the processor are wall clock on all its cores. Without a GPU the PTX is made and
 the processor measured.
+
+Where Warp is installed (extra ``warp``), the part that `mckibben export --for warp` writes is measured too: a muscle with
+valve and tube in each world, in steps of 1 ms, on one core of the processor and on the GPU, with the deviations between
+them; wall clock.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import sys
+import tempfile
 import time
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,11 +28,13 @@ import numpy as np
 import lanewise
 import mckibben as mk
 from lanewise.errors import UnavailableError
+from mckibben import hosts
 
 PERIOD, COMPARED, LANES = 10e-3, 4096, 262_144
 ROUNDS = 3
 TARGETS = {"float64": 2e10, "float32": 5e10}  # muscle-steps per second
 REALS = ("float64", "float32")
+WARP_COMPARED, WARP_STEPS, WARP_SUBSTEP = 512, 10, 5e-5  # worlds that are compared, steps of 1 ms, and substep [s]
 
 
 class Example:
@@ -137,6 +147,63 @@ def measure_gpu(lanes: int) -> dict[str, Any]:
     return found
 
 
+def warp_module(folder: Path) -> ModuleType | None:
+    """The module of Warp of a muscle; None where Warp is not installed."""
+    if importlib.util.find_spec("warp") is None:
+        return None
+    part = hosts.Part("nylon", mk.Air(supply="6 bar", tube=("50 cm", "4 mm")), span="13 cm")
+    (path,) = hosts.export(part, "warp", folder, name="measured")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def warp_steps(module: ModuleType, lanes: int, device: str) -> tuple[float, np.ndarray]:
+    """Seconds of a step of 1 ms of many muscles in Warp, and their outputs after `WARP_STEPS`."""
+    import warp
+
+    muscles = module.Muscles(lanes, device)
+    given = np.zeros(muscles.inputs.shape)
+    given[:, module.SPANS["muscle"]] = 0.13
+    given[:, module.CONTROLS["muscle"]] = np.random.default_rng(0).uniform(-1.0, 1.0, lanes)
+    muscles.inputs.assign(given)
+    best = np.inf
+    for _ in range(WARP_STEPS):
+        warp.synchronize_device(device)
+        began = time.perf_counter()
+        muscles.step(1e-3)
+        warp.synchronize_device(device)
+        best = min(best, time.perf_counter() - began)
+        warp.copy(muscles.state, muscles.following)
+    return best, muscles.outputs.numpy()
+
+
+def measure_warp(lanes: int) -> dict[str, Any]:
+    """Speed of the part in Warp on the processor, its PTX, and speed and deviations on the GPU where there is one."""
+    with tempfile.TemporaryDirectory() as folder:
+        module = warp_module(Path(folder))
+        if module is None:
+            return {"Warp": "not installed"}
+        import warp
+
+        warp.config.log_level = warp.LOG_WARNING
+        warp.init()
+        inner = round(1e-3 / WARP_SUBSTEP)
+        seconds, ours = warp_steps(module, WARP_COMPARED, "cpu")
+        found: dict[str, Any] = {"Warp, one core of the processor [muscle-steps/s]": WARP_COMPARED * inner / seconds}
+        began = time.perf_counter()
+        warp.compile_aot_module(module, arch=90, module_dir=folder, use_ptx=True)
+        found["Warp, PTX for sm_90, made in [s]"] = time.perf_counter() - began
+        if warp.is_cuda_available():
+            _, theirs = warp_steps(module, WARP_COMPARED, "cuda:0")
+            found |= {f"Warp, {name}": value for name, value in away([theirs], [ours]).items()}
+            seconds, _ = warp_steps(module, lanes, "cuda:0")
+            found["Warp, GPU [muscle-steps/s]"] = lanes * inner / seconds
+    return found
+
+
 def main(words: list[str]) -> None:
     """Measure, and print a line for each figure, with its target where there is one."""
     lanes = COMPARED if "--quick" in words else LANES
@@ -145,6 +212,7 @@ def main(words: list[str]) -> None:
     figures |= measure_processor(COMPARED)
     if there:
         figures |= measure_gpu(lanes)
+    figures |= measure_warp(lanes)
     if "--json" in words:
         print(json.dumps(figures))
         return

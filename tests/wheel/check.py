@@ -145,6 +145,7 @@ CALLS: dict[str, list[Call]] = {
         Call(("matlab",), says=["python"]),
         needs("mujoco", "mujoco"),
         needs("mujoco", "mujoco-python"),
+        needs("warp", "warp"),
         needs("drake", "drake"),
         needs("opensim", "opensim"),
     ],
@@ -152,6 +153,7 @@ CALLS: dict[str, list[Call]] = {
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),
         Call((MUSCLE, "--for", "fmi3", "--out", "nylon.fmu"), ["nylon.fmu"]),
         needs("mujoco", MUSCLE, "--for", "mujoco", "--out", "nylon_mujoco"),
+        Call((MUSCLE, "--for", "warp", "--out", "nylon_warp"), ["nylon_warp/muscle_part_warp.py"]),
     ],
     "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [

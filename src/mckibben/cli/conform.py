@@ -20,7 +20,7 @@ def conform_host(
     host: Annotated[
         str,
         typer.Argument(
-            metavar="HOST", help="Host to test: python, c, mujoco, mujoco-python, drake, opensim, fmi3 or fmi2."
+            metavar="HOST", help="Host to test: python, c, mujoco, mujoco-python, warp, drake, opensim, fmi3 or fmi2."
         ),
     ],
     scenario: Annotated[

@@ -17,7 +17,8 @@ def export_part(
         typer.Argument(metavar="CIRCUIT|SPECIMEN", help="Circuit file with muscles, or a muscle with usual air."),
     ],
     target: Annotated[
-        str, typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c, fmi3, fmi2 or mujoco.")
+        str,
+        typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c, fmi3, fmi2, mujoco or warp."),
     ] = "c",
     name: Annotated[
         str, typer.Option(metavar="TEXT", help="Beginning of all names in C, and name of the files.")

@@ -48,6 +48,7 @@ HOSTS: dict[str, str] = {
     "c": "adapters:CHost",
     "mujoco": "mujoco_host:MujocoHost",
     "mujoco-python": "mujoco_host:MujocoPythonHost",
+    "warp": "warp.host:WarpHost",
     "drake": "drake_host:DrakeHost",
     "opensim": "opensim_host:OpensimHost",
     "fmi3": "fmi.host:Fmi3Host",

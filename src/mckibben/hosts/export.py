@@ -18,6 +18,7 @@ from .c_source import PartSource, PartVariable, c_source, with_names
 from .fmi import export_fmu, fmu_cautions
 from .mujoco_export import export_mujoco
 from .part import Part
+from .warp import export_warp
 
 
 def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = "muscle_part") -> list[Path]:
@@ -26,7 +27,8 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
     Args:
         part: the part.
         target: ``c`` for a source file and a header with a description, an example and a CMake file; ``fmi3`` or ``fmi2``
-            for an FMU of FMI 3.0 or 2.0; ``mujoco`` for an engine plugin of the installed MuJoCo with an example model.
+            for an FMU of FMI 3.0 or 2.0; ``mujoco`` for an engine plugin of the installed MuJoCo with an example model;
+            ``warp`` for a module of Python for MuJoCo Warp and Newton.
         out: folder for the files, which is made; or the FMU.
         name: beginning of all names in C, and of the names of the files.
 
@@ -136,6 +138,7 @@ TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {
     "fmi3": _export_fmi3,
     "fmi2": _export_fmi2,
     "mujoco": export_mujoco,
+    "warp": export_warp,
 }
 LIBRARIES_OF = {"mujoco": ("mujoco", "The MuJoCo plugin needs")}
 """Optional libraries of targets, each with the words of the error where it is missing."""

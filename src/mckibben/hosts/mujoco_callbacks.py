@@ -121,7 +121,6 @@ class _AttachedPart:
         following = np.concatenate([new / self.sizes, out[self.tensions]])
         data.act_dot[at.act : at.act + self.total] = (following - act) / period
 
-
     def observe(self, model: Any, data: Any, at: _ModelPlaces) -> Any:
         """Outputs at the end of the last step, at the spans where it ended."""
         act = data.act[at.act : at.act + self.total]
