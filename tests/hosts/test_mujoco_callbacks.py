@@ -60,7 +60,7 @@ def test_a_hinge_between_two_muscles_on_one_tank_moves_as_in_a_semi_implicit_loo
     np.testing.assert_allclose(rows[:, 0], ours, atol=1e-7)
     assert found.left_pressure == pytest.approx(seen.left_pressure, rel=1e-7)
     assert found.left_tension == pytest.approx(seen.left_tension, rel=1e-6)
-    assert found.left_tension_end == pytest.approx(seen.left_tension_end, rel=1e-4)  # of a stiff cord
+    assert found.left_tension_end == pytest.approx(seen.left_tension_end, rel=1e-3)  # whose rate is a ramp's there
 
 
 def test_copies_pickles_and_rollouts_have_the_bits_of_single_steps(part, model):

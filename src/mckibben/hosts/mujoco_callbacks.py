@@ -154,7 +154,8 @@ class MuscleCallbacks:
 
     def _places(self, model: Any) -> tuple[dict[int, Any], dict[int, int]]:
         """By actuator: the part that is stepped there, with its places; and the activation of the mean tension."""
-        steps, pulls = {}, {}
+        steps: dict[int, Any] = {}
+        pulls: dict[int, int] = {}
         for one in self._parts:
             at = one.places(model)
             steps[at.muscles[0]] = (one, at)
