@@ -152,6 +152,7 @@ CALLS: dict[str, list[Call]] = {
     "export": [
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),
         Call((MUSCLE, "--for", "fmi3", "--out", "nylon.fmu"), ["nylon.fmu"]),
+        Call((MUSCLE, "--for", "ros2", "--out", "nylon_ros2"), ["nylon_ros2/muscle_part_hardware.cpp"]),
         needs("mujoco", MUSCLE, "--for", "mujoco", "--out", "nylon_mujoco"),
         Call((MUSCLE, "--for", "warp", "--out", "nylon_warp"), ["nylon_warp/muscle_part_warp.py"]),
     ],

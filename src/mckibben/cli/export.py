@@ -18,7 +18,9 @@ def export_part(
     ],
     target: Annotated[
         str,
-        typer.Option("--for", metavar="TARGET", help="Kind of program that takes it: c, fmi3, fmi2, mujoco or warp."),
+        typer.Option(
+            "--for", metavar="TARGET", help="Kind of program that takes it: c, fmi3, fmi2, mujoco, warp or ros2."
+        ),
     ] = "c",
     name: Annotated[
         str, typer.Option(metavar="TEXT", help="Beginning of all names in C, and name of the files.")

@@ -18,6 +18,7 @@ from .c_source import PartSource, PartVariable, c_source, with_names
 from .fmi import export_fmu, fmu_cautions
 from .mujoco_export import export_mujoco
 from .part import Part
+from .ros2_export import export_ros2
 from .warp import export_warp
 
 
@@ -28,7 +29,8 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
         part: the part.
         target: ``c`` for a source file and a header with a description, an example and a CMake file; ``fmi3`` or ``fmi2``
             for an FMU of FMI 3.0 or 2.0; ``mujoco`` for an engine plugin of the installed MuJoCo with an example model;
-            ``warp`` for a module of Python for MuJoCo Warp and Newton.
+            ``warp`` for a module of Python for MuJoCo Warp and Newton;
+            ``ros2`` for a package of ROS 2 with a hardware component of ros2_control.
         out: folder for the files, which is made; or the FMU.
         name: beginning of all names in C, and of the names of the files.
 
@@ -139,6 +141,7 @@ TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {
     "fmi2": _export_fmi2,
     "mujoco": export_mujoco,
     "warp": export_warp,
+    "ros2": export_ros2,
 }
 LIBRARIES_OF = {"mujoco": ("mujoco", "The MuJoCo plugin needs")}
 """Optional libraries of targets, each with the words of the error where it is missing."""

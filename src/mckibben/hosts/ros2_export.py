@@ -1,0 +1,446 @@
+"""A part with a simple mechanism as a hardware component of ros2_control: a package of ROS 2 around the exported C.
+
+Controllers see joints with position, velocity and effort, and a GPIO for each muscle with its valve, pressure, tension and
+span. Behind them is no hardware but the part, which pulls at joints with the inertia, damping and gravity that the robot
+description states.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..documents import write_text
+from .c_source import PartSource, with_names
+
+STEP = 1e-3  # longest step of the mechanism [s]
+
+
+def export_ros2(source: PartSource, out: Path) -> list[Path]:
+    """Write a part as a package of ROS 2 with a ``SystemInterface``, and an example of a robot description.
+
+    Args:
+        source: the C of a part.
+        out: folder for the files.
+    """
+    files = source.write(out)
+    name = source.name
+    for file, text in (
+        (f"{name}_hardware.cpp", hardware_source(source)),
+        (f"{name}_hardware.xml", with_names(PLUGIN, name)),
+        (f"{name}.ros2_control.xacro", example_description(source)),
+        ("CMakeLists.txt", with_names(CMAKE, name)),
+        ("package.xml", with_names(PACKAGE, name)),
+    ):
+        files.append(write_text(out / file, text))
+    return files
+
+
+def hardware_source(source: PartSource) -> str:
+    """The C++ of the hardware component."""
+    name, part = source.name, source.part
+    members = {(v.group, v.path): v.member for v in source.variables}
+    of = lambda group, path: f"&{name}_{group}::{members[group, path]}"  # noqa: E731
+    muscles, parameters = [], []
+    for muscle in part.muscles:
+        places = [of("inputs", f"span.{muscle}"), of("inputs", f"rate.{muscle}"), of("outputs", f"tension.{muscle}")]
+        places.append(of("outputs", f"muscle.{muscle}.pressure"))
+        muscles.append(f'  {{"{muscle}", {source.part.span[muscle]!r}, {", ".join(places)}}},')
+    commands = [f'  {{"{command}", {of("inputs", f"command.{command}")}}},' for command in part.commands]
+    for variable in source.of("parameters"):
+        if variable.shape == ():
+            low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in variable.bounds)
+            path = variable.path.replace(".__self__", "")
+            parameters.append(f'  {{"{path}", &{name}_parameters::{variable.member}, {low}, {high}}},')
+    words: dict[str, Any] = {
+        "MUSCLEROWS": "\n".join(muscles),
+        "COMMANDROWS": "\n".join(commands),
+        "PARAMETERROWS": "\n".join(parameters),
+        "LONGEST": repr(STEP),
+    }
+    return with_names(HARDWARE, name, **words)
+
+
+def example_description(source: PartSource) -> str:
+    """The part of a robot description that names the component: one joint, which all muscles move in turn to and fro."""
+    part = source.part
+    arms, gpios = [], []
+    for place, muscle in enumerate(part.muscles):
+        arms.append(f'      <param name="arm.{muscle}">{-0.02 if place % 2 else 0.02}</param>')
+        inner = [f'      <param name="span">{part.span[muscle]:.6g}</param>']
+        if muscle in part.commands:
+            inner.append('      <command_interface name="command"/>')
+        inner += [f'      <state_interface name="{shown}"/>' for shown in ("pressure", "tension", "span")]
+        gpios.append(f'    <gpio name="{muscle}">\n' + "\n".join(inner) + "\n    </gpio>")
+    for command in part.commands:
+        if command not in part.muscles:
+            gpios.append(f'    <gpio name="{command}">\n      <command_interface name="command"/>\n    </gpio>')
+    return with_names(DESCRIPTION, source.name, ARMS="\n".join(arms), GPIOS="\n".join(gpios))
+
+
+HARDWARE = r"""// NAME: muscles with their air as a hardware component of ros2_control, simulated.
+//
+// Compiled and run against a stub of hardware_interface that has the interface of ROS 2 Humble; not with ROS 2 itself.
+//
+// In read() the mechanism and the muscles go on by the period, in steps of at most the parameter "step" [s]. Of each joint
+//   inertia * acceleration = load - damping * velocity - gravity * sin(position) + sum of arm * tension.
+// For a real robot replace what read() and write() do by your valves and sensors; the interfaces stay the same.
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "NAME.h"
+#include "hardware_interface/handle.hpp"
+#include "hardware_interface/hardware_info.hpp"
+#include "hardware_interface/system_interface.hpp"
+#include "hardware_interface/types/hardware_interface_return_values.hpp"
+#include "pluginlib/class_list_macros.hpp"
+#include "rclcpp/rclcpp.hpp"
+#include "rclcpp_lifecycle/state.hpp"
+
+namespace NAME
+{
+using CallbackReturn = hardware_interface::CallbackReturn;
+using hardware_interface::return_type;
+
+struct MuscleRow
+{
+  const char * name;
+  double span;
+  double NAME_inputs::*span_in;
+  double NAME_inputs::*rate_in;
+  double NAME_outputs::*tension_out;
+  double NAME_outputs::*pressure_out;
+};
+const MuscleRow MUSCLES[] = {
+MUSCLEROWS
+};
+
+struct CommandRow
+{
+  const char * name;
+  double NAME_inputs::*command_in;
+};
+const CommandRow COMMANDS[] = {
+COMMANDROWS
+};
+
+struct ParameterRow
+{
+  const char * path;
+  double NAME_parameters::*member;
+  double low, high;
+};
+const ParameterRow PARAMETERS[] = {
+PARAMETERROWS
+};
+
+struct Joint
+{
+  std::string name;
+  double inertia, damping, gravity, load, start;
+  std::vector<double> arms;  // of each muscle [m]
+  double position = 0.0, velocity = 0.0, effort = 0.0;
+};
+
+struct MuscleState
+{
+  double zero_span = 0.0, span = 0.0, pressure = 0.0, tension = 0.0;
+};
+
+class MuscleSystem : public hardware_interface::SystemInterface
+{
+public:
+  CallbackReturn on_init(const hardware_interface::HardwareInfo & info) override
+  {
+    if (hardware_interface::SystemInterface::on_init(info) != CallbackReturn::SUCCESS) return CallbackReturn::ERROR;
+    try {
+      configure();
+    } catch (const std::invalid_argument & error) {
+      RCLCPP_FATAL(rclcpp::get_logger("NAME"), "%s", error.what());
+      return CallbackReturn::ERROR;
+    }
+    rest();
+    return CallbackReturn::SUCCESS;
+  }
+
+  CallbackReturn on_activate(const rclcpp_lifecycle::State &) override
+  {
+    rest();
+    return CallbackReturn::SUCCESS;
+  }
+
+  std::vector<hardware_interface::StateInterface> export_state_interfaces() override
+  {
+    std::vector<hardware_interface::StateInterface> shown;
+    for (std::size_t j = 0; j < joints_.size(); ++j)
+      for (const auto & one : info_.joints[j].state_interfaces)
+        shown.emplace_back(joints_[j].name, one.name, joint_value(joints_[j], one.name));
+    for (const auto & gpio : info_.gpios)
+      for (const auto & one : gpio.state_interfaces)
+        shown.emplace_back(gpio.name, one.name, muscle_value(gpio.name, one.name));
+    return shown;
+  }
+
+  std::vector<hardware_interface::CommandInterface> export_command_interfaces() override
+  {
+    std::vector<hardware_interface::CommandInterface> taken;
+    for (const auto & gpio : info_.gpios)
+      for (std::size_t k = 0; k < std::size(COMMANDS); ++k)
+        if (!gpio.command_interfaces.empty() && gpio.name == COMMANDS[k].name)
+          taken.emplace_back(gpio.name, gpio.command_interfaces[0].name, &commands_[k]);
+    return taken;
+  }
+
+  return_type read(const rclcpp::Time &, const rclcpp::Duration & period) override
+  {
+    const double whole = period.seconds();
+    if (!(whole > 0.0)) return return_type::OK;
+    const int count = static_cast<int>(std::ceil(whole / step_ - 1e-9));
+    for (int k = 0; k < count; ++k)
+      if (!advance(whole / count)) return return_type::ERROR;
+    return return_type::OK;
+  }
+
+  return_type write(const rclcpp::Time &, const rclcpp::Duration &) override
+  {
+    for (std::size_t k = 0; k < std::size(COMMANDS); ++k)
+      if (std::isfinite(commands_[k])) inputs_.*COMMANDS[k].command_in = commands_[k];
+    return return_type::OK;
+  }
+
+private:
+  using Words = std::unordered_map<std::string, std::string>;
+
+  static double number(const Words & words, const std::string & where, const std::string & key, double usual, double low)
+  {
+    const auto at = words.find(key);
+    if (at == words.end()) return usual;
+    std::size_t end = 0;
+    double value = std::nan("");
+    try {
+      value = std::stod(at->second, &end);
+    } catch (const std::exception &) {
+      end = 0;
+    }
+    if (end != at->second.size() || end == 0 || !std::isfinite(value) || value < low)
+      throw std::invalid_argument(
+        where + ": " + key + " must be a number of at least " + std::to_string(low) + ", got '" + at->second + "'");
+    return value;
+  }
+
+  void configure()
+  {
+    step_ = number(info_.hardware_parameters, info_.name, "step", LONGEST, 1e-6);
+    parameters_ = NAME_default_parameters;
+    for (const auto & word : info_.hardware_parameters) {
+      if (word.first == "step") continue;
+      const ParameterRow * found = nullptr;
+      for (const auto & row : PARAMETERS)
+        if (word.first == row.path) found = &row;
+      if (found == nullptr) throw std::invalid_argument(info_.name + ": unknown parameter '" + word.first + "'");
+      const double value = number(info_.hardware_parameters, info_.name, word.first, 0.0, found->low);
+      if (value > found->high)
+        throw std::invalid_argument(
+          info_.name + ": " + word.first + " must be at most " + std::to_string(found->high) + ", got '" +
+          word.second + "'");
+      parameters_.*found->member = value;
+    }
+    joints_.clear();
+    for (const auto & stated : info_.joints) {
+      const Words & words = stated.parameters;
+      Joint joint;
+      joint.name = stated.name;
+      joint.inertia = number(words, stated.name, "inertia", -1.0, 1e-9);
+      if (joint.inertia < 0.0) throw std::invalid_argument(stated.name + ": inertia is missing");
+      joint.damping = number(words, stated.name, "damping", 0.0, 0.0);
+      joint.gravity = number(words, stated.name, "gravity", 0.0, 0.0);
+      joint.load = number(words, stated.name, "load", 0.0, -1e6);
+      joint.start = number(words, stated.name, "position", 0.0, -1e3);
+      for (const auto & muscle : MUSCLES)
+        joint.arms.push_back(number(words, stated.name, std::string("arm.") + muscle.name, 0.0, -10.0));
+      for (const auto & word : words)
+        if (word.first.rfind("arm.", 0) == 0 && muscle_index(word.first.substr(4)) < 0)
+          throw std::invalid_argument(stated.name + ": unknown muscle '" + word.first.substr(4) + "'");
+      for (const auto & one : stated.state_interfaces)
+        if (joint_value(joint, one.name) == nullptr)
+          throw std::invalid_argument(
+            stated.name + ": state interface must be position, velocity or effort, got '" + one.name + "'");
+      if (!stated.command_interfaces.empty())
+        throw std::invalid_argument(stated.name + ": a joint has no command interface; the valves have them");
+      joints_.push_back(joint);
+    }
+    muscles_.assign(std::size(MUSCLES), MuscleState());
+    for (std::size_t i = 0; i < std::size(MUSCLES); ++i) muscles_[i].zero_span = MUSCLES[i].span;
+    for (const auto & gpio : info_.gpios) {
+      const int i = muscle_index(gpio.name);
+      if (i >= 0) muscles_[i].zero_span = number(gpio.parameters, gpio.name, "span", MUSCLES[i].span, 1e-6);
+      for (const auto & one : gpio.state_interfaces)
+        if (muscle_value(gpio.name, one.name) == nullptr)
+          throw std::invalid_argument(gpio.name + ": unknown state interface '" + one.name + "'");
+      bool is_command = false;
+      for (const auto & row : COMMANDS) is_command = is_command || gpio.name == row.name;
+      if (!gpio.command_interfaces.empty() && !is_command)
+        throw std::invalid_argument(gpio.name + ": the part has no such command");
+    }
+    commands_.assign(std::size(COMMANDS), 0.0);
+  }
+
+  void rest()
+  {
+    state_ = NAME_state{};  // zeros: at rest at the first spans
+    inputs_ = NAME_default_inputs;
+    for (std::size_t k = 0; k < std::size(COMMANDS); ++k) commands_[k] = inputs_.*COMMANDS[k].command_in;
+    for (auto & joint : joints_) {
+      joint.position = joint.start;
+      joint.velocity = joint.effort = 0.0;
+    }
+    for (std::size_t i = 0; i < std::size(MUSCLES); ++i) {
+      muscles_[i].span = span(i);
+      muscles_[i].pressure = muscles_[i].tension = 0.0;
+    }
+  }
+
+  double span(std::size_t i) const
+  {
+    double length = muscles_[i].zero_span;
+    for (const auto & joint : joints_) length -= joint.arms[i] * joint.position;
+    return length;
+  }
+
+  bool advance(double h)
+  {
+    NAME_outputs out;
+    for (std::size_t i = 0; i < std::size(MUSCLES); ++i) {
+      double rate = 0.0;
+      for (const auto & joint : joints_) rate -= joint.arms[i] * joint.velocity;
+      inputs_.*MUSCLES[i].span_in = span(i);
+      inputs_.*MUSCLES[i].rate_in = rate;
+    }
+    NAME_step(&parameters_, &state_, &inputs_, h, UPPER_SYNCHRONOUS, &out);
+    if (out.sound != 1.0) {
+      RCLCPP_ERROR(rclcpp::get_logger("NAME"), "The state of the muscles is not possible any more: use a smaller step.");
+      return false;
+    }
+    for (auto & joint : joints_) {
+      joint.effort = 0.0;
+      for (std::size_t i = 0; i < std::size(MUSCLES); ++i) joint.effort += joint.arms[i] * (out.*MUSCLES[i].tension_out);
+      const double before = joint.velocity;
+      const double moment = joint.load - joint.damping * before - joint.gravity * std::sin(joint.position) + joint.effort;
+      joint.velocity += h * moment / joint.inertia;
+      joint.position += 0.5 * h * (before + joint.velocity);
+    }
+    for (std::size_t i = 0; i < std::size(MUSCLES); ++i) {
+      muscles_[i].span = span(i);
+      muscles_[i].pressure = out.*MUSCLES[i].pressure_out;
+      muscles_[i].tension = out.*MUSCLES[i].tension_out;
+    }
+    return true;
+  }
+
+  static int muscle_index(const std::string & name)
+  {
+    for (std::size_t i = 0; i < std::size(MUSCLES); ++i)
+      if (name == MUSCLES[i].name) return static_cast<int>(i);
+    return -1;
+  }
+
+  static double * joint_value(Joint & joint, const std::string & name)
+  {
+    if (name == "position") return &joint.position;
+    if (name == "velocity") return &joint.velocity;
+    return name == "effort" ? &joint.effort : nullptr;
+  }
+
+  double * muscle_value(const std::string & muscle, const std::string & name)
+  {
+    const int i = muscle_index(muscle);
+    if (i < 0) return nullptr;
+    if (name == "pressure") return &muscles_[i].pressure;
+    if (name == "tension") return &muscles_[i].tension;
+    return name == "span" ? &muscles_[i].span : nullptr;
+  }
+
+  double step_ = LONGEST;
+  std::vector<Joint> joints_;
+  std::vector<MuscleState> muscles_;
+  std::vector<double> commands_;
+  NAME_parameters parameters_ = NAME_default_parameters;
+  NAME_inputs inputs_ = NAME_default_inputs;
+  NAME_state state_ = {};
+};
+}  // namespace NAME
+
+PLUGINLIB_EXPORT_CLASS(NAME::MuscleSystem, hardware_interface::SystemInterface)
+"""
+
+PLUGIN = """<library path="NAME">
+  <class name="NAME/MuscleSystem" type="NAME::MuscleSystem" base_class_type="hardware_interface::SystemInterface">
+    <description>Muscles with their air on joints with inertia, simulated.</description>
+  </class>
+</library>
+"""
+
+CMAKE = """cmake_minimum_required(VERSION 3.16)
+project(NAME LANGUAGES C CXX)
+set(CMAKE_C_STANDARD 99)
+set(CMAKE_CXX_STANDARD 17)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+find_package(ament_cmake REQUIRED)
+find_package(hardware_interface REQUIRED)
+find_package(pluginlib REQUIRED)
+find_package(rclcpp REQUIRED)
+find_package(rclcpp_lifecycle REQUIRED)
+add_library(NAME SHARED NAME.c NAME_hardware.cpp)
+target_include_directories(NAME PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+target_compile_options(NAME PRIVATE -ffp-contract=off)
+ament_target_dependencies(NAME hardware_interface pluginlib rclcpp rclcpp_lifecycle)
+pluginlib_export_plugin_description_file(hardware_interface NAME_hardware.xml)
+install(TARGETS NAME LIBRARY DESTINATION lib)
+install(FILES NAME.ros2_control.xacro DESTINATION share/NAME)
+ament_package()
+"""
+
+PACKAGE = """<?xml version="1.0"?>
+<package format="3">
+  <name>NAME</name>
+  <version>0.1.0</version>
+  <description>Muscles with their air as a hardware component of ros2_control, simulated.</description>
+  <maintainer email="nobody@example.com">nobody</maintainer>
+  <license>Apache-2.0</license>
+  <buildtool_depend>ament_cmake</buildtool_depend>
+  <depend>hardware_interface</depend>
+  <depend>pluginlib</depend>
+  <depend>rclcpp</depend>
+  <depend>rclcpp_lifecycle</depend>
+  <export><build_type>ament_cmake</build_type></export>
+</package>
+"""
+
+DESCRIPTION = """<?xml version="1.0"?>
+<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <ros2_control name="NAME" type="system">
+    <hardware>
+      <plugin>NAME/MuscleSystem</plugin>
+      <param name="step">0.001</param>
+    </hardware>
+    <joint name="joint">
+      <param name="inertia">0.02</param>
+      <param name="damping">0.1</param>
+      <param name="gravity">0.5</param>
+ARMS
+      <state_interface name="position"/>
+      <state_interface name="velocity"/>
+      <state_interface name="effort"/>
+    </joint>
+GPIOS
+  </ros2_control>
+</robot>
+"""

@@ -1,0 +1,8 @@
+// A stub: what exported components use of hardware_interface of ROS 2 Humble.
+#pragma once
+#include <cstdint>
+
+namespace hardware_interface
+{
+enum class return_type : std::uint8_t { OK = 0, ERROR = 1 };
+}  // namespace hardware_interface

@@ -1,0 +1,28 @@
+// A stub: what exported components use of rclcpp.
+#pragma once
+#include <cstdio>
+#include <string>
+
+namespace rclcpp
+{
+class Duration
+{
+public:
+  explicit Duration(double seconds) : seconds_(seconds) {}
+  double seconds() const { return seconds_; }
+
+private:
+  double seconds_;
+};
+class Time
+{
+};
+struct Logger
+{
+  std::string name;
+};
+inline Logger get_logger(const std::string & name) { return {name}; }
+}  // namespace rclcpp
+
+#define RCLCPP_ERROR(logger, ...) (std::fprintf(stderr, "[%s] ", (logger).name.c_str()), std::fprintf(stderr, __VA_ARGS__))
+#define RCLCPP_FATAL RCLCPP_ERROR
