@@ -2,6 +2,7 @@
 
 import functools
 
+import jax
 import numpy as np
 import pytest
 from stepped_systems import weight
@@ -50,6 +51,15 @@ def test_the_gradient_of_a_rollout_is_the_slope_of_its_differences():
         ends = [run({**PARAMETERS, name: PARAMETERS[name] + sign * step}) for sign in (1.0, -1.0)]
         # differences see the kinks of friction and choked flow between their ends, the derivative only its own side
         assert float(slope[name]) == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=1e-3)
+
+
+def test_runs_that_are_mapped_over_are_those_of_each_alone():
+    run = rollout()
+    run.simulation.reset()
+    gains = np.array([20.0, 30.0])
+    costs = jax.vmap(lambda gain: run.as_function()({**PARAMETERS, "gain": gain}))(gains)
+    alone = [run({**PARAMETERS, "gain": gain}) for gain in gains]
+    assert np.asarray(costs) == pytest.approx(alone, rel=1e-10)  # rounding of sums, and of the policy by XLA
 
 
 def test_a_policy_may_return_its_cost():

@@ -86,6 +86,22 @@ class Rollout:
         self._check(bounds)
         return float(value), jax.tree.map(np.asarray, slopes)
 
+    def as_function(self) -> Callable[[Any], Scalar]:
+        """The mean cost of a run from the present moment, as a JAX function of the parameters for `vmap`, `grad` and `jit`.
+
+            costs = jax.vmap(rollout.as_function())(goals)
+
+        Runs that are mapped over are lanes of the kernels. Nothing is raised: a cost is NaN where a mode is too fast for the
+        step of the simulation, or a state is not possible.
+        """
+        start, usual = self._start(), self.simulation.period / self.simulation.inner
+
+        def mean_cost(parameters: Any) -> Scalar:
+            value, bounds = self._mean_cost(parameters, *start)
+            return jnp.where(jnp.max(bounds) * usual <= RK4_LIMIT, value, jnp.nan)
+
+        return mean_cost
+
     def trajectory(self, parameters: Any) -> tuple[Tree, dict[str, np.ndarray]]:
         """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
         seen, commands, _, bounds = self._run(parameters, *self._start())
