@@ -31,6 +31,7 @@ LIBRARIES = {
     "pymatreader": ("formats", "pymatreader"),
     "python_calamine": ("formats", "python-calamine"),
     "rosbags": ("formats", "rosbags"),
+    "numpyro": ("posterior", "numpyro"),
     "ophyd_async": ("bluesky", "ophyd-async"),
     "serial": ("serial", "pyserial"),
     "starlette": ("web", "starlette"),

@@ -199,7 +199,7 @@ WRONG = {
 # ---- the commands, each as it is right; {kind:value} is a place
 SHOW = {"--law": "name", "--out": "picture"}
 TENSION = {
-    "--for": "force", "--law": "name", "--set": "pair", "--activation": "number", "--contraction": "number",
+    "--for": "force", "--law": "name", "--set": "pair", "--from-posterior": "report", "--activation": "number", "--contraction": "number",
     "--out": "picture",
 }  # fmt: skip
 RUN = {"--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--step": "time", "--on": "kind",

@@ -128,6 +128,10 @@ CALLS: dict[str, list[Call]] = {
         Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar")),
         Call((MUSCLE, "--contraction", "0:20:5 %", "--pressure", "1:5 bar", "--out", "points.csv"), ["points.csv"]),
         needs("formats", MUSCLE, "--length", "12 cm", "--pressure", "5 bar", "--out", "point.xlsx"),
+        Call(
+            (MUSCLE, "--length", "12 cm", "--pressure", "5 bar", "--from-posterior", "no.json"),
+            says=("File not found: no.json",),
+        ),
     ],
     "completion": [Call(("bash",)), Call(("tcsh",), says=("Known are bash, zsh, fish",))],
     "help": [Call(("circuit", "run"))],
@@ -160,6 +164,7 @@ CALLS: dict[str, list[Call]] = {
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),
         needs("report", "DMSP-20-300", "--out", "fit.pdf"),
+        needs("posterior", "DMSP-20-300", "--law", "ideal", "--posterior"),
     ],
     "check": [Call(("own.py:Spring",)), Call(("nowhere.py:Law",), says=("File not found: nowhere.py",))],
     "protocols": [Call()],
@@ -168,6 +173,7 @@ CALLS: dict[str, list[Call]] = {
         Call(("twitch", "--muscle", "fast-fibre", "--out", "twitch.nc"), ["twitch.nc"]),
         needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
         needs("daq", *BENCH, "--on", "daq"),
+        Call((*BENCH, "--from-posterior", "no.json"), says=("File not found: no.json",)),
     ],
     "console": [
         Call(("--muscle", MUSCLE), piped="quit\n"),

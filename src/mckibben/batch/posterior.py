@@ -14,6 +14,7 @@ import numpy as np
 from ..documents import parse_json, read_text
 from ..errors import InputError
 from ..identification.fit import Fit
+from ..identification.posterior import Posterior
 from ..muscles.laws import law_type
 from ..quantities import declared
 from .settings import Setting
@@ -71,7 +72,7 @@ def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") 
 def of_json(
     path: str | os.PathLike[str], law: str, count: int, known: Callable[[str], Setting], *, seed: int = 0
 ) -> Variants:
-    """Draw variants from the output of ``mckibben fit --json``: intervals, without correlations.
+    """Draw variants from the output of ``mckibben fit --json``: its posterior, else intervals without correlations.
 
     Args:
         path: path of the file.
@@ -94,12 +95,16 @@ def of_json(
         said = f"a fit of {law}" if law else "a fit"
         raise InputError("posterior.fit", where, f"must be what mckibben fit --json prints, with {said}") from None
     settings = {name: known(f"muscle.law.{name}") for name in parameters}
+    if one.get("posterior"):
+        samples = Posterior.from_dict(one["posterior"])
+        rows = np.sort(np.random.default_rng(seed).permutation(len(samples))[: samples.rows(count).size])
+        return Variants({settings[name].path: column[rows] for name, column in samples.samples.items()})
     deviation = np.array([_deviation(n, e, points, len(parameters)) for n, e in parameters.items()])
     bounds = [s.quantity.bounds if s.quantity else (-np.inf, np.inf) for s in settings.values()]
     low, high = np.array(bounds).T
     mean = np.array([float(e["value"]) for e in parameters.values()])
-    samples = draws(mean, np.diag(deviation**2), (low, high), count, seed=seed)
-    return Variants({s.path: column for s, column in zip(settings.values(), samples.T, strict=True)})
+    drawn = draws(mean, np.diag(deviation**2), (low, high), count, seed=seed)
+    return Variants({s.path: column for s, column in zip(settings.values(), drawn.T, strict=True)})
 
 
 def of_samples(

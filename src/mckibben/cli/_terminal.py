@@ -22,6 +22,14 @@ if TYPE_CHECKING:
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
+FromPosterior = Annotated[
+    Path | None,
+    typer.Option(
+        "--from-posterior",
+        metavar="FIT.json",
+        help="Result of `mckibben fit --posterior --out fit.json`, for 95 % bands of the answer.",
+    ),
+]
 Law = Annotated[
     str | None,
     typer.Option("--law", metavar="LAW", help="Law to use instead of the specimen's default, or my.py:MyLaw."),

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import functools
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .. import identification, muscles
+from .._lazy import LazyModule
+from ..bench import rig_file
 from ..documents import JsonValue, read_toml
 from ..errors import InputError
+from ..extras import library
 from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
-from ..report.figures import fit_figures, style
+from ..report.figures import fit_figures, posterior_figures, style
 from ..specimens import Specimen
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._progress import progress
@@ -33,9 +37,16 @@ from ._terminal import (
 from .read import Branch, GearRatio, PressureZero, Sheet, Topic, column_places, format_options
 
 if TYPE_CHECKING:
-    from ..identification import Ranking
-    from ..recordings import ForceMap
+    import numpy as np
 
+    from ..bench.rig import Rig
+    from ..identification import Ranking
+    from ..identification.posterior import Posterior
+    from ..recordings import ForceMap
+else:
+    np = LazyModule("numpy")
+
+DRAWS = 2000
 OUT = OutputKinds(report=REPORT, figure=FIGURE, specimen=SPECIMEN, table=TABLE, result=OBJECT)
 
 
@@ -83,6 +94,18 @@ def fit(
             help="Also fit up to this gauge pressure, such as '4 bar', and predict the points above it.",
         ),
     ] = None,
+    posterior: Annotated[
+        bool,
+        typer.Option(
+            "--posterior",
+            help="Draw from the posterior of the best law: joint intervals, and bands that allow for a law that is wrong.",
+        ),
+    ] = False,
+    rig: Annotated[
+        str | None,
+        typer.Option("--rig", metavar="RIG", help="Test machine whose sensors measured the table, for their noise."),
+    ] = None,
+    draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     out: Annotated[Paths, OUT.option()] = None,
@@ -91,7 +114,14 @@ def fit(
     """Fit tension laws to a measured table of length, pressure and tension, and rank them.
 
     $ mckibben fit measured.csv --rest-length '300 mm' --out report.html --out my-muscle.toml
+    $ mckibben fit measured.csv --rest-length '300 mm' --law linear_threshold --posterior --out fit.json
     """
+    if posterior and not 100 <= draws <= 100_000:
+        raise InputError("--draws", draws, "must be between 100 and 100000")
+    if rig is not None and not posterior:
+        raise InputError("--rig", rig, "is allowed only with --posterior")
+    if posterior:
+        library("numpyro", "Samples of a posterior need", where="--posterior")
     if any(f.endswith(".toml") for f in tables):
         if out:
             raise InputError("--out", str(out[0]), "is allowed only with tables: printed constraints are not drawn")
@@ -106,20 +136,67 @@ def fit(
             tables, law, rest_length, like, change, column, unit, branch, pressure_zero, train_below, slack=slack,
             **format_options(sheet, topic, gear_ratio),
         )  # fmt: skip
+        samples = [_posterior(ranking, rig, draws) for ranking in rankings] if posterior else []
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
-        files.write("figure", lambda path: style.save(fit_figures.overview(rankings), path))
+        drawn = posterior_figures.bands(samples[0]) if len(samples) == 1 else fit_figures.overview(rankings)
+        files.write("figure", lambda path: style.save(drawn, path))
         files.write("specimen", rankings[0].save)
         if files["table"]:
             files.write_rows(_rows(rankings), {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"})
-        results = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
+        results: list[dict[str, Any]] = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
+        for result, of in zip(results, samples, strict=False):
+            result["fits"][0]["posterior"] = of.to_dict()
         content = results[0] if len(results) == 1 else {"maps": results}
         files.write_result(content)
         if as_json:
             print_json(content)
             return
-        for ranking in rankings:
+        for i, ranking in enumerate(rankings):
             show_ranking(ranking)
+            if samples:
+                show_posterior(samples[i])
         files.say()
+
+
+def _posterior(ranking: Ranking, rig: str | None, draws: int) -> Posterior:
+    """Samples of the best law of a table, with the noise of a rig's sensors where one is named."""
+    sensors = None if rig is None else map_sensors(rig_file.rig(rig))
+    slack = ranking.points.select(ranking.points.informative_slack)
+    return ranking.best.posterior(sensors=sensors, slack=slack if len(slack) else None, draws=draws)
+
+
+def map_sensors(rig: Rig) -> identification.posterior.MapSensors:
+    """Standard uncertainties of a value that a rig's sensors have read once.
+
+    A count of a converter or an encoder adds the standard deviation of its rounding, 1/sqrt(12) of it.
+    """
+    rounding = 12.0**-0.5
+    noise = {name: math.hypot(float(one.noise), rounding * float(one.resolution)) for name, one in rig.sensors.items()}
+    for name in ("tension", "pressure"):
+        if name not in noise:
+            raise InputError("--rig", rig.name, f"has no sensor of the {name}")
+    length = 0.0 if rig.encoder is None else rounding * float(rig.encoder.resolution)
+    return identification.posterior.MapSensors(tension=noise["tension"], pressure=noise["pressure"], length=length)
+
+
+def show_posterior(samples: Posterior) -> None:
+    """Print median and intervals of a posterior's parameters, its discrepancy, and cautions."""
+    joint = samples.joint_intervals()
+    rows = []
+    for name, e in samples.intervals().items():
+        ends = (e.low, e.high, joint[name].low, joint[name].high)
+        rows.append([name, with_unit(e.value, e.unit), *(with_unit(v, e.unit) for v in ends)])
+    heads = ["parameter", "median", "95 %: from", "to", "95 % of all at once: from", "to"]
+    table(f"posterior of {samples.law}, {len(samples)} samples", heads, rows, right=range(1, 6))
+    size, noise = float(np.median(samples.amplitude)), float(np.median(samples.noise * samples.sensor_noise))
+    largest = samples.points.largest
+    typer.echo(
+        f"What the law has no parameter for: {size:.3g} N ({100.0 * size / largest:.2g} % of the largest tension); "
+        f"noise of the tension: {noise:.3g} N."
+    )
+    for warning in samples.warnings:
+        typer.echo(f"note: {warning}")
+    typer.echo("")
 
 
 def _rows(rankings: list[Ranking]) -> list[dict[str, Any]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import muscles
+from .. import identification, muscles
 from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
@@ -20,6 +20,7 @@ from ._terminal import (
     Contraction,
     FigureLook,
     FigureWidth,
+    FromPosterior,
     Json,
     Law,
     Set,
@@ -32,12 +33,16 @@ from ._terminal import (
     table,
 )
 
+if TYPE_CHECKING:
+    from ..identification import Posterior
+
 Name = Annotated[
     str,
     typer.Argument(metavar="SPECIMEN|LAW", help="Id of a specimen, the .toml file of one, or the name of a law."),
 ]
 SHOWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN)
 POINTS = OutputKinds(table=TABLE, result=OBJECT)
+BAND = {"tension_low": "N", "tension_high": "N"}
 # Units of a law's state at a point, in the order in which they are shown.
 UNITS = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
 
@@ -109,6 +114,7 @@ def tension(
     ] = None,
     law: Law = None,
     change: Set = None,
+    from_posterior: FromPosterior = None,
     out: Annotated[Paths, POINTS.option()] = None,
     as_json: Json = False,
 ) -> None:
@@ -132,12 +138,14 @@ def tension(
             drives = _pressures(pressure, activation, name)
         warnings = [] if biological else caution(*_cautions(lengths, length, drives, pressure, built, spec))
         points = [_point(built, at, drive, biological) for at in lengths for drive in drives]
+        if from_posterior is not None:
+            _add_bands(points, identification.read_posterior(from_posterior, law=chosen))
         about: dict[str, Any] = {"law": chosen, "specimen": None if spec is None else spec.id, "warnings": warnings}
         defaults = [] if spec is not None else _defaults(built, change, chosen)
         if spec is None:
             about |= {"parameters": values(built), "defaults": defaults}
         answer = points[0] | about if len(points) == 1 else {"points": points} | about
-        files.write_rows(points, UNITS | {"length": "m", "pressure": "Pa", "braid_length": "m"})
+        files.write_rows(points, UNITS | {"length": "m", "pressure": "Pa", "braid_length": "m"} | BAND)
         files.write_result(answer)
         if as_json:
             print_json(answer)
@@ -228,11 +236,21 @@ def _point(built: Any, length: float, drive: float, biological: bool) -> dict[st
     }
 
 
+def _add_bands(points: list[dict[str, Any]], posterior: Posterior) -> None:
+    """The 95 % band of the tension at each point, beside the tension."""
+    band = posterior.tension([p["length"] for p in points], [p["pressure"] for p in points])
+    for point, low, high in zip(points, band.low, band.high, strict=True):
+        point |= {"tension_low": float(low), "tension_high": float(high)}
+
+
 def _print_point(point: dict[str, Any], title: str, biological: bool) -> None:
     rows = [
         [k.replace("_", " "), "not known to this law" if point[k] != point[k] else with_unit(point[k], u)]
         for k, u in UNITS.items()
     ]
+    if "tension_low" in point:
+        ends = " to ".join(with_unit(point[f"tension_{end}"], "N") for end in ("low", "high"))
+        rows.insert(1, ["tension, 95 %", ends])
     words = ["slack" if point["slack"] else "taut"] + (["overstretched"] if point["overstretched"] else [])
     force = f"activation {point['activation']:g}" if biological else with_unit(point["pressure"], "Pa")
     table(f"{title}, at {with_unit(point['length'], 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
@@ -240,14 +258,20 @@ def _print_point(point: dict[str, Any], title: str, biological: bool) -> None:
 
 def _print_points(points: list[dict[str, Any]], title: str, biological: bool) -> None:
     drive = "activation" if biological else "pressure"
-    units = {"length": "m", drive: "1" if biological else "Pa", "tension": "N", "volume": "m^3", "stiffness": "N/m"}
-    heads = [name if unit == "1" else f"{name}, {shown_unit(unit)}" for name, unit in units.items()]
+    units = {"length": "m", drive: "1" if biological else "Pa", "tension": "N"}
+    units |= {"tension_low": "N", "tension_high": "N"} if "tension_low" in points[0] else {}
+    units |= {"volume": "m^3", "stiffness": "N/m"}
+    heads = [_words(name) if unit == "1" else f"{_words(name)}, {shown_unit(unit)}" for name, unit in units.items()]
     rows = []
     for point in points:
         numbers = [from_si(point[name], unit, shown_unit(unit)) for name, unit in units.items()]
         words = ["slack"] * point["slack"] + ["overstretched"] * point["overstretched"]
         rows.append([*("" if number != number else f"{number:.4g}" for number in numbers), ", ".join(words)])
     table(title, [*heads, ""], rows, right=range(len(heads)))
+
+
+def _words(name: str) -> str:
+    return {"tension_low": "95 %: from", "tension_high": "to"}.get(name, name)
 
 
 def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import math
 import sys
@@ -12,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import components
+from .. import components, identification
 from ..analysis import segments
 from ..assembly import build
+from ..batch import predictive, run_template
 from ..bench import biological_run, calibrate, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
@@ -22,13 +24,14 @@ from ..bench import run as protocol_run
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
-from ..report.figures import recording_figures, style
+from ..report.figures import posterior_figures, recording_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
 from ._progress import INTERRUPTED, progress
 from ._terminal import (
     FigureLook,
     FigureWidth,
+    FromPosterior,
     Json,
     Law,
     LockStep,
@@ -44,12 +47,15 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
+    from ..batch.predictive import PredictedRun
     from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
     from ..experiments.dry_run import Finding
+    from ..identification import Posterior
     from ..recordings.recording import Recording
 
+DRAWS = 40  # samples of a posterior that are run
 _EXAMPLE = "pressure='5 bar', rig.plumbing.direct.tube.length='1 m' or muscle.law.passive_stiffness='3 N/cm'"
 
 Protocol = Annotated[str, typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file.")]
@@ -104,6 +110,10 @@ def run_protocol(
         ),
     ] = None,
     calibration: CalibrationFile = None,
+    from_posterior: FromPosterior = None,
+    draws: Annotated[
+        int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior that are run.")
+    ] = DRAWS,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     out: Annotated[Paths, OUT.option()] = None,
@@ -124,6 +134,7 @@ def run_protocol(
     biological = biological_run.biological_subject(muscle, law=law)
     if biological is not None:
         of_machine = {
+            "--from-posterior": from_posterior,
             "--plumbing": plumbing,
             "--on": machine,
             "--calibration": calibration,
@@ -136,6 +147,7 @@ def run_protocol(
                 raise InputError(option, None, f"is of a test machine; {muscle} is biological and runs without one")
         _run_biological(protocol, biological, change, out, dry=dry, as_json=as_json)
         return
+    posterior = None if from_posterior is None else _posterior(from_posterior, muscle, law, draws)
     with OUT.files(out) as files:
         bench = prepared(
             protocol,
@@ -161,18 +173,82 @@ def run_protocol(
         files.write("recording", lambda path: write_recording(recording, path))
         # what became of the run is told before it is drawn, so that no drawing can hide it
         result = _result(recording, kept, log)
+        predicted = None
+        if posterior is not None:
+            predicted = _predicted(posterior, draws, protocol, muscle, rig, law, change, plumbing, seed, step)
+            result["posterior"] = {"draws": draws, "bands": predicted.summary(), "failed": list(predicted.failed)}
         files.write_result(result)
         if as_json:
             print_json(result)
         else:
             _print(recording)
-        files.write("figure", lambda path: style.save(recording_figures.time_figure(recording), path))
+            if predicted is not None:
+                _print_bands(predicted, draws)
+        figure = recording_figures.time_figure(recording) if predicted is None else posterior_figures.run_bands(
+            predicted, title=recording.meta["title"]
+        )  # fmt: skip
+        files.write("figure", lambda path: style.save(figure, path))
         if not as_json:
             if log is not None:
                 typer.echo(f"Written: {log}")
             files.say()
     if recording.meta["result"] != "done":
         raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
+
+
+def _posterior(path: Path, muscle: str, law: str | None, draws: int) -> Posterior:
+    """The posterior in a file, of the law with which a muscle runs."""
+    spec = muscle_specimen(muscle)
+    samples = identification.read_posterior(path, law=law or spec.law)
+    try:
+        samples.rows(draws)
+    except InputError as error:
+        raise error.changed(field="--draws") from None
+    return samples
+
+
+def _predicted(
+    posterior: Posterior,
+    draws: int,
+    protocol: str,
+    muscle: str,
+    rig: str,
+    law: str | None,
+    change: list[str] | None,
+    plumbing: str | None,
+    seed: int,
+    step: str,
+) -> PredictedRun:
+    """The run with the parameters of some samples of a posterior, simulated."""
+    spec = muscle_specimen(muscle)
+    template = run_template.make_template(
+        chosen_protocol(protocol, []),
+        muscle,
+        rig,
+        specimens={muscle: spec if law is None else dataclasses.replace(spec, law=law)},
+        given=pairs(change, "--set", _EXAMPLE),
+        plumbing=plumbing or "",
+        noise_seed=seed,
+        step=parse(step, "s", field="--step"),
+        accept_saturation=True,
+    )
+    with progress("running the samples of the posterior", 1.0) as bar:
+        return predictive.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
+
+
+def _print_bands(predicted: PredictedRun, draws: int) -> None:
+    """Print the 95 % intervals of each channel's lowest, mean and highest value."""
+    rows = []
+    for channel, reduced in predicted.summary().items():
+        unit = reduced["unit"]
+        intervals = [
+            " to ".join(with_unit(reduced[k][end], unit) for end in ("low", "high")) for k in ("min", "mean", "max")
+        ]
+        rows.append([channel, *intervals])
+    typer.echo("")
+    table(f"95 % of {draws} samples of the posterior", ["", "lowest", "mean", "highest"], rows)
+    for sentence in predicted.failed:
+        typer.echo(f"note: a sample was left out: {sentence}")
 
 
 def _run_biological(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
 from .fit import SCHEMES, Fit, bound_of, degenerate_words, evaluate, fit_all, rank
+from .posterior import MapSensors, Posterior, read_posterior
 from .ranking import Ranking, fit, load_table
 from .uncertainty import Estimate
 
@@ -25,6 +26,8 @@ __all__ = [
     "Constraint",
     "Estimate",
     "Fit",
+    "MapSensors",
+    "Posterior",
     "Ranking",
     "SCHEMES",
     "Trial",
@@ -37,6 +40,7 @@ __all__ = [
     "fit_constraints",
     "load_table",
     "rank",
+    "read_posterior",
 ]
 
 lazy_submodules(__name__)

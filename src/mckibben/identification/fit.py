@@ -25,6 +25,7 @@ from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
 from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
+from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import Problem, Solution, solve
 from .uncertainty import Estimate, Uncertainty, akaike, uncertainty
 
@@ -156,6 +157,19 @@ class Fit(ErrorMeasures):
             if held is None
             else {"trained_on": held.trained_on, "rmse": held.rmse, "max_error": held.max_error},
         }
+
+    def posterior(self, *, sensors: MapSensors | None = None, **options: Any) -> Posterior:
+        """Draw from the posterior of the parameters, with a discrepancy for what the law has no parameter for.
+
+        Args:
+            sensors: standard uncertainties of the map's values; found from the data where left out.
+            **options: ``draws``, ``seed``, ``slack``, ``discrepancy``, ``chains`` and ``warm_up`` of `posterior_of_fit`.
+
+        Raises:
+            ConvergenceError: the fit did not converge.
+            MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
+        """
+        return posterior_of_fit(self, sensors=sensors, **options)
 
     def build(self, **changes: Any) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""

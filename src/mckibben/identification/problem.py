@@ -170,12 +170,12 @@ def _compiled(
     examples = np.zeros(len(free)), tuple(0.0 for _ in known), 0.0, 0.0
     run, run_slopes = (
         compile_function(functools.partial(function, kind, free, known), *examples, title=function.__name__)
-        for function in (_tension_at, _slopes_at)
+        for function in (tension_at, _slopes_at)
     )
     return run, run_slopes
 
 
-def _tension_at(
+def tension_at(
     kind: type[TensionLaw],
     free: tuple[str, ...],
     known: tuple[str, ...],
@@ -190,8 +190,8 @@ def _tension_at(
 
 
 def _slopes_at(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Scalar, pressure: Scalar) -> Any:
-    """Derivative of `_tension_at` by the free parameters (free,)."""
-    return jax.jacfwd(lambda v: _tension_at(kind, free, known, v, fixed, length, pressure))(values)
+    """Derivative of `tension_at` by the free parameters (free,)."""
+    return jax.jacfwd(lambda v: tension_at(kind, free, known, v, fixed, length, pressure))(values)
 
 
 SEED = 1

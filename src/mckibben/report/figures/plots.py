@@ -27,6 +27,7 @@ from . import (
     fit_figures,
     loop_comparison,
     muscle_figures,
+    posterior_figures,
     recording_figures,
     sizing_figures,
     style,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from ...analysis.energy import WorkingCycles
     from ...analysis.energy_accounts import EnergyAccount
     from ...identification.fit import Fit
+    from ...identification.posterior import Posterior
     from ...identification.ranking import Ranking
     from ...studies.comparison import MuscleTable
     from ...studies.parts import ListedPart
@@ -340,6 +342,26 @@ class FitPlots:
     def residuals(self) -> Axes:
         """Draw what the law leaves over pressure, of the fit and of what was predicted."""
         return shown(fit_figures.residuals(self._fit))
+
+
+class PosteriorPlots:
+    """Plots of a posterior; called, it draws the tension with its bands."""
+
+    def __init__(self, posterior: Posterior) -> None:
+        self._posterior = posterior
+
+    def __call__(self, *, ax: Axes | None = None) -> Axes:
+        """Draw measured tension over length, and the 95 % band of the true tension, one per pressure."""
+
+        def draw(axes: Axes) -> None:
+            posterior_figures.draw_bands(axes, self._posterior)
+            style.heading(axes, posterior_figures.title_of(self._posterior), posterior_figures.KEY, above=24.0)
+
+        return drawn(draw, ax, height=4.7)
+
+    def parameters(self) -> Axes:
+        """Draw the samples of the parameters by pairs, a figure of one pair of axes per pair; the first."""
+        return shown(posterior_figures.parameter_pairs(self._posterior))
 
 
 class ComparisonPlots:

@@ -1,0 +1,560 @@
+"""Posterior of a fit: samples of its parameters, joint intervals, and bands of what it predicts.
+
+A confidence interval of least squares assumes that the law is right and the errors are independent. Here the law may be
+wrong: a smooth discrepancy over contraction and pressure takes up what it has no parameter for, and its size is found from the data
+(`sampler` states the likelihood). Intervals of parameters become wider by as much as the discrepancy can stand for them, and
+bands of the tension hold the discrepancy: narrow where there are points, wide away from them.
+Range: static maps; a hysteresis between rising and falling pressure counts as noise.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from .._jax import jax
+from ..accessors import Accessor
+from ..documents import JsonValue, parse_json, read_text
+from ..errors import ConvergenceError, InputError
+from ..muscles.build import build_law
+from ..muscles.law import TensionLaw
+from ..muscles.laws import law_type
+from ..quantities import declared
+from ..recordings import ForceMap
+from . import sampler
+from .problem import Problem, tension_at
+from .uncertainty import Estimate
+
+if TYPE_CHECKING:
+    from ..report.figures.plots import PosteriorPlots
+    from .fit import Fit
+
+# Scale of the prior of the discrepancy's amplitude, as a share of the largest tension.
+DISCREPANCY = 0.02
+# Standard deviation of the tension where no sensor is known, as a share of the largest tension; its size is then fitted.
+UNKNOWN_SENSOR = 2e-3
+MIXED, FEW = 1.05, 200  # largest R-hat, and fewest independent samples, of chains that are said to have mixed
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapSensors:
+    """Standard uncertainties of a force map's values: noise of each value, and errors that all values share.
+
+    Attributes:
+        tension: noise of a tension [N].
+        pressure: noise of a pressure [Pa].
+        length: noise of a length [m].
+        tension_gain: error of the load cell's gain, a share.
+        tension_zero: error of its zero [N].
+        pressure_zero: error of the pressure sensor's zero [Pa].
+        length_zero: error of the length's zero [m].
+
+    Examples:
+        >>> from mckibben.identification.posterior import MapSensors
+        >>> MapSensors(tension=0.5, pressure=200.0).tension
+        0.5
+    """
+
+    tension: float
+    pressure: float = 0.0
+    length: float = 0.0
+    tension_gain: float = 0.0
+    tension_zero: float = 0.0
+    pressure_zero: float = 0.0
+    length_zero: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"sensors.{name}", float(value), "must be 0 or more")
+        if self.tension == 0.0:
+            raise InputError("sensors.tension", self.tension, "must be more than 0 N")
+
+    def errors(self, tension: np.ndarray, by_length: np.ndarray, by_pressure: np.ndarray) -> SensorErrors:
+        """Errors of measured tensions.
+
+        Args:
+            tension: predicted (n,) [N].
+            by_length: derivative to the length (n,) [N/m].
+            by_pressure: derivative to the pressure (n,) [m^2].
+        """
+        each = self.tension**2 + (by_length * self.length) ** 2 + (by_pressure * self.pressure) ** 2
+        shared = np.stack(
+            [
+                self.tension_gain * tension,
+                np.full(len(tension), self.tension_zero),
+                self.pressure_zero * by_pressure,
+                self.length_zero * by_length,
+            ]
+        )
+        return SensorErrors(np.sqrt(each), shared[np.any(shared != 0.0, axis=1)])
+
+
+class SensorErrors(NamedTuple):
+    """Standard uncertainties of measured tensions [N].
+
+    Attributes:
+        noise: of each by itself (n,).
+        shared: those that all have in common, one per row (m, n).
+    """
+
+    noise: np.ndarray
+    shared: np.ndarray
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance (n, n) [N^2]."""
+        return np.asarray(np.diag(self.noise**2) + self.shared.T @ self.shared)
+
+
+class Band(NamedTuple):
+    """Quantiles of a prediction at each point (n,): lower end, median and upper end."""
+
+    low: np.ndarray
+    median: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True, repr=False)
+class Posterior:
+    """Samples of the parameters of a law that was fitted to a force map.
+
+    Attributes:
+        law: name of the law.
+        samples: values of each parameter [SI], (d,) each; the same row of all of them is one sample.
+        noise: factor on the noise of the sensors (d,).
+        amplitude: standard deviation of the discrepancy (d,) [N].
+        known: parameters that were not fitted [SI].
+        points: with tension, to which the law was fitted.
+        errors: of the sensors at these points.
+        length: correlation length of the discrepancy, of the range of the contraction and of the pressure.
+        seed: of the samples.
+        r_hat: largest ratio of the variances between and within the chains; 1 where they agree.
+        effective: fewest independent samples of a parameter.
+        divergences: count of the samples at which the sampler lost its path.
+    """
+
+    law: str
+    samples: Mapping[str, np.ndarray]
+    noise: np.ndarray
+    amplitude: np.ndarray
+    known: Mapping[str, Any]
+    points: ForceMap
+    errors: SensorErrors
+    length: float
+    seed: int
+    r_hat: float
+    effective: float
+    divergences: int
+
+    plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("report.figures.plots:PosteriorPlots")
+    """Plots: called, the tension with its bands; ``plot.parameters`` the parameters by pairs."""
+
+    def __len__(self) -> int:
+        return len(self.noise)
+
+    def __repr__(self) -> str:
+        return (
+            f"Posterior({self.law!r}, {len(self)} samples of {len(self.samples)} parameters, "
+            f"discrepancy {np.median(self.amplitude):.3g} N)"
+        )
+
+    @property
+    def sensor_noise(self) -> float:
+        """Standard deviation of a measured tension by its sensors, before the factors `noise` [N]."""
+        return float(np.sqrt(np.mean(self.errors.noise**2)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against the use of the samples, as text; empty if nothing does."""
+        said = []
+        if self.r_hat > MIXED:
+            said.append(f"the chains disagree (R-hat {self.r_hat:.2f}): draw more samples, or fix a parameter")
+        if self.effective < FEW:
+            said.append(f"only {self.effective:.0f} samples are independent: draw more")
+        if self.divergences > 0.01 * len(self):
+            said.append(f"the sampler lost its path at {self.divergences} of {len(self)} samples")
+        return tuple(said)
+
+    def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
+        """Median of each parameter with its interval between equal tails [SI]."""
+        units, tail = declared(law_type(self.law)), 0.5 - 0.5 * confidence
+        quantiles = {n: np.quantile(v, (0.5, tail, 1.0 - tail)) for n, v in self.samples.items()}
+        return {n: Estimate(float(q[0]), float(q[1]), float(q[2]), units[n].unit) for n, q in quantiles.items()}
+
+    def joint_intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
+        """Intervals that hold all parameters of a sample at once, for a share `confidence` of the samples [SI].
+
+        Each is wider than that of `intervals`: the ends lie at the same rank in all parameters.
+        """
+        units = declared(law_type(self.law))
+        values = np.stack(list(self.samples.values()))
+        rank = np.argsort(np.argsort(values, axis=1), axis=1) / max(values.shape[1] - 1, 1)
+        tail = float(np.quantile(np.minimum(rank, 1.0 - rank).min(axis=0), 1.0 - confidence))
+        ends = {n: np.quantile(v, (0.5, tail, 1.0 - tail)) for n, v in self.samples.items()}
+        return {n: Estimate(float(q[0]), float(q[1]), float(q[2]), units[n].unit) for n, q in ends.items()}
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation of the parameters (p, p)."""
+        return np.atleast_2d(np.corrcoef(np.stack(list(self.samples.values()))))
+
+    def laws(self, count: int | None = None, **changes: Any) -> list[TensionLaw]:
+        """The law with the parameters of some samples.
+
+        Args:
+            count: count of the samples, evenly from all of them; all by default.
+            **changes: parameters that replace fitted or known ones [SI], such as the rest length.
+        """
+        known = _whole(self.known)
+        return [
+            build_law(self.law, known | {n: float(v[i]) for n, v in self.samples.items()} | changes)
+            for i in self.rows(count)
+        ]
+
+    def rows(self, count: int | None = None) -> np.ndarray:
+        """Places of some samples, evenly from all of them.
+
+        Raises:
+            InputError: there are fewer.
+        """
+        if count is None:
+            return np.arange(len(self))
+        if not 1 <= count <= len(self):
+            raise InputError("count", count, f"must be between 1 and {len(self)}, the samples of the posterior")
+        return np.asarray(np.linspace(0, len(self) - 1, count).round().astype(int))
+
+    def tension(
+        self,
+        length: Any,
+        pressure: Any,
+        *,
+        confidence: float = 0.95,
+        measured: bool = False,
+        discrepancy: bool = True,
+        **changes: Any,
+    ) -> Band:
+        """Tension with its band [N].
+
+        Args:
+            length: of the muscle [m], shape (q,) or one number.
+            pressure: gauge pressure [Pa], likewise.
+            confidence: share of the samples within the band, at each point by itself.
+            measured: with the noise of the load cell, as a further measurement would show it.
+            discrepancy: with what the law has no parameter for; without it the band is that of the law alone.
+            **changes: parameters that replace known ones [SI].
+
+        Examples:
+            >>> import mckibben as mk
+            >>> fitted = mk.fit("DMSP-20-300", law="linear_threshold", schemes=())
+            >>> posterior = fitted.posterior(draws=100, warm_up=100)    # doctest: +SKIP
+            >>> posterior.tension(0.28, 3e5)                            # doctest: +SKIP
+        """
+        lengths, pressures = np.broadcast_arrays(
+            np.atleast_1d(np.asarray(length, float)), np.atleast_1d(np.asarray(pressure, float))
+        )
+        drawn = self.signed_tensions(lengths, pressures, **changes)
+        chance = np.random.default_rng(self.seed)
+        if discrepancy and self.amplitude.any():
+            mean, deviation = self._discrepancy(lengths, pressures, changes.get("rest_length"))
+            drawn = drawn + mean + deviation * chance.standard_normal(drawn.shape)
+        drawn = np.maximum(drawn, 0.0)
+        if measured:
+            drawn = drawn + self.noise[:, None] * self.sensor_noise * chance.standard_normal(drawn.shape)
+        tail = 0.5 - 0.5 * confidence
+        return Band(*np.quantile(drawn, (tail, 0.5, 1.0 - tail), axis=0))
+
+    def signed_tensions(self, length: np.ndarray, pressure: np.ndarray, **changes: Any) -> np.ndarray:
+        """Signed tension by the law of every sample at points (q,), shape (d, q) [N]; negative where the braid is slack."""
+        points = ForceMap("", length, pressure, np.ones(len(length)))
+        free = {name: self.samples[name] for name in self.samples if name not in changes}
+        known = _whole(self.known) | {k: v for k, v in changes.items() if k in declared(law_type(self.law))}
+        problem = Problem(self.law, tuple(free), known, points)
+        force, _ = problem.functions()
+        values = np.stack(list(free.values()), axis=1) / problem.scale
+        return np.stack([force(row) for row in values])
+
+    @functools.cached_property
+    def _residuals(self) -> np.ndarray:
+        """Measured tension less the signed one of every sample at every point (d, n) [N]."""
+        problem = Problem(self.law, tuple(self.samples), dict(self.known), self.points)
+        force, _ = problem.functions()
+        values = np.stack(list(self.samples.values()), axis=1) / problem.scale
+        return self.points.tension - np.stack([force(row) for row in values])
+
+    def discrepancy_along(
+        self, rows: np.ndarray, length: np.ndarray, pressure: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the discrepancy along the runs of some samples, given the data.
+
+        Args:
+            rows: places of the samples (r,).
+            length: of the muscle at each instant of each run (r, q) [m].
+            pressure: gauge pressure, likewise [Pa].
+
+        Returns:
+            Both (r, q) [N].
+        """
+        if not self.amplitude.any():
+            return np.zeros(length.shape), np.zeros(length.shape)
+        both = [
+            self._discrepancy(each, at, None, rows=np.array([row]))
+            for row, each, at in zip(rows, length, pressure, strict=True)
+        ]
+        return np.concatenate([mean for mean, _ in both]), np.concatenate([deviation for _, deviation in both])
+
+    def _discrepancy(
+        self, length: np.ndarray, pressure: np.ndarray, rest: Any, *, rows: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the discrepancy at points (q,), given the data, of samples (d, q) [N]."""
+        some = np.arange(len(self)) if rows is None else rows
+        here, scale = _coordinates(self.points)
+        there, _ = _coordinates(
+            ForceMap("", length, pressure, np.ones(len(length)), rest_length=_rests(self.points, len(length), rest)),
+            scale,
+        )
+        values, directions = self._modes
+        onto = sampler.matern(there, here, self.length) @ directions.T  # (q, n)
+        noise, size = self.noise[some, None] ** 2, self.amplitude[some, None] ** 2
+        variance = noise + size * values  # (d, n)
+        mean = size * ((self._residuals[some] @ directions.T) / variance) @ onto.T
+        left = size - size**2 * (1.0 / variance) @ (onto**2).T
+        return mean, np.sqrt(np.maximum(left, 0.0))
+
+    @functools.cached_property
+    def _modes(self) -> sampler.ErrorModes:
+        here, _ = _coordinates(self.points)
+        return sampler.ErrorModes.of(self.errors.covariance, sampler.matern(here, here, self.length))
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Samples, intervals and what the bands are made of, as plain values [SI], for JSON."""
+        intervals, joint = self.intervals(), self.joint_intervals()
+        arrays = {k: getattr(self.points, k) for k in ("length", "pressure", "tension", "rest_length", "diameter")}
+        return {
+            "law": self.law,
+            "intervals": {
+                n: e._asdict() | {"joint_low": joint[n].low, "joint_high": joint[n].high} for n, e in intervals.items()
+            },
+            "correlation": self.correlation.tolist(),
+            "discrepancy": float(np.median(self.amplitude)),
+            "noise": float(np.median(self.noise) * self.sensor_noise),
+            "samples": {n: v.tolist() for n, v in self.samples.items()},
+            "noise_samples": self.noise.tolist(),
+            "discrepancy_samples": self.amplitude.tolist(),
+            "correlation_length": self.length,
+            "known": {n: np.asarray(v).tolist() for n, v in self.known.items()},
+            "points": {k: None if v is None else np.asarray(v).tolist() for k, v in arrays.items()},
+            "sensor_noise": self.errors.noise.tolist(),
+            "shared_errors": self.errors.shared.tolist(),
+            "seed": self.seed,
+            "r_hat": self.r_hat,
+            "effective": self.effective,
+            "divergences": self.divergences,
+            "warnings": list(self.warnings),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Posterior:
+        """A posterior of what `to_dict` returned.
+
+        Raises:
+            InputError: a value is missing or of another kind.
+        """
+        try:
+            arrays = {k: None if v is None else np.asarray(v, float) for k, v in values["points"].items()}
+            law = str(values["law"])
+            fields = declared(law_type(law))
+            samples = {str(n): np.asarray(v, float) for n, v in values["samples"].items()}
+            for name, column in samples.items():
+                fields[name].check(f"posterior.{name}", column)
+            known = {n: np.asarray(v, float) if np.ndim(v) else float(v) for n, v in values["known"].items()}
+            made = cls(
+                law=law,
+                samples=samples,
+                noise=np.asarray(values["noise_samples"], float),
+                amplitude=np.asarray(values["discrepancy_samples"], float),
+                known=known,
+                points=ForceMap("posterior", **arrays),  # type: ignore[arg-type]
+                errors=SensorErrors(
+                    np.asarray(values["sensor_noise"], float),
+                    np.asarray(values["shared_errors"], float).reshape(-1, len(values["sensor_noise"])),
+                ),
+                length=float(values["correlation_length"]),
+                seed=int(values["seed"]),
+                r_hat=float(values["r_hat"]),
+                effective=float(values["effective"]),
+                divergences=int(values["divergences"]),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError("posterior", None, f"must be one of mckibben fit --posterior: {error!r}") from None
+        shapes = {len(made.noise), len(made.amplitude), *map(len, samples.values())}
+        if len(shapes) != 1 or len(made.errors.noise) != len(made.points) or not len(made):
+            raise InputError("posterior", None, "must have as many values of each parameter as samples")
+        return made
+
+
+def posterior_of_fit(
+    fit: Fit,
+    *,
+    sensors: MapSensors | None = None,
+    slack: ForceMap | None = None,
+    discrepancy: float | None = None,
+    draws: int = sampler.DRAWS,
+    chains: int = sampler.CHAINS,
+    warm_up: int = sampler.WARM_UP,
+    seed: int = 0,
+) -> Posterior:
+    """Draw from the posterior of a fit's parameters.
+
+    Args:
+        fit: a fit that converged.
+        sensors: standard uncertainties of the map's values; the noise of the tension is found from the data where left out.
+        slack: points without tension that say where the law may not pull.
+        discrepancy: scale of the prior of the discrepancy's standard deviation [N]; by default 2 % of the largest
+            tension, and 0 for a law that is known to be right.
+        draws: count of the samples.
+        chains: chains that run beside each other.
+        warm_up: samples of each chain that adapt the step and are left out.
+        seed: same seed, same samples.
+
+    Raises:
+        ConvergenceError: the fit did not converge.
+        MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
+    """
+    if not fit.converged:
+        raise ConvergenceError(f"The fit of the law {fit.law} did not converge, so there is nothing to sample.")
+    points, free = fit.points, tuple(fit.parameters)
+    every = points if slack is None else ForceMap.joined([points, slack], points.name)
+    known = {k: _extended(v, len(every) - len(points)) for k, v in fit.known.items()}
+    problem = Problem(fit.law, free, known, every)
+    start = np.array([fit.parameters[n].value for n in free]) / problem.scale
+    low, high = problem.bounds
+    predicted, by_length, by_pressure = (column[: len(points)] for column in _input_slopes(problem, start))
+    top = points.largest
+    of = sensors or MapSensors(tension=UNKNOWN_SENSOR * top)
+    errors = of.errors(predicted, by_length, by_pressure)
+    amplitude = DISCREPANCY * top if discrepancy is None else float(discrepancy)
+    if not (np.isfinite(amplitude) and amplitude >= 0.0):
+        raise InputError("discrepancy", amplitude, "must be 0 N or more")
+    coordinates, _ = _coordinates(points)
+    residual = points.tension - predicted
+    length = sampler.correlation_length(residual, coordinates, errors.covariance, max(5.0 * amplitude, 1e-6 * top))
+    evidence = sampler.Evidence(
+        model=_law_model(law_type(fit.law), free, tuple(sorted(known))),
+        inputs={
+            "scale": problem.scale,
+            "known": tuple(np.broadcast_to(np.asarray(known[n], float), (len(every),)) for n in sorted(known)),
+            "length": np.asarray(every.length, float),
+            "pressure": np.asarray(every.pressure, float),
+        },
+        measured=points.tension,
+        modes=sampler.ErrorModes.of(errors.covariance, sampler.matern(coordinates, coordinates, length)),
+        slack_variance=np.full(len(every) - len(points), of.tension**2),
+        low=low,
+        high=high,
+        start=start,
+        noise_known=sensors is not None,
+        amplitude=amplitude,
+    )
+    drawn = sampler.sample(evidence, draws=draws, chains=chains, warm_up=warm_up, seed=seed)
+    return Posterior(
+        law=fit.law,
+        samples=dict(zip(free, (drawn.parameters * problem.scale).T, strict=True)),
+        noise=drawn.noise,
+        amplitude=drawn.amplitude,
+        known=dict(fit.known),
+        points=points,
+        errors=errors,
+        length=length,
+        seed=seed,
+        r_hat=drawn.r_hat,
+        effective=drawn.effective,
+        divergences=drawn.divergences,
+    )
+
+
+def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> Posterior:
+    """Read the posterior in the file of a fit, which ``mckibben fit --posterior --out fit.json`` has written.
+
+    Args:
+        path: path of the file.
+        law: whose posterior; the first in the file by default.
+
+    Raises:
+        InputError: it is no such file, or has no posterior of that law.
+    """
+    where = os.fspath(path)
+    try:
+        content: Any = parse_json(read_text(path, field="posterior"))
+        fits = [f for one in content.get("maps", [content]) for f in one["fits"]]
+        having = {str(f["law"]): f["posterior"] for f in reversed(fits) if f.get("posterior")}
+    except (KeyError, TypeError, AttributeError, ValueError):
+        raise InputError("posterior", where, "must be what mckibben fit --posterior --out fit.json writes") from None
+    if not having:
+        raise InputError("posterior", where, "has none: run mckibben fit --posterior --out fit.json")
+    name = law or list(having)[-1]
+    if name not in having:
+        raise InputError("posterior.law", name, known=sorted(having), where=where)
+    try:
+        return Posterior.from_dict(having[name])
+    except InputError as error:
+        raise error.changed(where=where) from None
+
+
+@functools.lru_cache(maxsize=64)
+def _law_model(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]) -> sampler.Model:
+    """Signed tension of the braid at all points, by scaled parameters."""
+    force = functools.partial(tension_at, kind, free, known)
+
+    def model(x: Any, inputs: Any) -> Any:
+        over = jax.vmap(force, in_axes=(None, 0, 0, 0))
+        return over(x * inputs["scale"], inputs["known"], inputs["length"], inputs["pressure"])
+
+    return model
+
+
+def _input_slopes(problem: Problem, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tension [N] and its derivatives to length [N/m] and pressure [m^2] at all points, by central differences."""
+    points = problem.points
+    step_length, step_pressure = 1e-4 * float(np.ptp(points.length) or 1e-2), 1e-4 * float(points.pressure.max())
+
+    def force(length: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        moved = ForceMap("", length, pressure, points.tension)
+        return Problem(problem.law, problem.free, problem.known, moved).functions()[0](start)
+
+    ends = [force(points.length + s * step_length, points.pressure) for s in (-1.0, 1.0)]
+    sides = [force(points.length, points.pressure + s * step_pressure) for s in (-1.0, 1.0)]
+    by_length = (ends[1] - ends[0]) / (2.0 * step_length)
+    by_pressure = (sides[1] - sides[0]) / (2.0 * step_pressure)
+    return force(points.length, points.pressure), np.nan_to_num(by_length), np.nan_to_num(by_pressure)
+
+
+def _coordinates(points: ForceMap, scale: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Length over rest length, and pressure, each over its range in the data (n, 2); and that scale (2, 2)."""
+    lengths = points.length if points.rest_length is None else points.length / points.rest_length
+    raw = np.stack([lengths, points.pressure], axis=1)
+    if scale is None:
+        room = np.ptp(raw, axis=0)
+        scale = np.stack([raw.min(axis=0), np.where(room > 0.0, room, np.maximum(np.abs(raw).max(axis=0), 1e-12))])
+    return (raw - scale[0]) / scale[1], scale
+
+
+def _rests(points: ForceMap, count: int, rest: Any) -> np.ndarray | None:
+    if points.rest_length is None:
+        return None
+    return np.full(count, float(points.rest_length.max() if rest is None else rest))
+
+
+def _whole(known: Mapping[str, Any]) -> dict[str, Any]:
+    """Known parameters as one number each: the largest where they differ between points."""
+    return {k: float(np.max(v)) for k, v in known.items()}
+
+
+def _extended(value: Any, more: int) -> Any:
+    """A known parameter of points with those of further points behind them: that of the largest muscle."""
+    return np.concatenate([value, np.full(more, np.max(value))]) if np.ndim(value) else value

@@ -1,0 +1,320 @@
+"""Samples of the parameters of a model from measured data, by the No-U-Turn sampler of NumPyro.
+
+The measurement y (n,) of a prediction m(x) is taken as
+
+    y = m(x) + d + e,     e ~ N(0, k^2 S),     d ~ N(0, s^2 C)
+
+with the covariance S of the sensors, known up to the factor k, and a discrepancy d: a smooth Gaussian process of unit
+variance C and amplitude s, which stands for what the model has no parameter for. Both are integrated out in closed form;
+with S = R R' and the eigenvectors U and eigenvalues c of R^-1 C R^-T, and z = U' R^-1 (y - m), the likelihood is
+
+    log p = -1/2 sum( z^2/(k^2 + s^2 c) + log(k^2 + s^2 c) )
+
+so that a step of the sampler needs one prediction with its derivatives and no factorisation. Points without tension say
+that the model may not pull there: each gives the probability that the prediction is not positive.
+Priors: x uniform between its bounds; log k normal; s by a gamma distribution with much of its mass near zero, so that a
+discrepancy costs little where the law is right.
+Sources: M. C. Kennedy and A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63(3), 2001;
+M. D. Hoffman and A. Gelman, The No-U-Turn sampler, J. Mach. Learn. Res. 15, 2014.
+"""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._jax import Scalar, Tree, jax, jnp
+from ..extras import library
+
+Model = Callable[[Any, Tree], Any]
+
+
+class HostModel(NamedTuple):
+    """A prediction (n,) and its derivatives (n, p) by the parameters (p,), of arrays of NumPy."""
+
+    predict: Callable[[np.ndarray], np.ndarray]
+    slopes: Callable[[np.ndarray], np.ndarray]
+
+
+CHAINS, WARM_UP, DRAWS = 4, 500, 2000
+LENGTHS = (0.15, 0.3, 0.6)  # correlation lengths of the discrepancy that are tried, of the range of each coordinate
+KNOWN_NOISE, UNKNOWN_NOISE = 0.1, 2.0  # standard deviation of log k where the sensors are known, and where not
+SHAPE = 0.3  # of the gamma distribution of the discrepancy's amplitude
+FAR = 1e9  # stands for a prediction that is not finite
+SEARCH = 300  # iterations of the search for the mode
+TREE_DEPTH = 8
+
+
+class ErrorModes(NamedTuple):
+    """Sensor noise and discrepancy of n values as n independent errors.
+
+    Attributes:
+        values: eigenvalues c (n,): variance of the discrepancy of unit amplitude over that of the sensors.
+        directions: U' R^-1 (n, n), which makes the independent errors of a residual.
+    """
+
+    values: np.ndarray
+    directions: np.ndarray
+
+    @classmethod
+    def of(cls, covariance: np.ndarray, correlation: np.ndarray) -> ErrorModes:
+        """Of the covariance S of the sensors and the correlation C of the discrepancy, (n, n) each."""
+        root = np.linalg.cholesky(covariance)
+        half = np.linalg.solve(root, correlation)
+        values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+        return cls(np.maximum(values, 0.0), np.linalg.solve(root.T, vectors).T)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Measured values, their errors, and the prediction of a model.
+
+    Attributes:
+        model: prediction of all points (n + m,), those without tension last, by JAX from the parameters (p,) and `inputs`;
+            `host_model` where it is no function of JAX. It is compiled once for all data of one size.
+        inputs: tree of arrays.
+        measured: values (n,).
+        modes: errors of these values.
+        slack_variance: variance of the sensor at each point without tension (m,).
+        low: lower bounds of the parameters (p,).
+        high: upper bounds (p,).
+        start: parameters at which the search for the mode begins (p,).
+        noise_known: whether the covariance is that of a known sensor, else its size is found from the data.
+        amplitude: scale of the prior of the discrepancy's amplitude, in the unit of the values; no discrepancy where 0.
+        host: prediction and derivatives that `host_model` calls.
+    """
+
+    model: Model
+    inputs: Tree
+    measured: np.ndarray
+    modes: ErrorModes
+    slack_variance: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    start: np.ndarray
+    noise_known: bool
+    amplitude: float
+    host: HostModel | None = None
+
+    @property
+    def noise_spread(self) -> float:
+        """Standard deviation of the prior of log k."""
+        return KNOWN_NOISE if self.noise_known else UNKNOWN_NOISE
+
+
+class Draws(NamedTuple):
+    """Samples of a posterior: parameters (d, p), factor k of the noise (d,), amplitude s (d,), and how well they mixed."""
+
+    parameters: np.ndarray
+    noise: np.ndarray
+    amplitude: np.ndarray
+    r_hat: float
+    effective: float
+    divergences: int
+
+
+def matern(first: np.ndarray, second: np.ndarray, length: float) -> np.ndarray:
+    """Correlation of a Matern process of order 5/2 between points (n, c) and (m, c) at one length, shape (n, m)."""
+    distance = np.sqrt(((first[:, None, :] - second[None, :, :]) ** 2).sum(axis=-1)) * (np.sqrt(5.0) / length)
+    return (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
+
+
+def marginal(values: np.ndarray, coefficients: np.ndarray, noise: Any, amplitude: Any) -> Any:
+    """Logarithm of the likelihood of coefficients z (n,), for eigenvalues c (n,), up to a constant."""
+    variance = noise**2 + amplitude**2 * values
+    return -0.5 * (coefficients**2 / variance + np.log(variance)).sum()
+
+
+def correlation_length(residual: np.ndarray, coordinates: np.ndarray, covariance: np.ndarray, top: float) -> float:
+    """The correlation length of `LENGTHS` under which the residuals of the least squares are the most probable.
+
+    Args:
+        residual: measurement less prediction (n,).
+        coordinates: of the points (n, c), each scaled to its range.
+        covariance: of the sensors (n, n).
+        top: largest amplitude to try [unit of the residual].
+    """
+    noises, best = np.geomspace(0.3, 30.0, 9), (-np.inf, LENGTHS[1])
+    size = np.sqrt(np.diag(covariance).mean())
+    for length in LENGTHS:
+        values, directions = ErrorModes.of(covariance, matern(coordinates, coordinates, length))
+        z = directions @ residual
+        scores = [marginal(values, z, k, s) for k in noises for s in np.geomspace(0.1 * size, max(top, size), 9)]
+        best = max(best, (max(scores), length))
+    return best[1]
+
+
+def sample(
+    evidence: Evidence, *, draws: int = DRAWS, chains: int = CHAINS, warm_up: int = WARM_UP, seed: int = 0
+) -> Draws:
+    """Draw from the posterior of a model's parameters.
+
+    Args:
+        evidence: data, sensors and prediction.
+        draws: count of the samples of all chains together; rounded up to a multiple of the chains.
+        chains: chains that run beside each other.
+        warm_up: samples of each chain that adapt the step and are left out.
+        seed: same seed, same samples.
+
+    Raises:
+        MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
+    """
+    diagnostics = library("numpyro.diagnostics", "Samples of a posterior need")
+    count, each = len(evidence.start), -(-draws // chains)
+    with _host.lock:
+        kernel = _kernel(evidence.model, chains, warm_up, each)
+        _host.current = evidence.host
+        data = _data(evidence)
+        centre, spread = _mode(evidence, data)
+        keys = jax.random.split(jax.random.key(seed), chains + 1)
+        z = 0.5 * jax.random.normal(keys[0], (chains, count + 2))
+        chain, diverging = kernel(keys[1:], z, data | {"centre": centre, "spread": spread})
+    unbounded = centre + np.asarray(chain) @ spread.T  # (chains, each, count + 2)
+    statistics = [
+        (float(diagnostics.split_gelman_rubin(column)), float(diagnostics.effective_sample_size(column)))
+        for column in np.moveaxis(unbounded, -1, 0)[: count + 1]
+    ]
+    flat = unbounded.reshape(-1, count + 2)
+    share = 1.0 / (1.0 + np.exp(-flat[:, :count]))
+    return Draws(
+        parameters=evidence.low + (evidence.high - evidence.low) * share,
+        noise=np.exp(flat[:, count]),
+        amplitude=np.exp(flat[:, count + 1]) if evidence.amplitude > 0.0 else np.zeros(len(flat)),
+        r_hat=max(r for r, _ in statistics),
+        effective=min(e for _, e in statistics),
+        divergences=int(np.asarray(diverging).sum()),
+    )
+
+
+class _Host:
+    """What compiled chains call for a prediction that is no function of JAX."""
+
+    lock = threading.RLock()
+    current: HostModel | None = None
+
+
+_host = _Host()
+
+
+@functools.cache
+def host_model(points: int, count: int) -> Model:
+    """A prediction of a count of points by a count of parameters that JAX can differentiate, by `Evidence.host`."""
+    shapes = jax.ShapeDtypeStruct((points,), float), jax.ShapeDtypeStruct((points, count), float)
+
+    def both(x: Scalar) -> Any:
+        return jax.pure_callback(_predicted, shapes, x, vmap_method="broadcast_all")
+
+    predict = jax.custom_vjp(lambda x: both(x)[0])
+    predict.defvjp(both, lambda slopes, up: (up @ slopes,))
+    return lambda x, inputs: predict(x)
+
+
+def _predicted(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Predictions (.., n) and derivatives (.., n, p) of parameters (.., p), finite everywhere."""
+    x, host = np.asarray(x), _host.current
+    assert host is not None
+    rows = x.reshape(-1, x.shape[-1])
+    values = np.nan_to_num(np.stack([host.predict(row) for row in rows]), nan=FAR, posinf=FAR, neginf=-FAR)
+    slopes = np.nan_to_num(np.stack([host.slopes(row) for row in rows]), nan=0.0, posinf=0.0, neginf=0.0)
+    return values.reshape(*x.shape[:-1], -1), slopes.reshape(*x.shape[:-1], values.shape[-1], x.shape[-1])
+
+
+def _data(evidence: Evidence) -> dict[str, Any]:
+    return {
+        "inputs": evidence.inputs,
+        "measured": evidence.measured,
+        "values": evidence.modes.values,
+        "directions": evidence.modes.directions,
+        "slack_variance": evidence.slack_variance,
+        "low": evidence.low,
+        "high": evidence.high,
+        "amplitude": np.asarray(max(evidence.amplitude, 1e-30)),
+        "spread_of_noise": np.asarray(evidence.noise_spread),
+        "with_discrepancy": np.asarray(float(evidence.amplitude > 0.0)),
+    }
+
+
+def _potential(u: Any, data: Any, model: Model) -> Any:
+    """Negative logarithm of the posterior of unbounded parameters (p + 2,): logits, log k, log s."""
+    count, points = len(data["low"]), len(data["measured"])
+    inner, log_noise, log_amplitude = u[:count], u[count], u[count + 1]
+    x = data["low"] + (data["high"] - data["low"]) * jax.nn.sigmoid(inner)
+    prior = -(jax.nn.softplus(inner) + jax.nn.softplus(-inner)).sum()
+    prior -= 0.5 * (log_noise / data["spread_of_noise"]) ** 2
+    noise, amplitude = jnp.exp(log_noise), jnp.exp(log_amplitude)
+    # Without a discrepancy its amplitude is a normal number that nothing depends on.
+    gamma = SHAPE * log_amplitude - amplitude / data["amplitude"]
+    prior += jnp.where(data["with_discrepancy"] > 0.0, gamma, -0.5 * log_amplitude**2)
+    amplitude = amplitude * data["with_discrepancy"]
+    predicted = model(x, data["inputs"])
+    z = data["directions"] @ (data["measured"] - predicted[:points])
+    variance = noise**2 + amplitude**2 * data["values"]
+    likelihood = -0.5 * (z**2 / variance + jnp.log(variance)).sum()
+    wide = jnp.sqrt(noise**2 * data["slack_variance"] + amplitude**2)
+    likelihood += jax.scipy.stats.norm.logcdf(-predicted[points:] / wide).sum()
+    return -prior - likelihood
+
+
+def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Mode of the posterior, and a root of the covariance there, in unbounded parameters (p + 2,)."""
+    from scipy import optimize
+
+    count, value_and_slope = len(evidence.start), _compiled_potential(evidence.model)
+
+    def objective(u: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = value_and_slope(u, data)
+        return float(np.nan_to_num(value, nan=1e12)), np.nan_to_num(np.asarray(slope, float))
+
+    room = evidence.high - evidence.low
+    share = np.clip((evidence.start - evidence.low) / room, 1e-9, 1.0 - 1e-9)
+    begin = np.concatenate([np.log(share) - np.log1p(-share), [0.0, 0.0]])
+    if evidence.amplitude > 0.0:
+        begin[-1] = np.log(0.2 * evidence.amplitude)
+    found = optimize.minimize(objective, begin, jac=True, method="BFGS", options={"maxiter": SEARCH})
+    centre = found.x if np.isfinite(found.fun) and found.fun <= objective(begin)[0] else begin
+    curvature = np.empty((count + 2, count + 2))
+    for i in range(count + 2):
+        # a step that changes the potential by about one hundredth, from the search's own estimate of the covariance
+        step = np.zeros(count + 2)
+        step[i] = 0.1 * np.sqrt(np.clip(found.hess_inv[i, i], 1e-16, 1.0))
+        up, down = objective(centre + step)[1], objective(centre - step)[1]
+        curvature[i] = (up - down) / (2.0 * step[i])
+    scale = 1.0 / np.sqrt(np.clip(np.abs(np.diag(curvature)), 1e-2, 1e16))
+    strength, directions = np.linalg.eigh(scale[:, None] * 0.5 * (curvature + curvature.T) * scale)
+    return centre, scale[:, None] * directions / np.sqrt(np.clip(np.abs(strength), 1e-6, None))
+
+
+@functools.lru_cache(maxsize=16)
+def _compiled_potential(model: Model) -> Any:
+    return jax.jit(jax.value_and_grad(lambda u, data: _potential(u, data, model)))
+
+
+@functools.lru_cache(maxsize=16)
+def _kernel(model: Model, chains: int, warm_up: int, each: int) -> Any:
+    """All chains as one compiled function of their keys, first points and the data."""
+    hmc = library("numpyro.infer.hmc", "Samples of a posterior need").hmc
+
+    def density(data: Any) -> Any:
+        return lambda z: _potential(data["centre"] + data["spread"] @ z, data, model)
+
+    def chain(key: Any, z: Any, data: Any) -> Any:
+        begin, advance = hmc(potential_fn_gen=density, algo="NUTS")
+        state = begin(
+            z, warm_up, step_size=0.5, dense_mass=True, target_accept_prob=0.9, max_tree_depth=TREE_DEPTH,
+            model_args=(data,), rng_key=key,
+        )  # fmt: skip
+
+        def step(state: Any, _: None) -> Any:
+            state = advance(state, model_args=(data,), model_kwargs={})
+            return state, (state.z, state.diverging)
+
+        # one loop for both, which is compiled once; the samples of the warm-up are left out afterwards
+        _, (places, lost) = jax.lax.scan(step, state, None, length=warm_up + each)
+        return places[warm_up:], lost[warm_up:]
+
+    return jax.jit(jax.vmap(chain, in_axes=(0, 0, None)))
