@@ -6,8 +6,8 @@
 Every muscle has parameters of its own, drawn around those of a specimen, and a map of 36 points that is read by sensors with
 noise in tension, pressure and length and with errors of gain and zero that all points of the map share. The fit is told the
 standard uncertainties of these sensors and nothing else. In `right`, the fitted law is the one that made the map; in
-`wrong`, it is another one. Counted are the parameters (where the law is right), and the true tension at 25 points between those of
-the map: once by the posterior and once by the linearised intervals of least squares.
+`wrong`, it is another one. Counted are the parameters (where the law is right), and the true tension at 25 points between
+those of the map: once by the posterior and once by the linearised intervals of least squares.
 """
 
 from __future__ import annotations

@@ -199,8 +199,8 @@ WRONG = {
 # ---- the commands, each as it is right; {kind:value} is a place
 SHOW = {"--law": "name", "--out": "picture"}
 TENSION = {
-    "--for": "force", "--law": "name", "--set": "pair", "--from-posterior": "report", "--activation": "number", "--contraction": "number",
-    "--out": "picture",
+    "--for": "force", "--law": "name", "--set": "pair", "--from-posterior": "toml", "--activation": "number",
+    "--contraction": "number", "--out": "picture",
 }  # fmt: skip
 RUN = {"--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--step": "time", "--on": "kind",
        "--calibration": "toml", "--out": "out", "--log": "out"}  # fmt: skip

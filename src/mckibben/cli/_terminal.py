@@ -26,7 +26,7 @@ FromPosterior = Annotated[
     Path | None,
     typer.Option(
         "--from-posterior",
-        metavar="FIT.json",
+        metavar="FIT",
         help="Result of `mckibben fit --posterior --out fit.json`, for 95 % bands of the answer.",
     ),
 ]

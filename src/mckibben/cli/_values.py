@@ -232,6 +232,7 @@ KINDS: dict[str, ValueKind] = {
     "TARGET": ValueKind(names=words("c")),
     "HOST": ValueKind(names=words("python", "c")),
     "SCENARIO": ValueKind(names=words("isometric", "hang", "slack", "loop", "leak", "joint")),
+    "FIT": ValueKind(suffixes=(".json",)),
     "SWEEP": ValueKind(suffixes=(".toml",)),
     "CALIBRATION": ValueKind(suffixes=(".toml",)),
     "CALIBRATION|RECORDING": ValueKind(suffixes=(".toml", *RECORDINGS)),

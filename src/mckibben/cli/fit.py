@@ -58,6 +58,10 @@ def fit(
             help="Tables of any format, specimens that ship with a force map, or a .toml file of constraints.",
         ),
     ],
+    rig: Annotated[
+        str | None,
+        typer.Option("--rig", metavar="RIG", help="Test machine whose sensors measured the table, for their noise."),
+    ] = None,
     law: Annotated[
         list[str] | None,
         typer.Option(
@@ -101,10 +105,6 @@ def fit(
             help="Draw from the posterior of the best law: joint intervals, and bands that allow for a law that is wrong.",
         ),
     ] = False,
-    rig: Annotated[
-        str | None,
-        typer.Option("--rig", metavar="RIG", help="Test machine whose sensors measured the table, for their noise."),
-    ] = None,
     draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
     width: FigureWidth = None,
     look: FigureLook = "screen",
