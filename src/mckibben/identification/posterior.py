@@ -2,8 +2,8 @@
 
 A confidence interval of least squares assumes that the law is right and the errors are independent. Here the law may be
 wrong: a smooth discrepancy over contraction and pressure takes up what it has no parameter for, and its size is found from
-the data (`sampler` states the likelihood). Intervals of parameters become wider by as much as the discrepancy can stand for them, and
-bands of the tension hold the discrepancy: narrow where there are points, wide away from them.
+the data (`sampler` states the likelihood). Intervals of parameters become wider by as much as the discrepancy can stand for
+them, and bands of the tension hold the discrepancy: narrow where there are points, wide away from them.
 Range: static maps; a hysteresis between rising and falling pressure counts as noise.
 """
 
