@@ -1,6 +1,11 @@
 """Identification problem: a law, its known and free parameters, the data; and its solution.
 
 The solution is a bounded least squares from many starting points, with derivatives by automatic differentiation.
+
+A law may have Gaussian priors of its parameters, and a table an error of each set length, with a standard deviation: one
+muscle that is mounted at a length is off by the same distance at every pressure. Both make the solution the most
+probable one. Errors along one curve of tension over pressure are not independent, as noise would be, so that a
+curve counts as `CURVE_POINTS` independent points at most; the noise is that which is left over, `LEAST_NOISE` or more.
 """
 
 from __future__ import annotations
@@ -22,6 +27,13 @@ from ..quantities import Quantity, declared
 from ..recordings import ForceMap
 
 
+Formula = Callable[..., np.ndarray]
+# Independent points along a curve of tension over pressure at one length, of as many as were measured.
+CURVE_POINTS = 3.0
+FIRST_NOISE, LEAST_NOISE, PASSES = 0.01, 0.002, 3  # noise as a share of the largest tension; descents that estimate it
+LENGTH_STEP = 1e-6  # of the difference by which a tension is derived to the length [m]
+
+
 @dataclass(frozen=True)
 class Problem:
     """Least squares of a law's tension against a force map.
@@ -35,6 +47,7 @@ class Problem:
     free: tuple[str, ...]
     known: Mapping[str, Any]
     points: ForceMap
+    length_error: float = 0.0  # standard deviation of the error of each set length [m]
 
     @classmethod
     def of(
@@ -45,6 +58,7 @@ class Problem:
         known: Mapping[str, Scalar] | None = None,
         free: tuple[str, ...] | None = None,
         slack: bool = True,
+        length_error: float = 0.0,
     ) -> Problem:
         """Set up a problem, with the rest length and the upper working length taken from the table where it has them.
 
@@ -82,7 +96,7 @@ class Problem:
         keep = points.taut | (points.informative_slack & slack)
         fixed = {k: (np.asarray(v)[keep] if np.ndim(v) else float(v)) for k, v in parameters.items() if k not in free}
         counted = replace(points.select(keep), tension=np.maximum(points.tension[keep], 0.0))
-        return cls(law=law, free=tuple(free), known=fixed, points=counted)
+        return cls(law=law, free=tuple(free), known=fixed, points=counted, length_error=float(length_error))
 
     @property
     def quantities(self) -> dict[str, Quantity]:
@@ -111,18 +125,34 @@ class Problem:
             columns.append(low * (high / low) ** u if logarithmic else low + (high - low) * u)
         return np.stack(columns, axis=1) / self.scale
 
-    def functions(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
-        """Signed braid tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free)."""
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Mean and standard deviation of those free parameters that have a prior [SI]."""
+        priors = law_type(self.law).priors
+        return {name: priors[name] for name in self.free if name in priors}
+
+    @property
+    def curves(self) -> np.ndarray:
+        """Number of the curve of each point, (n,): points of one rest length at one length."""
+        rest = np.zeros(len(self.points)) if self.points.rest_length is None else self.points.rest_length
+        both = np.round(np.stack([rest, self.points.length], axis=1), 9)
+        return np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
+
+    def functions(self) -> tuple[Formula, Formula]:
+        """Signed braid tension [N] and its derivative to the scaled parameters at all points: (n,) and (n, free).
+
+        Both take a shift of the lengths [m], (n,), as a second argument.
+        """
         n = len(self.points)
         run, run_slopes = _compiled(law_type(self.law), self.free, tuple(sorted(self.known)))
         known = tuple(np.broadcast_to(np.asarray(self.known[name], float), (n,)) for name in sorted(self.known))
-        at = known, np.asarray(self.points.length, float), np.asarray(self.points.pressure, float)
+        length, pressure = np.asarray(self.points.length, float), np.asarray(self.points.pressure, float)
 
-        def force(scaled: np.ndarray) -> np.ndarray:
-            return np.broadcast_to(run(scaled * self.scale, *at, lanes=n, threads=1), (n,))
+        def force(scaled: np.ndarray, shift: Any = 0.0) -> np.ndarray:
+            return np.broadcast_to(run(scaled * self.scale, known, length + shift, pressure, lanes=n, threads=1), (n,))
 
-        def slopes(scaled: np.ndarray) -> np.ndarray:
-            columns = np.asarray(run_slopes(scaled * self.scale, *at, lanes=n, threads=1))
+        def slopes(scaled: np.ndarray, shift: Any = 0.0) -> np.ndarray:
+            columns = np.asarray(run_slopes(scaled * self.scale, known, length + shift, pressure, lanes=n, threads=1))
             columns = columns if columns.ndim == 2 else columns[:, None]  # the same at all points
             return np.asarray(np.broadcast_to(columns, (len(self.free), n)).T * self.scale)
 
@@ -201,8 +231,25 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True)
+class Posterior:
+    """What priors and data say together, linearised at the solution.
+
+    Attributes:
+        covariance: of the scaled parameters (free, free).
+        shifts: error of the set length of each curve, with its standard deviation [m], each (curves,).
+        effective: number of parameters and length errors that the data determine rather than their priors.
+        noise: share of the largest tension.
+    """
+
+    covariance: np.ndarray
+    shifts: tuple[np.ndarray, np.ndarray]
+    effective: float
+    noise: float
+
+
+@dataclass(frozen=True)
 class Solution:
-    """The best solution of a multi-start search."""
+    """The best solution of a multi-start search; `posterior` where the problem has priors."""
 
     start: np.ndarray
     scaled: np.ndarray
@@ -212,6 +259,7 @@ class Solution:
     message: str
     starts: int
     agreeing: int
+    posterior: Posterior | None = None
 
     def values(self, problem: Problem) -> dict[str, float]:
         """The free parameters [SI]."""
@@ -246,25 +294,30 @@ def solve(
     descend = _Descent(problem, force, slopes, weight)
     if search:
         draws = np.clip(problem.starts(CANDIDATES, seed), low + inside[0], high - inside[1])
-        cost = [float(np.sum(descend.misfit(d, unilateral=False) ** 2)) for d in draws]
+        cost = [float(np.sum(descend.misfit(descend.whole(d), unilateral=False) ** 2)) for d in draws]
         queue += list(draws[np.argsort(cost)[:POLISHED]])
     solutions = []
     for start in queue:
         solutions.append(descend(start))
-        solutions[-1].start = start
         if _agreeing(solutions) >= AGREE:
             break
     best = min(solutions, key=lambda f: (f.status <= 0, f.cost))
-    pull = np.maximum(force(best.x), 0.0)
+    if descend.informed:
+        for _ in range(PASSES):
+            descend.estimate_noise(best.x)
+            best = descend(best.x, start_with=best)
+    scaled, shift = descend.parts(best.x)
+    pull = np.maximum(force(scaled, shift), 0.0)
     return Solution(
         start=best.start,
-        scaled=best.x,
+        scaled=scaled,
         tension=pull,
-        jacobian=np.where(pull > 0.0, 1.0, 0.0)[:, None] * slopes(best.x),
+        jacobian=np.where(pull > 0.0, 1.0, 0.0)[:, None] * slopes(scaled, shift),
         converged=bool(best.status > 0 and np.isfinite(best.x).all() and best.cost < 1e6),
         message=str(best.message).strip("` ."),
         starts=len(solutions),
         agreeing=_agreeing(solutions),
+        posterior=descend.posterior(best.x) if descend.informed else None,
     )
 
 
@@ -273,45 +326,110 @@ def _agreeing(found: Sequence[Any]) -> int:
     return sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs)
 
 
-Formula = Callable[[np.ndarray], np.ndarray]
-
-
 class _Descent:
     """Two descents from one start: with the signed force of the braid, whose derivative never vanishes, then as measured.
 
     The second sees what the sensor sees, max(F, 0), so that a law is not blamed for how slack it would be.
+
+    Its vector holds the scaled parameters and, where lengths have errors, those in standard deviations, one for each curve.
     """
 
     def __init__(self, problem: Problem, force: Formula, slopes: Formula, weight: np.ndarray) -> None:
         self.problem, self.force, self.slopes, self.weight = problem, force, slopes, weight
         self.size = max(problem.points.largest, 1e-9)
+        self.noise = FIRST_NOISE
+        self.priors = problem.priors
+        self.informed = bool(self.priors) or problem.length_error > 0.0
+        self.count = len(problem.free)
+        if self.informed:
+            self.curve = problem.curves
+            number = np.bincount(self.curve, weights=weight)
+            self.weight = weight * np.sqrt(np.minimum(1.0, CURVE_POINTS / np.maximum(number, 1.0)))[self.curve]
+        self.shifts = int(self.curve.max()) + 1 if problem.length_error > 0.0 else 0
 
-    def misfit(self, scaled: np.ndarray, *, unilateral: bool) -> np.ndarray:
-        force = self.force(scaled)
+    def whole(self, vector: np.ndarray) -> np.ndarray:
+        """A vector with all length errors, zero where it has none."""
+        return np.append(vector[: self.count], np.zeros(self.shifts)) if vector.size == self.count else vector
+
+    def parts(self, vector: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Scaled parameters, and the shift of the length of each point [m]."""
+        if not self.shifts:
+            return vector[: self.count], 0.0
+        return vector[: self.count], self.problem.length_error * vector[self.count :][self.curve]
+
+    def misfit(self, vector: np.ndarray, *, unilateral: bool) -> np.ndarray:
+        force = self.force(*self.parts(vector))
         taut = self.problem.points.taut
         # A slack point tells nothing about a signed force but that it is not positive.
         pull = np.maximum(force, 0.0) if unilateral else np.where(taut, force, np.maximum(force, 0.0))
-        return np.nan_to_num(
+        errors = np.nan_to_num(
             self.weight * (pull - self.problem.points.tension) / self.size, nan=1e6, posinf=1e6, neginf=-1e6
         )
+        return np.concatenate([errors, self.noise * self._surprise(vector)]) if self.informed else errors
 
-    def derivative(self, scaled: np.ndarray, *, unilateral: bool) -> np.ndarray:
-        pulling = self.force(scaled) > 0.0
+    def _surprise(self, vector: np.ndarray) -> np.ndarray:
+        """Distance of parameters and length errors from their priors, in standard deviations."""
+        values = vector[: self.count] * self.problem.scale
+        off = [(values[self.problem.free.index(n)] - mean) / sd for n, (mean, sd) in self.priors.items()]
+        return np.concatenate([off, vector[self.count :]])
+
+    def derivative(self, vector: np.ndarray, *, unilateral: bool) -> np.ndarray:
+        scaled, shift = self.parts(vector)
+        pulling = self.force(scaled, shift) > 0.0
         if not unilateral:
             pulling = pulling | self.problem.points.taut
-        return np.nan_to_num(
-            (self.weight * pulling)[:, None] * self.slopes(scaled) / self.size, nan=0.0, posinf=0.0, neginf=0.0
+        columns = self.slopes(scaled, shift)
+        if self.shifts:
+            step = LENGTH_STEP
+            stiffness = (self.force(scaled, shift + step) - self.force(scaled, shift - step)) / (2.0 * step)
+            each = np.zeros((len(stiffness), self.shifts))
+            each[np.arange(len(stiffness)), self.curve] = self.problem.length_error * stiffness
+            columns = np.concatenate([columns, each], axis=1)
+        rows = np.nan_to_num(
+            (self.weight * pulling)[:, None] * columns / self.size, nan=0.0, posinf=0.0, neginf=0.0
+        )
+        return np.concatenate([rows, self.noise * self._prior_rows()]) if self.informed else rows
+
+    def _prior_rows(self) -> np.ndarray:
+        """Derivative of `_surprise`."""
+        rows = np.zeros((len(self.priors) + self.shifts, self.count + self.shifts))
+        for row, (name, (_, sd)) in zip(rows, self.priors.items(), strict=False):
+            i = self.problem.free.index(name)
+            row[i] = self.problem.scale[i] / sd
+        rows[len(self.priors) :, self.count :] = np.eye(self.shifts)
+        return rows
+
+    def estimate_noise(self, vector: np.ndarray) -> None:
+        """Take what a solution leaves of the points as the noise."""
+        left = self.misfit(vector, unilateral=True)[: len(self.problem.points)]
+        degrees = max(float(np.sum(self.weight**2)) - self.posterior(vector).effective, 1.0)
+        self.noise = max(float(np.sqrt(left @ left / degrees)), LEAST_NOISE)
+
+    def posterior(self, vector: np.ndarray) -> Posterior:
+        """Covariance of parameters and length errors at a solution, and how many of them the data determine."""
+        rows = self.derivative(vector, unilateral=True)
+        held = rows[len(self.problem.points) :]
+        inverse = np.linalg.pinv(rows.T @ rows)
+        spread = self.noise * np.sqrt(np.diag(inverse))[self.count :] * self.problem.length_error
+        return Posterior(
+            covariance=self.noise**2 * inverse[: self.count, : self.count],
+            shifts=(self.problem.length_error * vector[self.count :], spread),
+            effective=float(vector.size - np.trace(inverse @ (held.T @ held))),
+            noise=self.noise,
         )
 
-    def __call__(self, start: np.ndarray) -> Any:
+    def __call__(self, start: np.ndarray, *, start_with: Any = None) -> Any:
         from scipy import optimize
 
+        first, start = start[: self.count], self.whole(start)
+        low, high = self.problem.bounds
+        bounds = np.append(low, np.full(self.shifts, -np.inf)), np.append(high, np.full(self.shifts, np.inf))
         for unilateral in (False, True):
             solution = optimize.least_squares(
                 self.misfit,
                 start,
                 jac=self.derivative,
-                bounds=self.problem.bounds,
+                bounds=bounds,
                 x_scale="jac",
                 max_nfev=400,
                 ftol=1e-12,
@@ -320,6 +438,7 @@ class _Descent:
                 kwargs={"unilateral": unilateral},
             )
             start = solution.x
-            if np.all(self.force(start)[self.weight > 0] > 0.0):
+            if np.all(self.force(*self.parts(start))[self.weight > 0] > 0.0):
                 break  # nothing is slack, and the second descent would be the first again
+        solution.start = first if start_with is None else start_with.start
         return solution

@@ -57,3 +57,9 @@ def threshold_width(default: float = 1e4) -> Scalar:
     """Range of pressure around the threshold over which the bladder reaches the braid, w [Pa]."""
     meaning = "range of pressure around the threshold in which the bladder fills to the braid"
     return quantity("Pa", (1e2, 1e6), meaning, symbol="w", default=default)
+
+
+def seat_compliance(**options: object) -> Scalar:
+    """Take-up of both ends per square root of load q [m/N^0.5]."""
+    meaning = "take-up of both ends per square root of load"
+    return quantity("m/N^0.5", (1e-7, 1e-2), meaning, symbol="q", typical=(3e-5, 4e-4), **options)

@@ -67,6 +67,8 @@ class TensionLaw(Module):
     fitted_if_unknown: ClassVar[dict[str, tuple[str, ...]]] = {}
     # Parameters that stay at their default where tension was measured at fewer lengths than this.
     lengths_needed: ClassVar[dict[str, int]] = {}
+    # Gaussian priors of fitted parameters, mean and standard deviation [SI], for what one table cannot tell.
+    priors: ClassVar[dict[str, tuple[float, float]]] = {}
 
     def __init_subclass__(cls, **options: object) -> None:
         """Refuse parameters that hide what every law has; see `Module`."""

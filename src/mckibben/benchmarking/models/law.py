@@ -21,10 +21,11 @@ class LawModel:
 
     Args:
         law: its name, such as ``seated_braid`` or ``my.py:MyLaw``.
+        length_error: standard deviation of the error of each set length [m]; none by default.
     """
 
-    def __init__(self, law: str) -> None:
-        self.law = law
+    def __init__(self, law: str, *, length_error: float = 0.0) -> None:
+        self.law, self.length_error = law, length_error
         self._near: dict[tuple[str, ...], np.ndarray] = {}
 
     def fit(self, train: Sequence[BenchmarkRecord]) -> None:
@@ -37,7 +38,7 @@ class LawModel:
         train = thinned(train)
         self.points = joined(train)
         self.known = _known(train)
-        problem = Problem.of(self.law, self.points, known=self.known)
+        problem = Problem.of(self.law, self.points, known=self.known, length_error=self.length_error)
         near = self._near.get(problem.free)
         solution = solve(problem, near=[] if near is None else [near], search=near is None)
         if not solution.converged:

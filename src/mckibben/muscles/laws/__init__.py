@@ -21,6 +21,7 @@ LAWS: Registry[type[TensionLaw]] = Registry(
         "martens_boblan": f"{__name__}.martens_boblan:MartensBoblan",
         "hyperelastic_braid": f"{__name__}.hyperelastic_braid:HyperelasticBraid",
         "seated_braid": f"{__name__}.seated_braid:SeatedBraid",
+        "seated_hyperelastic_braid": f"{__name__}.seated_hyperelastic_braid:SeatedHyperelasticBraid",
         "sarosi": f"{__name__}.sarosi:Sarosi",
         "three_element": f"{__name__}.three_element:ThreeElement",
     },

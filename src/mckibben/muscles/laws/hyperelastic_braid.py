@@ -39,6 +39,7 @@ from ..law import TensionLaw
 # Below this stretch, and below this squared hoop stretch, the formulas are held by smooth ramps (see `bladder.ramp`).
 SHORTEST_STRETCH, SHORT_WIDTH = 0.5, 0.1
 SMALLEST_HOOP, HOOP_WIDTH = 0.2, 0.2
+LEAST_EXPONENT = 1e-3  # of a real Ogden exponent, whose energy is divided by its square
 
 
 class HyperelasticBraid(TensionLaw):
@@ -69,6 +70,8 @@ class HyperelasticBraid(TensionLaw):
     upper_length: Scalar = dimensions.upper_length()
     threshold_width: Scalar = dimensions.threshold_width()
     ogden_exponent: int = field(static=True, kw_only=True, default=-4)
+    # A law that fits the exponent gives it here, as a number that may be traced; None for the whole number above.
+    real_exponent: Scalar | None = field(kw_only=True, default=None)
 
     title = "Hyperelastic braid"
     cites = ("ogden1972", "chou1996")
@@ -98,9 +101,12 @@ class HyperelasticBraid(TensionLaw):
     def wall_energy(self, length: Scalar, thread_strain: Scalar) -> Scalar:
         """Elastic energy of the rubber [J]."""
         x, hoop = self._stretches(length, thread_strain)
-        half = self.ogden_exponent // 2
         x2 = x * x
-        density = (0.5 * self.shear_modulus / half**2) * (x2**half + hoop**half + (x2 * hoop) ** (-half) - 3.0)
+        if self.real_exponent is None:
+            half = self.ogden_exponent // 2
+            density = (0.5 * self.shear_modulus / half**2) * (x2**half + hoop**half + (x2 * hoop) ** (-half) - 3.0)
+        else:
+            density = real_ogden_density(x2, hoop, self.shear_modulus, self.real_exponent)
         return jnp.pi * (self.rest_diameter + self.wall_thickness) * self.wall_thickness * self._active() * density
 
     def _inactive(self) -> Scalar:
@@ -128,3 +134,17 @@ class HyperelasticBraid(TensionLaw):
     def length_range(self) -> tuple[Scalar, Scalar]:
         """Range from 0.6 of the rest length to the upper working length [m]."""
         return 0.6 * self.rest_length, self.upper_length
+
+
+def real_ogden_density(axial: Scalar, hoop: Scalar, shear_modulus: Scalar, exponent: Scalar) -> Scalar:
+    """Energy density of incompressible Ogden rubber whose exponent is any number [J/m^3].
+
+    Args:
+        axial: squared axial stretch, above zero.
+        hoop: squared hoop stretch, above zero.
+        shear_modulus: [Pa].
+        exponent: alpha; at zero the density is held at that of 1e-3, from which its limit differs by rounding.
+    """
+    half = 0.5 * jnp.where(jnp.abs(exponent) < LEAST_EXPONENT, LEAST_EXPONENT, exponent)
+    along, around = half * jnp.log(axial), half * jnp.log(hoop)
+    return 0.5 * shear_modulus / (half * half) * (jnp.expm1(along) + jnp.expm1(around) + jnp.expm1(-along - around))

@@ -19,14 +19,12 @@ Source of the parts: the law `hyperelastic_braid`; the seat is this project's.
 
 from __future__ import annotations
 
-from ..._jax import jax, jnp
+from ..._jax import jnp
 from ...components import Scalar, derivative
 from ...quantities import quantity
-from .. import dimensions
+from .. import dimensions, seat
 from ..law import TensionLaw
 from .hyperelastic_braid import HyperelasticBraid
-
-STEPS = 5
 
 
 class SeatedBraid(TensionLaw):
@@ -37,9 +35,7 @@ class SeatedBraid(TensionLaw):
     wall_thickness: Scalar = dimensions.rubber_wall()
     rest_angle: Scalar = dimensions.rest_angle((0.33, 0.55))
     shear_modulus: Scalar = quantity("Pa", (1e4, 1e8), "shear modulus of the rubber", symbol="mu", typical=(4e5, 3e6))
-    seat_compliance: Scalar = quantity(
-        "m/N^0.5", (1e-7, 1e-2), "take-up of both ends per square root of load", symbol="q", typical=(3e-5, 4e-4)
-    )
+    seat_compliance: Scalar = dimensions.seat_compliance()
     upper_length: Scalar = dimensions.upper_length()
     threshold_width: Scalar = dimensions.threshold_width()
 
@@ -62,8 +58,7 @@ class SeatedBraid(TensionLaw):
 
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         braid = self._braid()
-        u = self._take_up(braid, length, pressure)
-        return braid.potential(length - u, pressure) + u * (u / self.seat_compliance) ** 2 / 3.0
+        return seat.seated_potential(braid, self.seat_compliance, length, pressure)
 
     def _braid(self) -> HyperelasticBraid:
         return HyperelasticBraid(
@@ -79,30 +74,6 @@ class SeatedBraid(TensionLaw):
             threshold_width=self.threshold_width,
             ogden_exponent=2,
         )
-
-    def _take_up(self, braid: HyperelasticBraid, length: Scalar, pressure: Scalar) -> Scalar:
-        """Take-up u of the seats [m]; only the last step of the iteration is differentiated."""
-        held_braid, held_q, held_length, held_pressure = jax.lax.stop_gradient(
-            (braid, self.seat_compliance, length, pressure)
-        )
-
-        def step(u: Scalar, force: Scalar, stiffness: Scalar, q: Scalar) -> Scalar:
-            # Where the braid has no positive stiffness the step is short instead of wrong.
-            soft = jnp.maximum(stiffness, 1.0) * q * q
-            reach = jnp.maximum(force + jnp.maximum(stiffness, 1.0) * u, 0.0) * q * q
-            loaded = reach > 1e-24  # below that the square root has no derivative, and the ends carry nothing
-            return jnp.where(
-                loaded, 2.0 * reach / (soft + jnp.sqrt(soft * soft + 4.0 * jnp.where(loaded, reach, 1.0))), 0.0
-            )
-
-        def forces(u: Scalar) -> tuple[Scalar, Scalar]:
-            at = held_length - u
-            pull = lambda x: derivative(lambda y: held_braid.potential(y, held_pressure), x)  # noqa: E731
-            return jax.jvp(pull, (at,), (jnp.ones_like(at),))
-
-        u = jax.lax.fori_loop(0, STEPS - 1, lambda _, u: step(u, *forces(u), held_q), jnp.zeros_like(held_length))
-        force = derivative(lambda x: braid.potential(x, pressure), length - u)
-        return step(u, force, forces(u)[1], self.seat_compliance)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
         """Range from 0.6 of the rest length to the upper working length [m]."""
