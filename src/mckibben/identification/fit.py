@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from .._jax import Scalar
 from ..accessors import Accessor
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
@@ -20,14 +21,14 @@ from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
 from ..muscles.muscle import Muscle
-from ..quantities import declared
+from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
 from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
 from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import Problem, Solution, solve
-from .uncertainty import Estimate, Uncertainty, akaike, uncertainty
+from .uncertainty import NORMAL_QUANTILE, Estimate, Uncertainty, akaike, posterior_uncertainty, uncertainty
 
 if TYPE_CHECKING:
     from ..report.figures.plots import FitPlots
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
 RESOLUTION = 1e-6
+MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 # A difference of AICc up to this does not tell two models apart (Burnham and Anderson, 2002).
 INDIFFERENT = 2.0
 
@@ -55,6 +57,19 @@ class ErrorMeasures:
         return float(np.abs(self.error).max())
 
 
+class LengthError(NamedTuple):
+    """Error of one set length of one muscle: what is added to it, with its 95 % interval [m].
+
+    `rest_length` is NaN where the table has none.
+    """
+
+    rest_length: float
+    length: float
+    added: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, repr=False)
 class Fit(ErrorMeasures):
     """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
@@ -73,6 +88,9 @@ class Fit(ErrorMeasures):
         holdout: prediction of points above the pressures of a separate fit.
         at_bound: parameters that ended at a bound.
         not_contained: parameters without influence on the tension at any point.
+        effective: number of parameters and length errors that the data determine rather than their priors; None where
+            there are no priors, and every parameter counts.
+        length_errors: how far each set length was off, of a fit with such errors.
 
     Examples:
         >>> import mckibben as mk
@@ -94,6 +112,8 @@ class Fit(ErrorMeasures):
     holdout: Holdout | None = None
     at_bound: tuple[str, ...] = ()
     not_contained: tuple[str, ...] = ()
+    effective: float | None = None
+    length_errors: tuple[LengthError, ...] = ()
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -117,9 +137,10 @@ class Fit(ErrorMeasures):
     def aicc(self) -> float:
         """Akaike's criterion with the correction for small samples.
 
-        The noise level counts as a parameter; degenerate parameters do not.
+        The noise level counts as a parameter; degenerate parameters do not. Where parameters have priors, the effective
+        number of parameters counts: one that the data determine is 1, one that keeps its prior is 0.
         """
-        counted = len(self.parameters) - len(self.degenerate)
+        counted = len(self.parameters) - len(self.degenerate) if self.effective is None else self.effective
         return akaike(np.asarray(self.error), counted + 1, resolution=RESOLUTION * self.points.largest)
 
     @property
@@ -149,6 +170,8 @@ class Fit(ErrorMeasures):
             "converged": self.converged,
             "at_bound": list(self.at_bound),
             "not_contained": list(self.not_contained),
+            "effective": self.effective,
+            "length_errors": [e._asdict() for e in self.length_errors],
             "warnings": list(self.warnings),
             "cross_validation": {
                 name: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for name, c in self.cross.items()
@@ -195,6 +218,7 @@ def fit(
     slack: bool = True,
     schemes: Iterable[str] = SCHEMES,
     train_below: float | None = None,
+    length_error: Scalar | str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit one law.
@@ -208,6 +232,8 @@ def fit(
             errors are not counted.
         schemes: cross-validations to run, of ``pressure``, ``length``, ``block``, ``rest_length``.
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
+        length_error: standard deviation of the error of each set length [m], such as ``"0.5 mm"``: at one length a muscle is
+            off by one distance at all pressures, which is found with the parameters. None by default.
         progress: called with a few words after each piece of work.
 
     Raises:
@@ -216,7 +242,8 @@ def fit(
     """
     tell = progress or (lambda _: None)
     law = law_key(law)
-    problem = Problem.of(law, points, known=known, free=free, slack=slack)
+    spread_of_lengths = _checked_length_error(length_error)
+    problem = Problem.of(law, points, known=known, free=free, slack=slack, length_error=spread_of_lengths)
     solution = solve(problem)
     tell(f"{law}: fitted")
     title = f"{problem.points.name} by the law {law}"
@@ -231,7 +258,11 @@ def fit(
     )
     taut = problem.points.taut
     error = (solution.tension - problem.points.tension)[taut]
-    spread = uncertainty(solution.jacobian[taut], error, problem.free)
+    posterior = solution.posterior
+    if posterior is None:
+        spread = uncertainty(solution.jacobian[taut], error, problem.free)
+    else:
+        spread = posterior_uncertainty(posterior.covariance, problem.free)
     bound, none = _degenerate(problem, solution, taut)
     crossed = {}
     for scheme in schemes:
@@ -250,9 +281,11 @@ def fit(
         warnings=_warnings(solution, spread, bound),
         cross=crossed,
         correlation=spread.correlation,
-        holdout=_hold_out(law, points, train_below, known, slack),
+        holdout=_hold_out(law, points, train_below, known, slack, spread_of_lengths),
         at_bound=bound,
         not_contained=none,
+        effective=None if posterior is None else posterior.effective,
+        length_errors=_length_errors(problem, solution),
     )
 
 
@@ -344,6 +377,36 @@ def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dic
     }
 
 
+def _checked_length_error(length_error: Scalar | str | None) -> float:
+    """Standard deviation of the errors of set lengths [m]; zero for none."""
+    if length_error is None:
+        return 0.0
+    value = float(in_si(length_error, "m", field="length_error"))
+    if not 0.0 < value <= MOST_LENGTH_ERROR:
+        allowed = f"must be above 0 m and at most {with_unit(MOST_LENGTH_ERROR, 'm')}"
+        raise InputError("length_error", with_unit(value, "m"), allowed)
+    return value
+
+
+def _length_errors(problem: Problem, solution: Solution) -> tuple[LengthError, ...]:
+    """Errors of the set lengths at which tension was measured, by rest length and length."""
+    if solution.posterior is None or not problem.length_error:
+        return ()
+    points, curves = problem.points, problem.curves
+    added, sd = solution.posterior.shifts
+    first = [int(np.flatnonzero(curves == c)[0]) for c in np.unique(curves[points.taut])]
+    rest = np.full(len(points), np.nan) if points.rest_length is None else points.rest_length
+    return tuple(
+        LengthError(
+            float(rest[i]),
+            float(points.length[i]),
+            float(added[curves[i]]),
+            *(float(added[curves[i]] + side * NORMAL_QUANTILE * sd[curves[i]]) for side in (-1.0, 1.0)),
+        )
+        for i in first
+    )
+
+
 def _degenerate(problem: Problem, solution: Solution, taut: np.ndarray) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The parameters at a bound, and those without influence.
 
@@ -365,7 +428,12 @@ def _warnings(solution: Solution, spread: Uncertainty, at_bound: tuple[str, ...]
 
 
 def _hold_out(
-    law: str, points: ForceMap, train_below: float | None, known: Mapping[str, Any] | None, slack: bool
+    law: str,
+    points: ForceMap,
+    train_below: float | None,
+    known: Mapping[str, Any] | None,
+    slack: bool,
+    length_error: float,
 ) -> Holdout | None:
     """Fit to the points below a pressure as if there were no others, and predict those above."""
     if train_below is None:
@@ -378,7 +446,7 @@ def _hold_out(
     error = np.full(len(asked), np.inf)
     trained = int((points.taut & train).sum())
     if trained >= len(law_type(law).fitted) + 2:
-        problem = Problem.of(law, points.select(train), known=known, slack=slack)
+        problem = Problem.of(law, points.select(train), known=known, slack=slack, length_error=length_error)
         solution = solve(problem)
         if solution.converged:
             built = Problem.of(law, points, known=known, free=problem.free, slack=slack)

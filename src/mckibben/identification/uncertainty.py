@@ -13,6 +13,8 @@ import numpy as np
 INSEPARABLE = 0.999
 # A direction in parameter space this much weaker than the strongest is not determined by float64 data at all.
 UNDETERMINED = 1e-7
+# Of a 95 % interval of a Gaussian.
+NORMAL_QUANTILE = 1.96
 
 
 class Estimate(NamedTuple):
@@ -79,6 +81,25 @@ def uncertainty(
     return Uncertainty(error, correlation, float(stdtrit(degrees, 0.5 + confidence / 2.0)), tuple(warnings))
 
 
+def posterior_uncertainty(covariance: np.ndarray, names: tuple[str, ...]) -> Uncertainty:
+    """Intervals of parameters with priors, from their covariance at the most probable values.
+
+    Args:
+        covariance: of the parameters, (p, p); any scaling.
+        names: names of the parameters, for the warnings.
+    """
+    error = np.sqrt(np.diag(covariance))
+    size = np.where(error > 0.0, error, 1.0)
+    correlation = covariance / size[:, None] / size
+    warnings = [
+        f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) > INSEPARABLE
+    ]
+    return Uncertainty(error, correlation, NORMAL_QUANTILE, tuple(warnings))
+
+
 def widening(residuals: Sequence[np.ndarray]) -> float:
     """Factor on standard errors for residuals that follow one another: sqrt((1 + r)/(1 - r)), r at a lag of one sample."""
     top = sum(float(r[1:] @ r[:-1]) for r in residuals)
@@ -91,7 +112,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + " and " + names[-1]
 
 
-def akaike(error: np.ndarray, parameters: int, *, resolution: float = 1e-15) -> float:
+def akaike(error: np.ndarray, parameters: float, *, resolution: float = 1e-15) -> float:
     """Akaike's criterion with the correction for small samples (AICc) of errors (n,); infinite where they are too few.
 
     The noise level counts as a parameter, and belongs to `parameters`. Root mean square errors below `resolution` (in the
