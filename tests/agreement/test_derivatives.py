@@ -16,8 +16,9 @@ from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import declared
 from mckibben.recordings import ForceMap
 
+SEATED = ("seated_braid", "seated_hyperelastic_braid")
 # Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
-SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law == "seated_braid" else law for law in LAWS]
+SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law in SEATED else law for law in LAWS]
 
 
 def _laws_examples() -> ModuleType:

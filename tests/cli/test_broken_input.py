@@ -222,6 +222,7 @@ COMMANDS = {
     "fit": ("fit @table:table.csv", {
         "--law": "name", "--rest-length": "length", "--like": "specimen", "--set": "pair", "--column": "pair",
         "--unit": "pair", "--branch": "name", "--pressure-zero": "pressure", "--train-below": "pressure",
+        "--length-error": "length",
         "--out": "report",
     }),
     "protocols": ("protocols @protocol:protocol.toml", {"--set": "pair"}),

@@ -15,6 +15,9 @@ from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws import LAWS
 from mckibben.specimens import specimen
 
+# They solve an equilibrium in their law, which takes half a minute of compilation for some of the tests.
+SEATED = ("seated_braid", "seated_hyperelastic_braid")
+
 # How many numbers in [0, 1] make a law.
 DRAWS = 12
 
@@ -28,6 +31,11 @@ _STATED = {
     "seated_braid": dict(
         rest_length=0.182, rest_diameter=0.01, wall_thickness=1.8e-3, rest_angle=0.42, shear_modulus=1.1e6,
         seat_compliance=1.2e-4, upper_length=0.182,
+    ),
+    "seated_hyperelastic_braid": dict(
+        rest_length=0.25, rest_diameter=0.01, wall_thickness=1.8e-3, thread_depth=0.8, rest_angle=0.45,
+        shear_modulus=2e6, ogden_exponent=-4.5, thread_compliance=3e-9, inactive_share=0.3, seat_compliance=9e-5,
+        upper_length=0.25,
     ),
     "sarosi": dict(
         rest_length=0.3, upper_length=0.3, area_exponential=4e-5, force_exponential=220.0, decay=-33.0,
@@ -155,6 +163,13 @@ def _seated_braid(d: _Draw) -> dict[str, float]:
     return _braid(d) | dict(seat_compliance=d.log(3e-5, 4e-4))
 
 
+def _seated_hyperelastic_braid(d: _Draw) -> dict[str, float]:
+    return _braid(d) | dict(
+        seat_compliance=d.log(3e-5, 4e-4), thread_depth=d.flat(0.0, 1.0), thread_compliance=d.flat(0.0, 2e-8),
+        inactive_share=d.flat(0.0, 0.8), ogden_exponent=d.flat(-8.0, 3.0),
+    )  # fmt: skip
+
+
 def _sarosi(d: _Draw) -> dict[str, float]:
     rest, constant = d.log(0.05, 0.5), d.flat(10.0, 500.0)
     return dict(
@@ -182,6 +197,7 @@ _MUSCLE_LIKE: dict[str, Callable[[_Draw], dict[str, float]]] = {
     "martens_boblan": _martens_boblan,
     "hyperelastic_braid": _hyperelastic_braid,
     "seated_braid": _seated_braid,
+    "seated_hyperelastic_braid": _seated_hyperelastic_braid,
     "sarosi": _sarosi,
     "three_element": _three_element,
 }

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from examples import DRAWS, examples, muscle_like
+from examples import DRAWS, SEATED, examples, muscle_like
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -52,13 +52,13 @@ def one_equilibrium(law: TensionLaw) -> bool:
 def test_closed_cycles_yield_no_work(name: str) -> None:
     law = examples()[name]
     assert one_equilibrium(law)
-    for seed in range(2 if name.startswith("seated_braid") else 6):
+    for seed in range(2 if name.startswith(SEATED) else 6):
         assert_no_work(law, seed)
 
 
-@pytest.mark.parametrize("law", [pytest.param(n, marks=SLOW) if n == "seated_braid" else n for n in LAWS])
+@pytest.mark.parametrize("law", [pytest.param(n, marks=SLOW) if n in SEATED else n for n in LAWS])
 def test_closed_cycles_yield_no_work_for_random_parameters(law: str) -> None:
-    @settings(max_examples=3 if law == "seated_braid" else 15, deadline=None, database=None, derandomize=True)
+    @settings(max_examples=3 if law in SEATED else 15, deadline=None, database=None, derandomize=True)
     @given(st.lists(st.floats(0.0, 1.0), min_size=DRAWS, max_size=DRAWS), st.integers(0, 2**31))
     def check(draw: list[float], seed: int) -> None:
         muscle = muscle_like(law, draw)

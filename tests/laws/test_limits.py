@@ -11,6 +11,7 @@ from examples import example, examples
 from mckibben.muscles import braid
 from mckibben.muscles.build import build_law
 from mckibben.muscles.law import TensionLaw
+from mckibben.muscles.laws.hyperelastic_braid import real_ogden_density
 from mckibben.pneumatics.volume import CompliantVolume
 
 # The nylon muscle's braid, and pressures above the rounding of the threshold (half of 0.1 bar).
@@ -253,6 +254,42 @@ def test_the_seated_braid_is_a_neo_hookean_braid_that_is_shorter_by_its_seats() 
     # and q sqrt(F) dF/dL = 1e-7 x 22 x 4e4 = 0.1 N of 496 N remain at the smallest q allowed.
     assert off[1] / off[2] == pytest.approx(2.0, rel=1e-2)
     assert off[2] < 1e-3 * there.max()
+
+
+SHAPE = {
+    "rest_length": 0.25, "rest_diameter": 0.01, "wall_thickness": 1.8e-3, "rest_angle": 0.45, "shear_modulus": 2e6,
+    "upper_length": 0.25,
+}  # fmt: skip
+
+
+def test_the_seated_hyperelastic_braid_becomes_either_law_of_which_it_is_made() -> None:
+    length, pressure = np.linspace(0.8, 1.0, 9)[:, None] * 0.25, np.linspace(0.5e5, 7e5, 8)
+    plain = {"thread_depth": 0.0, "thread_compliance": 0.0, "inactive_share": 0.0}
+    ours = build_law("seated_hyperelastic_braid", SHAPE | plain | {"ogden_exponent": 2.0, "seat_compliance": 1.2e-4})
+    seated = build_law("seated_braid", SHAPE | {"seat_compliance": 1.2e-4})
+    assert_same(tension(ours, length, pressure), tension(seated, length, pressure))
+    wall = {"thread_depth": 0.8, "thread_compliance": 4e-9, "inactive_share": 0.6}
+    there = tension(build_law("hyperelastic_braid", SHAPE | wall), length, pressure)
+    off = []
+    for q in (2e-7, 1e-7):
+        bare = ours.replace(**wall, ogden_exponent=-4.0, seat_compliance=q)
+        off.append(np.abs(tension(bare, length, pressure) - there).max())
+    # Vanishing seats: at order one, up to 1e-3 of it; q sqrt(F) dF/dL = 1e-7 x 23 x 4e4 = 0.1 N remain at the smallest q.
+    assert off[0] / off[1] == pytest.approx(2.0, rel=1e-2)
+    assert off[1] < 5e-4 * there.max()
+
+
+def test_a_real_ogden_exponent_gives_the_energy_of_the_whole_number_and_passes_through_zero() -> None:
+    axial, hoop = np.linspace(0.6, 1.05, 7)[:, None] ** 2, np.linspace(0.8, 1.6, 6) ** 2
+    for alpha in (-4, 2, 6):
+        half = alpha // 2
+        whole = 0.5e6 / half**2 * (axial**half + hoop**half + (axial * hoop) ** (-half) - 3.0)
+        # 1e6 Pa times rounding of the sum of three powers up to 30
+        np.testing.assert_allclose(real_ogden_density(axial, hoop, 1e6, float(alpha)), whole, rtol=0, atol=1e-7)
+    # at zero the energy is quadratic in the logarithms of the stretches; 1e-3 away it differs by a third-order term
+    logs = np.log(axial), np.log(hoop)
+    hencky = 0.25e6 * (logs[0] ** 2 + logs[1] ** 2 + (logs[0] + logs[1]) ** 2)
+    np.testing.assert_allclose(real_ogden_density(axial, hoop, 1e6, 0.0), hencky, rtol=2e-3)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, 1.6, 3.0])

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from examples import example, examples
+from examples import SEATED, example, examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +20,7 @@ from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import Quantity, declared
 
 # Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
-SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law == "seated_braid" else law for law in LAWS]
+SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law in SEATED else law for law in LAWS]
 EXAMPLES = [pytest.param(name, marks=pytest.mark.slow) if "seated" in name else name for name in examples()]
 
 FREE_LENGTH = jax.jit(lambda law, pressure: law.free_length(pressure))
@@ -60,7 +60,7 @@ def everywhere(law: TensionLaw) -> tuple[np.ndarray, np.ndarray]:
     ends = np.array([np.nextafter(x, way) for x in thread for way in (0.0, x, math.inf)])
     length = np.concatenate([np.geomspace(1e-3, 10.0 * thread[0], 80), ends])
     # The boundary of slack. Without load the seats take up nothing, so that of the bare braid serves, which compiles fast.
-    free = np.asarray(FREE_LENGTH(law._braid() if law_name(law) == "seated_braid" else law, pressure))
+    free = np.asarray(FREE_LENGTH(law._braid() if law_name(law) in SEATED else law, pressure))
     near = np.concatenate([free, np.nextafter(free, 0.0), np.nextafter(free, math.inf)])
     span, at = np.meshgrid(length, pressure, indexing="ij")
     span, at = np.concatenate([span.ravel(), near]), np.concatenate([at.ravel(), np.tile(pressure, 3)])
@@ -71,7 +71,7 @@ def everywhere(law: TensionLaw) -> tuple[np.ndarray, np.ndarray]:
 def assert_pulls_or_hangs(law: TensionLaw) -> None:
     span, pressure = everywhere(law)
     (by_parameter, by_span, by_pressure), tension = SLOPES(law, span, pressure)
-    if law_name(law) == "seated_braid":  # the slopes of its volume are in test_one_potential; they take long to compile
+    if law_name(law) in SEATED:  # the slopes of its volume are in test_one_potential; they take long to compile
         at = {"F": np.asarray(tension), "F_L": np.asarray(by_span), "F_P": np.asarray(by_pressure)}
     else:
         at = evaluate(law, span, pressure) | {
@@ -96,7 +96,7 @@ def test_no_example_pushes_and_its_derivatives_are_finite(name: str) -> None:
 def test_no_law_pushes_with_any_parameters_and_its_derivatives_are_finite(law: str) -> None:
     count = len(declared(law_type(law)))
 
-    @settings(max_examples=5 if law == "seated_braid" else 40, deadline=None, database=None, derandomize=True)
+    @settings(max_examples=5 if law in SEATED else 40, deadline=None, database=None, derandomize=True)
     @given(st.lists(st.floats(0.0, 1.0), min_size=count, max_size=count))
     def check(draw: list[float]) -> None:
         assert_pulls_or_hangs(any_law(law, draw))
@@ -126,7 +126,7 @@ def test_slack_is_reported_where_the_tension_is_zero_and_nowhere_else(law: str) 
     assert (overstretched == (span > float(muscle.length_range()[1]))).all()
 
 
-@pytest.mark.parametrize("law", [law for law in LAWS if law != "seated_braid"])
+@pytest.mark.parametrize("law", [law for law in LAWS if law not in SEATED])
 def test_scalars_arrays_jit_and_vmap_agree(law: str) -> None:
     muscle = example(law)
     span = np.linspace(0.7, 1.1, 5) * thread_length(muscle)
@@ -185,7 +185,7 @@ def test_the_tension_of_the_braid_is_a_straight_line(law: str) -> None:
         "gather",
     }
     banned |= {"pure_callback", "io_callback", "debug_callback", "custom_root", "switch"}
-    if law != "seated_braid":  # five fixed steps
+    if law not in SEATED:  # five fixed steps
         banned.add("scan")
     assert "mul" in operations(law)  # the walk has found something
     assert not operations(law) & banned, operations(law) & banned

@@ -71,3 +71,34 @@ def test_the_interval_of_the_seats_excludes_rigid_ends() -> None:
     seats = found().parameters["seat_compliance"]
     # End effects matter: without seats all three lengths would pull alike at rest length, but they pull 305 to 421 N.
     assert seats.low > 0.5 * seats.value > 0.0
+
+
+@functools.cache
+def filled(law: str) -> Fit:
+    """A fit to the filling branch, with an error of each set length."""
+    points = read_force_map(FOLDER / FILE, pressure_zero=9.2e3)  # what the sensor reads at rest [Pa]
+    known = {"rest_diameter": 0.010, "wall_thickness": 1.8e-3}
+    assert points.branch is not None
+    return fit(law, points.select(points.branch == "inflate"), known=known, schemes=(), length_error="0.5 mm")
+
+
+@LATER
+def test_fitted_to_filling_with_errors_of_lengths_it_predicts_venting() -> None:
+    law = filled("seated_hyperelastic_braid")
+    points = read_force_map(FOLDER / FILE, pressure_zero=9.2e3)
+    assert points.branch is not None
+    vented = points.select((points.branch == "deflate") & points.taut)
+    assert vented.rest_length is not None
+    errors = np.empty(len(vented))
+    for error in law.length_errors:
+        rows = np.isclose(vented.rest_length, error.rest_length) & np.isclose(vented.length, error.length)
+        longest = error.rest_length + 2e-3
+        one = law.build(rest_length=error.rest_length, upper_length=longest)
+        at = vented.select(rows)
+        largest = points.tension[np.isclose(points.rest_length, error.rest_length)].max()  # type: ignore[arg-type]
+        errors[rows] = (np.asarray(one.tension(at.length + error.added, at.pressure)) - at.tension) / largest
+    rms, bias = float(np.sqrt(np.mean(errors**2))), float(np.mean(errors))
+    print(f"\nventing: rms {100 * rms:.2f} %, bias {100 * bias:+.2f} %")
+    # The aim was 1.5 %; measured 1.33 % and -0.5 %, a solver's tolerance on top.
+    assert rms <= 0.0137
+    assert abs(bias) <= 0.006

@@ -106,6 +106,13 @@ def fit(
         ),
     ] = False,
     draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
+    length_error: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="Standard deviation of the error of each set length, such as '0.5 mm', to find these errors too.",
+        ),
+    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     out: Annotated[Paths, OUT.option()] = None,
@@ -134,7 +141,7 @@ def fit(
             raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
         rankings, warnings = _ranked(
             tables, law, rest_length, like, change, column, unit, branch, pressure_zero, train_below, slack=slack,
-            **format_options(sheet, topic, gear_ratio),
+            length_error=length_error, **format_options(sheet, topic, gear_ratio),
         )  # fmt: skip
         samples = [_posterior(ranking, rig, draws) for ranking in rankings] if posterior else []
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
@@ -231,11 +238,14 @@ def _ranked(
     train_below: str | None,
     *,
     slack: bool,
+    length_error: str | None,
     **options: Any,
 ) -> tuple[list[Ranking], list[list[str]]]:
     """Read the tables and rank the laws on each; with the cautions about each table."""
     rest = None if rest_length is None else parse(rest_length, "m", field="--rest-length")
     below = None if train_below is None else parse(train_below, "Pa", field="--train-below")
+    if length_error is not None:
+        identification.checked_length_error(length_error, field="--length-error")
     reading = {
         "columns": column_places(column) or {},
         "units": pairs(unit, "--unit", "pressure=kPa"),
@@ -246,7 +256,8 @@ def _ranked(
     with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
         loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in tables]
         warnings = [_cautions(points, spec) for points, spec in loaded]
-        return [_ranking(points, spec, law, change, below, slack) for points, spec in loaded], warnings
+        rankings = [_ranking(points, spec, law, change, below, slack, length_error) for points, spec in loaded]
+        return rankings, warnings
 
 
 def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:
@@ -269,6 +280,7 @@ def _ranking(
     change: list[str] | None,
     below: float | None,
     slack: bool,
+    length_error: str | None,
 ) -> Ranking:
     every = laws is None or "all" in laws
     named = [name for name in laws or [] if name != "all"]
@@ -285,6 +297,7 @@ def _ranking(
             known=known,
             train_below=below,
             slack=slack,
+            length_error=length_error,
             progress=advance,
         )
 

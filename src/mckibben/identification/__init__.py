@@ -5,8 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from .fit import SCHEMES, Fit, bound_of, degenerate_words, evaluate, fit_all, rank
 from .posterior import MapSensors, Posterior, read_posterior
+from .fit import (
+    SCHEMES,
+    Fit,
+    LengthError,
+    bound_of,
+    checked_length_error,
+    degenerate_words,
+    evaluate,
+    fit_all,
+    rank,
+)
 from .ranking import Ranking, fit, load_table
 from .uncertainty import Estimate
 
@@ -28,10 +38,12 @@ __all__ = [
     "Fit",
     "MapSensors",
     "Posterior",
+    "LengthError",
     "Ranking",
     "SCHEMES",
     "Trial",
     "bound_of",
+    "checked_length_error",
     "degenerate_words",
     "evaluate",
     "fit",

@@ -242,7 +242,7 @@ def fit(
     """
     tell = progress or (lambda _: None)
     law = law_key(law)
-    spread_of_lengths = _checked_length_error(length_error)
+    spread_of_lengths = checked_length_error(length_error)
     problem = Problem.of(law, points, known=known, free=free, slack=slack, length_error=spread_of_lengths)
     solution = solve(problem)
     tell(f"{law}: fitted")
@@ -377,14 +377,22 @@ def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dic
     }
 
 
-def _checked_length_error(length_error: Scalar | str | None) -> float:
-    """Standard deviation of the errors of set lengths [m]; zero for none."""
+def checked_length_error(length_error: Scalar | str | None, *, field: str = "length_error") -> float:
+    """Standard deviation of the errors of set lengths [m]; zero for none.
+
+    Args:
+        length_error: a number [m], a text with a unit, or None for none.
+        field: how errors name it.
+
+    Raises:
+        InputError: it is not above zero, or more than 10 mm.
+    """
     if length_error is None:
         return 0.0
-    value = float(in_si(length_error, "m", field="length_error"))
+    value = float(in_si(length_error, "m", field=field))
     if not 0.0 < value <= MOST_LENGTH_ERROR:
         allowed = f"must be above 0 m and at most {with_unit(MOST_LENGTH_ERROR, 'm')}"
-        raise InputError("length_error", with_unit(value, "m"), allowed)
+        raise InputError(field, with_unit(value, "m"), allowed)
     return value
 
 

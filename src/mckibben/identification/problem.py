@@ -26,7 +26,6 @@ from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
 from ..recordings import ForceMap
 
-
 Formula = Callable[..., np.ndarray]
 # Independent points along a curve of tension over pressure at one length, of as many as were measured.
 CURVE_POINTS = 3.0
@@ -385,9 +384,7 @@ class _Descent:
             each = np.zeros((len(stiffness), self.shifts))
             each[np.arange(len(stiffness)), self.curve] = self.problem.length_error * stiffness
             columns = np.concatenate([columns, each], axis=1)
-        rows = np.nan_to_num(
-            (self.weight * pulling)[:, None] * columns / self.size, nan=0.0, posinf=0.0, neginf=0.0
-        )
+        rows = np.nan_to_num((self.weight * pulling)[:, None] * columns / self.size, nan=0.0, posinf=0.0, neginf=0.0)
         return np.concatenate([rows, self.noise * self._prior_rows()]) if self.informed else rows
 
     def _prior_rows(self) -> np.ndarray:

@@ -167,7 +167,8 @@ def fit(
         rest_length: of the muscle [m], for a file that does not state it.
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
         progress: called with a few words after each piece of work.
-        **options: ``free``, ``slack`` and ``schemes`` of `fit_law`; ``beside``: laws of your own to rank beside all others.
+        **options: ``free``, ``slack``, ``schemes`` and ``length_error`` of `fit_law`; ``beside``: laws of your own to rank
+            beside all others.
 
     Returns:
         The fit of the one law; else the ranking of all that could be fitted.
