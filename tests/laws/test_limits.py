@@ -262,6 +262,7 @@ SHAPE = {
 }  # fmt: skip
 
 
+@pytest.mark.slow  # a quarter of a minute of compilation
 def test_the_seated_hyperelastic_braid_becomes_either_law_of_which_it_is_made() -> None:
     length, pressure = np.linspace(0.8, 1.0, 9)[:, None] * 0.25, np.linspace(0.5e5, 7e5, 8)
     plain = {"thread_depth": 0.0, "thread_compliance": 0.0, "inactive_share": 0.0}

@@ -163,6 +163,7 @@ CALLS: dict[str, list[Call]] = {
     "read": [Call((str(MAP), "--rest-length", "30 cm"))],
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),
+        Call(("DMSP-20-300", "--law", "ideal", "--length-error", "0.5 mm")),
         needs("report", "DMSP-20-300", "--out", "fit.pdf"),
         needs("posterior", "DMSP-20-300", "--law", "ideal", "--posterior"),
     ],
