@@ -148,7 +148,7 @@ _ANY = ("",)
 KINDS: dict[str, ValueKind] = {
     # quantities with a unit
     "LENGTH": ValueKind("m", (1e-3, 20.0)),
-    "SIZE": ValueKind("m", (1e-5, 0.5)),  # across: a diameter, a thickness, a moment arm
+    "SIZE": ValueKind("m", (1e-5, 0.5)),  # small: a diameter, a thickness, a moment arm, an error of a length
     "LENGTHxDIAMETER": ValueKind(),
     "PRESSURE": ValueKind("Pa", (1e3, 3e6)),
     "FORCE": ValueKind("N", (1e-2, 5e4)),

@@ -109,7 +109,7 @@ def fit(
     length_error: Annotated[
         str | None,
         typer.Option(
-            metavar="LENGTH",
+            metavar="SIZE",
             help="Standard deviation of the error of each set length, such as '0.5 mm', to find these errors too.",
         ),
     ] = None,
@@ -390,6 +390,13 @@ def show_ranking(study: Ranking) -> None:
         typer.echo(
             f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
         )
+    for error in best.length_errors:
+        low, high = with_unit(error.low, "m"), with_unit(error.high, "m")
+        typer.echo(
+            f"  length {with_unit(error.length, 'm')}: add {with_unit(error.added, 'm')}  (95 %: {low} to {high})"
+        )
+    if best.effective is not None:
+        typer.echo(f"  {best.effective:.1f} of these are determined by the data rather than their priors")
     for f in study.fits:
         for warning in f.warnings:
             typer.echo(f"note: {f.law}: {warning}")
