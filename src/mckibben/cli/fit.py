@@ -391,10 +391,9 @@ def show_ranking(study: Ranking) -> None:
             f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
         )
     for error in best.length_errors:
-        low, high = with_unit(error.low, "m"), with_unit(error.high, "m")
-        typer.echo(
-            f"  length {with_unit(error.length, 'm')}: add {with_unit(error.added, 'm')}  (95 %: {low} to {high})"
-        )
+        low, added, high = (f"{1e3 * value:+.2f} mm" for value in (error.low, error.added, error.high))
+        of = "" if math.isnan(error.rest_length) else f" of {1e3 * error.rest_length:.6g} mm"
+        typer.echo(f"  length {1e3 * error.length:.6g} mm{of}: {added}  (95 %: {low} to {high})")
     if best.effective is not None:
         typer.echo(f"  {best.effective:.1f} of these are determined by the data rather than their priors")
     for f in study.fits:
