@@ -390,10 +390,10 @@ def show_ranking(study: Ranking) -> None:
         typer.echo(
             f"  {name} = {with_unit(e.value, e.unit)}  (95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)})"
         )
-    for error in best.length_errors:
-        low, added, high = (f"{1e3 * value:+.2f} mm" for value in (error.low, error.added, error.high))
-        of = "" if math.isnan(error.rest_length) else f" of {1e3 * error.rest_length:.6g} mm"
-        typer.echo(f"  length {1e3 * error.length:.6g} mm{of}: {added}  (95 %: {low} to {high})")
+    for shift in best.length_errors:
+        low, added, high = (f"{1e3 * value:+.2f} mm" for value in (shift.low, shift.added, shift.high))
+        of = "" if math.isnan(shift.rest_length) else f" of {1e3 * shift.rest_length:.6g} mm"
+        typer.echo(f"  length {1e3 * shift.length:.6g} mm{of}: {added}  (95 %: {low} to {high})")
     if best.effective is not None:
         typer.echo(f"  {best.effective:.1f} of these are determined by the data rather than their priors")
     for f in study.fits:

@@ -54,7 +54,7 @@ class SeatedBraid(TensionLaw):
 
     def take_up(self, length: Scalar, pressure: Scalar) -> Scalar:
         """How far both ends have settled together [m], by which the braid is shorter than the muscle."""
-        return self._take_up(self._braid(), length, pressure)
+        return seat.take_up(self._braid(), self.seat_compliance, length, pressure)
 
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         braid = self._braid()
