@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from .posterior import MapSensors, Posterior, read_posterior
 from .fit import (
     SCHEMES,
     Fit,
@@ -17,6 +16,7 @@ from .fit import (
     fit_all,
     rank,
 )
+from .posterior import MapSensors, Posterior, read_posterior
 from .ranking import Ranking, fit, load_table
 from .uncertainty import Estimate
 

@@ -230,7 +230,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class Posterior:
+class LinearPosterior:
     """What priors and data say together, linearised at the solution.
 
     Attributes:
@@ -258,7 +258,7 @@ class Solution:
     message: str
     starts: int
     agreeing: int
-    posterior: Posterior | None = None
+    posterior: LinearPosterior | None = None
 
     def values(self, problem: Problem) -> dict[str, float]:
         """The free parameters [SI]."""
@@ -402,13 +402,13 @@ class _Descent:
         degrees = max(float(np.sum(self.weight**2)) - self.posterior(vector).effective, 1.0)
         self.noise = max(float(np.sqrt(left @ left / degrees)), LEAST_NOISE)
 
-    def posterior(self, vector: np.ndarray) -> Posterior:
+    def posterior(self, vector: np.ndarray) -> LinearPosterior:
         """Covariance of parameters and length errors at a solution, and how many of them the data determine."""
         rows = self.derivative(vector, unilateral=True)
         held = rows[len(self.problem.points) :]
         inverse = np.linalg.pinv(rows.T @ rows)
         spread = self.noise * np.sqrt(np.diag(inverse))[self.count :] * self.problem.length_error
-        return Posterior(
+        return LinearPosterior(
             covariance=self.noise**2 * inverse[: self.count, : self.count],
             shifts=(self.problem.length_error * vector[self.count :], spread),
             effective=float(vector.size - np.trace(inverse @ (held.T @ held))),
