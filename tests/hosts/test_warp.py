@@ -77,6 +77,15 @@ def test_parameters_may_differ_from_instance_to_instance(module):
         module.Muscles(1, "cpu", {"supply": 1.0})
 
 
+def test_models_that_cannot_work_are_refused(module):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    text = '<mujoco><option integrator="RK4"/></mujoco>'
+    with pytest.raises(ValueError, match="integrator must be Euler or implicitfast"):
+        module.MujocoMuscles(mujoco.MjModel.from_xml_string(text), None, None)
+    with pytest.raises(ValueError, match="actuators must be 1, got 2"):
+        module.MujocoMuscles(mujoco.MjModel.from_xml_string(text), None, None, actuators=("a", "b"))
+
+
 @pytest.mark.slow  # Newton takes seconds to load
 def test_a_newton_drive_turns_a_joint_as_the_part_does(part, module):
     """Moments are float32 there, rounded at 6e-8."""
