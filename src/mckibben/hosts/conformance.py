@@ -195,7 +195,7 @@ def _certify(
         single = scenario("hang").part
         content["slope_mass_kg"] = {f"{h:g}": single.slope(h) * h * h for h in steps}
         content["smallest_mass_kg"] = {f"{h:g}": smallest_mass(tested, h) for h in steps}
-        content["steps_per_s"] = round(steps_per_second(tested), -2)
+        content["steps_per_s"] = float(f"{steps_per_second(tested):.3g}")
     content["caveats"] = list(tested.caveats)
     return Certificate(tested.name, content, tuple(_verdicts(content)))
 

@@ -127,7 +127,10 @@ class WarpHost(HostAdapter):
     """MuJoCo Warp on the processor; its mechanics are in float32, the muscles in float64."""
 
     name, title, staggered = "warp", "MuJoCo Warp on the processor, Euler, float32 beside muscles in float64", True
-    caveats = ("One world on the processor; the same code is compiled for GPUs, on which it has not run.",)
+    caveats = (
+        "One world on the processor, most of whose step is MuJoCo Warp's own; the code is compiled for GPUs too, on which "
+        "it has not run.",
+    )
 
     def __init__(self) -> None:
         _mujoco_warp()
