@@ -256,6 +256,7 @@ def _names(part: Any) -> str:
 
 def rigs(_: Path) -> str:
     """Return the tables of all keys of a rig file, with the values of the rigs that ship with the package."""
+    from mckibben.bench.faults import RigFaults
     from mckibben.bench.hardware import AnalogOut, Computer, Converter, Encoder, Frame, Motor, Sensor
     from mckibben.bench.hardware.pneumatics import Plumbing
     from mckibben.bench.rig_file import LENGTH, shipped_rigs
@@ -298,6 +299,7 @@ def rigs(_: Path) -> str:
         ("control.force", "", ForceControl, declared(ForceControl)),
         ("interlocks", "", Interlocks, {k: watched[k] for k in _WATCHED}),
         ("environment", "", Environment, declared(Environment)),
+        ("faults", "; optional", RigFaults, declared(RigFaults)),
     ]
     for path, more, owner, keys in tables:
         names = [*keys, *(n for n in _WHOLE if n in {f.name for f in dataclasses.fields(owner)})]

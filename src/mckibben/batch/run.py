@@ -132,13 +132,18 @@ class _Piece:
         )
         sums.going[count:] = False  # the last lane again, to fill the width
         total = max(lane.built.bench.plan.samples for lane in lanes)
-        seeds = len({lane.built.bench.seed for lane in lanes}) > 1
+        drifting = sorted({name for lane in lanes for name in lane.built.bench.rig.faults.drifts()})
+        own = {
+            (b.seed, *(float(b.rig.faults.drifts().get(n, 0.0)) for n in drifting))
+            for b in (x.built.bench for x in lanes)
+        }
+        seeds = len(own) > 1
         before = 0
         for part in range(len(group.family.fixed.structures)):
             leaves = group.family.stacked(padded, part)
             kernels = runner.kernels(group.family, part, seeds)
             chosen = padded if seeds else padded[:1]
-            rows = march.NoiseRows([SensorNoise(lane.built.bench, part) for lane in chosen])
+            rows = march.NoiseRows([SensorNoise(lane.built.bench, part, drifting=drifting) for lane in chosen])
             offset = sums.samples.copy()
             marched = march.part(
                 kernels,

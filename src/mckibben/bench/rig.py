@@ -22,6 +22,7 @@ from ..experiments.dry_run import Limits
 from ..experiments.protocol import Protocol
 from ..pneumatics.gas import AIR
 from ..recordings.calibration import Calibration
+from .faults import RigFaults
 from .hardware.analogue import AnalogOut, Sensor
 from .hardware.computer import Computer
 from .hardware.converters import Converters
@@ -63,7 +64,7 @@ class Rig:
 
     `plumbing` holds the ways to join the pneumatic parts by name, the usual one first. `shortest` and `longest` bound the
     span that the frame takes [m]. `inferred` are the dotted paths of what no source states. `calibration` is what comparing
-    the channels with references found.
+    the channels with references found. `faults` are those that the simulated machine has.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Rig:
     document: Mapping[str, Any] = field(default_factory=dict)
     where: str = ""
     calibration: Calibration | None = None
+    faults: RigFaults = field(default_factory=RigFaults)
 
     def __repr__(self) -> str:
         return f"Rig({self.name!r}: {self.title})"
@@ -168,8 +170,8 @@ class Rig:
             start: span at the start [m].
             moves: whether the motor holds the end; else it is fixed to a plate.
         """
-        plumbing = self.plumbing[layout]
-        units = {MUSCLE: unit} if plumbing.has_muscle and unit is not None else {}
+        plumbing = self.faults.plumbing(self.plumbing[layout])
+        units = {MUSCLE: self.faults.unit(unit)} if plumbing.has_muscle and unit is not None else {}
         stand = TestStand(
             held=tuple(units), frame=self.frame, motor=self.motor if moves else None, start=jnp.asarray(float(start))
         )

@@ -40,6 +40,7 @@ from ..quantities import Quantity, declared, parse
 from ..registry import load_reference, with_own_references
 from ..schema import FileTable, read_table
 from ..specimens import specimen
+from .faults import DRIFT, RigFaults
 from .hardware.analogue import AnalogOut, Converter, Sensor
 from .hardware.computer import Computer
 from .hardware.frame import Frame
@@ -55,7 +56,7 @@ T = TypeVar("T")
 DERIVED = ("name", "title", "source", "note")  # what a rig with a base states of itself
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",
-    "frame", "plumbing", "control", "interlocks", "environment", "hands", "daq",
+    "frame", "plumbing", "control", "interlocks", "environment", "hands", "daq", "faults",
 )  # fmt: skip
 CONTROLLERS: dict[str, type[Any]] = {"pressure": PressureControl, "position": PositionControl, "force": ForceControl}
 # Of the interlocks: from the frame, the sensors, the valve's converter and the motor.
@@ -112,7 +113,7 @@ def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]
         InputError: there is no such rig, or a table stands beside the changes.
     """
     top = FileTable.of(document, "", where)
-    top.only(("schema", "base", "changes", *DERIVED))
+    top.only(("schema", "base", "changes", "faults", *DERIVED))
     top.schema(SCHEMA)
     base = top.word("base", among=tuple(rig_names()))
     text = (resources.files(__package__) / "rigs" / f"{base}.toml").read_text(encoding="utf-8")
@@ -122,7 +123,8 @@ def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]
     changes = top.table("changes")
     for path in changes.values:
         put_rig_value(made, path, changes.word(path), where)
-    return made | {key: value for key, value in document.items() if key in DERIVED}
+    own = {key: value for key, value in document.items() if key in DERIVED}
+    return made | own | ({"faults": document["faults"]} if "faults" in document else {})
 
 
 def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
@@ -171,6 +173,7 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
         **{name: _controller(control.table(name), kind) for name, kind in CONTROLLERS.items()},
         interlocks=_interlocks(top.table("interlocks"), bounds),
         environment=room,
+        faults=_faults(top.table("faults"), [*sensors.values, *(["span"] if "encoder" in document else [])]),
         hands=_hands(top, tuple(layouts.values)),
         document=document,
         where=where,
@@ -242,6 +245,17 @@ def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
     """Read the limits of the interlocks; those that follow from other parts are not stated again."""
     entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
     return read_table(Interlocks, entry, shortest=bounds[0], longest=bounds[1])
+
+
+def _faults(table: FileTable, channels: Sequence[str]) -> RigFaults:
+    """Read the faults of the rig; only what it measures can drift."""
+    faults: RigFaults = read_table(RigFaults, table)
+    for channel in faults.drifts():
+        if channel not in channels:
+            raise table.fail(
+                f"{channel}{DRIFT}", None, f"is of a channel that the rig does not measure: {', '.join(channels)}"
+            )
+    return faults
 
 
 def _sensor(table: FileTable, unit: str) -> Sensor:

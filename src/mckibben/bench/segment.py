@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -149,28 +149,32 @@ class _Ended(NamedTuple):
 
 
 class SensorNoise:
-    """Sensor noise and open wires of the samples of a segment."""
+    """Sensor noise, open wires and drifts of the samples of a segment."""
 
-    def __init__(self, bench: PreparedRun, part: int, begin: float = 0.0) -> None:
+    def __init__(self, bench: PreparedRun, part: int, begin: float = 0.0, drifting: Iterable[str] = ()) -> None:
         # a generator for each part, so that the parts do not depend on each other's length
         self.chance = np.random.default_rng([bench.seed, part])
         self.period = 1.0 / bench.plan.sample_rate
         self.names = list(bench.rig.sensors)
         self.lost = [*self.names, "span"]
         self.opened = {f.channel: f.at for f in bench.faults}
+        # beside runs in which other channels drift, rows need them too
+        self.drifts = dict.fromkeys(drifting, 0.0) | bench.rig.faults.drifts()
         self.begin, self.count = begin, 0
 
     def first(self) -> dict[str, Tree]:
         """Return the row of a sample without noise."""
         zero = np.zeros(())
-        return {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
+        row = {"draws": dict.fromkeys(self.names, zero), "lost": dict.fromkeys(self.lost, zero)}
+        return row | ({"drift": dict.fromkeys(self.drifts, zero)} if self.drifts else {})
 
     def next(self) -> dict[str, Tree]:
         """Draw the rows of the next chunk."""
         draws = self.chance.standard_normal((len(self.names), CHUNK))
         times = self.begin + self.period * (self.count + np.arange(CHUNK))
         self.count += CHUNK
-        return {
+        rows = {
             "draws": dict(zip(self.names, draws, strict=True)),
             "lost": {n: np.where(times >= self.opened.get(n, np.inf), 1.0, 0.0) for n in self.lost},
         }
+        return rows | ({"drift": {n: float(r) * times for n, r in self.drifts.items()}} if self.drifts else {})

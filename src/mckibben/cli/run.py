@@ -67,6 +67,14 @@ Change = Annotated[
         help=f"Change a value of the protocol (several separated by ', ' or ';'), of rig.* or of muscle.*: {_EXAMPLE}.",
     ),
 ]
+Fault = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fault",
+        metavar="NAME=VALUE",
+        help="Fault of the simulated rig, such as leak='0.2 l/min/bar' or clamp_slack='1 mm'.",
+    ),
+]
 On = Annotated[
     str | None,
     typer.Option(
@@ -90,6 +98,7 @@ def run_protocol(
     rig: RigName = "paper",
     law: Law = None,
     change: Change = None,
+    fault: Fault = None,
     plumbing: Plumbing = None,
     seed: NoiseSeed = 0,
     step: Annotated[
@@ -141,6 +150,7 @@ def run_protocol(
             "--log": log,
             "--real-time": real_time,
             "--accept-saturation": accept_saturation,
+            "--fault": fault,
         }
         for option, value in of_machine.items():
             if value:
@@ -148,12 +158,15 @@ def run_protocol(
         _run_biological(protocol, biological, change, out, dry=dry, as_json=as_json)
         return
     posterior = None if from_posterior is None else _posterior(from_posterior, muscle, law, draws)
+    if fault and machine is not None:
+        raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
+    faults = [f"rig.faults.{k}={v}" for k, v in pairs(fault, "--fault", "leak='0.2 l/min/bar'").items()]
     with OUT.files(out) as files:
         bench = prepared(
             protocol,
             muscle,
             rig,
-            change,
+            [*(change or []), *faults],
             calibration,
             law=law,
             plumbing=plumbing,

@@ -26,7 +26,8 @@ class MeasuredPlant(Plant):
     """A machine with analogue sensors whose filters have states.
 
     Its state holds the machine's and the conditioned signal of every analogue sensor. A row of a sample has ``draws``, a
-    normal draw per analogue sensor, and may have ``lost``, 1 where its wire is open.
+    normal draw per analogue sensor, and may have ``lost``, 1 where its wire is open, and ``drift``, by which the zero of a
+    channel has moved [unit of the channel].
     """
 
     machine: Machine
@@ -56,10 +57,12 @@ class MeasuredPlant(Plant):
     def analogue(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
         """Analogue channels, and for each ``<channel>.code``, the count of its converter."""
         signals = self.seen(state["machine"], memory, inputs)
-        lost = row.get("lost", {})
+        lost, drift = row.get("lost", {}), row.get("drift", {})
         channels: dict[str, Scalar] = {}
         for name, sensor in self.sensors.items():
             draw = row["draws"][name]
+            if name in drift:
+                sensor = sensor.with_fields(offset=sensor.offset + drift[name])
             value, code = sensor.reading(state["sensors"][name], signals[name], draw, lost.get(name, 0.0))
             channels |= {name: value, f"{name}.code": code}
         return channels
@@ -124,6 +127,7 @@ class InstrumentedPlant(MeasuredPlant):
         encoder = self.converters.encoder
         if encoder is not None:
             position = self._stand().position(state["machine"]["load"])
+            position = position + row["drift"]["span"] if "span" in row.get("drift", {}) else position
             # a lost encoder counts nothing any more
             count = encoder.count(position, self.converters.mounted)
             counts["span"] = jnp.where(row["lost"]["span"] > 0.5, 0.0, count)

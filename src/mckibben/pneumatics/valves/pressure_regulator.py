@@ -61,6 +61,19 @@ class PressureRegulator(FlowElement):
         "Pa", (0.0, 1e8), "gauge supply at which it was set", symbol="Pref", typical=(1e5, 1e6), default=6e5
     )
 
+    def worn(self, *, blockage: Scalar = 0.0, sticking: Scalar = 0.0) -> PressureRegulator:
+        """Return the regulator with blocked orifices and a sticking piston.
+
+        Args:
+            blockage: share of the conductances of fill and relief that is blocked [1].
+            sticking: what its hysteresis is more [Pa].
+        """
+        fill, relief = (
+            edge.replace(conductance=(1.0 - blockage) * edge.conductance) for edge in (self.fill, self.relief)
+        )
+        worn: PressureRegulator = self.replace(fill=fill, relief=relief, hysteresis=self.hysteresis + sticking)
+        return worn
+
     def sensed(self, memory: Tree, pressure_abs: Scalar) -> Scalar:
         """The sensed absolute pressure [Pa] once the outlet has come to an absolute pressure."""
         half = 0.5 * self.hysteresis
