@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from .specimens import Specimen as Specimen
     from .specimens import specimen as specimen
     from .studies.comparison import compare as compare
+    from .studies.diagnosis.fault_fit import diagnose as diagnose
     from .studies.parts import part as part
     from .studies.parts import parts as parts
     from .studies.sizing.size import size as size
@@ -110,6 +111,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "size": "studies.sizing.size",
         "compare": "studies.comparison",
         "energy": "analysis.energy.working_cycles",
+        "diagnose": "studies.diagnosis.fault_fit",
         "reproduce": "reproduction",
         "benchmark": "benchmarking",
     },

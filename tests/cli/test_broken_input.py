@@ -202,8 +202,8 @@ TENSION = {
     "--for": "force", "--law": "name", "--set": "pair", "--from-posterior": "toml", "--activation": "number",
     "--contraction": "number", "--out": "picture",
 }  # fmt: skip
-RUN = {"--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--step": "time", "--on": "kind",
-       "--calibration": "toml", "--out": "out", "--log": "out"}  # fmt: skip
+RUN = {"--rig": "rig", "--set": "pair", "--fault": "pair", "--plumbing": "name", "--seed": "whole", "--step": "time",
+       "--on": "kind", "--calibration": "toml", "--out": "out", "--log": "out"}  # fmt: skip
 RIG = {
     "--on": "machine",
     "--set": "pair",
@@ -265,6 +265,9 @@ COMMANDS = {
     }),
     "check": ("check @name:ideal", {"--set": "pair", "--lowest": "pressure"}),
     "conform": ("conform @name:python --scenario hang", {"--scenario": "name", "--out": "out"}),
+    "diagnose": ("diagnose @record:record.nc --rig modern --muscle nylon", {
+        "--rig": "rig", "--muscle": "specimen", "--plumbing": "name", "--out": "out",
+    }),
     "benchmark": ("benchmark --task @name:map-above-4-bar --model @name:ideal", {"--out": "out"}),
     "joint": ("joint @specimen:nylon --command flexor=0.2 --duration @time:0.02_s", {
         "--play": "record", "--command": "pair", "--angle": "number", "--arm": "length", "--inertia": "number",

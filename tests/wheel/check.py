@@ -172,6 +172,7 @@ CALLS: dict[str, list[Call]] = {
     "run": [
         Call((*BENCH, "--set", "cycles=3", "--out", "loop.nc", "--out", "loop.svg"), ["loop.nc", "loop.svg"]),
         Call(("twitch", "--muscle", "fast-fibre", "--out", "twitch.nc"), ["twitch.nc"]),
+        Call((*BENCH, "--rig", "modern", "--fault", "leak=0.5 l/min/bar", "--out", "faulty.nc"), ["faulty.nc"]),
         needs("serial", *BENCH, "--on", "serial:/dev/ttyACM0"),
         needs("daq", *BENCH, "--on", "daq"),
         Call((*BENCH, "--from-posterior", "no.json"), says=("File not found: no.json",)),
@@ -190,6 +191,7 @@ CALLS: dict[str, list[Call]] = {
         Call(("--row", "valve.festo", "--out", "papers", "--no-pdf"), ["papers/reproduction.html"]),
         needs("report", "--out", "papers"),
     ],
+    "diagnose": [Call(("faulty.nc", "--out", "faults.csv"), ["faults.csv"])],
     "benchmark": [
         Call(("--task", "map-above-4-bar", "--model", "ideal", "--out", "scores.json"), ["scores.json"]),
         Call(

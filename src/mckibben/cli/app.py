@@ -64,6 +64,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "reproduce:reproduce_papers",
         "Compute the papers' numbers and report whether each value is reproduced.",
     ),
+    "diagnose": (
+        "diagnose:diagnose_recording",
+        "Find a fault of a rig from a recording of its normal operation.",
+    ),
     "benchmark": (
         "benchmark:run_benchmark",
         "Train models on measured tasks, and score their predictions of what they were not shown.",

@@ -164,7 +164,12 @@ def call_compiled(function: Callable[..., Tree], *trees: Tree, mode: str = "defa
 
 
 def call_in_lanes(
-    function: Callable[..., Tree], shared: tuple[Tree, ...], varied: tuple[Tree, ...], *, mode: str = "default"
+    function: Callable[..., Tree],
+    shared: tuple[Tree, ...],
+    varied: tuple[Tree, ...],
+    *,
+    mode: str = "default",
+    **fixed: Hashable,
 ) -> Tree:
     """Call a function that is compiled once for many cases, as `call_compiled` does; each case is a lane.
 
@@ -173,6 +178,7 @@ def call_in_lanes(
         shared: trees that all cases have in common.
         varied: trees whose leaves have the cases along their first axis.
         mode: mode of the native engine, see `lanewise.Program`.
+        **fixed: more arguments, which fix its structure.
 
     Returns:
         The results, with the cases along the first axis of their leaves.
@@ -180,7 +186,7 @@ def call_in_lanes(
     lanes = len(flatten(varied)[0][0])
     one = map_leaves(lambda x: np.asarray(x)[0], varied)
     moved = map_leaves(lambda x: np.moveaxis(np.asarray(x), 0, -1), varied)
-    run, _ = _compiled_for(function, (*shared, *one), {})
+    run, _ = _compiled_for(function, (*shared, *one), fixed)
     leaves, structure = flatten(run(*shared, *moved, lanes=lanes, mode=mode))
     if run.engine != "xla":  # what is the same in all lanes has no axis for them
         shapes = [(*leaf.shape, lanes) for leaf in run.program.results]

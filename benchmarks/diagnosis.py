@@ -1,0 +1,256 @@
+"""How well `mckibben diagnose` does on simulated rigs: false alarms of sound runs, and the confusion matrix of faults.
+
+    python benchmarks/diagnosis.py [--sound N] [--faulty N] [--out FILE]
+    python benchmarks/diagnosis.py --draw FILE
+
+Sound runs differ in the seed of the sensors' noise; each muscle and protocol has its share of them, run in lanes. Faulty
+runs have one fault each, of a size drawn between 1.5 and 15 times what the recording of a sound run can show, by its own
+limit, and within what the rig can still run with. A bound of the rate of false alarms is that of Clopper and Pearson at
+95 %. `--draw` writes figure and tables of the documentation from the results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import mckibben as mk
+from mckibben.bench.faults import DRIFT
+from mckibben.errors import MckibbenError
+from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of
+
+CHANNELS = ("span", "valve.command", "pressure", "valve_pressure", "tension")
+
+
+class Case(NamedTuple):
+    """A muscle and a protocol on a rig, with values of the protocol."""
+
+    muscle: str
+    protocol: str
+    rig: str
+    values: dict[str, Any]
+
+
+CASES = (
+    Case("nylon", "work-loop", "modern", {"cycles": 2}),
+    Case("nylon", "quasi-static", "modern", {"cycles": 2, "pressure": "4 bar", "precondition": 1}),
+    Case("nylon", "isotonic-triangle", "modern", {"cycles": 2, "load": "30 N", "frequency": "1 Hz"}),
+    Case("fiberglass", "work-loop", "modern", {"cycles": 2}),
+    Case("DMSP-20-300", "work-loop", "modern", {"cycles": 2}),
+    Case("nylon", "work-loop", "paper", {"cycles": 2}),
+)
+# Largest faults with which the rigs still run, and which a person would not see at once [SI].
+LARGEST = {
+    "leak": 5e-10, "valve_blockage": 0.7, "valve_sticking": 5e4, "pressure_drift": 2e3, "valve_pressure_drift": 2e3,
+    "tension_drift": 2.0, "span_drift": 5e-4, "clamp_slack": 4e-3, "lost_threads": 0.3, "rubber_warming": 60.0,
+}  # fmt: skip
+
+
+def sound_runs(case: Case, seeds: range) -> Iterator[mk.Recording]:
+    """Run a case with several seeds in lanes, as recordings with what a diagnosis needs."""
+    from mckibben.batch import Output, listed
+    from mckibben.batch.run import LANES, Runner
+    from mckibben.batch.run_template import make_template
+    from mckibben.experiments.read import protocol
+
+    outputs = tuple(Output(name, "samples", name) for name in CHANNELS)
+    first = mk.run(case.protocol, case.rig, muscle=case.muscle, seed=seeds[0], **case.values)
+    template = make_template(protocol(case.protocol, **case.values), case.muscle, case.rig, outputs=outputs)
+    template = make_template(
+        protocol(case.protocol, **case.values),
+        case.muscle,
+        case.rig,
+        outputs=outputs,
+        settings={"noise_seed": template.setting("noise_seed")},
+    )
+    runner = Runner(template, {}, threads=1)
+    for begin in range(0, len(seeds), LANES):
+        some = seeds[begin : begin + LANES]
+        done = runner.run(listed([{"noise_seed": str(seed)} for seed in some]))
+        for row in range(len(some)):
+            assert done.code[row] == 0, done.message[row]
+            kept = np.isfinite(done.outputs["time"][row])
+            channels = {n: first.channels[n].with_values(done.outputs[n][row][kept]) for n in CHANNELS}
+            yield mk.Recording(done.outputs["time"][row][kept], channels, dict(first.meta))
+
+
+def diagnosed(record: mk.Recording) -> Diagnosis:
+    """Diagnose a recording by what it states."""
+    observer = observer_of(record)
+    return diagnose_sections(observer, sections_of(record, observer.channels))
+
+
+def measure_sound(count: int, tell: Any) -> dict[str, Any]:
+    """Count false alarms in sound runs, and keep the largest likelihood ratios."""
+    rows = []
+    for case in CASES:
+        begun, alarms, largest, limits = time.perf_counter(), [], [], []
+        for record in sound_runs(case, range(1, 1 + count // len(CASES))):
+            found = diagnosed(record)
+            largest.append(found.faults[0].ratio)
+            limits.append({one.name: one.limit for one in found.faults})
+            alarms += [found.fault] if found.fault else []
+        shares = [float(np.quantile(largest, q)) for q in (0.5, 0.9, 0.99, 1.0)]
+        rows.append(
+            {
+                "case": case._asdict(), "runs": len(largest), "alarms": alarms, "ratio": shares,
+                "limits": {name: float(np.median([one[name] for one in limits])) for name in limits[0]},
+                "seconds": time.perf_counter() - begun,
+            }
+        )  # fmt: skip
+        tell(rows[-1])
+    runs, alarms = sum(r["runs"] for r in rows), sum(len(r["alarms"]) for r in rows)
+    return {"runs": runs, "alarms": alarms, "bound": bound(alarms, runs), "cases": rows}
+
+
+def bound(events: int, runs: int) -> float:
+    """One-sided 95 % upper bound of a rate by Clopper and Pearson."""
+    from scipy.stats import beta
+
+    return float(beta.ppf(0.95, events + 1, runs - events))
+
+
+def measure_faulty(count: int, limits: dict[int, dict[str, float]], tell: Any) -> Iterator[dict[str, Any]]:
+    """Run faults of random sizes, and count what was found; yields the results so far after each fault of a case."""
+    chance = np.random.default_rng(20)
+    names = list(SIZES)
+    matrix = {name: dict.fromkeys([*names, "none"], 0) for name in names}
+    runs: list[dict[str, Any]] = []
+    for number, case in enumerate(CASES):
+        share = count // len(CASES) // len(names)
+        for name in names:
+            for _ in range(share):
+                low = 1.5 * limits[number][name]
+                high = min(10.0 * low, LARGEST[name])
+                if not low < high:
+                    continue
+                size = float(np.exp(chance.uniform(np.log(low), np.log(high))))
+                size *= -1.0 if name.endswith(DRIFT) and chance.random() < 0.5 else 1.0
+                seed = int(chance.integers(1, 1 << 30))
+                rig = mk.rig(case.rig, {f"faults.{name}": _words(name, size)})
+                try:
+                    found = diagnosed(mk.run(case.protocol, rig, muscle=case.muscle, seed=seed, **case.values))
+                except MckibbenError as error:
+                    runs.append({"case": number, "fault": name, "size": size, "error": str(error)})
+                    continue
+                matrix[name][found.fault or "none"] += 1
+                value, low95, high95, _ = found[name].estimate
+                runs.append(
+                    {
+                        "case": number, "fault": name, "size": size, "found": found.fault,
+                        "alternatives": list(found.alternatives), "value": value, "inside": bool(low95 <= size <= high95),
+                        "explained": found.explained,
+                    }
+                )  # fmt: skip
+            tell({"case": number, "fault": name, "row": matrix[name]})
+            yield {"matrix": matrix, "runs": runs}
+
+
+def _words(name: str, size: float) -> str:
+    from mckibben.bench.faults import RigFaults
+    from mckibben.quantities import declared
+
+    unit = declared(RigFaults)[name].unit
+    return f"{size!r}" if unit == "1" else f"{size!r} {unit}"
+
+
+SHORT = {
+    "leak": "leak", "valve_blockage": "blocked valve", "valve_sticking": "sticking valve",
+    "pressure_drift": "drift, pressure", "valve_pressure_drift": "drift, valve pressure", "tension_drift": "drift, tension",
+    "span_drift": "drift, span", "clamp_slack": "slack clamp", "lost_threads": "lost threads",
+    "rubber_warming": "warm rubber", "none": "no fault",
+}  # fmt: skip
+
+
+def draw(results: dict[str, Any]) -> None:
+    """Write the figure and the tables between the marks of the documentation's page."""
+    from mckibben.report.figures.diagnosis_figures import confusion_figure
+
+    docs = Path(__file__).resolve().parents[1] / "docs"
+    matrix = results["faulty"]["matrix"]
+    mk.save_figure(confusion_figure(matrix, SHORT), docs / "assets" / "diagnosis.svg")
+    page = docs / "explanation" / "diagnosis.md"
+    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    page.write_text(f"{head}{BEGIN}\n\n{tables(results)}\n\n{END}{tail}", encoding="utf-8")
+
+
+BEGIN, END = "<!-- written by benchmarks/diagnosis.py; do not edit -->", "<!-- end -->"
+
+
+def tables(results: dict[str, Any]) -> str:
+    """Tables of the page: false alarms by case, faults, and the confusion matrix."""
+    sound, faulty = results["sound"], results["faulty"]
+    lines = [
+        f"{sound['alarms']} false alarms in {sound['runs']} sound runs: below {sound['bound']:.2g} of the runs at 95 %.", "",
+        "| muscle | protocol | rig | sound runs | false alarms | ratio, median | 99 % | largest |",
+        "|---|---|---|---:|---:|---:|---:|---:|",
+    ]  # fmt: skip
+    for row in sound["cases"]:
+        case, (half, _, most, largest) = row["case"], row["ratio"]
+        words = f"| {case['muscle']} | {case['protocol']} | {case['rig']} | {row['runs']} | {len(row['alarms'])} "
+        lines.append(f"{words}| {half:.1f} | {most:.1f} | {largest:.1f} |")
+    lines += ["", "| fault | runs | right | found | error of the value, median | 90 % | inside the interval |"]
+    lines += ["|---|---:|---:|---:|---:|---:|---:|"]
+    every = [r for r in faulty["runs"] if "error" not in r]
+    for name in [*SIZES, ""]:
+        some = [r for r in every if name in ("", r["fault"])]
+        if not some:
+            continue
+        right = [r for r in some if r["found"] == r["fault"]]
+        errors = [abs(r["value"] / r["size"] - 1.0) for r in some]
+        cells = [
+            SHORT.get(name, "all"), str(len(some)), f"{100 * len(right) / len(some):.0f} %",
+            f"{100 * sum(bool(r['found']) for r in some) / len(some):.0f} %", f"{100 * np.median(errors):.1f} %",
+            f"{100 * np.quantile(errors, 0.9):.1f} %", f"{100 * np.mean([r['inside'] for r in some]):.0f} %",
+        ]  # fmt: skip
+        lines.append(f"| {' | '.join(cells)} |")
+    stopped = len(faulty["runs"]) - len(every)
+    lines += ["", f"{stopped} faulty runs were stopped by the rig itself and gave no recording to diagnose."]
+    names = [*SIZES, "none"]
+    lines += ["", "| there was, found | " + " | ".join(SHORT[n] for n in names) + " |", "|---|" + "---:|" * len(names)]
+    for name in SIZES:
+        row = faulty["matrix"][name]
+        lines.append(f"| {SHORT[name]} | " + " | ".join(str(row[n]) if row[n] else "" for n in names) + " |")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Measure, and write the results as JSON; or draw results."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sound", type=int, default=3600, help="sound runs in all; 0 keeps those of the file")
+    parser.add_argument("--faulty", type=int, default=600, help="faulty runs in all")
+    parser.add_argument("--out", default="diagnosis.json", help="JSON file of the results")
+    parser.add_argument("--draw", default="", help="write figure and tables of the documentation from a JSON file")
+    options = parser.parse_args()
+    if options.draw:
+        with open(options.draw, encoding="utf-8") as file:
+            draw(json.load(file))
+        return 0
+
+    def tell(row: dict[str, Any]) -> None:
+        print(json.dumps(row), file=sys.stderr, flush=True)
+
+    before = json.loads(Path(options.out).read_text(encoding="utf-8")) if options.sound == 0 else {}
+    results = {"sound": before["sound"] if before else measure_sound(options.sound, tell)}
+    write(results, options.out)
+    limits = {i: c["limits"] for i, c in enumerate(results["sound"]["cases"])}
+    for faulty in measure_faulty(options.faulty, limits, tell):
+        write(results | {"faulty": faulty}, options.out)
+    return 0
+
+
+def write(results: dict[str, Any], out: str) -> None:
+    """Write what there is so far."""
+    Path(out).write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,493 @@
+"""Diagnosis of a rig from a recording of normal operation: which fault, how large, and what cannot be told apart.
+
+    r = measured - sound prediction,   L_k = max over the fault's value v of  (|r|^2 - |r - d_k(v)|^2)/(s^2 w^2)
+
+Each fault of `bench.faults` is fitted alone; d_k(v) is its effect on the readings. Readings are averaged over blocks, in
+units of the standard deviation s that the residual of all faults together has, widened by w for neighbouring blocks that
+are alike. L_k is twice the logarithm of the likelihood ratio against the sound rig. The largest one beyond `THRESHOLD`
+names the fault; others within `TELLING` of it explain the record nearly as well.
+
+The rig's own description is the model: what it leaves out, such as another muscle than the one it names, looks like a fault.
+One fault at a time is identified; where one does not explain the record, the diagnosis says so.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...assembly.build import unit_from_muscle, unit_from_specimen
+from ...assembly.muscle_unit import MuscleUnit
+from ...bench.faults import DRIFT, RigFaults
+from ...bench.rig import Rig
+from ...bench.rig_file import read_rig
+from ...bench.rig_file import rig as rig_of
+from ...documents import JsonValue
+from ...errors import InputError
+from ...identification.uncertainty import Estimate, akaike, widening
+from ...muscles import Muscle
+from ...pneumatics.valves import PressureRegulator
+from ...quantities import declared, with_unit
+from ...recordings.files import read_recording
+from ...recordings.recording import Recording
+from ...specimens import Specimen, muscle_specimen
+from .observer import CHANNELS, START_GAS, Observer, Section
+
+# Calibrated on sound runs, see docs/how-to/find-a-fault-in-a-rig.md.
+THRESHOLD = 30.0
+TELLING = 6.0  # a likelihood e^3 times smaller: such a fault is not excluded
+BLOCK = 0.02  # readings are averaged over it [s]
+SKIPPED = 0.25  # share of a section in which friction forgets how it began
+SHORTEST = 0.2  # of a section [s]
+MOST_SECTIONS, MOST_SAMPLES = 8, 20_000
+ROUNDS, LADDER = 4, 9  # of the search for a fault's value, and values of each
+# Values at which the effect of a fault begins to be seen [SI], in which it is searched.
+SIZES = {
+    "leak": 3e-11,
+    "valve_blockage": 0.05,
+    "valve_sticking": 2e3,
+    "pressure_drift": 20.0,
+    "valve_pressure_drift": 20.0,
+    "tension_drift": 0.02,
+    "span_drift": 2e-5,
+    "clamp_slack": 1e-4,
+    "lost_threads": 0.01,
+    "rubber_warming": 5.0,
+}
+TITLES = {
+    "leak": "leak of the muscle's fitting",
+    "valve_blockage": "blocked valve",
+    "valve_sticking": "sticking valve",
+    "pressure_drift": "drifting pressure sensor at the muscle",
+    "valve_pressure_drift": "drifting pressure sensor at the valve",
+    "tension_drift": "drifting load cell",
+    "span_drift": "drifting measurement of the span",
+    "clamp_slack": "slack clamp",
+    "lost_threads": "braid that has lost threads",
+    "rubber_warming": "warm rubber",
+}
+SHOWN = {"leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s"}
+FEWEST_BLOCKS, SCALINGS = 20, 5
+START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
+
+
+class FaultFit(NamedTuple):
+    """A fault fitted alone.
+
+    Attributes:
+        name: as in the rig's file.
+        estimate: its value with a 95 % interval [SI].
+        ratio: twice the logarithm of its likelihood over that of the sound rig.
+        aicc: Akaike's criterion less that of the sound rig; negative where the fault explains the record better.
+        limit: value from which on this recording would show it [SI].
+    """
+
+    name: str
+    estimate: Estimate
+    ratio: float
+    aicc: float
+    limit: float
+
+    @property
+    def title(self) -> str:
+        """The fault in words."""
+        return TITLES[self.name]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Result of a diagnosis.
+
+    Attributes:
+        faults: all faults, the most likely first.
+        fault: name of the fault that was found; empty if the rig is sound as far as the recording shows.
+        alternatives: names of faults that explain the recording nearly as well.
+        explained: whether one fault, or none, explains the recording.
+        threshold: of the likelihood ratio.
+        blocks: number of averaged readings.
+    """
+
+    faults: tuple[FaultFit, ...]
+    fault: str
+    alternatives: tuple[str, ...]
+    explained: bool
+    threshold: float
+    blocks: int
+
+    def __getitem__(self, name: str) -> FaultFit:
+        """Fit of a fault by its name."""
+        for one in self.faults:
+            if one.name == name:
+                return one
+        raise InputError("fault", name, known=[one.name for one in self.faults])
+
+    @property
+    def sentence(self) -> str:
+        """The diagnosis in words."""
+        if not self.fault:
+            return "No fault: the sound rig explains the recording."
+        best = self[self.fault]
+        value, low, high = (shown(best.name, v) for v in best.estimate[:3])
+        said = f"{best.title.capitalize()}: {value} (95 %: {low} to {high})."
+        if self.alternatives:
+            others = ", ".join(TITLES[name] for name in self.alternatives)
+            said += f" The recording cannot tell it from: {others}."
+        if not self.explained:
+            said += " It does not explain the recording alone: there is another fault, or something that is not in the list."
+        return said
+
+    def __repr__(self) -> str:
+        return f"Diagnosis({self.sentence})"
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Plain values for JSON [SI]."""
+        return {
+            "fault": self.fault or None,
+            "sentence": self.sentence,
+            "alternatives": list(self.alternatives),
+            "explained": self.explained,
+            "threshold": self.threshold,
+            "blocks": self.blocks,
+            "faults": [
+                {**one.estimate._asdict(), "name": one.name, "ratio": one.ratio, "aicc": one.aicc, "limit": one.limit}
+                for one in self.faults
+            ],
+        }
+
+
+def shown(name: str, value: float) -> str:
+    """Format the value of a fault with its usual unit."""
+    from ...quantities import from_si
+
+    unit = declared(RigFaults)[name].unit
+    if name in SHOWN:
+        return f"{from_si(value, unit, SHOWN[name]):.3g} {SHOWN[name]}".replace("l/(min*bar)", "l/min/bar")
+    return f"{100.0 * value:.3g} %" if unit == "1" else with_unit(value, unit, 3)
+
+
+def diagnose(
+    recording: Recording | str | os.PathLike[str],
+    rig: Rig | str | os.PathLike[str] | None = None,
+    *,
+    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
+    plumbing: str | None = None,
+) -> Diagnosis:
+    """Find a fault of a rig from a recording of its normal operation.
+
+    Args:
+        recording: a recording, or its file, with the channels ``span``, ``valve.command`` and at least one of ``pressure``,
+            ``valve_pressure`` and ``tension``.
+        rig: the sound rig, its name or file; by default as the recording states it, without its faults.
+        muscle: the sound muscle; by default as the recording states it.
+        plumbing: how the parts are joined; by default as the recording states it.
+
+    Raises:
+        InputError: names what is missing.
+        ConvergenceError: the rig cannot be simulated with what was recorded.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> leaking = mk.rig("modern", {"faults.leak": "0.5 l/min/bar"})
+        >>> mk.diagnose(mk.run("work-loop", leaking, muscle="nylon", cycles=2)).fault
+        'leak'
+    """
+    record = recording if isinstance(recording, Recording) else read_recording(recording)
+    observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing)
+    sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
+    return diagnose_sections(observer, sections)
+
+
+def observer_of(
+    record: Recording,
+    rig: Rig | str | os.PathLike[str] | None = None,
+    *,
+    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
+    plumbing: str | None = None,
+) -> Observer:
+    """Build the sound rig of a recording; arguments as of `diagnose`."""
+    on = _sound_rig(record, rig)
+    layout = plumbing or record.meta.get("plumbing") or next(iter(on.plumbing))
+    if layout not in on.plumbing:
+        raise InputError("plumbing", str(layout), known=list(on.plumbing))
+    joined = on.plumbing[str(layout)]
+    if not joined.has_muscle:
+        raise InputError("plumbing", str(layout), "has no muscle; a diagnosis needs one")
+    unit = _sound_unit(record, muscle)
+    cord = unit.tendon
+    both = 1.0 / (1.0 / float(cord.stiffness) + 1.0 / float(on.frame.stiffness))
+    timing = record.meta.get("timing")
+    latency = float(timing["latency"]) if isinstance(timing, Mapping) else float(on.computer.latency)
+    return Observer(joined, unit.replace(tendon=cord.replace(stiffness=both)), on, latency)
+
+
+def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> Rig:
+    import dataclasses
+
+    if isinstance(rig, Rig):
+        return dataclasses.replace(rig, faults=RigFaults())
+    if rig is not None:
+        return dataclasses.replace(rig_of(rig), faults=RigFaults())
+    document = record.meta.get("rig_document")
+    if not isinstance(document, Mapping):
+        raise InputError("rig", None, "is missing: the recording does not state its rig")
+    return read_rig({k: v for k, v in document.items() if k != "faults"}, where="rig of the recording")
+
+
+def _sound_unit(record: Recording, muscle: str | Specimen | Muscle | MuscleUnit | None) -> MuscleUnit:
+    if isinstance(muscle, MuscleUnit):
+        return muscle
+    if isinstance(muscle, Muscle):
+        return unit_from_muscle(muscle)
+    named = muscle or record.meta.get("specimen")
+    if named is None:
+        raise InputError("muscle", None, "is missing: the recording does not state its muscle")
+    return unit_from_specimen(named if isinstance(named, Specimen) else muscle_specimen(str(named)))
+
+
+def sections_of(record: Recording, channels: Sequence[str], *, shut_off: bool = False) -> list[Section]:
+    """Cut a recording at its gaps into sections of one length.
+
+    Raises:
+        InputError: names the channel that is missing, or says that the recording is too short.
+    """
+    for name in ("span", "valve.command", *(["shut_off.command"] if shut_off else [])):
+        if name not in record:
+            raise InputError("channels", name, f"is missing: the recording has {', '.join(record.names())}")
+    measured = [name for name in channels if name in record and np.isfinite(record[name]).all()]
+    if not measured:
+        raise InputError("channels", None, f"must be at least one of {', '.join(CHANNELS)}")
+    time, period = record.time, record.period
+    ends = [0, *(np.flatnonzero(np.diff(time) > 1.5 * period) + 1), len(time)]
+    pieces = [(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if (b - a) * period >= SHORTEST]
+    longest = max((b - a for a, b in pieces), default=0)
+    pieces = [(a, b) for a, b in pieces if 2 * (b - a) > longest][:MOST_SECTIONS]
+    size = min(min((b - a for a, b in pieces), default=0), MOST_SAMPLES)
+    if len(pieces) * size * period * (1.0 - SKIPPED) < FEWEST_BLOCKS * BLOCK:
+        raise InputError("recording", None, f"must have {FEWEST_BLOCKS * BLOCK / (1.0 - SKIPPED):.2g} s or more")
+    places = [slice(a, a + size) for a, _ in pieces]
+    return [
+        Section(
+            time[at],
+            record["span"][at],
+            record["valve.command"][at],
+            record["shut_off.command"][at] if shut_off else np.ones(size),
+            {name: record[name][at] for name in measured},
+        )
+        for at in places
+    ]
+
+
+def known_faults(observer: Observer, measured: Sequence[str]) -> tuple[str, ...]:
+    """Faults that the rig can have and the measured channels can show."""
+    names = []
+    for name in SIZES:
+        if (
+            name.startswith("valve_")
+            and not name.endswith(DRIFT)
+            and not isinstance(observer.plumbing.valve, PressureRegulator)
+        ):
+            continue
+        if name.endswith(DRIFT) and name != "span_drift" and name.removesuffix(DRIFT) not in measured:
+            continue
+        names.append(name)
+    return tuple(names)
+
+
+class _Comparison:
+    """Measured and predicted blocks of all sections, in units of their standard deviation."""
+
+    def __init__(self, observer: Observer, sections: Sequence[Section]) -> None:
+        self.observer, self.sections = observer, sections
+        self.channels = [name for name in observer.channels if name in sections[0].measured]
+        self.rows = [observer.channels.index(name) for name in self.channels]
+        self.size = max(1, round(BLOCK / float(np.mean(np.diff(sections[0].time)))))
+        self.scale = np.ones(len(self.channels))
+        self.start = np.zeros((len(self.channels), 0))
+        self.measured = self._blocks([np.array([s.measured[name] for name in self.channels])[None] for s in sections])[
+            0
+        ]
+
+    def _blocks(self, tables: Sequence[np.ndarray]) -> np.ndarray:
+        """Average tables (sets, channels, n) of all sections over blocks: (sets, channels, blocks)."""
+        cut = []
+        for table in tables:
+            first = int(SKIPPED * table.shape[-1])
+            count = (table.shape[-1] - first) // self.size
+            kept = table[..., first : first + count * self.size]
+            cut.append(kept.reshape(*kept.shape[:-1], count, self.size).mean(axis=-1))
+        return np.concatenate(cut, axis=-1)
+
+    def predict(self, values: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Blocks (sets, channels, blocks) predicted for sets of faults [SI]."""
+        return self._blocks([self.observer.predict(s, values)[:, self.rows] for s in self.sections])
+
+    def scaled(self, blocks: np.ndarray) -> np.ndarray:
+        """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effect."""
+        rows = (blocks / self.scale[:, None]).reshape(*blocks.shape[:-2], -1)
+        if not self.start.size:
+            return rows
+        start = (self.start / self.scale[:, None]).ravel()
+        strength = float(start @ start)
+        return rows - (rows @ start)[..., None] * (start / strength) if strength > LEAST_EFFECT else rows
+
+
+def diagnose_sections(observer: Observer, sections: Sequence[Section]) -> Diagnosis:
+    """Diagnose a rig from sections of a recording; see `diagnose`."""
+    compare = _Comparison(observer, sections)
+    names = known_faults(observer, compare.channels)
+    first = compare.predict([{}, *({n: SIZES[n]} for n in names), {START_GAS: START}])
+    compare.start, first = first[-1] - first[0], first[:-1]
+    widened = _set_scale(compare, first, compare.measured - first[0])
+    residual = compare.scaled(compare.measured - first[0])
+    effects = compare.scaled(first[1:] - first[0])
+    strength = np.maximum((effects**2).sum(axis=1), 1e-12)
+    linear = (effects @ residual) / strength  # in units of the sizes
+    linear = np.where([_signed(n) for n in names], linear, np.maximum(linear, 0.0))
+    ratios = linear**2 * strength / widened
+    limits = {n: SIZES[n] * float(np.sqrt(THRESHOLD * widened / s)) for n, s in zip(names, strength, strict=True)}
+    spread = {n: SIZES[n] * float(np.sqrt(widened / s)) for n, s in zip(names, strength, strict=True)}
+    values = {n: SIZES[n] * float(v) for n, v in zip(names, linear, strict=True)}
+    likelihoods = dict(zip(names, map(float, ratios), strict=True))
+    if max(likelihoods.values()) <= THRESHOLD:
+        return _result(compare, names, values, spread, likelihoods, limits, residual, explained=True)
+    values, spread, likelihoods = _search(compare, names, values, spread, residual, widened)
+    best = max(names, key=likelihoods.__getitem__)
+    explained = _explains(compare, names, best, values[best], widened)
+    return _result(compare, names, values, spread, likelihoods, limits, residual, explained=explained)
+
+
+def _signed(name: str) -> bool:
+    return name.endswith(DRIFT)
+
+
+def _set_scale(compare: _Comparison, first: np.ndarray, off: np.ndarray) -> float:
+    """Set the standard deviation of each channel.
+
+    Args:
+        compare: whose scale is set.
+        first: blocks of the sound rig, and of each fault at its size.
+        off: what was measured less the blocks of the sound rig.
+
+    Returns:
+        The factor by which blocks that are like their neighbours widen variances. It is of the residual that all faults
+        leave together.
+    """
+    left = off
+    start = compare.start
+    for _ in range(SCALINGS):  # each time in the units of the one before
+        effects = np.concatenate([first[1:] - first[0], start[None]])
+        compare.start = start[:, :0]
+        amounts = np.linalg.lstsq(compare.scaled(effects).T, compare.scaled(off), rcond=1e-9)[0]
+        left = off - np.einsum("k,kcb->cb", amounts, effects)
+        compare.start = start
+        sensors = [compare.observer.rig.sensors[name] for name in compare.channels]
+        least = [0.2 * float(max(s.noise, 0.02 * s.resolution)) / np.sqrt(compare.size) for s in sensors]
+        compare.scale = np.maximum(left.std(axis=1), least)
+    return max(1.0, widening([row / s for row, s in zip(left, compare.scale, strict=True)])) ** 2
+
+
+def _search(
+    compare: _Comparison,
+    names: Sequence[str],
+    values: Mapping[str, float],
+    spread: Mapping[str, float],
+    residual: np.ndarray,
+    widened: float,
+) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+    """Fit each fault alone, whatever its size: values, standard errors and likelihood ratios."""
+    bounds = {n: declared(RigFaults)[n].bounds for n in names}
+    sound = float(residual @ residual)
+    ladders = {n: _ladder(n, values[n], bounds[n]) for n in names}
+    tried: dict[str, dict[float, float]] = {n: {0.0: sound} for n in names}
+    errors = dict(spread)
+    for _ in range(ROUNDS):
+        sets = [(n, float(v)) for n in names for v in ladders[n]]
+        predicted = compare.scaled(compare.measured - compare.predict([{n: v} for n, v in sets]))
+        misfits = np.nan_to_num((predicted**2).sum(axis=1), nan=np.inf)
+        for (n, v), misfit in zip(sets, misfits, strict=True):
+            tried[n][v] = float(misfit)
+        for n in names:
+            ladders[n] = _narrowed(tried[n], bounds[n])
+    best = {}
+    for n in names:
+        best[n], errors[n] = _vertex(tried[n], widened, spread[n])
+    ratios = {n: (sound - min(tried[n].values())) / widened for n in names}
+    return best, errors, ratios
+
+
+def _ladder(name: str, linear: float, bounds: tuple[float, float]) -> np.ndarray:
+    """Values from a tenth of the size at which a fault is seen to its bound, and around the linear estimate."""
+    most = min(bounds[1], 3e3 * SIZES[name])
+    rungs = np.geomspace(0.1 * SIZES[name], most, LADDER)
+    around = linear * np.array([0.7, 1.0, 1.4])
+    every = np.concatenate([rungs, -rungs, around]) if _signed(name) else np.concatenate([rungs, around])
+    return np.unique(np.clip(every, *bounds))
+
+
+def _narrowed(tried: Mapping[float, float], bounds: tuple[float, float]) -> np.ndarray:
+    """Values between the neighbours of the best one so far."""
+    values = np.array(sorted(tried))
+    at = int(np.argmin([tried[v] for v in values]))
+    low, high = values[max(at - 1, 0)], values[min(at + 1, len(values) - 1)]
+    return np.clip(np.linspace(low, high, LADDER + 2)[1:-1], *bounds)
+
+
+def _vertex(tried: Mapping[float, float], widened: float, spread: float) -> tuple[float, float]:
+    """Best value, and the standard error by the curvature of the misfit about it."""
+    values = np.array(sorted(tried))
+    misfits = np.array([tried[v] for v in values])
+    at = int(np.argmin(misfits))
+    near = np.argsort(np.abs(values - values[at]))[:7]
+    x, y = values[near] - values[at], misfits[near] - misfits[at]
+    size = float(np.abs(x).max())
+    if not (size > 0.0 and np.isfinite(y).all()):
+        return float(values[at]), spread
+    curvature, slope, _ = np.polyfit(x / size, y, 2)
+    if not curvature > 0.0:
+        return float(values[at]), spread
+    shift = float(np.clip(-0.5 * slope / curvature, -1.0, 1.0)) * size
+    return float(values[at]) + shift, size * float(np.sqrt(widened / curvature))
+
+
+def _explains(compare: _Comparison, names: Sequence[str], best: str, value: float, widened: float) -> bool:
+    """Whether nothing of the list improves the prediction much once the best fault is there."""
+    there = {best: value}
+    predicted = compare.predict([there, *({**there, n: there.get(n, 0.0) + SIZES[n]} for n in names)])
+    left = compare.scaled(compare.measured - predicted[0])
+    effects = compare.scaled(predicted[1:] - predicted[0])
+    own = effects[list(names).index(best)]
+    own = own / max(float(np.linalg.norm(own)), 1e-12)
+    effects, left = effects - np.outer(effects @ own, own), left - (left @ own) * own
+    strength = (effects**2).sum(axis=1)
+    gain = np.where(strength > 1e-9, (effects @ left) ** 2 / np.maximum(strength, 1e-9), 0.0)
+    gain = np.where([_signed(n) for n in names], gain, np.where(effects @ left > 0.0, gain, 0.0))
+    return bool(gain.max() / widened <= THRESHOLD)
+
+
+def _result(
+    compare: _Comparison,
+    names: Sequence[str],
+    values: Mapping[str, float],
+    spread: Mapping[str, float],
+    ratios: Mapping[str, float],
+    limits: Mapping[str, float],
+    residual: np.ndarray,
+    *,
+    explained: bool,
+) -> Diagnosis:
+    units = declared(RigFaults)
+    sound = akaike(residual, 1)
+    fits = []
+    for n in names:
+        low, high = np.clip([values[n] - 1.96 * spread[n], values[n] + 1.96 * spread[n]], *units[n].bounds)
+        share = max(1.0 - ratios[n] / max(float(residual @ residual), 1e-12), 1e-12)
+        estimate = Estimate(values[n], float(low), float(high), units[n].unit)
+        fits.append(FaultFit(n, estimate, ratios[n], akaike(residual * np.sqrt(share), 2) - sound, limits[n]))
+    fits.sort(key=lambda one: -one.ratio)
+    found = fits[0].name if fits[0].ratio > THRESHOLD else ""
+    alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)
+    return Diagnosis(tuple(fits), found, alike, explained, THRESHOLD, residual.size)

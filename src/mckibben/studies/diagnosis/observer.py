@@ -1,0 +1,187 @@
+"""The rig as an observer: what its sensors should show, from the valve's command and the span that were recorded.
+
+The machine is that of the simulated rig, with its circuit, muscle and tendon; only its motor is replaced by the recorded
+span, and its software by the recorded command. So neither controllers nor a protocol are needed, and noise does not enter.
+The frame yields with its stiffness and without its mass; a sensor's filter is taken as a delay by its time constant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..._jax import Scalar, Tree, jnp
+from ...assembly.loads import HostLoad
+from ...assembly.machine import Machine
+from ...assembly.muscle_unit import MuscleUnit
+from ...bench.faults import DRIFT, RigFaults
+from ...bench.hardware.analogue import Sensor
+from ...bench.hardware.pneumatics import MUSCLE, PORT, Plumbing
+from ...bench.rig import Rig
+from ...components import Environment
+from ...engine import STEP, held, march, ramped
+from ...engine.native import call_in_lanes
+from ...engine.rates import RK4_LIMIT
+from ...errors import ConvergenceError
+
+CHANNELS = {
+    "pressure": f"{MUSCLE}.pressure",
+    "valve_pressure": f"{PORT}.pressure_abs",
+    "tension": f"{MUSCLE}.load_tension",
+}
+SIMULATED = (
+    "leak", "valve_blockage", "valve_sticking", "span_drift", "clamp_slack", "lost_threads", "rubber_warming",
+)  # fmt: skip
+START_GAS = "start_gas"  # share by which the muscle holds more gas at first than at room temperature: unknown, no fault
+SMOOTHED = 5  # samples over which the steps of the encoder are averaged
+LEAST_NOISE, COUNTS, COUNTS_BESIDE = (
+    0.02,
+    1.0,
+    6,
+)  # of a count: least noise; beyond which, and over how many, it is averaged
+MOST_PARTS = 16  # of the usual step, before a run is given up
+
+
+class Section(NamedTuple):
+    """Samples without a gap: times since the start of the run [s], recorded commands and measured channels (n,) [SI]."""
+
+    time: np.ndarray
+    span: np.ndarray
+    valve: np.ndarray
+    opened: np.ndarray
+    measured: dict[str, np.ndarray]
+
+
+class Observer(NamedTuple):
+    """A rig with a muscle, ready to predict.
+
+    Attributes:
+        plumbing: the way in which the parts are joined.
+        unit: the muscle, its tendon in series with the frame.
+        rig: the rig.
+        latency: from a sample to the action of its commands [s].
+    """
+
+    plumbing: Plumbing
+    unit: MuscleUnit
+    rig: Rig
+    latency: float
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Measured channels that are predicted."""
+        return tuple(name for name in CHANNELS if name in self.rig.sensors)
+
+    def predict(self, section: Section, values: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Predict the measured channels for several sets of faults at once.
+
+        Args:
+            section: recorded inputs.
+            values: of each set, by the name of the fault [SI], and `START_GAS` [1]; others are zero.
+
+        Returns:
+            Mean readings (sets, channels, n) [SI].
+
+        Raises:
+            ConvergenceError: the rig cannot be simulated with these inputs.
+        """
+        period = float(np.mean(np.diff(section.time)))
+        table = np.array([[float(one.get(name, 0.0)) for name in (*SIMULATED, START_GAS)] for one in values])
+        room = self.rig.environment
+        start = np.array([self._start(section, name) for name in ("valve_pressure", "pressure")])
+        begun = np.float64(section.time[0])
+        recorded = section.time - begun, _smooth(section.span), section.valve, section.opened
+        shared = self.plumbing, self.unit, room, *recorded, start, np.float64(self.latency), begun
+        steps = max(1, math.ceil(period / STEP - 1e-9))
+        for part in (1, 2, 4, 8, MOST_PARTS):
+            inner = steps * part
+            done = call_in_lanes(_outputs, shared, (table,), period=period, inner=inner, samples=len(section.time) - 1)
+            if np.isfinite(done["rate"]).all() and done["rate"].max() * period / inner <= RK4_LIMIT:
+                return self._read(done, section, values)
+        raise ConvergenceError(
+            "The rig cannot be simulated with the recorded command and span; is the recording of another rig?"
+        )
+
+    def _read(
+        self, done: Mapping[str, np.ndarray], section: Section, values: Sequence[Mapping[str, float]]
+    ) -> np.ndarray:
+        """Delay each channel by its sensor's filter, less the skew of its converter; add its drift, and count."""
+        time = section.time
+        rows = []
+        for name in self.channels:
+            sensor = self.rig.sensors[name]
+            late = 1.0 / (2.0 * math.pi * float(sensor.cutoff)) - float(sensor.converter.skew)
+            drifts = [one.get(f"{name}{DRIFT}", 0.0) for one in values]
+            rows.append(
+                [
+                    mean_reading(sensor, np.interp(time - late, time, lane) + drift * time)
+                    for lane, drift in zip(done[name], drifts, strict=True)
+                ]
+            )
+        return np.moveaxis(np.array(rows), 0, 1)
+
+    def _start(self, section: Section, name: str) -> float:
+        """Absolute pressure at the start [Pa]: as measured, at the valve where only that is."""
+        room = float(self.rig.environment.pressure_abs)
+        values = section.measured.get(name, section.measured.get("pressure", section.valve))
+        return max(room + float(np.mean(values[:10])), 0.5 * room)
+
+
+def _outputs(
+    plumbing: Plumbing, unit: MuscleUnit, room: Environment, clock: Any, span: Any, valve: Any, opened: Any, start: Any,
+    latency: Scalar, begun: Scalar, values: Any, *, period: float, inner: int, samples: int,
+) -> dict[str, Tree]:  # fmt: skip
+    """Compute channels (n,) and the bound of the fastest mode [1/s] for one set of faults."""
+    faults = RigFaults(**{name: values[i] for i, name in enumerate(SIMULATED)})
+    faulty, muscle = faults.on_every_part(plumbing, unit)
+    machine = Machine.of(faulty.circuit({MUSCLE: muscle}, room), {MUSCLE: muscle}, HostLoad(held=(MUSCLE,)), room)
+    signals = {
+        f"{MUSCLE}.span": ramped(span - faults.span_drift * (begun + clock)),
+        "valve": held(valve).delayed(latency),
+    }
+    if plumbing.shut_off is not None:
+        signals["open"] = held(opened).delayed(latency)
+    now = {n: s.at(0, 0.0, period) for n, s in machine.commands(signals).items()}
+    state, memory = machine.at_rest(
+        {name: start[1] if name == MUSCLE else start[0] for name in machine.circuit.chambers}, now
+    )
+    masses = state["circuit"]["mass"]
+    masses = masses | {MUSCLE: masses[MUSCLE] * (1.0 + values[len(SIMULATED)])}
+    state = state | {"circuit": state["circuit"] | {"mass": masses}}
+    _, kept = march(machine, state, memory, signals, period, inner, samples, False, integrals=False)
+    channels = {name: kept[2][output] for name, output in CHANNELS.items()}
+    rate = jnp.zeros(()) + machine.max_rate_bound(state, memory, now)
+    return channels | {"valve_pressure": channels["valve_pressure"] - room.pressure_abs, "rate": rate}
+
+
+def _smooth(values: np.ndarray) -> np.ndarray:
+    """Average a counted channel over some samples (n,); straight at its ends."""
+    half = SMOOTHED // 2
+    padded = np.pad(values, half, mode="edge")
+    return np.convolve(padded, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
+
+
+def mean_reading(sensor: Sensor, values: np.ndarray) -> np.ndarray:
+    """Mean reading of a sensor whose noise is smaller or larger than a count.
+
+        E[x] = low + q sum_k Phi((v - edge_k)/s),   edge_k = low + (k - 1/2) q
+
+    Args:
+        sensor: transducer and converter.
+        values: filtered signals [unit of the channel].
+    """
+    from scipy.special import ndtr
+
+    low, step = float(sensor.converter.low), float(sensor.converter.resolution)
+    spread = max(float(sensor.noise) / step, LEAST_NOISE)
+    shown = (1.0 + float(sensor.gain_error)) * np.clip(values, float(sensor.low), float(sensor.high))
+    counts = (shown + float(sensor.offset) - low) / step
+    if spread > COUNTS:  # noise over several counts leaves nothing of them in the mean
+        return low + step * counts
+    nearest = np.floor(counts + 0.5)
+    edges = np.arange(-COUNTS_BESIDE, COUNTS_BESIDE) + 0.5
+    above = ndtr((counts[..., None] - nearest[..., None] - edges) / spread).sum(axis=-1)
+    return low + step * (nearest + above - COUNTS_BESIDE)
