@@ -249,7 +249,7 @@ def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
 
 def _faults(table: FileTable, channels: Sequence[str]) -> RigFaults:
     """Read the faults of the rig; only what it measures can drift."""
-    faults: RigFaults = read_table(RigFaults, table)
+    faults: RigFaults = read_table(RigFaults, table, owner="a rig can have")
     for channel in faults.drifts():
         if channel not in channels:
             raise table.fail(

@@ -10,7 +10,7 @@ import typer
 from ..recordings import files as recording_files
 from ..studies import diagnosis
 from ._outputs import OBJECT, TABLE, OutputKinds, Paths
-from ._terminal import Json, Plumbing, print_json, table
+from ._terminal import Json, print_json, table
 
 if TYPE_CHECKING:
     from ..studies.diagnosis.fault_fit import Diagnosis
@@ -36,7 +36,13 @@ def diagnose_recording(
             help="Sound muscle: id or .toml file; by default as the recording states it.",
         ),
     ] = None,
-    plumbing: Plumbing = None,
+    plumbing: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLUMBING",
+            help="Plumbing that joins the rig's pneumatic parts; by default as the recording states it.",
+        ),
+    ] = None,
     out: Annotated[Paths, OUT.option()] = None,
     as_json: Json = False,
 ) -> None:

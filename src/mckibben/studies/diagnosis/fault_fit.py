@@ -70,7 +70,10 @@ TITLES = {
     "lost_threads": "braid that has lost threads",
     "rubber_warming": "warm rubber",
 }
-SHOWN = {"leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s"}
+SHOWN = {
+    "leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s",
+    "valve_sticking": "mbar", "clamp_slack": "mm",
+}  # fmt: skip
 FEWEST_BLOCKS, SCALINGS = 20, 5
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
 
