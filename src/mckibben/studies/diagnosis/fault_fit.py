@@ -219,12 +219,9 @@ def observer_of(
     joined = on.plumbing[str(layout)]
     if not joined.has_muscle:
         raise InputError("plumbing", str(layout), "has no muscle; a diagnosis needs one")
-    unit = _sound_unit(record, muscle)
-    cord = unit.tendon
-    both = 1.0 / (1.0 / float(cord.stiffness) + 1.0 / float(on.frame.stiffness))
     timing = record.meta.get("timing")
     latency = float(timing["latency"]) if isinstance(timing, Mapping) else float(on.computer.latency)
-    return Observer(joined, unit.replace(tendon=cord.replace(stiffness=both)), on, latency)
+    return Observer(joined, _sound_unit(record, muscle), on, latency)
 
 
 def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> Rig:

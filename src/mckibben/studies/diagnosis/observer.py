@@ -2,7 +2,7 @@
 
 The machine is that of the simulated rig, with its circuit, muscle and tendon; only its motor is replaced by the recorded
 span, and its software by the recorded command. So neither controllers nor a protocol are needed, and noise does not enter.
-The frame yields with its stiffness and without its mass; a sensor's filter is taken as a delay by its time constant.
+The frame yields by the recorded tension over its stiffness; a sensor's filter is taken as a delay by its time constant.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ SIMULATED = (
     "leak", "valve_blockage", "valve_sticking", "span_drift", "clamp_slack", "lost_threads", "rubber_warming",
 )  # fmt: skip
 START_GAS = "start_gas"  # share by which the muscle holds more gas at first than at room temperature: unknown, no fault
-SMOOTHED = 5  # samples over which the steps of the encoder are averaged
+# Weights of the middle of a parabola fitted to five samples: A. Savitzky and M. J. E. Golay, Anal. Chem. 36(8), 1964.
+PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 LEAST_NOISE, COUNTS, COUNTS_BESIDE = (
     0.02,
     1.0,
@@ -60,7 +61,7 @@ class Observer(NamedTuple):
 
     Attributes:
         plumbing: the way in which the parts are joined.
-        unit: the muscle, its tendon in series with the frame.
+        unit: the muscle.
         rig: the rig.
         latency: from a sample to the action of its commands [s].
     """
@@ -93,7 +94,10 @@ class Observer(NamedTuple):
         room = self.rig.environment
         start = np.array([self._start(section, name) for name in ("valve_pressure", "pressure")])
         begun = np.float64(section.time[0])
-        recorded = section.time - begun, _smooth(section.span), section.valve, section.opened
+        span = _smooth(section.span)
+        if "tension" in section.measured:  # without it the frame's deflection is left out
+            span = span - section.measured["tension"] / float(self.rig.frame.stiffness)
+        recorded = section.time - begun, span, section.valve, section.opened
         shared = self.plumbing, self.unit, room, *recorded, start, np.float64(self.latency), begun
         steps = max(1, math.ceil(period / STEP - 1e-9))
         for part in (1, 2, 4, 8, MOST_PARTS):
@@ -158,10 +162,9 @@ def _outputs(
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
-    """Average a counted channel over some samples (n,); straight at its ends."""
-    half = SMOOTHED // 2
-    padded = np.pad(values, half, mode="edge")
-    return np.convolve(padded, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
+    """Smooth a counted channel (n,) by the parabola through some samples about each; held at its ends."""
+    padded = np.pad(values, len(PARABOLA) // 2, mode="edge")
+    return np.convolve(padded, PARABOLA, mode="valid")
 
 
 def mean_reading(sensor: Sensor, values: np.ndarray) -> np.ndarray:
