@@ -20,20 +20,20 @@ OUT = OutputKinds(table=TABLE, result=OBJECT)
 
 def diagnose_recording(
     file: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording of a normal run: .nc, .csv, ..")],
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            "--rig",
-            metavar="RIG",
-            help="Sound rig: paper, modern, or a .toml file; by default as the recording states it.",
-        ),
-    ] = None,
     muscle: Annotated[
         str | None,
         typer.Option(
             "--muscle",
             metavar="SPECIMEN",
             help="Sound muscle: id or .toml file; by default as the recording states it.",
+        ),
+    ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            "--rig",
+            metavar="RIG",
+            help="Sound rig: paper, modern, or a .toml file; by default as the recording states it.",
         ),
     ] = None,
     plumbing: Annotated[
