@@ -104,3 +104,6 @@ class RigFaults(Module):
     def worn(self, sound: MuscleUnit) -> WornBraid:
         """Return the law of the worn braid."""
         return WornBraid(sound=sound.law, lost_threads=self.lost_threads, warming=self.rubber_warming)
+
+
+NAMES = tuple(declared(RigFaults))

@@ -18,6 +18,7 @@ from ..analysis import segments
 from ..assembly import build
 from ..batch import predictive, run_template
 from ..bench import biological_run, calibrate, rig_file, software
+from ..bench import faults as rig_faults
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import run as protocol_run
@@ -160,7 +161,7 @@ def run_protocol(
     posterior = None if from_posterior is None else _posterior(from_posterior, muscle, law, draws)
     if fault and machine is not None:
         raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
-    faults = [f"rig.faults.{k}={v}" for k, v in pairs(fault, "--fault", "leak='0.2 l/min/bar'").items()]
+    faults = _faults(fault)
     with OUT.files(out) as files:
         bench = prepared(
             protocol,
@@ -262,6 +263,13 @@ def _print_bands(predicted: PredictedRun, draws: int) -> None:
     table(f"95 % of {draws} samples of the posterior", ["", "lowest", "mean", "highest"], rows)
     for sentence in predicted.failed:
         typer.echo(f"note: a sample was left out: {sentence}")
+def _faults(words: list[str] | None) -> list[str]:
+    """Convert values of ``--fault`` to those of ``--set``."""
+    named = pairs(words, "--fault", "leak='0.2 l/min/bar'")
+    for name in named:
+        if name not in rig_faults.NAMES:
+            raise InputError("--fault", name, known=rig_faults.NAMES)
+    return [f"rig.faults.{name}={value}" for name, value in named.items()]
 
 
 def _run_biological(

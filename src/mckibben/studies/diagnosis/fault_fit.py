@@ -213,7 +213,8 @@ def observer_of(
 ) -> Observer:
     """Build the sound rig of a recording; arguments as of `diagnose`."""
     on = _sound_rig(record, rig)
-    layout = plumbing or record.meta.get("plumbing") or next(iter(on.plumbing))
+    layout = record.meta.get("plumbing") if plumbing is None else plumbing
+    layout = next(iter(on.plumbing)) if layout is None else layout
     if layout not in on.plumbing:
         raise InputError("plumbing", str(layout), known=list(on.plumbing))
     joined = on.plumbing[str(layout)]
@@ -242,7 +243,7 @@ def _sound_unit(record: Recording, muscle: str | Specimen | Muscle | MuscleUnit 
         return muscle
     if isinstance(muscle, Muscle):
         return unit_from_muscle(muscle)
-    named = muscle or record.meta.get("specimen")
+    named = record.meta.get("specimen") if muscle is None else muscle
     if named is None:
         raise InputError("muscle", None, "is missing: the recording does not state its muscle")
     return unit_from_specimen(named if isinstance(named, Specimen) else muscle_specimen(str(named)))
