@@ -263,6 +263,8 @@ def _print_bands(predicted: PredictedRun, draws: int) -> None:
     table(f"95 % of {draws} samples of the posterior", ["", "lowest", "mean", "highest"], rows)
     for sentence in predicted.failed:
         typer.echo(f"note: a sample was left out: {sentence}")
+
+
 def _faults(words: list[str] | None) -> list[str]:
     """Convert values of ``--fault`` to those of ``--set``."""
     named = pairs(words, "--fault", "leak='0.2 l/min/bar'")
