@@ -209,7 +209,8 @@ def test_the_page_says_who_is_first(tmp_path):
     better = [replace(row, sum_squares=0.1 * row.sum_squares) for row in rows]
     for ours, others, said in ((better, rows, "| first |"), (rows, better, "**not first**")):
         scores = TaskScore(ABOVE, "ideal", tuple(ours)), TaskScore(ABOVE, "gru", tuple(others))
-        assert said in page(BenchmarkResult(scores))
+        text = page(BenchmarkResult(scores))
+        assert said in text and "Not run on this task: `gaussian_process`" in text
     wrong = tmp_path / "wrong.json"
     wrong.write_text('{"scores": [{"task": "x"}]}', encoding="utf-8")
     with pytest.raises(InputError, match="scores must be those of a benchmark"):

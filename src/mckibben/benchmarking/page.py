@@ -17,10 +17,20 @@ from .tasks import task
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"
 COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")
 VERDICT = (
-    "The best model with physics of this package, law or other, against the best without physics. *Within its interval*: the"
-    " rms error of the other lies in the 95 % interval of ours."
+    "The best law or other model of muscles here against the best competitor that knows nothing of muscles. Both are the"
+    " best by these same errors, which favours the laws, of which there are more. *Within its interval*: the rms error of"
+    " the other lies in the 95 % interval of the muscle model."
 )
-VERDICT_COLUMNS = ("task", "with physics", "rms", "95 % interval", "without", "rms", "95 % interval", "with physics is")
+VERDICT_COLUMNS = (
+    "task",
+    "muscle model",
+    "rms",
+    "95 % interval",
+    "competitor",
+    "rms",
+    "95 % interval",
+    "muscle model is",
+)
 PHASES = (FILLING, VENTING)
 PHASE_COLUMNS = ("model", "filling, rms", "bias", "venting, rms", "bias")
 INTRO = f"""\
@@ -33,10 +43,10 @@ $ export {VARIABLE}=/folder/of/measured/data
 $ mckibben benchmark --all --out docs/reference/benchmark.md --out docs/reference/benchmark.json
 ```
 
-Without that folder it does the tasks whose data ship with the package, and names the others; without `--all` the models
-without physics stay away. All figures are in [`benchmark.json`](benchmark.json), with the processor time and date of each;
-`--earlier benchmark.json` takes from there what need not be computed again. A model of your own takes part
-as `mckibben benchmark --model my.py:MyModel`: any class with the methods `fit` and `predict`, or a tension law.
+Without that folder it does the tasks whose data ship with the package, and names the others; without `--all` the
+competitors that know nothing of muscles stay away. All figures are in [`benchmark.json`](benchmark.json), with the processor
+time and date of each; `--earlier benchmark.json` takes from there what need not be computed again. A model of your own takes
+part as `mckibben benchmark --model my.py:MyModel`: any class with the methods `fit` and `predict`, or a tension law.
 
 All figures are shares of the largest measured tension of the muscle; where something else than tension is predicted, of the
 swing of what was measured. *Rms* is the root mean square error of all predicted samples, *largest* the largest single
@@ -44,13 +54,14 @@ error, *bias* the mean signed error, positive where too much is predicted; *over
 where the muscle was taut. The interval of the rms error is by a bootstrap over muscles where there are three or more, else
 over what is left out."""
 COMPETITORS_TEXT = """\
-## The models without physics
+## The competitors
 
 They are given the same inputs, the contraction in place of the length, and the rest length where muscles differ in it; of
-records in time those without a memory also get earlier inputs and the time. Their settings were chosen within the
-training part of each fold only, on samples held back there: the last muscle, else the last record, else two of ten pieces of
-a record, else a fifth of the points, drawn. One thing was changed after test errors had been seen, in their favour: the
-first values of the outputs, which they are told, are scaled by the spread of the outputs, not by that between records."""
+records in time those without a memory also get earlier inputs and the time. Their settings were chosen within the training
+part of each fold only, on samples held back there: the last muscle, else the last record, else two of ten pieces of a
+record, else a fifth of the points, drawn. One thing was changed after test errors had been seen, meant in their favour:
+the first values of the outputs, which they are told, are scaled by the spread of the outputs, not by that between records.
+On `robot` that took the Gaussian process from 18.6 to 14.5 %, and extended DMD from 24.8 to 32.6 %."""
 COMPETITOR_ROWS = (
     (
         "`gaussian_process`",
@@ -111,6 +122,9 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         if phased:
             parts += ["Filling and venting apart:", markdown_table(PHASE_COLUMNS, phased)]
         parts += refusals(result, name)
+        missing = [f"`{model}`" for model in COMPETITORS if result.score(name, model) is None]
+        if summary and missing:
+            parts.append(f"Not run on this task: {', '.join(missing)}.")
         parts.append(one.note)
     if summary:
         lines = ["| model | what it is | what is chosen |", "|---|---|---|"]
@@ -136,12 +150,10 @@ def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:
         return None
     best, other = ours[0], others[0]
     low, high = best.interval()
-    if best.rms() <= other.rms():
-        place = "first"
-    elif low <= other.rms():
-        place = "not first, but the other lies within its interval"
-    else:
-        place = "**not first**, and the other lies outside its interval"
+    ahead = best.rms() <= other.rms()
+    within = low <= other.rms() <= high
+    place = "first" if ahead else "**not first**"
+    place += ", the other within its interval" if within else "" if ahead else ", the other outside its interval"
     one = [f"`{name}`", f"`{best.model}`", percent(best.rms()), interval(best)]
     return [*one, f"`{other.model}`", percent(other.rms()), interval(other), place]
 
