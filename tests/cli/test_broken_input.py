@@ -231,7 +231,11 @@ COMMANDS = {
         "--rig": "rig", "--on": "machine", "--calibration": "toml", "--span": "length", "--plumbing": "name",
         "--rate": "number", "--seed": "whole",
     }),
-    "device": ("device @protocol:protocol.toml --muscle @specimen:nylon --duration 0", {
+    "device check": ("device check --rig @rig:modern --simulate", {
+        "--pressure": "pressure", "--rate": "number", "--muscle": "specimen", "--plumbing": "name", "--seed": "whole",
+        "--out": "saved",
+    }),
+    "device serve": ("device serve @protocol:protocol.toml --muscle @specimen:nylon --duration 0", {
         "--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--duration": "seconds", "--out": "place",
     }),
     "energy": ("energy @specimen:nylon --pressure @pressure:3_bar", {

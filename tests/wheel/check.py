@@ -184,7 +184,8 @@ CALLS: dict[str, list[Call]] = {
     "joint": [
         Call(("nylon", "--command", "flexor=0, 0.3 @ 50 ms", "--duration", "0.2 s", "--out", "joint.nc"), ["joint.nc"])
     ],
-    "device": [Call((*BENCH, "--duration", "1 s"))],
+    "device serve": [Call((*BENCH, "--duration", "1 s"))],
+    "device check": [Call(("--rig", "modern", "--simulate"))],
     "energy": [Call((MUSCLE, "--pressure", "5 bar", "--out", "energy.svg"), ["energy.svg"])],
     "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--out", "compare.pdf")],
     "reproduce": [

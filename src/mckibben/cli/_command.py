@@ -34,7 +34,7 @@ FORMER: dict[str, dict[str, str | tuple[str, ...]]] = {
     "protocols": {"--toml": ("--out", "-")},
     "run": {"--figure": "--out"},
     "joint": {"--start": "--start-pressure", "--figure": "--out"},
-    "device": {"--port": "--out", "--for": "--duration"},
+    "device serve": {"--port": "--out", "--for": "--duration"},
     "energy": {"--figure": "--out"},
     "compare": {"--figure": "--out=figure:", "--report": "--out"},
     "reproduce": {"--report": "--out"},
@@ -56,8 +56,8 @@ FORMER: dict[str, dict[str, str | tuple[str, ...]]] = {
 
 # Commands that end by Ctrl-C in their own way, or work with a machine that is vented first.
 OWN_INTERRUPTS = (
-    "console", "device", "serve", "calibrate zero", "calibrate weights", "calibrate pressure", "calibrate encoder",
-    "calibrate skew",
+    "console", "device check", "device serve", "serve", "calibrate zero", "calibrate weights", "calibrate pressure",
+    "calibrate encoder", "calibrate skew",
 )  # fmt: skip
 QUIET = ("-q", "--quiet")
 COMMON = (
@@ -107,8 +107,8 @@ PLAIN = {str: str, Path: Path, int: int, float: float, bool: bool, list[str]: st
 def with_plain_values(params: list[Any]) -> list[Any]:
     """Parameters that convert text by themselves; those of a typer that loads no library for it as they are."""
     for param in params:
-        described = getattr(param, "type_descriptor", None)
-        kind = PLAIN.get(getattr(described, "annotation", None))  # type: ignore[call-overload]
+        described: Any = getattr(param, "type_descriptor", None)
+        kind = PLAIN.get(getattr(described, "annotation", object))
         if kind is not None and hasattr(param, "get_runtime_param") and described.parameter_info.parser is None:
             param.get_runtime_param = functools.partial(PlainValue, param, kind)
     return params

@@ -54,7 +54,12 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
     ),
     "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
-    "device": ("device:device", "Serve a simulated test machine on a virtual serial port."),
+    "device": ("", "Check a test machine before its first run, or serve a simulated one on a virtual serial port."),
+    "device check": (
+        "device:check",
+        "Check that each sensor answers valve and motor, and that the machine vents.",
+    ),
+    "device serve": ("device:serve", "Serve a simulated test machine on a virtual serial port."),
     "energy": ("energy:energy", "Compute input, output and efficiency of a muscle's working cycles."),
     "compare": (
         "compare:compare_muscles",
@@ -158,6 +163,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 
+# Command of a group that is meant where the first word is none of its commands: groups that were a command once.
+FORMER_COMMAND = {"device": "serve"}
+
 NAMES = {"help_option_names": ["-h", "--help"]}
 
 
@@ -213,6 +221,14 @@ class CommandGroup(typer.core.TyperGroup):
     def get_params(self, ctx: Any) -> list[Any]:
         """Parameters and the option of the help."""
         return with_plain_values(super().get_params(ctx))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of the command line; `FORMER_COMMAND` says what is meant without a command."""
+        former = FORMER_COMMAND.get(self.commands.group)
+        if former and args and args[0] not in (*self.commands, *NAMES["help_option_names"]):
+            args = [former, *args]
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest
 
     def make_context(self, *args: Any, **options: Any) -> Any:
         """Parse the words of the command line; Ctrl-C is reported by `main`."""
