@@ -109,14 +109,16 @@ VERDICT = {True: "passed", False: "FAILED", None: "not tested"}
 
 
 def check(
-    rig: RigName,
+    muscle: Annotated[
+        str, typer.Option("--muscle", metavar="SPECIMEN", help="Muscle of the simulated machine.")
+    ] = "nylon",
+    rig: RigName = "paper",
+    plumbing: Plumbing = None,
+    seed: NoiseSeed = 0,
     machine: On = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Check a simulated machine of the rig instead of a real one.")
     ] = False,
-    muscle: Annotated[
-        str, typer.Option("--muscle", metavar="SPECIMEN", help="Muscle of the simulated machine.")
-    ] = "nylon",
     pressure: Annotated[
         str, typer.Option(metavar="PRESSURE", help="Gauge pressure that the valve is asked for.")
     ] = "1 bar",
@@ -125,9 +127,7 @@ def check(
         bool,
         typer.Option("--motor", help="Let the motor pull, with 5 % of its largest force, to 2 mm beyond the mount."),
     ] = False,
-    plumbing: Plumbing = None,
     yes: Annotated[bool, typer.Option("--yes", help="Begin without a question.")] = False,
-    seed: NoiseSeed = 0,
     out: Annotated[
         Paths, CHECKED.option(note="The rig file is the one that was read, with the measured values.")
     ] = None,
