@@ -101,7 +101,7 @@ class PlainValue:
         return self._usual(param).coerce(value, param=param, ctx=ctx)
 
 
-PLAIN = {str: str, Path: Path, int: int, float: float, bool: bool, list[str]: str, list[Path]: Path}
+PLAIN: dict[object, type] = {str: str, Path: Path, int: int, float: float, bool: bool, list[str]: str, list[Path]: Path}
 
 
 def with_plain_values(params: list[Any]) -> list[Any]:
