@@ -575,3 +575,21 @@ def test_an_option_that_the_format_does_not_have_is_refused(tmp_path):
     workbook(tmp_path / "a.xlsx")[0].save(tmp_path / "a.xlsx")
     with pytest.raises(InputError, match="Unknown sheet 'Data'"):
         mk.read(tmp_path / "a.xlsx", sheet="Data")
+
+
+def test_a_shortening_in_a_unit_of_length_is_a_contraction_over_the_rest_length(tmp_path):
+    text = "Load cell (lbf),Gauge (psi),stroke (in)\n100,30,0\n80,30,0.4\n60,30,0.8\n"
+    (tmp_path / "machine.csv").write_text(text)
+    names = {"tension": "Load cell (lbf)", "pressure": "Gauge (psi)", "contraction": "stroke (in)"}
+    points = mk.read(tmp_path / "machine.csv", columns=names, rest_length="220 mm")
+    np.testing.assert_allclose(points.length, 0.22 - 0.0254 * np.array([0, 0.4, 0.8]), rtol=1e-14)  # rounding
+
+
+def test_columns_of_other_names_are_suggested_by_their_units_and_none_is_guessed(tmp_path):
+    text = "Traverse (mm);Manometer (mbar);Pr\u00fcfkraft (kN);Raum (degC)\n180,5;1500;0,12;21\n190,5;1500;0,2;21\n"
+    (tmp_path / "machine.csv").write_bytes(text.encode("cp1252"))
+    with pytest.raises(InputError) as refused:
+        mk.read(tmp_path / "machine.csv")
+    for words in ("Traverse (mm) may be the length", "Manometer (mbar) may be the pressure", "(kN) may be the tension"):
+        assert words in str(refused.value)
+    assert "Raum (degC) may" not in str(refused.value)

@@ -34,7 +34,7 @@ COLUMNS = {
     "length": ("length", "braid_length", "test_length", "muscle_length", "l", "muscle.length", "lange", "laenge",
                "muskellange", "longueur", "longitud", "lunghezza", "comprimento"),
     "contraction": ("contraction", "contraction_ratio", "strain", "eps", "kappa", "epsilon", "kontraktion",
-                    "contraccion", "contrazione", "contracao"),
+                    "contraccion", "contrazione", "contracao", "shortening", "verkurzung", "raccourcissement"),
     "pressure": ("pressure", "p", "gauge_pressure", "muscle.pressure", "muscle_pressure", "druck", "uberdruck",
                  "pression", "presion", "pressione", "pressao"),
     "tension": ("tension", "force", "f", "pull", "muscle.tension", "muscle_force", "kraft", "zugkraft", "fuerza",
@@ -134,15 +134,26 @@ def recognise_columns(labels: Sequence[str]) -> dict[str, list[str]]:
             recognised[quantity] = match
     free = [label for label in labels if quantity_of(stems[label]) is None]
     for quantity, unit in _KINDS.items():
-        alike = [label for label in free if (word := parsed[label][1].unit) and _converts(word, unit)]
+        alike = [label for label in free if (word := parsed[label][1].unit) and converts(word, unit)]
         missing = quantity not in recognised and not (quantity == "length" and "contraction" in recognised)
         if missing and len(alike) == 1 and _NAMELESS.fullmatch(stems[alike[0]]):
             recognised[quantity] = alike
     return recognised
 
 
+def likely_columns(labels: Sequence[str]) -> dict[str, str]:
+    """Columns of a force map that their units suggest, by quantity; none where several have a unit of the kind."""
+    likely = {}
+    for quantity, unit in _KINDS.items():
+        alike = [label for label in labels if (word := parse_header(0, label)[1].unit) and converts(word, unit)]
+        if len(alike) == 1:
+            likely[quantity] = alike[0].partition(" [")[0]
+    return likely
+
+
 @functools.lru_cache(maxsize=1024)
-def _converts(word: str, unit: str) -> bool:
+def converts(word: str, unit: str) -> bool:
+    """Whether a unit as text is one of an SI unit's kind."""
     try:
         return si_of(word, field="unit")[0] == unit
     except InputError:

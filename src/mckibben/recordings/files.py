@@ -26,7 +26,16 @@ from typing import Any, Literal, NamedTuple
 from ..documents import write_whole
 from ..errors import InputError
 from ..quantities import in_si, with_unit
-from .columns import AMBIENT, assemble, channel_columns, is_date, parse_header, quantity_of, table_labels
+from .columns import (
+    AMBIENT,
+    assemble,
+    channel_columns,
+    is_date,
+    likely_columns,
+    parse_header,
+    quantity_of,
+    table_labels,
+)
 from .force_map import ForceMap, choose_map_columns, even_table, map_of_table, read_force_map, unit_of
 from .formats import ForeignTable, ImportResult, format_of, load, writer_of
 from .mcap import read_log
@@ -190,10 +199,12 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
         if len(recognised) >= 2 or columns:
             raise
         needs = "a recording needs a time, a force map length, pressure and force; name the columns"
+        likely = likely_columns(table_labels(usable))
+        if len(likely) > 1:
+            needs += f" (by their units {', '.join(f'{column} may be the {one}' for one, column in likely.items())})"
         told = f"the columns are {', '.join(labels)}; {needs}"
-        raise InputError(
-            "columns", ", ".join(labels), needs, sentence=told, where=where, remedy="column time"
-        ) from None
+        remedy = f"column {next(iter(likely), 'time')}"
+        raise InputError("columns", ", ".join(labels), needs, sentence=told, where=where, remedy=remedy) from None
     return "map"
 
 

@@ -24,6 +24,7 @@ from .columns import (
     COLUMNS,
     GAUGE,
     column_numbers,
+    converts,
     parse_header,
     recognise_columns,
     table_labels,
@@ -260,8 +261,9 @@ def map_of_table(
         data[quantity] = data[quantity][keep]
         if quantity != "branch":
             unit, absolute = _unit(label, given.get(quantity), quantity, where)
-            scale = to_si(1.0, unit, UNITS[quantity], field=label, where=where)
-            data[quantity] = data[quantity] * scale - (ambient if absolute else 0.0)
+            shortens = quantity == "contraction" and converts(unit, "m")  # such as the travel of a testing machine
+            scale = to_si(1.0, unit, "m" if shortens else UNITS[quantity], field=label, where=where)
+            data["shortening" if shortens else quantity] = data[quantity] * scale - (ambient if absolute else 0.0)
     if "pressure" in data:
         data["pressure"] = data["pressure"] - pressure_zero
     if rest_length is not None:
@@ -270,6 +272,8 @@ def map_of_table(
         if "rest_length" not in data:
             allowed = "is missing: a contraction needs the rest length, or a column rest_length"
             raise InputError("rest_length", None, allowed, where=where, remedy="rest_length")
+        if "shortening" in data:
+            data["contraction"] = data.pop("shortening") / data["rest_length"]
         _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
