@@ -117,3 +117,15 @@ def test_the_command_reports_findings_with_exit_code_1(capsys: pytest.CaptureFix
     assert end.value.code == 1
     found = json.loads(capsys.readouterr().out)["findings"]
     assert [one["kind"] for one in found] == ["declaration"] * 4
+
+
+def test_a_law_that_fits_what_it_does_not_declare_is_refused(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import mckibben as mk\nclass Mine(mk.TensionLaw):\n    title, cites, fitted = 'mine', (), ('aera',)\n"
+        "    area = mk.quantity('m^2', (0.0, 1.0), 'force per pressure')\n"
+        "    def elastic_tension(self, length): return 0.0 * length\n"
+        "    def gas_energy(self, length, pressure): return -self.area * pressure * length\n"
+        "    def length_range(self): return 0.1, 0.2\n"
+    )
+    with pytest.raises(InputError, match="fitted names no parameter of it: aera"):
+        mk.check(f"{tmp_path}/mine.py:Mine", {"area": 1e-4})

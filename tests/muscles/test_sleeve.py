@@ -212,3 +212,17 @@ def test_a_stated_rest_length_goes_before_the_laws() -> None:
     assert rest_length_of(nylon) == nylon.property_si("rest_length", "m")
     assert rest_length_of(specimen("fast-fibre")) == pytest.approx(0.14)  # of its law
     assert rest_length_of(None, law_from_specimen(nylon)) == 0.14
+
+
+@pytest.mark.parametrize(("angle", "diameter"), [("22 deg", "12 mm"), ("30 deg", "6 mm"), ("40 deg", "25 mm")])
+def test_no_load_draws_a_braid_out_of_its_threads_and_a_longer_muscle_pulls_more(angle, diameter):
+    spec = from_braid(**BRAID | {"braid_angle": angle, "diameter": diameter})
+    law = law_from_specimen(spec)
+    upper, threads = float(law.upper_length), float(law_from_specimen(spec, "ideal").thread_length)
+    lengths = np.linspace(0.8 * upper, max(threads, 1.05 * upper), 300)
+    for pressure in (0.0, 3e5, 7e5, 10e5):
+        tension = np.asarray(law.tension(lengths, pressure))
+        assert np.diff(tension).min() >= -1e-9 * tension.max()  # rounding
+    strongest = float(law.tension(upper, 7e5))
+    # a muscle without pressure holds the load that it lifts at most before it is as long as its threads
+    assert float(law.tension(threads, 0.0)) > strongest

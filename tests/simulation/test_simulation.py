@@ -140,12 +140,17 @@ def refuse(**options):
 REFUSED = {
     "a command that is none": (lambda: joint().step(flexr=0.1), "flexor"),
     "a command that is no number": (lambda: joint().step(flexor="wide"), "flexor"),
+    "a command that is not a number": (lambda: joint().step(flexor=float("nan")), "flexor must be a finite number"),
     "a muscle that is none": (lambda: joint().reset(pressure={"biceps": 1e5}), "biceps"),
     "a pressure below vacuum": (lambda: joint().reset(pressure="-2 bar"), "vacuum"),
     "a moment arm of nothing": (refuse(arm="0 cm"), "arm"),
     "an unknown specimen": (lambda: mk.Simulation(mk.Joint("nylonn"), AIR), "nylon"),
     "an unknown valve": (lambda: mk.Air(valve="mpye-7").build({}), "MPYE"),
     "a period of nothing": (lambda: Simulation(mk.Joint("nylon"), AIR, period=0.0), "period"),
+    "a frequency for a period": (
+        lambda: mk.Simulation(mk.Joint("nylon"), AIR, period=250),
+        "250 Hz are a period of 0.004 s",
+    ),
     "no mechanism": (lambda: mk.Simulation("joint", AIR), "Joint, Chain"),
     "noise on nothing": (lambda: mk.Simulation(mk.Joint("nylon"), AIR, noise={"angel": 1.0}), "angle"),
     "a state of something else": (lambda: joint().load_state("state"), "saved"),

@@ -20,7 +20,7 @@ from .._jax import Array, jax, jnp
 from ..components import Module, Scalar, derivative
 from ..components.evaluation import evaluated
 from ..errors import InputError, NoVolumeError, UnreachableError
-from ..quantities import with_unit
+from ..quantities import declared, with_unit
 from ..registry import registered_name
 
 
@@ -252,7 +252,10 @@ def required_of_law(kind: object) -> str | None:
         return "a class derived from mckibben.TensionLaw"
     missing = [name for name in ("title", "cites", "fitted") if not hasattr(kind, name)]
     missing += sorted(getattr(kind, "__abstractmethods__", ()))
-    return f"complete; missing: {', '.join(missing)}" if missing else None
+    if missing:
+        return f"complete; missing: {', '.join(missing)}"
+    unknown = [name for name in kind.fitted if name not in declared(kind)]
+    return f"consistent; fitted names no parameter of it: {', '.join(unknown)}" if unknown else None
 
 
 def _together(length: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:

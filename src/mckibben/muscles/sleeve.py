@@ -25,11 +25,13 @@ from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit
 from ..specimens import Specimen, SpecimenNumber
 from . import braid
+from .bladder import BLADDER_SHARE
 from .law import TensionLaw
 from .laws.hyperelastic_braid import HyperelasticBraid
 from .laws.ideal import Ideal
 from .laws.linear_threshold import LinearThreshold
 from .laws.thick_wall import ThickWall
+from .plausible import HIGHEST_PRESSURE
 
 
 class InferredDimension(NamedTuple):
@@ -155,6 +157,12 @@ def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None 
     modulus = youngs_modulus(shore)
     slope, zero = straight_line(thick, upper, SHORTEST * shape.thread_length)
     inner = {"thread_length": shape.thread_length, "turns": shape.turns, "wall_thickness": wall + thread}
+    rest_volume = braid.inner_volume(rest, **inner)
+    # Beyond the upper length the gas ceases to pull over this length, where the law has emptied its braid; threads do not
+    # let a muscle get longer there. The stop is as strong as the gas at the highest usual pressure then.
+    change = slope * (upper - zero)
+    fall = (1.0 - BLADDER_SHARE) * (rest_volume - 0.5 * (upper - rest) * (change + slope * (rest - zero))) / change
+    strongest = change * (HIGHEST_PRESSURE - INFERRED["threshold_pressure"].value)
     linear = LinearThreshold(
         stiffness_per_pressure=slope,
         shortest_length=zero,
@@ -163,7 +171,8 @@ def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None 
         passive_stiffness=modulus * jnp.pi * (outer - 4.0 * thread - wall) * wall / rest,
         rest_length=rest,
         upper_length=upper,
-        rest_volume=braid.inner_volume(rest, **inner),
+        rest_volume=rest_volume,
+        stop_stiffness=strongest / fall**2,
     )
     # The law takes the threads at the outside of its wall; its wall reaches to the middle of the threads here, so that the
     # modulus is lowered until there is as much rubber as before.
@@ -306,6 +315,8 @@ def _parameter(law: str, key: str, unit: str, values: Scalar) -> SpecimenNumber:
     if key in INFERRED and law == "linear_threshold":
         known = INFERRED[key]
         return stated_number(value, unit, source="chou1996", note=known.note.split("; ")[-1], interval=known.range)
+    if key == "stop_stiffness" and law in _STOPS:
+        return stated_number(value, unit, source="inferred", note=_STOPS[law], interval=(0.1 * value, 10.0 * value))
     if key in _MODULI:
         least, most, note = _MODULI[key]
         return stated_number(value, unit, source="gent1958", note=note, interval=(least * low, most * high))
@@ -330,6 +341,9 @@ _UNSEEN: dict[str, tuple[tuple[float, float] | None, str]] = {
     "thread_depth": (None, "assumed: the threads lie on the outside"),
     "length_factor": (None, "assumed: the rest length is the true one"),
     "stop_stiffness": ((0.0, 3e7), "not seen on a sleeve; no stop is assumed"),
+}
+_STOPS = {
+    "linear_threshold": "assumed: no load draws the muscle out of its threads",
 }
 
 

@@ -25,6 +25,7 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import InputError
+from ..quantities import with_unit
 from ..recordings.recording import Recording
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
@@ -35,6 +36,7 @@ from .stepping import CommandedMachine, CommandInput, SimulationState, rest_carr
 if TYPE_CHECKING:
     from .rollout import Rollout
 
+LONGEST_PERIOD = 10.0  # of the samples [s]; longer ones are frequencies in Hz
 STEP = 2e-4  # largest step of the physics unless stated otherwise [s]
 OF_MUSCLES = ("pressure", "tension", "length")  # outputs of a muscle that an observation shows
 
@@ -167,6 +169,8 @@ class Simulation:
         buffer = self._buffer
         try:
             for name, value in commands.items():
+                if value != value:  # it is no number
+                    raise ValueError(name)
                 buffer[self._places[name]] = value
         except (KeyError, TypeError, ValueError):
             self._set_checked(commands)
@@ -382,6 +386,9 @@ def _whole_steps(period: float, step: float) -> int:
     for name, value in (("period", period), ("step", step)):
         if not value > 0.0:
             raise InputError(name, None, f"must be a time above 0 s, got {value:g} s")
+    if period > LONGEST_PERIOD:
+        hint = f"; {period:g} Hz are a period of {with_unit(1.0 / period, 's')}"
+        raise InputError("period", None, f"must be at most {LONGEST_PERIOD:g} s, got {period:g} s{hint}")
     return max(1, math.ceil(period / step - 1e-9))
 
 
