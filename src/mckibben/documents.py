@@ -15,9 +15,12 @@ import secrets
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .errors import InputError, not_found
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 # What JSON and TOML hold: tables and lists of texts, numbers and truth values, as `json.loads` gives them. Readers check it.
 JsonValue: TypeAlias = Any
@@ -234,7 +237,7 @@ class ErrorKeepingFile(io.RawIOBase):
         """Return True."""
         return True
 
-    def write(self, data: Any) -> int:
+    def write(self, data: Buffer) -> int:
         """Write, or do as if."""
         view = memoryview(data).cast("B")
         done = 0
@@ -248,7 +251,7 @@ class ErrorKeepingFile(io.RawIOBase):
         self._end = max(self._end, self._at)
         return len(view)
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: Buffer) -> int:
         """Read bytes; zeros where writing failed."""
         view = memoryview(buffer).cast("B")
         view[:] = bytes(len(view))

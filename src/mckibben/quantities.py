@@ -127,7 +127,8 @@ def as_array(value: object) -> Array:
         return jnp.asarray(value, float)
     if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
         return value
-    return jax.device_put(np.asarray(value, float))
+    array: Array = jax.device_put(np.asarray(value, float))
+    return array
 
 
 def declared(owner: Any) -> dict[str, Quantity]:
@@ -135,7 +136,7 @@ def declared(owner: Any) -> dict[str, Quantity]:
     return {f.name: f.metadata["quantity"] for f in dataclasses.fields(owner) if "quantity" in f.metadata}
 
 
-def values(owner: Any) -> dict[str, Any]:
+def values(owner: Any) -> dict[str, float | list[float]]:
     """Declared parameters of an instance as plain floats, or lists of them [their SI units]."""
     return {name: np.asarray(getattr(owner, name)).tolist() for name in declared(owner)}
 
@@ -315,7 +316,7 @@ def in_si(value: Any, si_unit: str, *, field: str) -> Scalar:
 MOST_VALUES = 10_000  # of a range in words
 
 
-def values_in_si(values: Any, si_unit: str, *, field: str) -> list[float]:
+def values_in_si(values: object, si_unit: str, *, field: str) -> list[float]:
     """A list of quantities as people give it, as SI numbers.
 
     Args:

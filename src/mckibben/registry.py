@@ -76,7 +76,7 @@ def relative_to_file(name: str, where: str | os.PathLike[str]) -> str:
     return str(Path(where).parent / name) if is_reference(name) else name
 
 
-def with_own_references(document: Any, where: str | os.PathLike[str]) -> Any:
+def with_own_references(document: object, where: str | os.PathLike[str]) -> Any:
     """The tables of a file with every reference such as ``my.py:MyLaw``, key or value, found from the folder of the file.
 
     Args:

@@ -21,13 +21,16 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .documents import JsonValue
 from .errors import InputError, choice
 from .quantities import Quantity, declared, parse
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 _REST = "*"  # stands for all keys that no field has
@@ -179,14 +182,14 @@ class FrozenTable(Mapping[str, Any]):
         return {k: thawed(v) for k, v in self._values.items()}
 
 
-def frozen(value: object) -> Any:
+def frozen(value: object) -> JsonValue:
     """Convert to immutable values: tables to `FrozenTable`, lists to tuples."""
     if isinstance(value, Mapping):
         return FrozenTable(value)
     return tuple(frozen(v) for v in value) if isinstance(value, list | tuple) else value
 
 
-def thawed(value: object) -> Any:
+def thawed(value: object) -> JsonValue:
     """Convert frozen values to dicts and lists."""
     if isinstance(value, FrozenTable):
         return value.plain()
@@ -217,7 +220,7 @@ class Place:
         """The SI unit here of what is declared in a unit."""
         return self.own_unit or self.units.get(declared, declared)
 
-    def words(self, value: Any, declared: str) -> Any:
+    def words(self, value: float, declared: str) -> float | str:
         """A number as it is written here, so that it reads back exactly; a pure number stays a number."""
         unit = "1" if self.bare else self.unit(declared)
         return float(value) if unit == "1" else f"{float(value)!r} {unit}"
@@ -406,7 +409,7 @@ def listed(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any
 _FIELDS: dict[type, dict[str, tuple[str, FieldType, bool]]] = {}  # kept by `table_fields`
 
 
-def table_fields(kind: Any) -> dict[str, tuple[str, FieldType, bool]]:
+def table_fields(kind: type[DataclassInstance]) -> dict[str, tuple[str, FieldType, bool]]:
     """The fields of a type that a table can state, by key: the field's name, how it is read, whether it is required."""
     if kind in _FIELDS:
         return _FIELDS[kind]
@@ -428,7 +431,7 @@ def read_table(
     files: object = None,
     owner: str = "",
     beside: Iterable[str] = (),
-    **given: Any,
+    **given: JsonValue,
 ) -> T:
     """Read a value of a type from a table.
 
@@ -465,7 +468,7 @@ def read_table(
         raise table.located(error) from None
 
 
-def read_stated(kind: type[Any], table: FileTable, keys: Iterable[str]) -> dict[str, JsonValue]:
+def read_stated(kind: type[DataclassInstance], table: FileTable, keys: Iterable[str]) -> dict[str, JsonValue]:
     """Read those of some fields of a type that a table states, by the name of the field; raises as `read_table`."""
     fields = table_fields(kind)
     return {
@@ -476,7 +479,7 @@ def read_stated(kind: type[Any], table: FileTable, keys: Iterable[str]) -> dict[
 
 
 def write_table(
-    value: Any,
+    value: DataclassInstance,
     *,
     units: Mapping[str, str] = _NOTHING,
     bare: bool = False,
@@ -502,7 +505,7 @@ def write_table(
     return out
 
 
-def _write_part(value: object, place: Place) -> dict[str, JsonValue]:
+def _write_part(value: DataclassInstance, place: Place) -> dict[str, JsonValue]:
     return write_table(value, units=place.units, bare=place.bare)
 
 
@@ -603,7 +606,7 @@ def _read_flag(raw: object, place: Place) -> bool:
     return raw
 
 
-def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> Any:
+def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonValue:
     """Read a value of a type, or of that which the key `kind` names, from what stands at a place; raises as `read_table`."""
     if kind is None:
         return raw

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
+from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import construct
 from ..muscles.elements import Tendon
@@ -35,11 +35,11 @@ class RecordedMachine:
         self.room = Environment(**{k: float(room[k]) for k in ("pressure_abs", "temperature") if k in room})
         self._laws: Mapping[str, str] = (record.meta.get("energy") or {}).get("laws", {})
 
-    def find(self, path: str) -> Any:
+    def find(self, path: str) -> JsonValue:
         """The value at a path [SI], None if it is not stated."""
         return next((self._values[p + path] for p in PREFIXES if p + path in self._values), None)
 
-    def below(self, path: str) -> dict[str, Any]:
+    def below(self, path: str) -> dict[str, JsonValue]:
         """The values of which the path begins with one, by the rest of their path."""
         for prefix in PREFIXES:
             whole = f"{prefix}{path}."

@@ -73,7 +73,8 @@ def held_against_spikes(values: np.ndarray, samples: int) -> np.ndarray:
     if samples == 1:
         return values
     padded = np.pad(values, samples // 2, mode="edge")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, samples), axis=-1)
+    spikes: np.ndarray = np.median(np.lib.stride_tricks.sliding_window_view(padded, samples), axis=-1)
+    return spikes
 
 
 def window_samples(window: float, period: float, count: int, order: int = 2) -> int:

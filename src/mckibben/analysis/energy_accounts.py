@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..components import Environment
+from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import law_from_specimen
 from ..muscles.law import TensionLaw
@@ -43,7 +44,7 @@ def energy_account(
     end: float | None = None,
     cycle: str | None = None,
     measured: bool = False,
-    **options: Any,
+    **options: JsonValue,
 ) -> EnergyAccount:
     """The account of a recording; of all that a simulation ran, or of a stretch of what is recorded.
 

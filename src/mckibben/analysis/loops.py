@@ -66,7 +66,8 @@ class TensionPath(NamedTuple):
         last = np.searchsorted(self.length, grid + self.half_window)
         count = last - first
         means = (total[last] - total[first]) / np.maximum(count, 1)
-        return np.where(count >= 2 * _LEAST, means, np.interp(grid, self.length, self.tension))
+        coarse: np.ndarray = np.where(count >= 2 * _LEAST, means, np.interp(grid, self.length, self.tension))
+        return coarse
 
 
 class Paths(NamedTuple):

@@ -25,7 +25,7 @@ _ROUNDING = 1e-9
 _AMOUNT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
-def segments(record: Recording, /, label: str | None = None, **case: Any) -> list[Recording]:
+def segments(record: Recording, /, label: str | None = None, **case: str | float) -> list[Recording]:
     """The recorded steps that match, in their order; each a recording with its step in ``meta["step"]``.
 
     The time is kept. A step of which no sample is there, such as one that a selection left out, is passed over.
@@ -115,7 +115,7 @@ def steps_of(record: Recording) -> list[dict[str, JsonValue]]:
     return [_checked(step, f"steps.{i}") for i, step in enumerate(listed, 1)]
 
 
-def same_amount(a: Any, b: Any) -> bool:
+def same_amount(a: object, b: object) -> bool:
     """Whether two texts state the same amount, ``5 bar`` and ``500 kPa``; a number is in the other's SI unit."""
     if isinstance(a, str) and isinstance(b, str) and a.split() == b.split():
         return True

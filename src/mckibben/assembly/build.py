@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from ..components import Environment, MemoryElement
 from ..components.flow import FlowElement
+from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles import Muscle
 from ..muscles.build import muscle as build_muscle
@@ -81,7 +82,7 @@ def unit_from_specimen(
     creep: MemoryElement | None = None,
     tendon: Tendon | None = None,
     wrap: Wrap | None = None,
-    changes: Mapping[str, Any] | None = None,
+    changes: Mapping[str, JsonValue] | None = None,
     **mechanics: float,
 ) -> MuscleUnit:
     """A muscle with tendon and end mass from a specimen; what the specimen does not state is `INFERRED`.
@@ -257,7 +258,7 @@ def single_muscle(
     *,
     supply: Reservoir | float,
     environment: Environment | None = None,
-    **line: Any,
+    **line: JsonValue,
 ) -> Machine:
     """Build a machine of one muscle, under the name that the load gives it; for other arguments see `AirLine`."""
     names = load.muscles()
@@ -274,9 +275,9 @@ def antagonist_pair(
     flexor_arm: MomentArm,
     extensor_arm: MomentArm,
     inertia: float,
-    joint: Mapping[str, Any] | None = None,
+    joint: Mapping[str, JsonValue] | None = None,
     environment: Environment | None = None,
-    **line: Any,
+    **line: JsonValue,
 ) -> Machine:
     """Build a machine of two muscles, ``flexor`` and ``extensor``, around a joint.
 

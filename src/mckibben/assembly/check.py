@@ -20,7 +20,7 @@ DEMAND = "a tension law or a friction: a class derived from mckibben.TensionLaw 
 
 
 def check(
-    what: str | type[Any] | TensionLaw | Hysteresis,
+    what: str | type[object] | TensionLaw | Hysteresis,
     parameters: Mapping[str, float] | None = None,
     *,
     lowest: float = 0.0,

@@ -242,7 +242,8 @@ class CircuitPlan:
     @property
     def inner_step(self) -> float:
         """The step that fits the period a whole number of times [s]."""
-        return self.period / max(1, round(np.ceil(self.period / self.step - 1e-9)))
+        step: float = self.period / max(1, round(np.ceil(self.period / self.step - 1e-9)))
+        return step
 
     @property
     def owner(self) -> dict[str, JsonValue]:
@@ -290,7 +291,7 @@ def with_bare_unit(value: str | float, unit: str) -> str:
     return text if unit == "1" else f"{text} {unit}"
 
 
-def leaves(document: Any, prefix: str = "") -> Iterator[str]:
+def leaves(document: object, prefix: str = "") -> Iterator[str]:
     """The dotted paths of all that a document states."""
     if isinstance(document, Mapping):
         for key, value in document.items():
@@ -299,7 +300,7 @@ def leaves(document: Any, prefix: str = "") -> Iterator[str]:
         yield prefix
 
 
-def has(document: Any, path: str) -> bool:
+def has(document: object, path: str) -> bool:
     """Whether a document contains a dotted path; items of a list are counted from 1."""
     for part in path.split("."):
         if isinstance(document, list) and part.isdigit() and 1 <= int(part) <= len(document):

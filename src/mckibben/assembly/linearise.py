@@ -259,7 +259,8 @@ def settle(
     x = run.y[:, -1]
 
     def residual(at: np.ndarray) -> np.ndarray:
-        return np.abs(rate(at)) / np.maximum(np.abs(at), FLOOR)
+        speeds: np.ndarray = np.abs(rate(at)) / np.maximum(np.abs(at), FLOOR)
+        return speeds
 
     for duration in 10.0 ** np.arange(-2, 6):
         if float(residual(x).max()) <= 1e-3 * tolerance:

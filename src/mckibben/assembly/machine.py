@@ -248,7 +248,8 @@ class Machine(System):
 
     def gauge(self, state: Tree, name: str) -> Scalar:
         """Gauge pressure in a muscle [Pa]."""
-        return state["circuit"]["pressure"][name] - self.environment.pressure_abs
+        gauge: Scalar = state["circuit"]["pressure"][name] - self.environment.pressure_abs
+        return gauge
 
     def pulls(
         self, state: Tree, memory: Tree, inputs: Mapping[str, Value]

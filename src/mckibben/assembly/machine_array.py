@@ -8,7 +8,7 @@ what flows into the shared chambers, and what the muscles do to the load, is add
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -62,10 +62,14 @@ class SignalArray(Module):
         """Values (n,), see `Signal.within`."""
         return self._each(lambda s: s.within(index, begin, end, share, period))
 
-    def _each(self, function: Any) -> Value:
+    def _each(self, function: Callable[[Signal], Value]) -> Value:
         s = self.signal
         axes = 1 if jnp.ndim(s.values) > 1 else None, 0 if jnp.ndim(s.delay if s.delay is not None else 0.0) else None
-        one = lambda values, delay: function(s.replace(values=values, delay=delay))  # noqa: E731
+
+        def one(values: Scalar, delay: Scalar | None) -> Value:
+            result: Value = function(s.replace(values=values, delay=delay))
+            return result
+
         values: Value = jax.vmap(one, in_axes=axes)(s.values, s.delay)
         return values
 

@@ -149,7 +149,8 @@ class MuscleUnit(Module):
             span: from the anchor to the load [m].
             pressure: gauge pressure [Pa].
         """
-        return _equilibrium(self, span, pressure)
+        rest: UnitState = _equilibrium(self, span, pressure)
+        return rest
 
 
 @jit  # traced once for all that asks for it

@@ -68,7 +68,9 @@ def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping
     closed = Inflow(jnp.zeros(()), jnp.zeros(()))
 
     def rate(moving: Any) -> Scalar:
-        return node.heat.rates(circuit.gas, p, temperature, VolumeState(whole, moved.per_pressure, moving), closed)[0]
+        volume = VolumeState(whole, moved.per_pressure, moving)
+        flow: Scalar = node.heat.rates(circuit.gas, p, temperature, volume, closed)[0]
+        return flow
 
     return rate(moved.moving) - rate(jnp.zeros(()))  # without what a wall's heat does meanwhile
 

@@ -276,7 +276,7 @@ def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Tree]:
     return {name: jnp.asarray(known[name], float) for name in names}
 
 
-def channels_of(seen: sampled.SampleResult) -> Mapping[str, Any]:
+def channels_of(seen: sampled.SampleResult) -> Mapping[str, Scalar]:
     """All channels of a sample, named as `bench.run` does."""
     by_name = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
     by_name |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}

@@ -24,6 +24,7 @@ from ..bench.hardware.pneumatics import MUSCLE
 from ..bench.prepare import PreparedRun, RunSegment, with_friction_scale
 from ..bench.segment import software_of, timing_of
 from ..bench.software.loop import BenchSoftware
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.dry_run import check, states
 from .run_template import KEPT, RunFactory, RunTemplate
@@ -71,7 +72,7 @@ class BuiltVariant(NamedTuple):
     guard: tuple[Any, ...]
 
 
-def build(factory: RunFactory, values: Mapping[str, Any]) -> BuiltVariant:
+def build(factory: RunFactory, values: Mapping[str, JsonValue]) -> BuiltVariant:
     """Build a variant.
 
     Args:

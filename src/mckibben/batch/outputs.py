@@ -32,8 +32,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import Scalar, jax, jnp
+from .._jax import Array, Scalar, jax, jnp
 from ..analysis.steps import LAST, settling
+from ..documents import JsonValue
 from ..engine.integration import Result
 from ..errors import InputError
 from ..schema import Place, number, read_table, word
@@ -121,7 +122,7 @@ def wanted(outputs: Iterable[Output]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c for o in outputs if o.sampled for c in (o.channel, o.over) if c))
 
 
-def document(outputs: Iterable[Output]) -> dict[str, Mapping[str, Any]]:
+def document(outputs: Iterable[Output]) -> dict[str, Mapping[str, JsonValue]]:
     """Convert outputs to a JSON document for a store."""
     return {o.name: {k: v for k, v in asdict(o).items() if k != "name" and v not in ("",)} for o in outputs}
 
@@ -227,7 +228,9 @@ def start_totals(outputs: tuple[Output, ...], after_stop: int) -> RunningTotals:
     return RunningTotals(jnp.asarray(True), jnp.asarray(False), jnp.zeros((), int), jnp.asarray(after_stop), sums)
 
 
-def count_samples(totals: RunningTotals, shown: Mapping[str, Any], every: int) -> tuple[RunningTotals, CountedSamples]:
+def count_samples(
+    totals: RunningTotals, shown: Mapping[str, Array], every: int
+) -> tuple[RunningTotals, CountedSamples]:
     """Select the samples of a chunk that count, and update their number in the totals."""
     size = shown["running"].shape[0]
     place = jnp.arange(size)
@@ -248,8 +251,8 @@ def add_samples(
     totals: RunningTotals,
     outputs: tuple[Output, ...],
     look: ChunkSamples,
-    windows: Mapping[str, Any],
-    kept: Any,
+    windows: Mapping[str, Array],
+    kept: Array,
     period: Scalar,
     every: int,
 ) -> RunningTotals:

@@ -18,6 +18,7 @@ from ..bench.rig import Rig
 from ..bench.rig_file import put_rig_value, read_rig
 from ..bench.rig_file import rig as rig_of
 from ..components import paths
+from ..documents import JsonValue
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.protocol import Protocol
@@ -76,7 +77,7 @@ class RunTemplate:
         """Default muscle of variants."""
         return unit_from_specimen(self.specimens.get(self.muscle) or muscle_specimen(self.muscle))
 
-    def words(self, values: Mapping[str, Any]) -> dict[str, str]:
+    def words(self, values: Mapping[str, JsonValue]) -> dict[str, str]:
         """Values of a variant as ``--set`` would state them, including common ones."""
         return {**self.given, **{path: self.settings[path].words(v) for path, v in values.items()}}
 
@@ -90,7 +91,7 @@ class RunFactory:
         self._protocol = _remembering(self._read_protocol)
         self._unit = _remembering(lambda name: unit_from_specimen(self._specimen(name)))
 
-    def bench(self, values: Mapping[str, Any]) -> PreparedRun:
+    def bench(self, values: Mapping[str, JsonValue]) -> PreparedRun:
         """Prepare the run of one variant, including the dry run.
 
         Args:
@@ -144,7 +145,7 @@ class RunFactory:
         return with_values(self.template.protocol, values) if values else self.template.protocol
 
 
-def make_template(protocol: Protocol, muscle: str, rig: str = "paper", **more: Any) -> RunTemplate:
+def make_template(protocol: Protocol, muscle: str, rig: str = "paper", **more: JsonValue) -> RunTemplate:
     """Make a template, and read the files of its muscle and rig.
 
     Raises:

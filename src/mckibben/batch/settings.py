@@ -14,10 +14,12 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from ..assembly.muscle_unit import MuscleUnit
 from ..bench.rig import Rig
 from ..bench.rig_file import LENGTH
 from ..bench.sensors import SENSORS
 from ..components import Environment, paths
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.amounts import read_amount
 from ..experiments.protocol import Protocol
@@ -69,7 +71,7 @@ class Setting(NamedTuple):
             raise InputError(self.path, shown(raw), "must be a number with its unit in words, or a word", where=where)
         return str(raw)
 
-    def words(self, value: Any) -> str:
+    def words(self, value: JsonValue) -> str:
         """Format a value for ``--set``; it reads back bit for bit."""
         if isinstance(value, str):
             return value
@@ -84,7 +86,7 @@ class Setting(NamedTuple):
                 self.quantity.check(self.path, value, where=where)
 
 
-def setting(path: str, protocol: Protocol, rig: Rig, unit: Any, *, where: str | None = None) -> Setting:
+def setting(path: str, protocol: Protocol, rig: Rig, unit: MuscleUnit, *, where: str | None = None) -> Setting:
     """Find the setting of a dotted path.
 
     Args:

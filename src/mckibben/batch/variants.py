@@ -8,10 +8,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError
 
 SPACINGS = ("linear", "log")
@@ -30,16 +30,16 @@ class Variants:
     def __getitem__(self, part: slice) -> Variants:
         return Variants({path: values[part] for path, values in self.columns.items()})
 
-    def row(self, index: int) -> dict[str, Any]:
+    def row(self, index: int) -> dict[str, JsonValue]:
         """Return one variant: the value of every path."""
         return {path: v[index] if v.dtype == object else float(v[index]) for path, v in self.columns.items()}
 
-    def rows(self) -> Iterator[dict[str, Any]]:
+    def rows(self) -> Iterator[dict[str, JsonValue]]:
         """Iterate over all variants, in order."""
         return (self.row(i) for i in range(len(self)))
 
 
-def column(values: Sequence[Any]) -> np.ndarray:
+def column(values: Sequence[object]) -> np.ndarray:
     """Convert values to a column of numbers; if one is text, all become text."""
     if all(isinstance(v, float) for v in values):
         return np.asarray(values, float)
@@ -48,7 +48,7 @@ def column(values: Sequence[Any]) -> np.ndarray:
     return objects
 
 
-def grid(axes: Mapping[str, Sequence[Any]]) -> Variants:
+def grid(axes: Mapping[str, Sequence[object]]) -> Variants:
     """Combine the values of all paths in every way; the last path varies fastest."""
     columns = [column(list(values)) for values in axes.values()]
     counts = [len(c) for c in columns]
@@ -92,7 +92,7 @@ def between(path: str, low: float, high: float, spacing: str, share: np.ndarray)
     return np.asarray(np.clip(low + (high - low) * share, low, high))
 
 
-def listed(rows: Sequence[Mapping[str, Any]]) -> Variants:
+def listed(rows: Sequence[Mapping[str, object]]) -> Variants:
     """Make variants from a list; all name the same paths.
 
     Raises:

@@ -78,7 +78,7 @@ def run_biological(
     subject: BiologicalSubject,
     *,
     full_pressure: float = FULL_PRESSURE,
-    **values: Any,
+    **values: JsonValue,
 ) -> Recording:
     """Run a protocol on a biological muscle and record it, with what a report needs.
 
@@ -289,7 +289,8 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
     kind, limit = KINDS.index(test.kind), test.amount.si(rest)
 
     def one(state: Tree, x: Scalar) -> tuple[Tree, Tree]:
-        return advance(kind, state, x, limit, test.lasting, x, period)
+        advanced: tuple[Tree, Tree] = advance(kind, state, x, limit, test.lasting, x, period)
+        return advanced
 
     _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(seen[test.channel]))
     samples = np.flatnonzero(np.asarray(holds)[: step.count])

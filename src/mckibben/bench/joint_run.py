@@ -78,7 +78,7 @@ def joint_stand(
     flexor_arm: MomentArm | None = None,
     extensor_arm: MomentArm | None = None,
     inertia: float = 2e-3,
-    joint: Mapping[str, Any] | None = None,
+    joint: Mapping[str, JsonValue] | None = None,
     pressures: tuple[float, float] = (1.4e5, 5e5),
     angles: tuple[float, float] = (-0.5, 0.5),
     gains: Mapping[str, float] | None = None,

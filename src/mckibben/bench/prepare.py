@@ -14,6 +14,7 @@ import numpy as np
 
 from ..assembly.build import unit_from_muscle, unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
+from ..documents import JsonValue
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.dry_run import Estimate, Finding, check_plan
@@ -163,7 +164,7 @@ def prepare(
     seed: int = 0,
     accept_saturation: bool = False,
     faults: Sequence[OpenWire] = (),
-    **values: Any,
+    **values: JsonValue,
 ) -> PreparedRun:
     """Prepare a run, including the dry run; nothing moves.
 
@@ -233,7 +234,7 @@ def prepare(
     )
 
 
-def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float, **options: Any) -> PreparedRun:
+def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float, **options: JsonValue) -> PreparedRun:
     """Prepare a run on a machine that is sampled already.
 
     Args:

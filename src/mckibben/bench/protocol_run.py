@@ -53,7 +53,7 @@ class RunState:
     steps: list[dict[str, Any]] = field(default_factory=list)
 
     @property
-    def stop(self) -> dict[str, Any] | None:
+    def stop(self) -> dict[str, JsonValue] | None:
         """The event of the stop that ended the run."""
         return next((e for e in reversed(self.events) if "code" in e), None)
 

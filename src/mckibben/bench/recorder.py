@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class Chunks:
         """Number of samples kept so far."""
         return sum(len(t) for t in self._times)
 
-    def add(self, times: Any, arrays: Mapping[str, Scalar], keep: Any = True) -> None:
+    def add(self, times: np.ndarray, arrays: Mapping[str, Scalar], keep: np.ndarray | bool = True) -> None:
         """Take the next samples; they are copied.
 
         Args:

@@ -27,7 +27,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from ..components import Environment, Module
 from ..components.flow import FlowElement
@@ -51,8 +51,11 @@ from .sensors import SENSORS, SensorKind
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 SCHEMA = 1
-T = TypeVar("T")
+T = TypeVar("T", bound="DataclassInstance")
 DERIVED = ("name", "title", "source", "note")  # what a rig with a base states of itself
 SECTIONS = (
     "schema", "name", "title", "source", "note", "inferred", "computer", "sensors", "encoder", "outputs", "motor",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from ..assembly.muscle_unit import MuscleUnit
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..muscles import Muscle
@@ -37,7 +37,7 @@ def run(
     real_time: bool = False,
     hardware: Hardware | None = None,
     log: str | Path | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> Recording:
     """Run a protocol on a rig; a keyboard interrupt ends the run and keeps the samples so far.
 

@@ -13,11 +13,13 @@ __all__ = ["PRESSURE", "SENSORS", "TENSION", "VALVE_PRESSURE", "SensorKind", "se
 
 
 def _tested_pressure(plant: Any, state: Any, memory: Any, inputs: Any) -> Scalar:
-    return state["circuit"]["pressure"][plant.tested] - plant.machine.environment.pressure_abs
+    tested_pressure: Scalar = state["circuit"]["pressure"][plant.tested] - plant.machine.environment.pressure_abs
+    return tested_pressure
 
 
 def _port_pressure(plant: Any, state: Any, memory: Any, inputs: Any) -> Scalar:
-    return state["circuit"]["pressure"][PORT] - plant.machine.environment.pressure_abs
+    port_pressure: Scalar = state["circuit"]["pressure"][PORT] - plant.machine.environment.pressure_abs
+    return port_pressure
 
 
 def _load_tension(plant: Any, state: Any, memory: Any, inputs: Any) -> Scalar:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from ..documents import JsonValue
 from ..errors import InputError, not_found
 from . import _progress, _terminal
 
@@ -155,7 +156,7 @@ class OutputFiles(Mapping[str, list[Path]]):
                 if path != self._streamed:
                     _progress.keep(str(path))
 
-    def write_rows(self, rows: Sequence[Mapping[str, Any]], units: Mapping[str, str] | None = None) -> None:
+    def write_rows(self, rows: Sequence[Mapping[str, JsonValue]], units: Mapping[str, str] | None = None) -> None:
         """Write every table, from rows that have the same keys, with the SI units of the columns."""
         if self["table"]:
             from ..recordings.tables import write_table
@@ -163,14 +164,14 @@ class OutputFiles(Mapping[str, list[Path]]):
             columns = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
             self.write("table", lambda path: write_table(columns, path, units=units))
 
-    def write_columns(self, columns: Mapping[str, Iterable[Any]], units: Mapping[str, str]) -> None:
+    def write_columns(self, columns: Mapping[str, Iterable[object]], units: Mapping[str, str]) -> None:
         """Write every table, from columns of equal length with their SI units."""
         if self["table"]:
             from ..recordings.tables import write_table
 
             self.write("table", lambda path: write_table(columns, path, units=units))
 
-    def write_result(self, value: dict[str, Any]) -> None:
+    def write_result(self, value: dict[str, JsonValue]) -> None:
         """Write what ``--json`` prints into every JSON file."""
         if self["result"]:
             from ..documents import write_text

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
@@ -162,7 +162,7 @@ def readable(sentence: str) -> str:
     return sentence
 
 
-def stdout() -> Any:
+def stdout() -> TextIO:
     """Where results go, also while nothing else is printed."""
     return _call.stdout or sys.stdout
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..documents import parse_toml
+from ..documents import JsonValue, parse_toml
 
 PACKAGE = Path(__file__).parents[1]
 DATA = (
@@ -129,7 +129,7 @@ def _tables(folders: Iterable[str | Path]) -> Iterator[dict[str, Any]]:
     yield from (read_toml(path) for folder in folders for path in sorted(Path(folder).glob("*.toml")))
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, JsonValue]:
     """The tables of a file; none if it cannot be read."""
     try:
         return parse_toml(path.read_text(encoding="utf-8"), where=str(path))

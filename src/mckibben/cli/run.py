@@ -385,7 +385,7 @@ def prepared(
     calibration: Path | None,
     *,
     law: str | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> PreparedRun:
     """Prepare a run from the options of the command line."""
     changes = pairs(change, "--set", _EXAMPLE)

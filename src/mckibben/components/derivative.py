@@ -11,4 +11,5 @@ from .module import Scalar
 def derivative(function: Callable[[Scalar], Scalar], at: Scalar) -> Scalar:
     """df/dx of an elementwise function, of the shape of ``x`` (no loop and no vmap: one forward tangent)."""
     x = jnp.asarray(at, float)
-    return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
+    slope: Scalar = jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
+    return slope

@@ -129,7 +129,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
 
         It is for taking a value apart: all its numbers stay the same objects.
         """
-        made: Any = object.__new__(type(self))
+        made: Self = object.__new__(type(self))
         made.__dict__.update(self.__dict__)
         made.__dict__.update(values)
         return made
@@ -222,7 +222,8 @@ def jit_arrays(function: Callable[..., Result]) -> Callable[..., Result]:
         others = tuple(
             (type(None), None) if own else (type(leaf), leaf) for leaf, own in zip(leaves, traced, strict=True)
         )
-        return compiled((structure, others), arrays)
+        outputs: Result = compiled((structure, others), arrays)
+        return outputs
 
     return call
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar, Tree
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity
 from .module import Module
@@ -32,7 +33,7 @@ def _with_values(owner: Any, prefix: str) -> Iterator[tuple[str, Quantity, Any]]
                 yield from _with_values(value, f"{prefix}{f.name}.")
 
 
-def resolved(owner: Tree) -> dict[str, dict[str, Any]]:
+def resolved(owner: Tree) -> dict[str, dict[str, JsonValue]]:
     """Return value [SI] and unit of every parameter below an object, by dotted path."""
     known = _with_values(owner, "")
     return {path: {"value": np.asarray(value).tolist(), "unit": q.unit} for path, q, value in known}
@@ -49,7 +50,7 @@ def declaration(owner: Tree, path: str) -> Quantity:
     return known[path]
 
 
-def get(owner: Tree, path: str) -> Any:
+def get(owner: Tree, path: str) -> Tree:
     """The value at a dotted path [SI]; a name in a table may have dots itself."""
     while path:
         head, path = _first(owner, path)
@@ -57,7 +58,7 @@ def get(owner: Tree, path: str) -> Any:
     return owner
 
 
-def put(owner: Tree, changes: Mapping[str, Scalar]) -> Any:
+def put(owner: Tree, changes: Mapping[str, Scalar]) -> Tree:
     """A copy with the values at some dotted paths replaced [SI]; they may be traced."""
     for path, value in changes.items():
         owner = _put(owner, path, value)

@@ -282,7 +282,7 @@ def _collection(value: Any) -> bool:
     return type(value) in (dict, list, tuple) or (isinstance(value, tuple) and hasattr(value, "_fields"))
 
 
-def lower_or_load(function: Callable[..., Tree], *examples: Any, title: str = "") -> tuple[Program, Tree]:
+def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tuple[Program, Tree]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
     name = _kept_name(function, examples)
     known = None if name is None else load_program(name)
@@ -294,7 +294,7 @@ def lower_or_load(function: Callable[..., Tree], *examples: Any, title: str = ""
     return program, tree
 
 
-def find_program(function: Callable[..., Tree], *examples: Any) -> tuple[Program, Tree] | None:
+def find_program(function: Callable[..., Tree], *examples: Tree) -> tuple[Program, Tree] | None:
     """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
     name = _kept_name(function, examples)
     return None if name is None else load_program(name)

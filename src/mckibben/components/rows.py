@@ -40,7 +40,10 @@ def _as_rows(leaf: Any) -> Any:
 
 def without_rows(tree: Tree) -> Tree:
     """Replace rows by the arrays that they are of."""
-    is_rows = lambda x: isinstance(x, UnitRows)  # noqa: E731
+
+    def is_rows(x: object) -> bool:
+        return isinstance(x, UnitRows)
+
     return jax.tree.map(lambda x: x.whole if is_rows(x) else x, tree, is_leaf=is_rows)
 
 

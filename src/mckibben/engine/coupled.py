@@ -180,7 +180,8 @@ def _stacked(row: np.ndarray, leaves: Sequence[np.ndarray], single: np.ndarray) 
     """A leaf of all cells, with the cells as last axis."""
     first = leaves[row[0]]
     if first.ndim == 0 and first.dtype == single.dtype:
-        return single[row]
+        column: np.ndarray = single[row]
+        return column
     return np.stack([leaves[k] for k in row], -1)
 
 

@@ -109,7 +109,10 @@ def integrate(
     first = _inputs(signals, 0, 0.0, period)
     # As many times as `_along` looks, so that one compilation serves both.
     many = min(samples, PROBES)
-    lead = lambda tree: map_leaves(lambda x: np.broadcast_to(np.asarray(x), (many, *np.shape(x))), tree)  # noqa: E731
+
+    def lead(tree: Tree) -> Tree:
+        return map_leaves(lambda x: np.broadcast_to(np.asarray(x), (many, *np.shape(x))), tree)
+
     plan = _plan(fastest_rate(system, lead(state), lead(memory), lead(first)), h, method)
     for _ in range(ATTEMPTS):
         carry, kept = _run(system, state, memory, dict(signals), period, plan.split * inner, samples, plan.stiff)
@@ -165,7 +168,7 @@ def march(
     system: System,
     state: Tree,
     memory: Tree,
-    signals: Any,
+    signals: Tree,
     period: Scalar,
     inner: int,
     samples: int,
@@ -302,7 +305,10 @@ def _samples(signals: Mapping[str, Signal], period: float, step_size: float, met
 def _along(system: System, kept: Any, signals: Mapping[str, Signal], period: float, samples: int) -> float:
     """Fastest rate at states spread over the run."""
     at = np.unique(np.linspace(0, samples - 1, min(samples, PROBES)).astype(int))
-    pick = lambda tree: map_leaves(lambda x: np.asarray(x)[at], tree)  # noqa: E731
+
+    def pick(tree: Tree) -> Tree:
+        return map_leaves(lambda x: np.asarray(x)[at], tree)
+
     inputs = {n: _values_at(s, at, period) for n, s in signals.items()}
     return fastest_rate(system, pick(kept[0]), pick(kept[1]), inputs)
 

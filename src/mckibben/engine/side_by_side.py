@@ -74,11 +74,12 @@ class Split(NamedTuple):
 
     @staticmethod
     def _stacked(row: np.ndarray, arrays: Sequence[np.ndarray], single: np.ndarray) -> np.ndarray:
-        first = arrays[row[0]]
+        first: np.ndarray = arrays[row[0]]
         if (row == row[0]).all():
             return first
         if first.ndim == 0 and first.dtype == single.dtype:
-            return single[row]
+            column: np.ndarray = single[row]
+            return column
         return np.stack([arrays[k] for k in row], -1)
 
 

@@ -76,7 +76,8 @@ class TensionTable:
         table = np.asarray(self.tensions, float)
         low = table[i, j] * (1.0 - v) + table[i, j + 1] * v
         high = table[i + 1, j] * (1.0 - v) + table[i + 1, j + 1] * v
-        return low * (1.0 - u) + high * u
+        pressures: np.ndarray = low * (1.0 - u) + high * u
+        return pressures
 
 
 def _place(knots: tuple[float, ...], x: Any) -> tuple[np.ndarray, np.ndarray]:

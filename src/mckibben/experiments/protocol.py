@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,10 @@ from .sentence import protocol_sentence
 from .steps import PARTS, ProtocolStep, bind
 from .waveforms.random import uniform
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 SCHEMA = 1
 ORDERS = ("as listed", "random")
@@ -248,7 +251,7 @@ class Protocol:
         count = len(self.cases())
         return f"Protocol({self.name!r}: {self.title}; {count} {'case' if count == 1 else 'cases'})"
 
-    def variables(self) -> dict[str, tuple[Any, ...]]:
+    def variables(self) -> dict[str, tuple[JsonValue, ...]]:
         """The values of every choice and parameter by name; those that choices set are empty."""
         return {c.name: c.values for c in self.choices} | {p.name: p.values for p in self.parameters}
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from .._jax import Scalar, Tree, jnp
 from ..components.sensors import SENSORS
@@ -55,7 +54,7 @@ class Until:
         """The state before the first sample: where the channel was, and for how long it has been true [s]."""
         return START
 
-    def step(self, state: Tree, measured: Mapping[str, Scalar], command: Scalar, dt: float, rest_length: float) -> Any:
+    def step(self, state: Tree, measured: Mapping[str, Scalar], command: Scalar, dt: float, rest_length: float) -> Tree:
         """Advance by one sample; return the new state, and whether the step ends; see `advance`.
 
         Args:
@@ -78,7 +77,7 @@ class Until:
         return f"{self.channel} {self.kind} {self.amount.sentence()}{lasting}"
 
 
-def advance(kind: Any, state: Tree, x: Scalar, limit: Scalar, lasting: Scalar, command: Scalar, dt: Scalar) -> Any:
+def advance(kind: Scalar, state: Tree, x: Scalar, limit: Scalar, lasting: Scalar, command: Scalar, dt: Scalar) -> Tree:
     """Advance a test by one sample; return the new state, and whether it holds.
 
     Straight-line; for floats, arrays and traces.

@@ -203,7 +203,10 @@ class LoopHost(HostAdapter):
 
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The mechanism and part of a scenario at their start."""
-        make = lambda: self.instance(scenario.part, scenario.parameters)  # noqa: E731
+
+        def make() -> PartInstance:
+            return self.instance(scenario.part, scenario.parameters)
+
         return LoopMechanism(scenario, make(), period, staggered=self.staggered, make=make)
 
 
@@ -224,8 +227,12 @@ class _PythonInstance(PartInstance):
             self.state, period=period, span=span, rate=rate, staggered=self.staggered, **commands
         )
         values = seen._asdict()
-        of = lambda what: {n: values[what if len(self.part.muscles) == 1 else f"{n}_{what}"] for n in self.part.muscles}  # noqa: E731
-        return PartReadings(of("tension"), of("pressure"), sum(of("work").values()))
+        alone = len(self.part.muscles) == 1
+        tension, pressure, work = (
+            {n: values[name if alone else f"{n}_{name}"] for n in self.part.muscles}
+            for name in ("tension", "pressure", "work")
+        )
+        return PartReadings(tension, pressure, sum(work.values()))
 
     def save(self) -> Any:
         """The state."""

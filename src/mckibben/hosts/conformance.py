@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..documents import parse_json, read_text, write_text
+from ..documents import JsonValue, parse_json, read_text, write_text
 from ..errors import ConvergenceError, InputError
 from ..recordings.provenance import versions
 from .adapters import HostAdapter, HostedMechanism
@@ -103,7 +103,7 @@ class Certificate(NamedTuple):
         """Whether all limits hold."""
         return all(verdict.holds for verdict in self.verdicts)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, JsonValue]:
         """The certificate as JSON."""
         return self.content | {"verdicts": [v._asdict() for v in self.verdicts], "holds": self.holds}
 
@@ -244,8 +244,9 @@ def run(tested: HostAdapter, one: Scenario, period: float) -> HostTrace:
         rates = mechanism.span_rate(0.5 * (before + after))
         work += sum(period * pull * rates[name] for name, pull in seen[-1].tension.items())
         positions.append(hosted.position)
-    of = lambda what: {n: np.array([getattr(row, what)[n] for row in seen]) for n in mechanism.arms}  # noqa: E731
-    return HostTrace(np.array(positions), of("tension"), of("pressure"), work, seen[-1].work)
+    tension = {n: np.array([row.tension[n] for row in seen]) for n in mechanism.arms}
+    pressure = {n: np.array([row.pressure[n] for row in seen]) for n in mechanism.arms}
+    return HostTrace(np.array(positions), tension, pressure, work, seen[-1].work)
 
 
 def _errors(

@@ -25,11 +25,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import Array, jax, jnp
+from .._jax import Array, Tree, jax, jnp
 from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
-from ..components import Environment, Module, Scalar, field
+from ..components import Environment, FlowElement, Module, Scalar, field
 from ..components.system import Moment
 from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
@@ -68,7 +68,7 @@ class CommandLine(Module):
     due: Array = field(converter=as_array)
 
     @classmethod
-    def resting(cls, value: Any) -> CommandLine:
+    def resting(cls, value: Scalar) -> CommandLine:
         """A line on which nothing is on its way."""
         return cls(value + jnp.zeros(()), jnp.zeros(LINE), jnp.zeros(LINE))
 
@@ -77,7 +77,7 @@ class CommandLine(Module):
         """The command that was given last."""
         return self.now + self.sizes.sum()
 
-    def given(self, value: Any, delay: Any) -> CommandLine:
+    def given(self, value: Scalar, delay: Scalar) -> CommandLine:
         """The line after a command at this moment.
 
         Args:
@@ -97,7 +97,7 @@ class CommandLine(Module):
         due = jnp.where(close, self.due[last] + share * (delay - self.due[last]), delay)
         return CommandLine(self.now, jnp.where(here, size, self.sizes), jnp.where(here, due, self.due))
 
-    def after(self, duration: Any) -> CommandLine:
+    def after(self, duration: Scalar) -> CommandLine:
         """The line a time later [s]."""
         arrived = self.due <= duration
         return CommandLine(
@@ -106,12 +106,12 @@ class CommandLine(Module):
             jnp.where(arrived, 0.0, self.due - duration),
         )
 
-    def at(self, index: Any, share: Any, period: Any) -> Value:
+    def at(self, index: Scalar, share: Scalar, period: Scalar) -> Value:
         """The command at a share of a step."""
         arrived = self.due <= share * period
         return Value(self.now + jnp.where(arrived, self.sizes, 0.0).sum(), jnp.zeros(()))
 
-    def within(self, index: Any, begin: Any, end: Any, share: Any, period: Any) -> Value:
+    def within(self, index: Scalar, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> Value:
         """The mean command from `begin` to `end`, shares of the step."""
         present = jnp.clip((end * period - self.due) / ((end - begin) * period), 0.0, 1.0)
         return Value(self.now + (self.sizes * present).sum(), jnp.zeros(()))
@@ -254,7 +254,10 @@ def rest(part: HostedMuscles, inputs: HostInputs) -> PartState:
     lines = {element: CommandLine.resting(_driven(part, inputs.command)[signal]) for element, signal in part.late}
     still = HostInputs(inputs.span, dict.fromkeys(inputs.rate, jnp.zeros(())), inputs.command)
     physics, memory = machine.at_rest(pressures, _moment(part, still, lines))
-    as_array = lambda tree: jax.tree.map(lambda leaf: jnp.asarray(leaf, float), tree)  # noqa: E731
+
+    def as_array(tree: Tree) -> Tree:
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), tree)
+
     zeros = dict.fromkeys(part.muscles, jnp.zeros(()))
     return PartState(
         jnp.ones(()),
@@ -295,7 +298,7 @@ def advance(
         f"{name}.span": Signal(jnp.stack([state.reach[name], end]), straight=True) for name, end in reach.items()
     }
     lines = {
-        element: state.lines[element].given(driven[signal], machine.circuit.elements[element].delay())
+        element: state.lines[element].given(driven[signal], _dead_time(machine.circuit.elements[element]))
         for element, signal in part.late
     }
     signals |= {f"{element}.command": lines[element] for element, _ in part.late} | _undelayed(part, signals)
@@ -334,7 +337,13 @@ def observe(part: HostedMuscles, state: PartState, inputs: HostInputs) -> PartOu
     return _outputs(part, state, _moment(part, inputs, state.lines), None)
 
 
-def rates(part: HostedMuscles, state: PartState, inputs: HostInputs) -> Any:
+def _dead_time(element: FlowElement) -> Scalar:
+    delay = element.delay()
+    assert delay is not None  # of an element with a line
+    return delay
+
+
+def rates(part: HostedMuscles, state: PartState, inputs: HostInputs) -> Tree:
     """Rates of the machine's state, for a host that integrates itself."""
     return part.machine.rate(state.physics, state.memory, _moment(part, inputs, state.lines))
 

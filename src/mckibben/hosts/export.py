@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..documents import write_text
+from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..extras import library
 from ..recordings.provenance import versions
@@ -53,7 +53,7 @@ def export_cautions(part: Part, target: str) -> list[str]:
     return fmu_cautions(part) if target in ("fmi3", "fmi2") else []
 
 
-def describe(source: PartSource) -> dict[str, Any]:
+def describe(source: PartSource) -> dict[str, JsonValue]:
     """What the files of a part hold, for programs that read them: numbers with their units, and the masses it can move."""
     part = source.part
     return {

@@ -107,13 +107,13 @@ class MujocoMechanism(HostedMechanism):
     def seen(self) -> tuple[dict[str, float], float]:
         """Pressures of the muscles [Pa], and work of the host on all of them [J]."""
 
-    def save(self) -> Any:
+    def save(self) -> np.ndarray:
         """The state of the integration."""
         state = np.empty(self.mujoco.mj_stateSize(self.model, self._kind))
         self.mujoco.mj_getState(self.model, self.data, state, self._kind)
         return state
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: np.ndarray) -> None:
         """Return to a state."""
         self.mujoco.mj_setState(self.model, self.data, saved, self._kind)
 

@@ -359,7 +359,8 @@ class Part:
             ends = dict.fromkeys(filled.muscles, stretch / period)
             pulls.append(filled.step(state, period=period, span=spans, rate=ends)[1])
         differences = [pulls[1][k] - pulls[0][k] for k in range(len(filled.muscles))]
-        return max(differences) / SLOPE_STRETCH
+        steepest: float = max(differences) / SLOPE_STRETCH
+        return steepest
 
     def _with_pressure(self, pressure: float) -> Part:
         return self._with_hosted(self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure))))

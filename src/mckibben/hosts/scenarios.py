@@ -111,7 +111,10 @@ class HostReference(NamedTuple):
         values = self.tensions[muscle]
         whole = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(self.time))])
         begins = np.maximum(begins, 0.0)
-        return (np.interp(ends, self.time, whole) - np.interp(begins, self.time, whole)) / (ends - begins)
+        tensions: np.ndarray = (np.interp(ends, self.time, whole) - np.interp(begins, self.time, whole)) / (
+            ends - begins
+        )
+        return tensions
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,8 @@ class CircuitProblem:
             for m, t in zip(self.models, self.trials, strict=True)
         ]
         # a run that fails may be finite and beyond what can be squared
-        return np.clip(np.nan_to_num(np.concatenate([o.ravel() for o in off]), nan=1e9), -1e9, 1e9)
+        residuals: np.ndarray = np.clip(np.nan_to_num(np.concatenate([o.ravel() for o in off]), nan=1e9), -1e9, 1e9)
+        return residuals
 
     def split(self, residual: np.ndarray) -> list[np.ndarray]:
         """The residual by trial and channel."""
@@ -127,7 +128,8 @@ class CircuitProblem:
                 columns.append(self._differenced(x, i))
             else:
                 columns.append(slopes[:, i] * (self.value(i, x[i]) if self.logarithmic(i) else self.size[i]))
-        return np.nan_to_num(np.stack(columns, axis=1))
+        jacobian: np.ndarray = np.nan_to_num(np.stack(columns, axis=1))
+        return jacobian
 
     def _differenced(self, x: np.ndarray, i: int) -> np.ndarray:
         width = 0.5 * min(t.period for t in self.trials)
@@ -141,7 +143,8 @@ class CircuitProblem:
             moved[i] = self.scaled(i, v)
             ends.append(self.residual(moved))
         rate = (ends[1] - ends[0]) / (high - low)
-        return rate * (value if self.logarithmic(i) else self.size[i])
+        derivative: np.ndarray = rate * (value if self.logarithmic(i) else self.size[i])
+        return derivative
 
     def solve(self, evaluations: int, progress: Callable[[str], None] | None) -> Any:
         """Least squares from the first guesses; SciPy's result."""

@@ -37,7 +37,7 @@ class Constraint(NamedTuple):
     pressure: float
     length: float | None = None
 
-    def of(self, law: TensionLaw) -> Any:
+    def of(self, law: TensionLaw) -> Scalar:
         """Value of the number according to a law [SI]."""
         if self.what == "free_length":
             return law.free_length(self.pressure)

@@ -46,7 +46,8 @@ class CreepFit(PartialFit):
     @property
     def error(self) -> np.ndarray:
         """Error of every sample (n,) [m]."""
-        return self.predicted - self.stroke
+        residuals: np.ndarray = self.predicted - self.stroke
+        return residuals
 
     @property
     def aicc(self) -> float:
@@ -57,7 +58,8 @@ class CreepFit(PartialFit):
         """Stroke at times since the first sample [s], with the pressure so much above that of the first sample [Pa]."""
         steps = np.array([a.value for a in self.amplitudes])
         creep = _growth(np.asarray(time, float), self.time_constants) @ steps
-        return self.start.value + self.pressure_slope * np.asarray(pressure_change, float) + creep
+        predicted: np.ndarray = self.start.value + self.pressure_slope * np.asarray(pressure_change, float) + creep
+        return predicted
 
     def chain(self, force: float) -> KelvinVoigtChain:
         """The creep element whose extension under a constant force [N] is this creep; elements without a step left out.
@@ -156,7 +158,8 @@ def fit_creep(
 def creep_half(time: Scalar) -> np.ndarray:
     """The samples of the first half of the time, bool (n,)."""
     t = np.asarray(time, float)
-    return t <= 0.5 * (t[0] + t[-1])
+    half: np.ndarray = t <= 0.5 * (t[0] + t[-1])
+    return half
 
 
 def _growth(time: np.ndarray, tau: np.ndarray) -> np.ndarray:

@@ -181,7 +181,7 @@ class Fit(ErrorMeasures):
             else {"trained_on": held.trained_on, "rmse": held.rmse, "max_error": held.max_error},
         }
 
-    def posterior(self, *, sensors: MapSensors | None = None, **options: Any) -> Posterior:
+    def posterior(self, *, sensors: MapSensors | None = None, **options: JsonValue) -> Posterior:
         """Draw from the posterior of the parameters, with a discrepancy for what the law has no parameter for.
 
         Args:
@@ -194,7 +194,7 @@ class Fit(ErrorMeasures):
         """
         return posterior_of_fit(self, sensors=sensors, **options)
 
-    def build(self, **changes: Any) -> TensionLaw:
+    def build(self, **changes: JsonValue) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
         known = {k: (float(np.max(v)) if np.ndim(v) else v) for k, v in self.known.items()}
         return build_law(self.law, known | {n: e.value for n, e in self.parameters.items()} | changes)
@@ -213,7 +213,7 @@ def fit(
     law: str | type[TensionLaw],
     points: ForceMap,
     *,
-    known: Mapping[str, Any] | None = None,
+    known: Mapping[str, JsonValue] | None = None,
     free: tuple[str, ...] | None = None,
     slack: bool = True,
     schemes: Iterable[str] = SCHEMES,
@@ -294,9 +294,9 @@ def fit_all(
     *,
     laws: Iterable[str | type[TensionLaw]] | None = None,
     beside: Iterable[str | type[TensionLaw]] = (),
-    known: Mapping[str, Any] | None = None,
+    known: Mapping[str, JsonValue] | None = None,
     skipped: dict[str, str] | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> list[Fit]:
     """Fit several laws and rank them, best first.
 
@@ -365,7 +365,8 @@ def bound_of(fit: Fit, name: str) -> float:
 def evaluate(law: TensionLaw, points: ForceMap) -> np.ndarray:
     """Error of a law with given parameters at the taut points [N]."""
     taut = points.select(points.taut)
-    return np.asarray(law.tension(taut.length, taut.pressure)) - taut.tension
+    residuals: np.ndarray = np.asarray(law.tension(taut.length, taut.pressure)) - taut.tension
+    return residuals
 
 
 def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dict[str, Estimate]:

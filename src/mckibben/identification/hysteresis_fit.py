@@ -23,6 +23,7 @@ import numpy as np
 
 from .._jax import Array, Scalar, Tree, jax, jnp
 from ..components import Hysteresis
+from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
@@ -105,7 +106,8 @@ class LoopFit(PartialFit):
     @property
     def error(self) -> np.ndarray:
         """Error of every sample (n,) [m]."""
-        return self.predicted - self.record.stroke
+        residuals: np.ndarray = self.predicted - self.record.stroke
+        return residuals
 
     @property
     def aicc(self) -> float:
@@ -163,10 +165,12 @@ def fit_loop(
     scale = max(float(np.ptp(record.stroke)), 1e-9)
 
     def misfit(x: np.ndarray) -> np.ndarray:
-        return np.nan_to_num((predict(x) - record.stroke)[training] / scale, nan=1e3)
+        residuals: np.ndarray = np.nan_to_num((predict(x) - record.stroke)[training] / scale, nan=1e3)
+        return residuals
 
     def derivative(x: np.ndarray) -> np.ndarray:
-        return np.nan_to_num(slopes(x)[training] / scale)
+        weighted: np.ndarray = np.nan_to_num(slopes(x)[training] / scale)
+        return weighted
 
     def descend(x: np.ndarray) -> Any:
         start = np.clip(x, low + 1e-9, high - 1e-9)
@@ -220,7 +224,7 @@ def fit_loop(
     )
 
 
-def fit_loops(record: PathRecord, *, models: Iterable[str] = SMOOTH, **options: Any) -> list[LoopFit]:
+def fit_loops(record: PathRecord, *, models: Iterable[str] = SMOOTH, **options: JsonValue) -> list[LoopFit]:
     """Fit several frictions, best first by `LoopFit.aicc`: the choice sees no sample that the fit did not see."""
     return sorted((fit_loop(record, model=m, **options) for m in models), key=lambda f: (not f.converged, f.aicc))
 
@@ -289,7 +293,8 @@ def _predictor(
 
         state = friction.initial() + 0.0 * x[0]
         _, length = jax.lax.scan(step, (jnp.asarray(start) + 0.0 * x[0], state, pressure[0]), pressure)
-        return (origin - length)[len(record.pressure) :]
+        strokes: Array = (origin - length)[len(record.pressure) :]
+        return strokes
 
     return prediction(stroke, len(free), twice)
 

@@ -81,7 +81,8 @@ class PathRecord:
         NaN if a branch does not reach; each branch is read by straight lines between samples in order of pressure.
         """
         rising, falling = (self._read(way, np.asarray(pressure, float)) for way in (1, -1))
-        return falling - rising
+        width: np.ndarray = falling - rising
+        return width
 
     def _read(self, way: int, at: np.ndarray) -> np.ndarray:
         some = self.branch == way
@@ -90,7 +91,8 @@ class PathRecord:
             return np.full(at.shape, np.nan)
         level, place = np.unique(p, return_inverse=True)
         mean = np.bincount(place, weights=s) / np.bincount(place)
-        return np.interp(at, level, mean, left=np.nan, right=np.nan)
+        branch: np.ndarray = np.interp(at, level, mean, left=np.nan, right=np.nan)
+        return branch
 
     def chosen(self, train: np.ndarray | None) -> np.ndarray:
         """A selection of samples as bool (n,); all by default."""
@@ -122,4 +124,5 @@ class PathRecord:
         }
         if how not in kinds:
             raise InputError("train", how, f"must be {choice(SPLITS)}", where=self.name)
-        return kinds[how]
+        samples: np.ndarray = kinds[how]
+        return samples

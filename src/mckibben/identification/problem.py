@@ -122,7 +122,8 @@ class Problem:
             low, high = q.typical
             logarithmic = low > 0.0 and high / low > 20.0
             columns.append(low * (high / low) ** u if logarithmic else low + (high - low) * u)
-        return np.stack(columns, axis=1) / self.scale
+        scaled: np.ndarray = np.stack(columns, axis=1) / self.scale
+        return scaled
 
     @property
     def priors(self) -> dict[str, tuple[float, float]]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, overload
+from typing import TYPE_CHECKING, ClassVar, overload
 
 import numpy as np
 
@@ -140,11 +140,11 @@ class Ranking:
 
 
 @overload
-def fit(table: Table, law: str | type[TensionLaw], **options: Any) -> Fit: ...
+def fit(table: Table, law: str | type[TensionLaw], **options: JsonValue) -> Fit: ...
 @overload
-def fit(table: Table, law: Iterable[str | type[TensionLaw]] | None = None, **options: Any) -> Ranking: ...
+def fit(table: Table, law: Iterable[str | type[TensionLaw]] | None = None, **options: JsonValue) -> Ranking: ...
 @overload
-def fit(table: str, law: ForceMap, **options: Any) -> Fit: ...
+def fit(table: str, law: ForceMap, **options: JsonValue) -> Fit: ...
 def fit(
     table: Table,
     law: str | type[TensionLaw] | Iterable[str | type[TensionLaw]] | ForceMap | None = None,
@@ -154,7 +154,7 @@ def fit(
     rest_length: float | str | None = None,
     train_below: float | str | None = None,
     progress: Callable[[str], None] | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> Fit | Ranking:
     """Fit tension laws to a table of length, pressure and tension.
 
@@ -198,7 +198,7 @@ def fit(
 
 
 def load_table(
-    table: Table, *, like: Specimen | str | None = None, rest_length: float | str | None = None, **reading: Any
+    table: Table, *, like: Specimen | str | None = None, rest_length: float | str | None = None, **reading: JsonValue
 ) -> tuple[ForceMap, Specimen | None]:
     """A table to fit to, and the specimen whose dimensions are known for it.
 

@@ -14,6 +14,7 @@ import numpy as np
 from .._jax import Scalar, Tree, jax
 from ..assembly.circuit_file import CircuitPlan
 from ..components import paths
+from ..documents import JsonValue
 from ..engine import STEP, Run, Signal, integrate, march
 from ..engine.prediction import Prediction, prediction
 from ..errors import ConvergenceError, InputError
@@ -81,7 +82,7 @@ class Trial:
                 known = ", ".join(self.signals) or "none"
                 raise InputError("signals", needed, f"missing; the trial has {known}", where=self.name)
 
-    def replace(self, **changes: Any) -> Trial:
+    def replace(self, **changes: JsonValue) -> Trial:
         """A copy with some fields changed, checked like a new one."""
         return dataclasses.replace(self, **changes)
 

@@ -28,7 +28,8 @@ ROUNDING_SHARE = 0.8
 def ramp(x: Scalar, width: Scalar) -> Scalar:
     """max(x, 0), rounded between -width/2 and width/2 (same unit as x, width > 0)."""
     y = x / width + 0.5
-    return width * _rounded(y)
+    smooth: Scalar = width * _rounded(y)
+    return smooth
 
 
 @custom_jvp

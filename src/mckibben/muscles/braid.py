@@ -82,7 +82,7 @@ def wound(*, rest_length: Scalar, rest_angle: Scalar, rest_diameter: Scalar) -> 
     return BraidShape(rest_length / jnp.cos(rest_angle), rest_length * jnp.tan(rest_angle) / (jnp.pi * rest_diameter))
 
 
-def braid_of(law: Any) -> BraidShape | None:
+def braid_of(law: object) -> BraidShape | None:
     """The braid of a law from its own parameters, as plain numbers; None if the law has no braid."""
     dimensions = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
     if {"thread_length", "turns"} <= dimensions.keys():

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from ..accessors import implementation
 from ..components import Hysteresis, MemoryElement
+from ..documents import JsonValue
 from ..errors import InputError, MissingParametersError
 from ..quantities import Quantity, declared, in_si, shown_unit
 from ..registry import is_reference
@@ -21,7 +22,7 @@ from .muscle import Muscle
 
 
 def law_from_specimen(
-    spec: Specimen, law: str | None = None, *, changes: Mapping[str, Any] | None = None
+    spec: Specimen, law: str | None = None, *, changes: Mapping[str, JsonValue] | None = None
 ) -> TensionLaw:
     """The tension law of a specimen.
 
@@ -49,7 +50,7 @@ def law_from_specimen(
     return build_law(name, parameters | dict(changes or {}), where=spec.where or spec.id)
 
 
-def build_law(name: str, parameters: Mapping[str, Any], *, where: str | None = None) -> TensionLaw:
+def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | None = None) -> TensionLaw:
     """A law from its name and parameters [SI].
 
     Args:
@@ -93,7 +94,7 @@ def needed_words(missing: Sequence[tuple[str, Quantity]]) -> str:
     return said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
 
 
-def construct(kind: type[TensionLaw], parameters: Mapping[str, Any]) -> TensionLaw:
+def construct(kind: type[TensionLaw], parameters: Mapping[str, JsonValue]) -> TensionLaw:
     """A law from complete parameters [SI], unchecked, so that they may be traced.
 
     Whether a law knows its volume is part of its structure: it does if a rest volume is among the parameters.
@@ -179,7 +180,7 @@ class MuscleFactory:
         built = law_from_specimen(spec, chosen, changes=changes)
         return Muscle(built, _usual_friction(spec, friction), creep, specimen=spec)
 
-    def from_braid(self, **dimensions: Any) -> Muscle:
+    def from_braid(self, **dimensions: float | str) -> Muscle:
         """A muscle from the dimensions of its sleeve and bladder, with nothing measured.
 
         Args:
@@ -247,7 +248,11 @@ def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hyster
 
 
 def from_specimen(
-    spec: Specimen, law: str | None = None, friction: str | None = None, *, changes: Mapping[str, Any] | None = None
+    spec: Specimen,
+    law: str | None = None,
+    friction: str | None = None,
+    *,
+    changes: Mapping[str, JsonValue] | None = None,
 ) -> Any:
     """A `Muscle` of a McKibben specimen, or the `BiologicalMuscle` of a biological one.
 
@@ -271,7 +276,7 @@ def from_specimen(
 REST_SHARE = 0.9
 
 
-def rest_length_of(spec: Specimen | None, law: Any = None) -> float:
+def rest_length_of(spec: Specimen | None, law: TensionLaw | None = None) -> float:
     """Rest length of a muscle [m]: as its file states it, else as its law does, else 0.9 of the law's longest length.
 
     Args:
@@ -285,7 +290,7 @@ def rest_length_of(spec: Specimen | None, law: Any = None) -> float:
     return REST_SHARE * float(built.length_range()[1]) if stated is None else float(stated)
 
 
-def upper_length_of(spec: Specimen | None, law: Any = None) -> float:
+def upper_length_of(spec: Specimen | None, law: TensionLaw | None = None) -> float:
     """Upper working length of a muscle [m]: as its file states it, else the longest length that its law is made for."""
     if spec is not None and "upper_length" in spec.properties:
         return spec.property_si("upper_length", "m")

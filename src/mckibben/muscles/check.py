@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,11 @@ from ..errors import InputError
 from ..quantities import declared, is_unit, with_unit
 from .hysteresis import FrictionLimit
 from .law import TensionLaw, law_name
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 POINTS = 4096  # evaluations by XLA are padded to this many points, so that each law is compiled for one shape
 AMBIENT = 101325.0  # [Pa]
@@ -399,7 +404,7 @@ def declaration_findings(kind: type) -> list[LawFinding]:
     return found
 
 
-def sample(kind: type[Any], given: Mapping[str, float] | None = None) -> Any:
+def sample(kind: type[T], given: Mapping[str, float] | None = None) -> T:
     """A law or friction with usual parameters where none are given: defaults, 20 cm for lengths, else a typical value.
 
     Args:
@@ -456,7 +461,12 @@ def _follow(friction: Hysteresis, displacements: Any, pressures: Any, step: Any)
     return jax.lax.scan(one, friction.initial(), (displacements, pressures[:-1], pressures[1:]))[1]
 
 
-def follow(friction: Hysteresis, displacements: Any, pressures: Any, step: float = 1e-3) -> FrictionPath:
+def follow(
+    friction: Hysteresis,
+    displacements: Scalar | Sequence[float],
+    pressures: Scalar | Sequence[float],
+    step: float = 1e-3,
+) -> FrictionPath:
     """Move a friction along a path.
 
     Args:

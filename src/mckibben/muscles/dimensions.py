@@ -8,58 +8,71 @@ from ..quantities import quantity
 
 def thread_length() -> Scalar:
     """Length of one thread b [m]."""
-    return quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
+    length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
+    return length
 
 
 def turns() -> Scalar:
     """Turns of one thread around the braid n [1]."""
-    return quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
+    turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
+    return turns
 
 
 def rest_length() -> Scalar:
     """Length at rest L0 [m]."""
-    return quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
+    length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
+    return length
 
 
 def upper_length() -> Scalar:
     """Upper working length Lu [m]: the end of the range, where a stop begins."""
-    return quantity("m", (1e-3, 100.0), "upper working length, where a stop begins", symbol="Lu")
+    length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where a stop begins", symbol="Lu")
+    return length
 
 
 def rest_diameter() -> Scalar:
     """Inner diameter at rest D0 [m]."""
-    return quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
+    diameter: Scalar = quantity("m", (1e-4, 1.0), "inner diameter at rest", symbol="D0", typical=(5e-3, 4e-2))
+    return diameter
 
 
 def rubber_wall() -> Scalar:
     """Thickness of the rubber wall h [m]; 1.8 mm is that of Festo muscles."""
-    return quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h", default=1.8e-3)
+    wall: Scalar = quantity("m", (1e-5, 0.05), "thickness of the rubber wall", symbol="h", default=1.8e-3)
+    return wall
 
 
 def rest_angle(typical: tuple[float, float], **options: object) -> Scalar:
     """Braid angle at rest theta0 [rad], with the range usual for a law's muscles."""
     meaning = "braid angle at rest, from the long axis"
-    return quantity("rad", (0.05, 1.5), meaning, symbol="theta0", typical=typical, **options)
+    angle: Scalar = quantity("rad", (0.05, 1.5), meaning, symbol="theta0", typical=typical, **options)
+    return angle
 
 
 def rest_volume() -> Scalar:
     """Gas volume at rest length V0 [m^3], needed only for the volume itself and zero where unknown."""
     meaning = "gas volume at rest length; needed only for the volume itself"
-    return quantity("m^3", (0.0, 1.0), meaning, symbol="V0", default=0.0)
+    volume: Scalar = quantity("m^3", (0.0, 1.0), meaning, symbol="V0", default=0.0)
+    return volume
 
 
 def stop_stiffness() -> Scalar:
     """Coefficient of the end non-linearity knl [N/m^2], zero where none was inferred."""
-    return quantity("N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0)
+    stiffness: Scalar = quantity(
+        "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0
+    )
+    return stiffness
 
 
 def threshold_width(default: float = 1e4) -> Scalar:
     """Range of pressure around the threshold over which the bladder reaches the braid, w [Pa]."""
     meaning = "range of pressure around the threshold in which the bladder fills to the braid"
-    return quantity("Pa", (1e2, 1e6), meaning, symbol="w", default=default)
+    width: Scalar = quantity("Pa", (1e2, 1e6), meaning, symbol="w", default=default)
+    return width
 
 
 def seat_compliance(**options: object) -> Scalar:
     """Take-up of both ends per square root of load q [m/N^0.5]."""
     meaning = "take-up of both ends per square root of load"
-    return quantity("m/N^0.5", (1e-7, 1e-2), meaning, symbol="q", typical=(3e-5, 4e-4), **options)
+    compliance: Scalar = quantity("m/N^0.5", (1e-7, 1e-2), meaning, symbol="q", typical=(3e-5, 4e-4), **options)
+    return compliance

@@ -199,7 +199,8 @@ class TensionLaw(Module):
         force, stiffness = jax.jvp(lambda x: self.braid_tension(x, pressure), (start,), (jnp.ones_like(start),))
         stiffness = jax.lax.stop_gradient(stiffness)
         inside = (start > low) & (start < high) & (stiffness > 0.0) & (jnp.abs(force) < 1e-6 * stiffness * start)
-        return start - jnp.where(inside, force / jnp.where(inside, stiffness, 1.0), 0.0)
+        length: Scalar = start - jnp.where(inside, force / jnp.where(inside, stiffness, 1.0), 0.0)
+        return length
 
     def pressure_for(self, tension: float, span: float, *, highest: float = 10e5) -> float:
         """The lowest gauge pressure [Pa] from zero up to `highest` at which the muscle pulls with a tension.
@@ -240,7 +241,7 @@ class TensionLaw(Module):
         return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
 
 
-def law_name(law: TensionLaw | type[TensionLaw]) -> str:
+def law_name(law: object) -> str:
     """The name under which a law is addressed: that of its registration, such as ``my.py:MyLaw``, or its module's."""
     kind = law if isinstance(law, type) else type(law)
     return registered_name(kind) or kind.__module__.rsplit(".", 1)[-1]

@@ -78,7 +78,8 @@ class Muscle(Module):
             length: distance between the anchors [m].
             pressure: gauge pressure [Pa]; of a biological muscle the activation [1].
         """
-        return self._ask("tension", self._length(length), self._drive(pressure))
+        tension: Scalar = self._ask("tension", self._length(length), self._drive(pressure))
+        return tension
 
     def volume(self, length: Quantity, pressure: Quantity) -> Scalar:
         """Gas volume [m^3] at a length [m] and gauge pressure [Pa].
@@ -86,15 +87,18 @@ class Muscle(Module):
         Raises:
             NoVolumeError: if the law knows only how the volume changes.
         """
-        return self._ask("volume", self._length(length), self._drive(pressure))
+        volume: Scalar = self._ask("volume", self._length(length), self._drive(pressure))
+        return volume
 
     def stiffness(self, length: Quantity, pressure: Quantity) -> Scalar:
         """dF/dL [N/m] at a length [m] and constant gauge pressure [Pa], zero when slack."""
-        return self._ask("stiffness", self._length(length), self._drive(pressure))
+        stiffness: Scalar = self._ask("stiffness", self._length(length), self._drive(pressure))
+        return stiffness
 
     def free_length(self, pressure: Quantity) -> Scalar:
         """Length at which the unloaded muscle settles [m] at a gauge pressure [Pa]."""
-        return self._ask("free_length", self._drive(pressure))
+        length: Scalar = self._ask("free_length", self._drive(pressure))
+        return length
 
     def state(self, length: Quantity, pressure: Quantity) -> LawState:
         """Everything that the law says at a length [m] and gauge pressure [Pa] at once."""
@@ -134,7 +138,7 @@ class Muscle(Module):
             force = force + direction * self.friction.largest_force(gauge)
         return jnp.maximum(force, 0.0)
 
-    def length_at(self, contraction: Quantity) -> Any:
+    def length_at(self, contraction: Quantity) -> Scalar:
         """Length [m] at a contraction from the rest length, L = L0 (1 - contraction).
 
         Args:

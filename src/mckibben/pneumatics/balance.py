@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from .._jax import Scalar
+from .._jax import Scalar, Tree
 from .circuit import Circuit
 
 LEAST = 1e-6  # of what is stored
@@ -23,7 +23,7 @@ class RunBalance(NamedTuple):
 
 
 def balance(
-    circuit: Circuit, start: Scalar, end: Scalar, first: Any, last: Any, integrals: Mapping[str, Scalar]
+    circuit: Circuit, start: Scalar, end: Scalar, first: Tree, last: Tree, integrals: Mapping[str, Scalar]
 ) -> RunBalance:
     """Compare stored mass and energy of the end states with independent integrals over the border.
 

@@ -280,7 +280,8 @@ class Circuit(System):
         node = self._chamber(name)
         length, velocity = (0.0, 0.0) if node.signal is None else inputs[node.signal]
         volume = volume_of(node, pressure_abs, length, velocity)
-        return volume._replace(value=volume.value + self.inner_volume(name))
+        moved: VolumeState = volume._replace(value=volume.value + self.inner_volume(name))
+        return moved
 
     def inner_volume(self, name: str) -> Scalar:
         """Volume that the elements at a node add to it [m^3]."""

@@ -78,7 +78,8 @@ class Compressor(FlowElement):
             raise InputError(
                 "memory", None, "is missing: pass the circuit's initial_memory(state): a compressor has some"
             )
-        return memory * jnp.where(jnp.asarray(command) > 0.5, 1.0, 0.0)
+        speed: Scalar = memory * jnp.where(jnp.asarray(command) > 0.5, 1.0, 0.0)
+        return speed
 
     def initial_memory(self, gas: Gases) -> Tree:
         """Closed where the tank is below the start pressure."""

@@ -51,7 +51,8 @@ def _heat(gas: Gas, p: Any, rate: Any, volume: VolumeState, inflow: Inflow) -> S
     """Heat that the energy balance then requires [W]: Q = dU/dt - sum H + P dV/dt."""
     change = volume.moving + volume.per_pressure * rate
     stored = (volume.value * rate + p * change) / (gas.heat_ratio - 1.0)
-    return stored - inflow.enthalpy + p * change
+    heat: Scalar = stored - inflow.enthalpy + p * change
+    return heat
 
 
 class Isothermal(HeatModel):

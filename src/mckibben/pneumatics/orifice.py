@@ -14,7 +14,7 @@ A catalogue's number becomes a conductance here and nowhere else: `Orifice.from_
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict, Unpack
 
 from .._jax import Tree, jnp
 from ..components import Scalar
@@ -64,6 +64,13 @@ def smooth_root(square: Scalar, start: Scalar, factor: Scalar = 1.0) -> Scalar:
     return jnp.sqrt(factor * jnp.maximum(square, start)) * (share * (1.5 - 0.5 * share))
 
 
+class OrificeOptions(TypedDict, total=False):
+    """Fields of an `Orifice` beside conductance and critical ratio."""
+
+    linear_band: Scalar
+    gas: Gas
+
+
 class Orifice(TwoPort):
     """A restriction between two ports: fully open, or by a command."""
 
@@ -78,7 +85,13 @@ class Orifice(TwoPort):
 
     @classmethod
     def from_flow(
-        cls, flow: float, *, pressure: float, ambient: float = 101325.0, critical_ratio: float = 0.35, **options: Any
+        cls,
+        flow: float,
+        *,
+        pressure: float,
+        ambient: float = 101325.0,
+        critical_ratio: float = 0.35,
+        **options: Unpack[OrificeOptions],
     ) -> Orifice:
         """Determine the conductance from a flow into the atmosphere, measured with the outlet open.
 
@@ -97,7 +110,9 @@ class Orifice(TwoPort):
         return cls._through(flow, pressure + ambient, ambient, critical_ratio, options)
 
     @classmethod
-    def from_nominal_flow(cls, flow: float, *, critical_ratio: float = 0.35, **options: Any) -> Orifice:
+    def from_nominal_flow(
+        cls, flow: float, *, critical_ratio: float = 0.35, **options: Unpack[OrificeOptions]
+    ) -> Orifice:
         """Convert a standard nominal flow, measured from 6 to 5 bar above the reference atmosphere at 20 degC.
 
         Args:
@@ -108,14 +123,14 @@ class Orifice(TwoPort):
         return cls._through(flow, NOMINAL_INLET, NOMINAL_OUTLET, critical_ratio, options)
 
     @classmethod
-    def _through(cls, flow: float, inlet: float, outlet: float, ratio: float, options: dict[str, Any]) -> Orifice:
+    def _through(cls, flow: float, inlet: float, outlet: float, ratio: float, options: OrificeOptions) -> Orifice:
         """The orifice through which a volume of reference air [m^3/s] flows between two absolute pressures [Pa]."""
         one = cls(conductance=1e-8, critical_ratio=ratio, **options)
         unit = float(_flow_of(one, inlet, outlet)) / 1e-8
         return cls(conductance=flow * REFERENCE_DENSITY / unit, critical_ratio=ratio, **options)
 
     @classmethod
-    def from_kv(cls, kv: float, *, critical_ratio: float = 0.35, **options: Any) -> Orifice:
+    def from_kv(cls, kv: float, *, critical_ratio: float = 0.35, **options: Unpack[OrificeOptions]) -> Orifice:
         """Convert a flow coefficient Kv.
 
         A gas whose pressure drop vanishes is as incompressible as water, and there both laws must give the same flow:
@@ -132,7 +147,7 @@ class Orifice(TwoPort):
         return cls(conductance=kv * root / REFERENCE_DENSITY, critical_ratio=critical_ratio, **options)
 
     @classmethod
-    def from_cv(cls, cv: float, *, critical_ratio: float = 0.35, **options: Any) -> Orifice:
+    def from_cv(cls, cv: float, *, critical_ratio: float = 0.35, **options: Unpack[OrificeOptions]) -> Orifice:
         """Convert a flow coefficient Cv: US gallons of water per minute at a pressure drop of 1 psi [1].
 
         In SI units Kv is 0.865 m^3/h for each Cv.
@@ -141,7 +156,7 @@ class Orifice(TwoPort):
         return cls.from_kv(kv, critical_ratio=critical_ratio, **options)
 
     @classmethod
-    def of_hole(cls, diameter: float, *, discharge: float = 0.8, **options: Any) -> Orifice:
+    def of_hole(cls, diameter: float, *, discharge: float = 0.8, **options: Unpack[OrificeOptions]) -> Orifice:
         """An orifice from the diameter of a hole [m] and its discharge coefficient, with the choked flow of a nozzle."""
         gamma, r = float(AIR.heat_ratio), float(AIR.gas_constant)
         area = 0.25 * jnp.pi * diameter**2 * discharge
@@ -166,7 +181,7 @@ def _flow_of(orifice: Orifice, inlet: Any, outlet: Any) -> Scalar:
 
 
 def opening_flow(
-    orifice: Any, a: GasState, b: GasState, opening: Scalar = 1.0, *, conductance: Scalar | None = None
+    orifice: Orifice, a: GasState, b: GasState, opening: Scalar = 1.0, *, conductance: Scalar | None = None
 ) -> Scalar:
     """Signed mass flow through any restriction by ISO 6358 [kg/s].
 
@@ -190,7 +205,7 @@ def opening_flow(
     return jnp.where(forward, flow, -flow)
 
 
-def steepest_slope(orifice: Any, a: GasState, b: GasState, *, conductance: Scalar | None = None) -> Scalar:
+def steepest_slope(orifice: Orifice, a: GasState, b: GasState, *, conductance: Scalar | None = None) -> Scalar:
     """Largest dw/dp of a restriction between the pressures at its ends [kg/(s Pa)]: what makes a small volume stiff."""
     upstream = jnp.maximum(a.pressure_abs, b.pressure_abs)
     x = jnp.minimum(orifice.linear_band / (upstream * (1.0 - orifice.critical_ratio)), 0.5)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any
+from typing import Any, Unpack
 
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity, declared, with_unit
 from .leak import Leak
-from .orifice import Orifice
+from .orifice import Orifice, OrificeOptions
 
 # What states a size, and the keys that go with it.
 SIZES: dict[str, tuple[str, ...]] = {
@@ -57,23 +57,23 @@ class SizeStatement:
     make: Callable[..., Any]
 
 
-def _from_flow(flow_into_the_room: float, flow_pressure: float, **rest: float) -> Orifice:
+def _from_flow(flow_into_the_room: float, flow_pressure: float, **rest: Unpack[OrificeOptions]) -> Orifice:
     return Orifice.from_flow(flow_into_the_room, pressure=flow_pressure, **rest)
 
 
-def _from_nominal_flow(nominal_flow: float, **rest: float) -> Orifice:
+def _from_nominal_flow(nominal_flow: float, **rest: Unpack[OrificeOptions]) -> Orifice:
     return Orifice.from_nominal_flow(nominal_flow, **rest)
 
 
-def _from_kv(Kv: float, **rest: float) -> Orifice:  # noqa: N803, the field's sign
+def _from_kv(Kv: float, **rest: Unpack[OrificeOptions]) -> Orifice:  # noqa: N803, the field's sign
     return Orifice.from_kv(Kv, **rest)
 
 
-def _from_cv(Cv: float, **rest: float) -> Orifice:  # noqa: N803
+def _from_cv(Cv: float, **rest: Unpack[OrificeOptions]) -> Orifice:  # noqa: N803
     return Orifice.from_cv(Cv, **rest)
 
 
-def _of_hole(hole_diameter: float, **rest: float) -> Orifice:
+def _of_hole(hole_diameter: float, **rest: Unpack[OrificeOptions]) -> Orifice:
     return Orifice.of_hole(hole_diameter, **rest)
 
 
@@ -141,7 +141,7 @@ def one_size(given: Mapping[str, float], prefix: str, where: str | None) -> None
         raise InputError(prefix + sizes[1], with_unit(given[sizes[1]], units[sizes[1]]), allowed, where=where)
 
 
-def put_value(values: Mapping[str, JsonValue], key: str, value: Any) -> dict[str, JsonValue]:
+def put_value(values: Mapping[str, JsonValue], key: str, value: JsonValue) -> dict[str, JsonValue]:
     """The values of an element, as a file has them, with one replaced or added.
 
     A key that the file has under its other name keeps that name. A size takes the place of one that is stated in another

@@ -129,14 +129,14 @@ def _promising(data: memoryview, at: int) -> bool:
         name = _CHUNK_HEAD.unpack_from(data, body)[4]
         if length < 40 or name > 16 or length < 40 + name:
             return False
-        return length == 40 + name + struct.unpack_from("<Q", data, body + 32 + name)[0]
+        return bool(length == 40 + name + struct.unpack_from("<Q", data, body + 32 + name)[0])
     named = struct.unpack_from("<I", data, body + 16)[0]
     if length < 36 + named:
         return False
     kind = struct.unpack_from("<I", data, body + 20 + named)[0]
     if length < 36 + named + kind:
         return False
-    return length == 36 + named + kind + struct.unpack_from("<Q", data, body + 24 + named + kind)[0]
+    return bool(length == 36 + named + kind + struct.unpack_from("<Q", data, body + 24 + named + kind)[0])
 
 
 def _chunk(body: memoryview) -> memoryview | None:
@@ -163,7 +163,8 @@ def _unpacked(compression: bytes, packed: bytes, size: int) -> bytes | None:
         if compression == b"zstd" and zstandard.frame_content_size(packed) in (-1, size):
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         if compression == b"lz4":
-            return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+            unpacked: bytes | None = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+            return unpacked
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError, ValueError):
         return None
     return None

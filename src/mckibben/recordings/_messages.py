@@ -85,7 +85,7 @@ def _json_numbers(message: Mapping[str, JsonValue], before: str) -> Iterator[tup
             yield f"{before}{key}", value
 
 
-def ros_message(message: Any) -> LoggedMessage:
+def ros_message(message: object) -> LoggedMessage:
     """Numbers of a decoded ROS message; of joints by the joints' names, other lists are skipped."""
     numbers: dict[str, Number] = {}
     skipped: list[str] = []
@@ -119,7 +119,7 @@ def _ros_numbers(
             numbers[name] = bool(value) if isinstance(value, bool | np.bool_) else float(value)
 
 
-def ros_units(kind: str, message: Any) -> dict[str, str]:
+def ros_units(kind: str, message: object) -> dict[str, str]:
     """The units of a message's fields by dotted name, as far as the standard messages define them."""
     units = dict(ROS_UNITS.get(kind, {}))
     if dataclasses.is_dataclass(message):
@@ -132,7 +132,7 @@ def ros_units(kind: str, message: Any) -> dict[str, str]:
     return units
 
 
-def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], Any]:
+def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], object]:
     """A function that decodes the CDR of a message of ROS 2.
 
     Args:

@@ -35,7 +35,8 @@ def freeze(meta: Mapping[str, JsonValue]) -> Frozen:
     """
     if not isinstance(meta, Mapping):
         raise InputError("meta", type(meta).__name__, "must be a mapping of names to values")
-    return _plain(meta, "meta")
+    plain: Frozen = _plain(meta, "meta")
+    return plain
 
 
 def _plain(value: Any, path: str) -> JsonValue:

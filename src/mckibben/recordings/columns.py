@@ -503,7 +503,8 @@ def _on_clock(values: np.ndarray, column: ForeignColumn, clock: str, foreign: Se
         return values
     times = next(one.time for one in foreign if one.clock == clock)
     order = np.argsort(column.time, kind="stable")
-    return np.interp(np.asarray(times), column.time[order], values[order], left=np.nan, right=np.nan)
+    on_clock: np.ndarray = np.interp(np.asarray(times), column.time[order], values[order], left=np.nan, right=np.nan)
+    return on_clock
 
 
 def _time(

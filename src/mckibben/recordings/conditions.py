@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
 
@@ -12,7 +13,7 @@ FIRST = ("muscle", "protocol", "rig", "plumbing", "circuit", "result")  # of a r
 MOST = 6  # numbers of the machine that tell recordings apart, beyond which they are too many to be told
 
 
-def conditions(meta: Mapping[str, Any]) -> dict[str, str]:
+def conditions(meta: Mapping[str, JsonValue]) -> dict[str, str]:
     """The conditions of a recording as text, by name: muscle, protocol, rig, and the numbers of the protocol.
 
     Args:
@@ -36,7 +37,7 @@ def conditions(meta: Mapping[str, Any]) -> dict[str, str]:
     return {name: value for name, value in words.items() if value}
 
 
-def machine_numbers(meta: Mapping[str, Any]) -> dict[str, str]:
+def machine_numbers(meta: Mapping[str, JsonValue]) -> dict[str, str]:
     """The numbers of the machine of a recording as text with units, by their path, such as ``circuit.tube.length``."""
     numbers = {}
     for path, number in _table(meta.get("parameters")).items():
@@ -55,7 +56,7 @@ def differing(recordings: Sequence[Mapping[str, str]]) -> list[str]:
     return [name for name in names if len({one.get(name) for one in recordings}) > 1]
 
 
-def told_apart(metas: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+def told_apart(metas: Sequence[Mapping[str, JsonValue]]) -> list[dict[str, str]]:
     """What tells recordings apart, for each: the conditions that differ, else a few numbers of the machine that do."""
     for read in (conditions, machine_numbers):
         told = [read(meta) for meta in metas]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from ..documents import JsonValue
+
 # What describes the run itself and not how it was set up.
 _RESULTS = (
     "created", "digest", "energy", "balance", "friction", "steps", "events", "saturation", "warnings", "citations", "timing",
@@ -14,7 +16,7 @@ _PREFIXES = {"protocol.parameters.": "", "rig_document.": "rig.", "parameters.un
 _WORDS = {"protocol.name": "protocol", "specimen": "muscle", "rig_document.name": "rig"}
 
 
-def facts(meta: Mapping[str, Any], *, everything: bool = False) -> dict[str, str]:
+def facts(meta: Mapping[str, JsonValue], *, everything: bool = False) -> dict[str, str]:
     """How a recording was set up, as text by name.
 
     Args:
@@ -32,7 +34,7 @@ def facts(meta: Mapping[str, Any], *, everything: bool = False) -> dict[str, str
     return found
 
 
-def differing(metas: Sequence[Mapping[str, Any]], *, everything: bool = False) -> dict[str, list[str]]:
+def differing(metas: Sequence[Mapping[str, JsonValue]], *, everything: bool = False) -> dict[str, list[str]]:
     """Values by name of what is not the same in all recordings, one per recording; empty where one lacks it.
 
     Of values that follow from each other, such as a parameter of the protocol and of the simulated circuit, those that were
@@ -56,7 +58,7 @@ def differing(metas: Sequence[Mapping[str, Any]], *, everything: bool = False) -
     return distinct
 
 
-def labels(metas: Sequence[Mapping[str, Any]], names: Iterable[str] | None = None) -> list[str]:
+def labels(metas: Sequence[Mapping[str, JsonValue]], names: Iterable[str] | None = None) -> list[str]:
     """What tells each recording from the others, in a few words; their number where nothing does."""
     found = differing(metas)
     chosen = [name for name in (found if names is None else names) if name != "title"] or list(found)

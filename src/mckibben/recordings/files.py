@@ -23,7 +23,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from ..documents import write_whole
+from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..quantities import in_si, with_unit
 from .columns import (
@@ -88,7 +88,7 @@ def read(
     pressure_zero: float | str = 0.0,
     ambient: float | str = AMBIENT,
     kind: Literal["map", "recording"] | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> ForceMap | Recording:
     r"""Read a file of any format: a force map, or a recording where the file has a time.
 
@@ -143,7 +143,7 @@ def understand(
     pressure_zero: float | str = 0.0,
     ambient: float | str = AMBIENT,
     kind: Literal["map", "recording"] | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> FileReading:
     """Read a file as `read` does, and report columns, units, and what was left out and why."""
     path = Path(path)
@@ -274,7 +274,7 @@ def read_any(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     period: float | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> ImportResult:
     """Read a recording of mckibben, or a file of another program as a recording, with a line for each thing left out."""
     reading = understand(path, columns=columns, units=units, period=period, kind="recording", **options)
@@ -352,7 +352,7 @@ def convert(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     period: float | None = None,
-    **options: Any,
+    **options: JsonValue,
 ) -> ImportResult:
     """Read a file, and write it in the format of the target's suffix, atomically.
 

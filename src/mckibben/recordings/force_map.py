@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..documents import write_text
+from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..extras import library
 from ..quantities import to_si, with_unit
@@ -158,7 +158,8 @@ class ForceMap:
         if self.rest_length is None:
             allowed = "is missing: give the rest length, or a column rest_length"
             raise InputError("rest_length", None, allowed, where=self.name, remedy="rest_length")
-        return 1.0 - self.length / self.rest_length
+        contraction: np.ndarray = 1.0 - self.length / self.rest_length
+        return contraction
 
 
 _ARRAYS = ("length", "pressure", "tension", "rest_length", "branch", "diameter")
@@ -488,7 +489,7 @@ class TablePreview(NamedTuple):
     meant: dict[str, str]
 
 
-def preview_table(path: str | Path, rows: int = 60, **options: Any) -> TablePreview:
+def preview_table(path: str | Path, rows: int = 60, **options: JsonValue) -> TablePreview:
     """Look into a table that `read_force_map` may read, with the options of its format.
 
     Raises:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..documents import JsonValue
 from ..errors import InputError, MckibbenError, not_found
 from ..extras import library
 from ..registry import Registry
@@ -165,7 +166,7 @@ def parts_of(path: Path) -> tuple[str, list[str]]:
     return (file_format.options[0], names) if len(names) > 1 else ("", [])
 
 
-def part_options(path: Path, part: str) -> dict[str, Any]:
+def part_options(path: Path, part: str) -> dict[str, JsonValue]:
     """Options of `load` that choose a sheet or a topic by its name; none for an empty name."""
     file_format = format_of(path)
     return {file_format.options[0]: part} if part and file_format is not None and file_format.parts is not None else {}

@@ -98,7 +98,8 @@ def saturated(recording: Recording, channel: str) -> np.ndarray:
         return marked
     old = carried(recording)
     skew = 0.0 if old is None or channel not in old.corrections else old.corrections[channel].skew
-    return np.nan_to_num(_shifted(recording.time, marked.astype(float), skew), nan=0.0) > 0.0
+    saturated_samples: np.ndarray = np.nan_to_num(_shifted(recording.time, marked.astype(float), skew), nan=0.0) > 0.0
+    return saturated_samples
 
 
 def recalibrate(recording: Recording, calibration: Calibration | None, *, skew: bool = False) -> Recording:

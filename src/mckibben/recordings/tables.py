@@ -18,7 +18,7 @@ TABLES = (".csv", ".json", ".xlsx", ".parquet")  # suffixes of the files that `w
 
 
 def write_table(
-    columns: Mapping[str, Iterable[Any]], path: str | Path, *, units: Mapping[str, str] | None = None
+    columns: Mapping[str, Iterable[object]], path: str | Path, *, units: Mapping[str, str] | None = None
 ) -> Path:
     """Write columns of equal length in the format of the suffix, atomically.
 

@@ -156,7 +156,8 @@ def _differs(printed: SpecimenNumber, value: Any, unit: str) -> bool:
     except InputError:
         return False
     assert isinstance(stated, float)
-    return abs(value - stated) > SAME * max(abs(value), abs(stated))
+    differs: bool = abs(value - stated) > SAME * max(abs(value), abs(stated))
+    return differs
 
 
 def _laws(meta: Mapping[str, JsonValue], spec: Specimen | None) -> list[str]:

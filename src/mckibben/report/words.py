@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from .. import __version__
+from ..documents import JsonValue
 from ..quantities import from_si, shown_unit
 
 TIED = "\N{THIN SPACE}\N{WORD JOINER}"  # between a number and its unit: it never breaks
@@ -74,7 +75,7 @@ def listed(words: Iterable[str]) -> str:
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + f" and {items[-1]}" if items else ""
 
 
-def mapping(value: object) -> Mapping[str, Any]:
+def mapping(value: object) -> Mapping[str, JsonValue]:
     """Return the value if it is a table, else an empty one, since recordings may contain anything."""
     return value if isinstance(value, Mapping) else {}
 

@@ -20,6 +20,7 @@ from ..analysis.segments import segments
 from ..assembly.build import unit_from_specimen
 from ..bench.rig_file import rig as rig_of
 from ..bench.run import prepare, run
+from ..documents import JsonValue
 from ..errors import ConvergenceError, MckibbenError
 from ..experiments.read import protocol
 from ..muscles.elements import Tendon
@@ -121,7 +122,7 @@ def recording(
     plumbing: str | None = None,
     accept_saturation: bool = False,
     rigid: bool = False,
-    **values: Any,
+    **values: JsonValue,
 ) -> Recording:
     """Recording of a shipped protocol, made at the first call.
 
@@ -177,7 +178,7 @@ def _made(
     return recording
 
 
-def step_of(record: Recording, label: str, **case: Any) -> Recording:
+def step_of(record: Recording, label: str, **case: str | float) -> Recording:
     """Recorded step with a label, and a case if several have it."""
     (step,) = segments(record, label, **case)
     return step

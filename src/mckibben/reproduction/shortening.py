@@ -13,6 +13,7 @@ import numpy as np
 from ..analysis.characteristics import circle_area
 from ..analysis.shortening import ShorteningPower, TensionError, power_density, shortening_power, tension_error
 from ..analysis.steps import IsometricTiming, isometric_timing
+from ..documents import JsonValue
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import SPAN, TENSION, recording, reproduces, step_of
@@ -22,13 +23,13 @@ ISOTHERMAL = {"rig": "paper-isothermal"}
 RIGID = {"rigid": True}
 
 
-def steps(stroke: str, **options: Any) -> Recording:
+def steps(stroke: str, **options: JsonValue) -> Recording:
     """Recorded isometric steps of one range, ``full`` or ``half`` of the tension."""
     return step_of(recording("isometric-step", **options), "steps", range=stroke)
 
 
 @functools.cache
-def timings(stroke: str, **options: Any) -> tuple[IsometricTiming, ...]:
+def timings(stroke: str, **options: JsonValue) -> tuple[IsometricTiming, ...]:
     """Timing of every step of one range, ``full`` or ``half`` of the tension."""
     return isometric_timing(steps(stroke, **options), command="valve.command", pressure="pressure", tension="tension")
 

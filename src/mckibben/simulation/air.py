@@ -174,7 +174,7 @@ def published_valve(name: str) -> str:
     return found
 
 
-def air_circuit(air: Any, units: Mapping[str, MuscleUnit]) -> AirCircuit:
+def air_circuit(air: object, units: Mapping[str, MuscleUnit]) -> AirCircuit:
     """The circuit of some muscles from an `Air`, a plan, or the path of a circuit file; None stands for the usual air.
 
     Raises:

@@ -76,7 +76,7 @@ class Rollout:
         self._check(bounds)
         return float(jnp.mean(costs))
 
-    def value_and_grad(self, parameters: Any) -> tuple[float, Any]:
+    def value_and_grad(self, parameters: Tree) -> tuple[float, Tree]:
         """The mean cost of a run, and its derivative by each of the parameters, a tree like them.
 
         Raises:
@@ -86,7 +86,7 @@ class Rollout:
         self._check(bounds)
         return float(value), jax.tree.map(np.asarray, slopes)
 
-    def as_function(self) -> Callable[[Any], Scalar]:
+    def as_function(self) -> Callable[[Tree], Scalar]:
         """The mean cost of a run from the present moment, as a JAX function of the parameters for `vmap`, `grad` and `jit`.
 
             costs = jax.vmap(rollout.as_function())(goals)
@@ -96,13 +96,14 @@ class Rollout:
         """
         start, usual = self._start(), self.simulation.period / self.simulation.inner
 
-        def mean_cost(parameters: Any) -> Scalar:
+        def mean_cost(parameters: Tree) -> Scalar:
             value, bounds = self._mean_cost(parameters, *start)
-            return jnp.where(jnp.max(bounds) * usual <= RK4_LIMIT, value, jnp.nan)
+            cost: Scalar = jnp.where(jnp.max(bounds) * usual <= RK4_LIMIT, value, jnp.nan)
+            return cost
 
         return mean_cost
 
-    def trajectory(self, parameters: Any) -> tuple[Tree, dict[str, np.ndarray]]:
+    def trajectory(self, parameters: Tree) -> tuple[Tree, dict[str, np.ndarray]]:
         """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
         seen, commands, _, bounds = self._run(parameters, *self._start())
         self._check(bounds)

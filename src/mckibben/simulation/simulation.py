@@ -261,7 +261,7 @@ class Simulation:
         """
         return SimulationBatch(self, lanes, changes or {})
 
-    def rollout(self, policy: Callable[..., Tree], *, steps: int, cost: Callable[..., Any] | None = None) -> Rollout:
+    def rollout(self, policy: Callable[..., Tree], *, steps: int, cost: Callable[..., Scalar] | None = None) -> Rollout:
         """A run under a policy as a JAX function of the policy's parameters, with its gradient; see `Rollout`.
 
         Args:

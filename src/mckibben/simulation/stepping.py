@@ -245,4 +245,5 @@ def outputs_at(layouts: Layouts, plant: Tree, carry: Tree) -> dict[str, Tree]:
     """All outputs in a carry."""
     machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
     inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)
-    return machine.outputs(state, memory, inputs)
+    at: dict[str, Tree] = machine.outputs(state, memory, inputs)
+    return at

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ..batch.run_template import make_template
 from ..batch.settings import setting
 from ..batch.sweep import Sweep, run_batch
 from ..bench.rig_file import rig as rig_of
+from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import parse_protocol, with_values
@@ -34,7 +34,7 @@ def dominated(costs: np.ndarray) -> np.ndarray:
         costs: less is better (n, m).
     """
     finite = np.isfinite(costs).all(axis=1)
-    mask = ~finite
+    mask: np.ndarray = ~finite
     for i in np.flatnonzero(finite):
         others = costs[finite]
         mask[i] = bool(np.any((others <= costs[i]).all(axis=1) & (others < costs[i]).any(axis=1)))
@@ -104,7 +104,7 @@ class DesignStudy:
         return tuple(sorted((d for d in self.designs if d.best), key=lambda d: d.response))
 
 
-def protocol(**values: Any) -> Protocol:
+def protocol(**values: JsonValue) -> Protocol:
     """Cycles and step, with other values of parameters as text.
 
     Raises:
@@ -121,7 +121,7 @@ def design_sweep(
     tube_diameters: Sequence[str],
     valve_flows: Sequence[str],
     rig: str = "modern",
-    **values: Any,
+    **values: JsonValue,
 ) -> Sweep:
     """Make the sweep over all combinations, which `drive.run_sweep` can run on many machines.
 
@@ -154,7 +154,7 @@ def design_study(
     valve_flows: Sequence[str],
     rig: str = "modern",
     progress: Callable[[float], None] = lambda _: None,
-    **values: Any,
+    **values: JsonValue,
 ) -> DesignStudy:
     """Run every combination in this process and evaluate it; see `design_sweep`.
 

@@ -62,7 +62,8 @@ class Record(NamedTuple):
 
     def pressure_abs(self) -> np.ndarray:
         """Absolute pressure [Pa], (samples,)."""
-        return float(Environment().pressure_abs) + np.clip(self.wave.at(clock()), 0.0, TOP)
+        pressures: np.ndarray = float(Environment().pressure_abs) + np.clip(self.wave.at(clock()), 0.0, TOP)
+        return pressures
 
     def sentence(self) -> str:
         """Description as text."""

@@ -124,7 +124,7 @@ class Chart:
             "dashes": LETTERS,
         }
 
-    def figure(self, view: dict[str, Any] | None = None) -> Figure:
+    def figure(self, view: dict[str, JsonValue] | None = None) -> Figure:
         """Draw the chart, or the part ``x`` and ``y`` of it, as a figure."""
         from ..report.figures.page_charts import chart_figure
 

@@ -20,9 +20,9 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Coroutine
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
-from ..documents import parse_json
+from ..documents import JsonValue, parse_json
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
@@ -122,7 +122,7 @@ class Element:
         self.document.record("attributes", self)
         return self
 
-    def on_value(self, event: str, do: Callable[[Any], object], wait: float = 0.0) -> Self:
+    def on_value(self, event: str, do: Callable[[JsonValue], object], wait: float = 0.0) -> Self:
         """Call a function with the value of an event: of a field, or the ``detail`` of a script's event.
 
         Args:
@@ -247,7 +247,7 @@ class PageDocument:
 
     # ---- what pages use
 
-    def spawn(self, work: Coroutine[Any, Any, None]) -> None:
+    def spawn(self, work: Coroutine[object, object, None]) -> None:
         """Run a coroutine beside the page; its failure is logged."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..documents import parse_json
+from ..documents import JsonValue, parse_json
 from ..errors import InputError, MckibbenError
 from .elements import Element
 from .shelf import plain
@@ -98,7 +98,7 @@ def figure_file(name: str, draw: Draw, wish: object) -> tuple[str, bytes]:
         return place.name, place.read_bytes()
 
 
-def part_of(view: object) -> dict[str, Any] | None:
+def part_of(view: object) -> dict[str, list[float]] | None:
     """Shown part of a chart as a browser states it; None for all of it, and for what is no part."""
     if not isinstance(view, Mapping):
         return None
@@ -126,7 +126,7 @@ def sent_figure(body: bytes) -> tuple[str, bytes]:
     return figure_file(chart["name"], lambda view: chart_figure(chart, view), wish)
 
 
-def sent_chart(document: object) -> dict[str, Any]:
+def sent_chart(document: object) -> dict[str, JsonValue]:
     """Check the document of a chart that a script of a page has drawn from samples that it has.
 
     Raises:

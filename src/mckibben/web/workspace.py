@@ -44,7 +44,7 @@ class PageMachine(Protocol):
     def log(self, after: int) -> list[dict[str, JsonValue]]:
         """Messages after the one with a number."""
 
-    def actions(self) -> Mapping[str, Callable[..., Any]]:
+    def actions(self) -> Mapping[str, Callable[..., JsonValue]]:
         """Available actions by name."""
 
     def emergency_stop(self, reason: str) -> None:

@@ -199,7 +199,8 @@ def _finish_inner(
 
 def loop_of_token(node: Node) -> Loop:
     """The loop that a node waits for."""
-    return node.attr if node.op == "done" else node.attr[0]
+    loop: Loop = node.attr if node.op == "done" else node.attr[0]
+    return loop
 
 
 def largest_need(live: Liveness, worth: Callable[[Node, Node], float]) -> Callable[[Node], float]:

@@ -497,7 +497,10 @@ def to_c_library(
     macro = f"{name.upper()}_CLONES"
     helpers = {h for f in texts.values() for h in f.body.helpers}
     source = [*_beginning(head, name, helpers, name, kind), *_clones(macro)]
-    comment = lambda called, member: said(called, member.path).replace("*/", "* /")  # noqa: E731
+
+    def comment(group: str, member: Member) -> str:
+        return said(group, member.path).replace("*/", "* /")
+
     source += _defaults(name, kind, known, values or {}, comment, left_out)
     for called, f in texts.items():
         hidden = extern is not None and called not in extern

@@ -335,12 +335,12 @@ class Replay:
             return self.new.done(loop)
         else:
             replacement = scope.find("nodes", node)
-        assert replacement is not None, node
+        assert isinstance(replacement, Node), node
         return replacement
 
     def buffer(self, scope: Scope, buffer: Buffer) -> Buffer:
         """Replacement of a buffer; scratch memory is allocated at the first request."""
-        replacement = scope.find("buffers", buffer)
+        replacement: Buffer | None = scope.find("buffers", buffer)
         if replacement is None:
             replacement = self.new.buffer(buffer.role, buffer.kind, buffer.shape, buffer.name, buffer.data)
             home = scope if buffer.within is not None and buffer.within[2] is not None else self.outer

@@ -464,7 +464,8 @@ def _one(body: Memory, vector: bool) -> str:
 
 @_op("item")
 def _item(body: Memory, node: Node) -> str:
-    return body.inverted[node.args[0]][node.attr]
+    item: str = body.inverted[node.args[0]][node.attr]
+    return item
 
 
 @_op("invert")

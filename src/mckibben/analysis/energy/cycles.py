@@ -240,7 +240,7 @@ def _start(probe: Probe, name: str, c: Conditions, high: np.ndarray) -> tuple[np
     return at, inside, inside - c.friction
 
 
-def isotonic_pressure(probe: Probe, length: np.ndarray, inside: Any, low: Scalar, high: Scalar) -> np.ndarray:
+def isotonic_pressure(probe: Probe, length: np.ndarray, inside: Scalar, low: Scalar, high: Scalar) -> np.ndarray:
     """Gauge pressure from low to high at which the braid pulls with a tension [N] at a length [m] [Pa]."""
     ends = (np.broadcast_to(np.asarray(v, float), length.shape) for v in (low, high))
     return rising_root(lambda p: probe.tension(length, p) - inside, *ends)
@@ -252,7 +252,8 @@ def _isotonic_power(probe: Probe, length: np.ndarray, inside: Any, low: Scalar, 
     tension_by_length, tension_by_pressure, volume_by_length, volume_by_pressure = probe.slopes(length, p)
     pulls = np.where(tension_by_pressure > 0.0, tension_by_pressure, np.nan)  # below the threshold no pressure is found
     swell = volume_by_length - volume_by_pressure * tension_by_length / pulls
-    return -(p - low) * swell
+    isotonic_power: np.ndarray = -(p - low) * swell
+    return isotonic_power
 
 
 def _exergy(c: Conditions, high: np.ndarray, volume: np.ndarray) -> np.ndarray:

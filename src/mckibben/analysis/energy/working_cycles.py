@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from ...accessors import Accessor, implementation
 from ...components import Environment
+from ...documents import JsonValue
 from ...errors import InputError
 from ...extras import library
 from ...muscles.build import muscle as built_muscle
@@ -89,7 +90,7 @@ class WorkingCycles:
         """Gauge pressure from which the gas pulls, zero for a law without one [Pa]."""
         return float(self.muscles[self.volume].threshold())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Cycles, conditions and curves as plain values, in SI units."""
         listed = []
         for name, by_volume in self.cycles.items():
@@ -122,7 +123,7 @@ class WorkingCycles:
             ]
         return content
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[dict[str, JsonValue]]:
         """One row per cycle and volume, the energies in J."""
         return [
             {"cycle": name, "volume": volume} | one._asdict()

@@ -30,12 +30,14 @@ class MomentArm(Module):
 
     def arm(self, angle: Scalar) -> Scalar:
         """Moment arm [m] at an angle [rad]."""
-        return _horner([self.coefficients[i] for i in range(self.coefficients.shape[0])], angle)
+        arm: Scalar = _horner([self.coefficients[i] for i in range(self.coefficients.shape[0])], angle)
+        return arm
 
     def at(self, angle: Scalar) -> Scalar:
         """Span [m] at an angle [rad]."""
         terms = [self.coefficients[i] / (i + 1.0) for i in range(self.coefficients.shape[0])]
-        return self.span - angle * _horner(terms, angle)
+        span: Scalar = self.span - angle * _horner(terms, angle)
+        return span
 
 
 def unit_arm() -> MomentArm:

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 from bluesky.protocols import Reading
-from event_model import DataKey
+from event_model import DataKey, Dtype
 from ophyd_async.core import Callback, SignalBackend
 
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from .. import channels
 from ..metadata import initial_metadata
@@ -77,24 +78,28 @@ class DeviceContext:
             "source": f"{self.place}/{channel}", "dtype": "number", "dtype_numpy": "<f8", "shape": [], "units": unit,
             "kind": kind, "meaning": meaning, **digits, **more,
         }  # fmt: skip
-        return found
+        key: DataKey = found
+        return key
 
     def stamp(self, when: float) -> float:
         """Return seconds since 1970 of a time of the session [s]."""
         return self.zero + when
 
-    def configuration(self, own: str, values: dict[str, Any]) -> dict[str, Reading[Any]]:
+    def configuration(self, own: str, values: dict[str, JsonValue]) -> dict[str, Reading[JsonValue]]:
         """Return what does not change during a plan, of a device by its name."""
         return {f"{own}-{n}": {"value": v, "timestamp": self.zero} for n, v in (self.about | values).items()}
 
-    def described_configuration(self, own: str, values: dict[str, Any], units: dict[str, str]) -> dict[str, DataKey]:
+    def described_configuration(
+        self, own: str, values: dict[str, JsonValue], units: dict[str, str]
+    ) -> dict[str, DataKey]:
         """Describe that."""
-        found: Any = {}
+        described: dict[str, DataKey] = {}
         for n, v in (self.about | values).items():
-            dtype = "boolean" if isinstance(v, bool) else "string" if isinstance(v, str) else "number"
-            unit = {"units": units[n]} if n in units else {}
-            found[f"{own}-{n}"] = {"source": f"{self.place}/{n}", "dtype": dtype, "shape": [], **unit}
-        return found
+            dtype: Dtype = "boolean" if isinstance(v, bool) else "string" if isinstance(v, str) else "number"
+            described[f"{own}-{n}"] = {"source": f"{self.place}/{n}", "dtype": dtype, "shape": []}
+            if n in units:
+                described[f"{own}-{n}"]["units"] = units[n]
+        return described
 
     def require_manual(self, what: str) -> None:
         """Refuse an action during a protocol, and after a stop.

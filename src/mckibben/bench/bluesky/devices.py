@@ -10,7 +10,7 @@ from typing import Any
 
 from bluesky.protocols import Checkable, Locatable, Location, Reading, Stoppable, Subscribable, Triggerable
 from event_model import DataKey
-from ophyd_async.core import AsyncStatus, SignalR, StandardReadable, StandardReadableFormat
+from ophyd_async.core import AsyncStatus, Callback, SignalR, StandardReadable, StandardReadableFormat
 
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError, UnreachableError
@@ -64,17 +64,17 @@ class ChannelDevice(StandardReadable, Triggerable, Subscribable[Any]):
         until = session.latest()["time"] + max(self.over - session.period, 0.0)
         await asyncio.to_thread(self.context.after, until)
 
-    def subscribe_reading(self, function: Any) -> None:
+    def subscribe_reading(self, function: Callback[dict[str, Reading[float]]]) -> None:
         """Tell a function of the newest reading and of new ones, some 20 a second; a flyer has every sample."""
         self.value.subscribe_reading(function)
 
     subscribe = subscribe_reading
 
-    def clear_sub(self, function: Any) -> None:
+    def clear_sub(self, function: Callback[dict[str, Reading[float]]]) -> None:
         """Remove a subscription."""
         self.value.clear_sub(function)
 
-    async def read_configuration(self) -> dict[str, Reading[Any]]:
+    async def read_configuration(self) -> dict[str, Reading[JsonValue]]:
         """Return the rig, the specimen, and how it is read."""
         return self.context.configuration(self.name, {n: value for n, (value, _) in self.settings.items()})
 

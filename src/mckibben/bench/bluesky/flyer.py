@@ -14,6 +14,7 @@ from bluesky.protocols import (
     EventPageCollectable,
     Flyable,
     HasHints,
+    Hints,
     PartialEventPage,
     Pausable,
     Reading,
@@ -76,7 +77,7 @@ class ProtocolFlyer(
         super().__init__(name=context.key(self.prepared.protocol.name))
 
     @property
-    def hints(self) -> Any:
+    def hints(self) -> Hints:
         """Channels to plot: the measured ones."""
         context = self.context
         return {"fields": [context.key(n) for n in context.names if context.kinds[n][1] == "measured"]}
@@ -164,7 +165,7 @@ class ProtocolFlyer(
             raise InputError("complete", self.name, "it is not running; call kickoff first")
         return AsyncStatus(self._wait_for(self._run), self.name)
 
-    async def describe_collect(self) -> Any:
+    async def describe_collect(self) -> JsonValue:
         """Return the channels; by the name of their stream where the plan does not declare it."""
         found = {self.context.key(n): self.context.described(n) for n in self.context.names}
         return found if self.declared else {self.name: found}
@@ -216,7 +217,7 @@ class ProtocolFlyer(
         rate = {"sample_rate": self.prepared.protocol.sample_rate}
         return {n: about[n] for n in ("title", "sentence", "digest", "plumbing")} | rate
 
-    async def read_configuration(self) -> dict[str, Reading[Any]]:
+    async def read_configuration(self) -> dict[str, Reading[JsonValue]]:
         """Return the protocol as a sentence, its hash, the rig and the specimen."""
         return self.context.configuration(self.name, self._settings())
 

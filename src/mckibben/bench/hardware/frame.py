@@ -115,7 +115,8 @@ class TestStand(Load):
         """
         own = self.frame
         frame = 0.5 * own.mass * state.deflection_velocity**2 + 0.5 * own.stiffness * state.deflection**2
-        return frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2
+        energy: Scalar = frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2
+        return energy
 
     def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Electrical power of the motor, k i w, and the power lost by its friction and the frame [W]."""

@@ -11,7 +11,7 @@ Straight-line; which channels there are is decided once, by their names.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -188,7 +188,7 @@ class Interlocks(Module):
         trip = Trip(int(code))
         if trip is Trip.NOTHING:
             return ""
-        said = {
+        sentences: dict[Trip, Callable[[], str]] = {
             Trip.OVER_PRESSURE: lambda: _over("pressure", _pressure_of(measured), "Pa", self.burst_pressure),
             Trip.OVER_FORCE: lambda: _over("tension", measured.get("tension"), "N", self.most_tension),
             Trip.TOO_SHORT: lambda: _over("span", measured.get("span"), "m", self.shortest, "or more"),
@@ -199,8 +199,8 @@ class Interlocks(Module):
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
             Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
             Trip.OUT_OF_LIMITS: lambda: self._out_of_limits(measured),
-        }[trip]()
-        return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {said}; {_DONE}"
+        }
+        return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {sentences[trip]()}; {_DONE}"
 
     def _out_of_limits(self, measured: Mapping[str, float]) -> str:
         for name, (low, high) in self.sensors.items():

@@ -116,7 +116,7 @@ class Manual(Module):
         mode = jnp.asarray(row["mode"]).astype(int)
         return place._replace(asked=ManualRow(row["pressure"], row["open"], mode, row["motor"], row["alone"]))
 
-    def set_points(self, place: ManualPlace, _: Any) -> SampleSetpoints:
+    def set_points(self, place: ManualPlace, _: object) -> SampleSetpoints:
         """Set-points of a sample."""
         by_span = place.mode == SPAN
         values = jnp.stack([place.span, place.velocity, place.tension])

@@ -35,4 +35,5 @@ def _mix(word: np.ndarray) -> np.ndarray:
         word = word * np.uint64(0x9E3779B97F4A7C15)
         word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))
+    mix: np.ndarray = word ^ (word >> np.uint64(31))
+    return mix

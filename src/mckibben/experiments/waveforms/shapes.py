@@ -310,7 +310,8 @@ class Chirp(Waveform):
             cycles = self.first * self.duration / ratio * np.expm1(ratio * inside / self.duration)
         else:
             cycles = self.first * inside + 0.5 * (self.last - self.first) / self.duration * inside**2
-        return self.mean + self.amplitude * np.sin(2.0 * np.pi * (cycles + self.last * after))
+        wave: np.ndarray = self.mean + self.amplitude * np.sin(2.0 * np.pi * (cycles + self.last * after))
+        return wave
 
     def sentence(self, unit: str) -> str:
         """Describe the waveform, such as ``chirp 2 bar +- 1 bar from 0.1 Hz to 10 Hz in 20 s``."""
@@ -387,7 +388,8 @@ class Noise(Waveform):
         u = place - knot
         weights = ((1 - u) ** 3, (3 * u - 6) * u**2 + 4, ((3 - 3 * u) * u + 3) * u + 1, u**3)
         share = sum(w * uniform(self.seed, knot.astype(np.int64) + i) for i, w in enumerate(weights)) / 6.0
-        return self.low + (self.high - self.low) * share
+        wave: np.ndarray = self.low + (self.high - self.low) * share
+        return wave
 
     def sentence(self, unit: str) -> str:
         """Describe the waveform, such as ``noise from 1 bar to 3 bar up to 10 Hz, seed 0``."""
@@ -446,7 +448,8 @@ class PointTable(Waveform):
         """Interpolated, or the last point."""
         t, values = np.asarray(times, float), np.asarray(self.values, float)
         if self.straight:
-            return np.interp(t, self.times, values)
+            wave: np.ndarray = np.interp(t, self.times, values)
+            return wave
         return values[np.maximum(np.searchsorted(np.asarray(self.times), t + JUMP, side="right") - 1, 0)]
 
     def sentence(self, unit: str) -> str:

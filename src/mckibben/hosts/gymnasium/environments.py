@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from ...accessors import implementation
+from ...documents import JsonValue
 from ...errors import ConvergenceError, InputError
 from ...simulation.kernel import SampleKernel
 from .tasks import BROKEN, TASKS, Task
@@ -95,8 +96,8 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._begun = False
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, JsonValue] | None = None
+    ) -> tuple[np.ndarray, dict[str, JsonValue]]:
         """Begin an episode at rest, with goals drawn anew.
 
         Args:
@@ -113,7 +114,7 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._count, self._begun = 0, True
         return self._observation(), {}
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, JsonValue]]:
         """Hold positions of the valves, from -1 to 1, for one control period.
 
         Returns:
@@ -144,7 +145,7 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def _observation(self) -> np.ndarray:
         return self.task.observation(self._seen(), self.goal)
 
-    def render(self) -> Any:
+    def render(self) -> np.ndarray | None:
         """A picture of the mechanism, its muscles to scale, (height, width, 3); None without a render mode."""
         if self.render_mode is None or not self._begun:
             return None
@@ -208,8 +209,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         self._generators: list[np.random.Generator] = []
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, JsonValue] | None = None
+    ) -> tuple[np.ndarray, dict[str, JsonValue]]:
         """Begin episodes at rest, with goals drawn anew.
 
         Args:
@@ -250,7 +251,7 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
             episode = self.task.draw(self._generators[lane])
             self._episodes.goals[:, :, lane], self._episodes.disturbances[:, :, lane] = episode
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, JsonValue]]:
         """Hold positions of the valves, (lanes, valves) from -1 to 1, for one control period.
 
         Returns:
@@ -302,7 +303,7 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         goal = self._episodes.goals[:, self._count % self.task.samples, self._lanes]
         return self.task.observation(self._plant.seen(self._kernel.observation), goal)
 
-    def render(self) -> tuple[Any, ...] | None:
+    def render(self) -> tuple[np.ndarray, ...] | None:
         """A picture of each lane, (height, width, 3); None without a render mode."""
         if self.render_mode is None:
             return None

@@ -14,7 +14,7 @@ import abc
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -97,7 +97,7 @@ class Task(abc.ABC):
         """What an episode asks for."""
 
     @abc.abstractmethod
-    def error(self, seen: Mapping[str, Any], goal: Any) -> Any:
+    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from a goal, 0 or more, in `error_unit`.
 
         Args:
@@ -123,7 +123,7 @@ class Task(abc.ABC):
         """A simulation of the mechanism with its air, whose programs all environments of the task share."""
         return _simulation(self).with_parameters({})
 
-    def observation(self, seen: Mapping[str, Any], goal: Any) -> np.ndarray:
+    def observation(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """The observation, (senses,) or (lanes, senses), as float32 from -1 to 1.
 
         Args:
@@ -135,14 +135,16 @@ class Task(abc.ABC):
             goal[place] if place is not None else seen[s.name] for s, place in zip(self.senses, places, strict=True)
         ]
         values = np.array(rows).T
-        return np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.0, 1.0).astype(np.float32)
+        scaled: np.ndarray = np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.0, 1.0).astype(np.float32)
+        return scaled
 
-    def reward(self, error: Any, action: np.ndarray) -> Any:
+    def reward(self, error: np.ndarray, action: np.ndarray) -> np.ndarray:
         """Of a control period; the action (actions,) or (lanes, actions)."""
         opening = np.abs(action[..., 0])
         for k in range(1, len(self.actions)):
             opening = opening + np.abs(action[..., k])
-        return -error / self.tolerance - EFFORT * opening / len(self.actions)
+        rewards: np.ndarray = -error / self.tolerance - EFFORT * opening / len(self.actions)
+        return rewards
 
 
 @functools.cache
@@ -187,9 +189,10 @@ class LiftTask(Task):
         """Spans that the muscle holds at pressures below that of the supply."""
         return Episode(self.hold(random.uniform(0.112, 0.135, (1, self.stretches))), self.undisturbed)
 
-    def error(self, seen: Mapping[str, Any], goal: Any) -> Any:
+    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from the wanted span [m]."""
-        return np.abs(seen["position"] - goal[0])
+        error: np.ndarray = np.abs(seen["position"] - goal[0])
+        return error
 
 
 class JointTask(Task):
@@ -216,9 +219,10 @@ class JointTask(Task):
         """Angles that the muscles reach."""
         return Episode(self.hold(random.uniform(-0.6, 0.6, (1, self.stretches))), self.undisturbed)
 
-    def error(self, seen: Mapping[str, Any], goal: Any) -> Any:
+    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from the wanted angle [rad]."""
-        return np.abs(seen["angle"] - goal[0])
+        error: np.ndarray = np.abs(seen["angle"] - goal[0])
+        return error
 
 
 class ReachTask(Task):
@@ -256,10 +260,11 @@ class ReachTask(Task):
         places = np.array([distance * np.sin(direction), -distance * np.cos(direction)])
         return Episode(self.hold(places), self.undisturbed)
 
-    def error(self, seen: Mapping[str, Any], goal: Any) -> Any:
+    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance of the tip from the wanted place [m]."""
         across, height = seen["tip_across"] - goal[0], seen["tip_height"] - goal[1]
-        return np.sqrt(across * across + height * height)
+        distance: np.ndarray = np.sqrt(across * across + height * height)
+        return distance
 
 
 class PressureTask(Task):
@@ -290,9 +295,10 @@ class PressureTask(Task):
         span = 0.13 + size * np.sin(2.0 * np.pi * rate * PERIOD * np.arange(1, self.samples + 1))
         return Episode(self.hold(goals), span[None])
 
-    def error(self, seen: Mapping[str, Any], goal: Any) -> Any:
+    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from the wanted pressure [Pa]."""
-        return np.abs(seen["pressure"] - goal[0])
+        error: np.ndarray = np.abs(seen["pressure"] - goal[0])
+        return error
 
 
 TASKS: dict[str, Task] = {

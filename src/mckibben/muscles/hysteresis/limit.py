@@ -25,7 +25,8 @@ class FrictionLimit(Module):
 
     def force(self, pressure: Scalar, xp: Any = jnp) -> Scalar:
         """Fc(P') [N] at a gauge pressure [Pa]; by `xp`, NumPy or JAX's."""
-        return self.constant + self.per_pressure * xp.maximum(pressure, 0.0)
+        limit: Scalar = self.constant + self.per_pressure * xp.maximum(pressure, 0.0)
+        return limit
 
     def scaled(self, factor: Scalar) -> FrictionLimit:
         """Return the limit multiplied by a factor >= 0."""

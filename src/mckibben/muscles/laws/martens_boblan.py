@@ -51,7 +51,8 @@ class MartensBoblan(TensionLaw):
         modulus = self.modulus_0 + length * (self.modulus_1 + length * (self.modulus_2 + length * self.modulus_3))
         around = (diameter / self.rest_diameter - 1.0) * length * narrowing
         along = (length / self.rest_length - 1.0) * diameter
-        return jnp.pi * self.wall_thickness * modulus * (around - along)
+        tension: Scalar = jnp.pi * self.wall_thickness * modulus * (around - along)
+        return tension
 
     def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of eq. 7 [J]."""

@@ -68,7 +68,8 @@ class TonduLopez(TensionLaw):
         # 1 - k eps stands for a length: it ends at zero, or the muscle would pull again beyond.
         held = jnp.minimum(k * eps, 1.0)
         cubic = held * (1.0 - held * (1.0 - held / 3.0)) / k
-        return jnp.pi * self.rest_radius**2 * self.rest_length * (1.0 + a * cubic - c * eps)
+        volume: Scalar = jnp.pi * self.rest_radius**2 * self.rest_length * (1.0 + a * cubic - c * eps)
+        return volume
 
     def length_range(self) -> tuple[Scalar, Scalar]:
         """Range from a tenth of the rest length to the upper working length [m]."""

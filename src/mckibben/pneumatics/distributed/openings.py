@@ -99,9 +99,12 @@ class Restriction(Opening):
         if isinstance(self.flow, TwoPort):
             port, at_tube = (GasState(gas.pressure, gas.temperature) for gas in (outside, inside))
             return self.flow.mass_flow(port, at_tube, self.flow.initial(), self.command)
+        entering: Scalar
         if leaves:
-            return -self.command * self.flow(inside.pressure, inside.temperature, outside.pressure)
-        return self.command * self.flow(outside.pressure, outside.temperature, inside.pressure)
+            entering = -self.command * self.flow(inside.pressure, inside.temperature, outside.pressure)
+        else:
+            entering = self.command * self.flow(outside.pressure, outside.temperature, inside.pressure)
+        return entering
 
     def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Scalar) -> Scalar:
         """Flow of the restriction above that of the tube [kg/(m2 s)]."""
@@ -164,7 +167,8 @@ def open_face(medium: Medium, inside: Primitive, outside: Primitive, opening: Op
         )
         return _face(medium, state, -1.0, outside)
 
-    return jax.lax.cond(leaves, out, into, None)
+    face: TubeFace = jax.lax.cond(leaves, out, into, None)
+    return face
 
 
 def _face(medium: Medium, state: Primitive, sign: float, source: Primitive) -> TubeFace:

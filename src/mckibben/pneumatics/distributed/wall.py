@@ -41,7 +41,8 @@ def nusselt(reynolds_number: Scalar, relative_roughness: Scalar) -> Scalar:
     re = jnp.maximum(reynolds_number, LAMINAR_END)
     eighth = haaland(re, relative_roughness) / 8.0
     turbulent = eighth * (re - 1000.0) * PRANDTL / (1.0 + 12.7 * jnp.sqrt(eighth) * (PRANDTL ** (2.0 / 3.0) - 1.0))
-    return (1.0 - share) * LAMINAR_NUSSELT + share * turbulent
+    nusselt: Scalar = (1.0 - share) * LAMINAR_NUSSELT + share * turbulent
+    return nusselt
 
 
 def wall_rates(

@@ -54,7 +54,8 @@ class LumpedTube(TwoPort):
 
     def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """The state itself [kg/s]."""
-        return state
+        flow: Scalar = state
+        return flow
 
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """dw/dt [kg/s^2]."""

@@ -10,7 +10,7 @@ doi:10.1109/70.481753.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ..._jax import Tree, jnp
 from ...components import Scalar
@@ -19,7 +19,7 @@ from ...quantities import quantity
 from ..gas import AIR, Gas
 
 
-def mean_density(gas: Gas, a: GasState, b: GasState, forward: Any) -> Scalar:
+def mean_density(gas: Gas, a: GasState, b: GasState, forward: Scalar) -> Scalar:
     """Density at the mean pressure of the ends [kg/m^3] (eq. 21), at the temperature of where the gas comes from."""
     upstream = jnp.where(forward, a.temperature, b.temperature)
     return gas.density(0.5 * (a.pressure_abs + b.pressure_abs), upstream)

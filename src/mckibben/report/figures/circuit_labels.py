@@ -7,7 +7,7 @@ import functools
 import math
 import types
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from ...pneumatics.volume import FixedVolume, MovingVolume, Reservoir
 from ...quantities import declared, from_si, shown_unit
 from .circuit_symbols import Box
 from .style import COLOURS, INK, INK_2, NORMAL, SMALL, number, symbol_text
+
+if TYPE_CHECKING:
+    from ...components import Module
 
 STANDARD = 101325.0
 NEAR = 15e3  # a constant reservoir this close to the standard atmosphere [Pa] is the air outside, up to 1.3 km high
@@ -76,7 +79,7 @@ def stacked(lines: list[Words], x: float, top: float, align: str) -> list[Text]:
 # ---- what is written
 
 
-def is_atmosphere(node: Any) -> bool:
+def is_atmosphere(node: object) -> bool:
     """Whether a node is the atmosphere: a reservoir of constant pressure near the standard atmosphere."""
     return isinstance(node, Reservoir) and node.signal is None and abs(float(node.pressure_abs) - STANDARD) < NEAR
 
@@ -124,7 +127,7 @@ def element_words(name: str, circuit: Circuit, subtitles: Mapping[str, str]) -> 
     return [Words(name, NORMAL, True, INK), *map(Words, lines)]
 
 
-def main_values(element: Any) -> list[str]:
+def main_values(element: Module) -> list[str]:
     """Length and bore of a tube, set pressure, conductances of passages; else the first values that have no default."""
     known = {n: float(v) for n in declared(element) if np.ndim(v := getattr(element, n)) == 0}
     bore = known.get("diameter", 2.0 * math.sqrt(known["area"] / math.pi) if "area" in known else None)

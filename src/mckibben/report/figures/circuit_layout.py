@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...components.flow import FlowElement
 from ...pneumatics.volume import FixedVolume, MovingVolume, Reservoir
@@ -27,6 +27,9 @@ from .circuit_symbols import (
     tank,
 )
 from .style import COLOURS, INK, INK_3, SMALL
+
+if TYPE_CHECKING:
+    pass
 
 DASH = (3.0, 2.2)
 NEAR = 4.0  # between a symbol and its label
@@ -75,7 +78,7 @@ def _suits(symbol: str, ports: Sequence[str]) -> bool:
     return len(ports) == 2
 
 
-def node_cell(node: Any, words: list[Words], *, leads_on: bool) -> SymbolCell:
+def node_cell(node: object, words: list[Words], *, leads_on: bool) -> SymbolCell:
     """Cell of a node, its dot or the tip of its triangle at the origin."""
     if isinstance(node, Reservoir):
         symbol = source()

@@ -210,7 +210,8 @@ def muscle(angle: float | None, *, hanging: bool) -> Symbol:
 
 def _bulge(x: np.ndarray, long: float, half: float) -> np.ndarray:
     """Half the height of the outline along the axis."""
-    return half * (0.6 + 0.4 * np.minimum(np.minimum(x, long - x) / 12.0, 1.0) ** 0.5)
+    bulge: np.ndarray = half * (0.6 + 0.4 * np.minimum(np.minimum(x, long - x) / 12.0, 1.0) ** 0.5)
+    return bulge
 
 
 def _threads(left: float, y: float, long: float, half: float, angle: float) -> list[Path]:

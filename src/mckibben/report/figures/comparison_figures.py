@@ -136,7 +136,8 @@ def _panel(ax: Axes, panel: Panel, muscles: Sequence[Trials], lines: Sequence[_L
     for one, line in zip(muscles, lines, strict=True):
         if curve not in one.curves:
             continue
-        across, up = _DRAWN.get(name, lambda drawn, _: drawn)(one.curves[curve], one)
+        drawn = one.curves[curve]
+        across, up = _DRAWN[name](drawn, one) if name in _DRAWN else drawn
         ax.plot(across, up, **line.style)
         ends.append((across, up, line))
     style.quantity_axes(ax, x=x, y=y)

@@ -596,7 +596,8 @@ def _held_out(fit: Fit) -> np.ndarray:
     """Mask of the points that the separate fit was not shown: the highest pressures."""
     assert fit.holdout is not None
     highest = np.sort(fit.points.pressure)[fit.holdout.trained_on - 1]
-    return fit.points.pressure > highest
+    held_out: np.ndarray = fit.points.pressure > highest
+    return held_out
 
 
 def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: np.ndarray, out: np.ndarray) -> None:

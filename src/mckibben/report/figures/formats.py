@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextvars import ContextVar
 from typing import Any, NamedTuple
 
+from ...documents import JsonValue
 from ...errors import InputError
 from ...quantities import from_si, in_si, with_unit
 from .colours import LIGHT
@@ -136,7 +137,7 @@ def drawn_width(usual: float) -> float:
     return current_style().width or usual
 
 
-def settings(style: FigureStyle) -> dict[str, Any]:
+def settings(style: FigureStyle) -> dict[str, JsonValue]:
     """Settings of matplotlib for a style."""
     found = dict(_RC)
     if style.font:

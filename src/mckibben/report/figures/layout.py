@@ -542,7 +542,10 @@ def _primary(fig: Figure) -> list[Axes]:
 
 
 def _same_box(a: Axes, b: Axes) -> bool:
-    return max(abs(p - q) for p, q in zip(a.get_position().bounds, b.get_position().bounds, strict=True)) < 1e-9
+    same_box: bool = (
+        max(abs(p - q) for p, q in zip(a.get_position().bounds, b.get_position().bounds, strict=True)) < 1e-9
+    )
+    return same_box
 
 
 def _rows(axes: Sequence[Axes]) -> list[list[Panel]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...documents import JsonValue
 from . import style
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ LEFT, TOP, BOTTOM = 0.52, 0.46, 0.48  # of a figure, beside its axes [inch]
 
 
 @style.styled()
-def chart_figure(chart: Mapping[str, Any], view: Mapping[str, Any] | None = None) -> Figure:
+def chart_figure(chart: Mapping[str, JsonValue], view: Mapping[str, JsonValue] | None = None) -> Figure:
     """Draw a chart, or charts below each other that share their horizontal axis.
 
     Args:

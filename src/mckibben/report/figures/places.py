@@ -6,7 +6,7 @@ when the axes move, but may not fit a narrow figure; `layout` reads the place of
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.text import Annotation, Text
+    from matplotlib.transforms import ScaledTranslation
 
 _NAME = "_mckibben_place"
 _SHEET = "_mckibben_sheet"
@@ -80,7 +81,7 @@ class Margins(NamedTuple):
     foot: tuple[FootRow, ...] = ()
 
 
-def shift(ax: Axes, x: float, y: float) -> Any:
+def shift(ax: Axes, x: float, y: float) -> ScaledTranslation:
     """Transform that moves by points, to add to another."""
     from matplotlib.transforms import ScaledTranslation
 

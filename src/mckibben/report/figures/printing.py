@@ -72,7 +72,7 @@ def series(ax: Axes) -> list[Line2D]:
     return [line for line in ax.get_lines() if line.get_visible() and np.size(line.get_xdata()) > 2 and _drawn(line)]
 
 
-def appearance(line: Line2D) -> tuple[Any, str]:
+def appearance(line: Line2D) -> tuple[object, str]:
     """Dash, in multiples of the width, and marker of a line: what is left of it without colour."""
     return _dash(line), _marker(line)
 

@@ -159,4 +159,5 @@ def twitch_of(muscle: Assisted, pressure: Array, period: float) -> jax.Array:
     system = Mounted(unit=muscle.unit, span=muscle.rest_span)
     memory = muscle.unit.initial_memory()
     _, outputs = march(system, start, memory, {"pressure": signal}, period, 1, len(pressure) - 1, True)
-    return outputs[2]["tension"]
+    twitch: jax.Array = outputs[2]["tension"]
+    return twitch

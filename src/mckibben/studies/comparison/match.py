@@ -111,18 +111,21 @@ class Search:
 
     def residuals(self, u: Scalar) -> np.ndarray:
         """Residuals of all curves; huge where a point has no solution."""
-        return np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
+        residuals: np.ndarray = np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
+        return residuals
 
     def slopes(self, u: Scalar) -> np.ndarray:
         """Derivatives of the residuals."""
-        return np.nan_to_num(np.asarray(self._slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
+        slopes: np.ndarray = np.nan_to_num(np.asarray(self._slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
+        return slopes
 
     def run(self, draws: int, evaluations: int, tell: Callable[[str], None]) -> np.ndarray:
         """Search from all starts; return the best point."""
         from scipy.optimize import least_squares
 
         inside = 1e-6 * (self.high - self.low)
-        best, cost = self.start, float(np.sum(self.residuals(self.start) ** 2))
+        best: np.ndarray = self.start
+        cost = float(np.sum(self.residuals(best) ** 2))
         for number, first in enumerate([self.start, *self._drawn(draws)], 1):
             tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
             begin = np.clip(first, self.low + inside, self.high - inside)

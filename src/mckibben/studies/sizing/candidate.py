@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -180,11 +180,13 @@ class LawAtPressure:
 
     def passive(self, length: Scalar) -> np.ndarray:
         """Tension without gas, not below zero [N]."""
-        return np.maximum(self.probe.tension(length, 0.0), 0.0)
+        passive: np.ndarray = np.maximum(self.probe.tension(length, 0.0), 0.0)
+        return passive
 
     def added(self, length: Scalar) -> np.ndarray:
         """Tension added by the gas [N]."""
-        return self.tension(length) - self.passive(length)
+        active: np.ndarray = self.tension(length) - self.passive(length)
+        return active
 
     def volume(self, length: Scalar, pressure: float | None = None) -> float:
         """Gas volume at a length [m^3], optionally at another gauge pressure [Pa]."""
@@ -270,12 +272,12 @@ def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> fl
     return float(AIR.mass(wish.pressure + room, full, warm) - AIR.mass(room, empty, warm))
 
 
-def unit_of(muscle: Candidate, **mechanics: Any) -> MuscleUnit:
+def unit_of(muscle: Candidate, **mechanics: JsonValue) -> MuscleUnit:
     """Candidate as part of a machine, with the usual tendon and end mass."""
     names = ("stiffness", "toe_length", "loss")
     keys = ("tendon_stiffness", "tendon_toe", "tendon_loss")
     cord = Tendon(**{n: ASSEMBLED[k].value for n, k in zip(names, keys, strict=True)})
-    usual = {n: ASSEMBLED[n].value for n in ("end_mass", "viscosity", "stop_damping")}
+    usual: dict[str, JsonValue] = {n: ASSEMBLED[n].value for n in ("end_mass", "viscosity", "stop_damping")}
     return MuscleUnit(law=muscle.law, tendon=cord, **(usual | mechanics))
 
 

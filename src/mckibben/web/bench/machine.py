@@ -65,7 +65,8 @@ class Bench:
         """Time of the stop that the machine is in [s]."""
         why = self.session.why
         if why and self.ended.get("stopped"):
-            return self.ended["trip"]  # on the time of the run
+            time: float | None = self.ended["trip"]  # on the time of the run
+            return time
         return next((m.time for m in reversed(self.messages.after(0)) if why and m.text == why), None)
 
     # ---- what pages see
@@ -82,7 +83,7 @@ class Bench:
         """Return the messages after the one with a number."""
         return [message._asdict() for message in self.messages.after(after)]
 
-    def actions(self) -> Mapping[str, Callable[..., Any]]:
+    def actions(self) -> Mapping[str, Callable[..., JsonValue]]:
         """Return the actions that a page may request, by name."""
         chosen = self.chosen
         return {
@@ -254,7 +255,7 @@ class Bench:
 
     # ---- by hand
 
-    def set(self, **wanted: Any) -> str:
+    def set(self, **wanted: float | str) -> str:
         """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; as text or SI."""
         given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         was_moving = self.view.moving

@@ -236,7 +236,7 @@ def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float |
     set_place(legend, ArtistPlace(ax, "key"))
 
 
-def sample(words: str, **look: Any) -> Line2D:
+def sample(words: str, **look: JsonValue) -> Line2D:
     """A line or mark for a key."""
     from matplotlib.lines import Line2D
 
@@ -248,6 +248,6 @@ def printed_key(words: str = "paper", *, line: bool = False) -> Line2D:
     return sample(words, **(PRINTED if line else {k: v for k, v in MARK.items() if k != "zorder"}))
 
 
-def ours(quantity: str | None, **look: Any) -> dict[str, JsonValue]:
+def ours(quantity: str | None, **look: JsonValue) -> dict[str, JsonValue]:
     """Style of a computed line of a quantity."""
     return {"color": style.colour(quantity), "lw": style.LINE + 0.2, "zorder": 4} | look

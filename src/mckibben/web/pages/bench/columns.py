@@ -54,7 +54,8 @@ class Columns:
         out = [n for n in arrays if n.endswith("outlet_to_exhaust.mass_flow")]
         if not into or not out:
             return None
-        return np.asarray(arrays[into[0]], float) - np.asarray(arrays[out[0]], float)
+        flow: np.ndarray | None = np.asarray(arrays[into[0]], float) - np.asarray(arrays[out[0]], float)
+        return flow
 
 
 def factors() -> dict[str, dict[str, JsonValue]]:

@@ -6,7 +6,7 @@ shortened. A page gets a table over the length and reads between its rows, so th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ....muscles import braid
 from ....muscles.build import muscle as muscle_of
 from ....muscles.build import rest_length_of
 from ....specimens import Specimen, specimens
+
+if TYPE_CHECKING:
+    from ....muscles.law import TensionLaw
 
 # Of the table [rad]. A straight line between two is off by the square of their distance over 8 sin^2(theta), so they stand
 # apart in proportion: the diameter is right to 0.02 % from 2 to 89 degrees.
@@ -34,7 +37,7 @@ def rest_length(spec: Specimen) -> float:
     return rest_length_of(spec)
 
 
-def shape(spec: Specimen, law: Any = None) -> dict[str, JsonValue] | None:
+def shape(spec: Specimen, law: TensionLaw | None = None) -> dict[str, JsonValue] | None:
     """Return thread length [m], turns, and whether they were inferred; None if unknown."""
     for name in ("ideal", "thick_wall"):
         group = spec.laws.get(name, {})

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....analysis.cycles import Cycle, find_cycles
+from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....muscles.build import muscle as muscle_of
 from ....recordings import ForceMap, Recording, read
@@ -33,7 +34,9 @@ UNITS = {"pressure": "Pa", "tension": "N", "length": "m"}
 QUANTITIES = ("pressure", "tension", "length")
 
 
-def measured_data(path: Path, part: str, spec: Specimen, curves: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def measured_data(
+    path: Path, part: str, spec: Specimen, curves: Mapping[str, JsonValue] | None = None
+) -> dict[str, JsonValue]:
     """Read a file of measurements for the bench, in a separate process if it is large.
 
     Args:

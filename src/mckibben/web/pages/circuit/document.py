@@ -159,7 +159,7 @@ def unpacked(word: str) -> Document:
         raise refusal from None
 
 
-def worded(value: float, quantity: Quantity) -> Any:
+def worded(value: float, quantity: Quantity) -> float | str:
     """Format a value [SI] for a file: in the unit of its field, with enough digits to restore it."""
     if quantity.unit == "1":
         return value

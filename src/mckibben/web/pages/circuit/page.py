@@ -19,6 +19,7 @@ from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
 from .state import CircuitAnswer, CircuitState, follow
 
 if TYPE_CHECKING:
+    from ....pneumatics.balance import RunBalance
     from ....report.figures.page_charts import Figure
 
 TICK = (
@@ -291,7 +292,7 @@ class CircuitPage:
         with self.numbers:
             numbers(self.desk, found)
 
-    def _checked(self, closed: Any, swept: response.ValueSweep | None) -> None:
+    def _checked(self, closed: RunBalance | None, swept: response.ValueSweep | None) -> None:
         if closed is None:
             self.swept.clear()
             if swept is not None:

@@ -248,7 +248,7 @@ def flow_channel(plan: CircuitPlan, element: str) -> str:
     return f"{path_name(one, element, one.paths[0])}.mass_flow"
 
 
-def litres(mass_flow: Scalar) -> Any:
+def litres(mass_flow: Scalar) -> np.ndarray:
     """Convert a mass flow [kg/s] to that of reference air [L/min]."""
     density = float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
     return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / density

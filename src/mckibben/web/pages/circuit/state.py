@@ -12,6 +12,7 @@ from ....assembly.circuit_file import CircuitPlan
 from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....experiments.waveforms import time_words
+from ....pneumatics.balance import RunBalance
 from ....recordings import Recording
 from . import response
 from .document import Document, packed, planned
@@ -98,7 +99,8 @@ class CircuitState:
             self.flows = [n for n in self.flows if n in plan.circuit.elements] or [response.first_tube(plan)]
         self.chosen = chosen if chosen in self.parts() else ""
         self.number += 1
-        return other
+        now: bool = other
+        return now
 
     def toggle(self, what: list[str], name: str) -> None:
         """Add a name to a list, or remove it; the last one stays."""
@@ -192,7 +194,7 @@ async def follow(
     desk: CircuitState,
     show: Callable[[CircuitAnswer], None],
     after: Callable[[CircuitAnswer], None],
-    check: Callable[[Any, Any], None],
+    check: Callable[[RunBalance | None, response.ValueSweep | None], None],
     failed: Callable[[str], None],
 ) -> None:
     """Compute the response at once; when the page is quiet, close its balances and vary the selected part."""

@@ -265,7 +265,7 @@ def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
     for i, (name, low, high) in enumerate(rows):
         y = h * i + 17.0
         words = number(high) if low == 0.0 else f"{number(low)}{DASH}{number(high)}"
-        beside = max(at(high), at(float(row.paper)) if row is not None and i == marked else 0.0) + 6.0
+        beside = max(at(high), at(float(np.max(row.paper))) if row is not None and i == marked else 0.0) + 6.0
         out.append(
             f'<text x="0" y="{y + 4:.0f}" class="name">{html.escape(name)}</text><path d="M{at(low):.1f} {y:.0f}'
             f'H{at(high):.1f}" stroke="var(--ink-2)" stroke-width="7"/><text class="tick" x="{beside:.1f}" '
@@ -273,7 +273,7 @@ def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
         )
     below = ""
     if row is not None:
-        x, y = at(float(row.paper)), h * marked + 17.0
+        x, y = at(float(np.max(row.paper))), h * marked + 17.0
         out.append(
             f'<path d="M{x:.1f} {y - 9:.0f}v18" stroke="var(--caution-edge)" stroke-width="2" stroke-dasharray="3 2"/>'
         )

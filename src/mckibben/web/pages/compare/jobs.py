@@ -7,7 +7,7 @@ import io
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from ....studies.comparison.assisted import steady
 from ....studies.comparison.protocols import Trials, trials
 from ....studies.comparison.table import LENGTHS, TENSIONS, PropertyRow, column_of, law_column
 from ...reader import read_outside
+
+if TYPE_CHECKING:
+    from ....reproduction.rows import PrintedRow
 
 FIRST = ("nylon", "fiberglass", "bridgestone", "fast-fibre")
 PROTOCOLS = ("isometric-step", "isokinetic")  # what the charts at the side need
@@ -142,7 +145,7 @@ def paper_values(identifier: str) -> dict[str, float]:
     return values
 
 
-def misprint() -> Any:
+def misprint() -> PrintedRow:
     """Row of the efficiency with an accumulator, whose printed value is wrong."""
     from ....reproduction.rows import all_rows
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....analysis.energy import READINGS
 from ....analysis.energy.cycles import SETTINGS
+from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....quantities import from_si, with_unit
 from ....report.figures.energy_figures import energy_flow_figure
@@ -98,7 +99,7 @@ class EnergyPage:
         self.recorded.begin()
         await self.draw()
 
-    def changed(self, **what: Any) -> None:
+    def changed(self, **what: JsonValue) -> None:
         """Take a changed choice, and compute and show it in a task."""
         self.choice = replace(self.choice, **what)
         self.controls.under.clear()

@@ -308,13 +308,12 @@ class FitPage:
         with place:
             text("p", f"Largest measured tension {results.number(study.points.largest, 1)}\u2009\u2060N", "small faint")
             results.ranking(study, chosen.law, self.pick)
-        for name, fill in (
-            ("cautions", lambda: results.cautions(chosen, study)),
-            ("parameters", lambda: results.parameters(chosen)),
-        ):
-            self._places[name].clear()
-            with self._places[name]:
-                fill()
+        for place in (self._places["cautions"], self._places["parameters"]):
+            place.clear()
+        with self._places["cautions"]:
+            results.cautions(chosen, study)
+        with self._places["parameters"]:
+            results.parameters(chosen)
         await self.shown.show(chosen, study)
 
 

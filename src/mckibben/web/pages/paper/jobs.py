@@ -19,7 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ....errors import MckibbenError
 from ....recordings import Recording, read_recording
@@ -119,6 +119,7 @@ def _report(
     line.send(("report", document.pdf() if ending == ".pdf" else document.html().encode("utf-8")))
 
 
+Job: TypeAlias = tuple[Any, ...]  # the name of a job in `JOBS`, and what its function takes behind line and teller
 JOBS: dict[str, Any] = {"rows": _rows, "figure": _figure, "file": _file, "report": _report}
 
 
@@ -137,15 +138,15 @@ class WorkerProcess:
 
     def __init__(self, place: str) -> None:
         self.place = place
-        self._jobs: list[tuple[int, int, tuple[Any, ...], Callable[..., None]]] = []  # a heap
+        self._jobs: list[tuple[int, int, Job, Callable[..., None]]] = []  # a heap
         self._count, self._lock = itertools.count(), threading.Condition()
-        self._at: tuple[Any, ...] | None = None  # the job that is done now
+        self._at: Job | None = None  # the job that is done now
         self._stopped = self._closed = False
         self._process: Any = None
         self._line: Any = None
         self._thread: threading.Thread | None = None
 
-    def ask(self, job: tuple[Any, ...], hear: Callable[..., None], *, pressing: bool = True) -> None:
+    def ask(self, job: Job, hear: Callable[..., None], *, pressing: bool = True) -> None:
         """Queue a job; `hear` is called with every answer, in another thread, with ``done`` or ``refused`` last."""
         with self._lock:
             if not self._closed:
@@ -157,13 +158,13 @@ class WorkerProcess:
                 return
         hear("refused", STOPPED)
 
-    def hurry(self, job: tuple[Any, ...]) -> None:
+    def hurry(self, job: Job) -> None:
         """Execute a queued job before others."""
         with self._lock:
             self._jobs = [(0, *one[1:]) if one[2] == job else one for one in self._jobs]
             heapq.heapify(self._jobs)
 
-    def stop(self, job: tuple[Any, ...]) -> None:
+    def stop(self, job: Job) -> None:
         """Stop a job; if it is running, its process ends and the others continue in a new one."""
         with self._lock:
             waiting = [one for one in self._jobs if one[2] == job]

@@ -9,13 +9,16 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ....errors import InputError, MckibbenError
 from ....report.paper_figures import FIGURES, PaperFigure, figure
 from ....reproduction import RowOutcome
 from ....reproduction.rows import all_rows, needs_recording
 from .jobs import STOPPED, WorkerProcess
+
+if TYPE_CHECKING:
+    from ....web.workspace import Workspace
 
 HEAVY = 25.0  # a row of recordings takes about so many times as long as another
 TOLD_FROM = 0.08  # share of the work from which on the time left is told
@@ -228,7 +231,7 @@ _of: weakref.WeakKeyDictionary[Any, Reproduction] = weakref.WeakKeyDictionary()
 _one = threading.Lock()
 
 
-def reproduction(workspace: Any) -> Reproduction:
+def reproduction(workspace: Workspace) -> Reproduction:
     """Reproduction of a server; made at the first call."""
     with _one:
         if workspace not in _of:

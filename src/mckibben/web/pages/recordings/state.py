@@ -76,7 +76,7 @@ class RecordingEntry:
         return all(word in text for word in words.lower().split())
 
 
-def key_of(path: Path) -> Any:
+def key_of(path: Path) -> tuple[str, int, int]:
     """Identify the present state of a file."""
     about = path.stat()
     return str(path), about.st_mtime_ns, about.st_size

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from ....documents import JsonValue
 
 
 class QuestionField(NamedTuple):
@@ -69,7 +71,7 @@ class SizeQuestion:
     law: str = "linear_threshold"
     lines: str = "yes"
 
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> dict[str, JsonValue]:
         """Arguments of `mckibben.size`."""
         stated = {f.name: getattr(self, f.name).strip() or None for f in fields(self)}
         return stated | {"lines": self.lines == "yes", "force": None if stated["load"] else stated["force"]}
