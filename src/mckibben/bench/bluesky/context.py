@@ -24,7 +24,6 @@ from .. import channels
 from ..metadata import initial_metadata
 from ..session import MachineSession
 from ..session.continued import LOOK
-from ..session.status import IDLE, MANUAL
 
 
 class DeviceContext:
@@ -100,17 +99,6 @@ class DeviceContext:
             if n in units:
                 described[f"{own}-{n}"]["units"] = units[n]
         return described
-
-    def require_manual(self, what: str) -> None:
-        """Refuse an action during a protocol, and after a stop.
-
-        Raises:
-            InputError: says what the machine does instead.
-        """
-        status = self.session.status()
-        if status.state not in (IDLE, MANUAL):
-            why = f": {status.why}" if status.why else ""
-            raise InputError(what, None, f"works in manual mode only, and the machine is {status.doing()}{why}")
 
     def let_down(self, reason: str) -> None:
         """Leave nothing under pressure: stop what runs, or vent at the manual rate. Never raises `InputError`."""

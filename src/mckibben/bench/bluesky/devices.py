@@ -18,11 +18,10 @@ from ...experiments.amounts import CHANNELS
 from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ..session import MachineSession
-from ..session.continued import CLOSE, LONG, LOOK, NEAR, SETTLE
+from ..session.continued import LOOK, SETTLE, Approach
 from .context import ChannelBackend, DeviceContext
 from .flyer import ProtocolFlyer
 
-EXACT = 1e-6  # of the allowed range, within which the machine's own set-point is the one asked for
 # Axes of manual operation: what they share the output with, and the unit and name of the rate of their set-points.
 AXES = {
     "pressure": ("pressure", "Pa/s", "pressure_rate"), "span": ("motor", "m/s", "speed"),
@@ -123,7 +122,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
         """
         context = self.context
         to = context.session.setup.amount(self.axis, value)
-        context.require_manual(self.name)
+        context.session.require_manual(self.name)
         before, ended = context.moves.get(self.output), asyncio.get_running_loop().create_future()
         context.session.set(**{self.axis: to})
         self._to, self._moved = to, True
@@ -138,27 +137,22 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
 
     async def _go(self, to: float, ended: asyncio.Future[None]) -> None:
         """Wait until it is there, or until somebody ended the move."""
-        session, range_ = self.context.session, max(abs(end) for end in self.limits)
-        near = {"span": CLOSE, "velocity": math.inf}.get(self.axis, NEAR * range_)
-        left, before = LONG, math.nan
+        session, approach = self.context.session, Approach(self.context.session, **{self.axis: to})
         try:
             while not ended.done():
                 await asyncio.to_thread(session.wait, LOOK)
-                at = session.latest()
                 if ended.done():
                     break
                 if session.why or session.gone:
                     raise MckibbenError(f"{self.name}: on the way to {self._worded(to)}: {session.why or session.gone}")
-                asked, measured = at[self.channel], at.get(self.axis, to)
-                arrived = abs(asked - to) <= EXACT * range_
-                if arrived and abs(measured - to) <= near:
+                if approach.arrived():
                     await asyncio.to_thread(session.wait, self.settle)
                     return
-                left -= LOOK if arrived or not abs(asked - before) > 0.0 else 0.0
-                if left <= 0.0:
-                    found = f"{self._worded(asked)} is asked for and {self._worded(measured)} measured"
-                    raise UnreachableError(f"{self.name}: {self._worded(to)} was not reached; {found}")
-                before = asked
+                if approach.stuck:
+                    at = session.latest()
+                    asked, measured = (self._worded(at.get(n, to)) for n in (self.channel, self.axis))
+                    problem = f"{asked} is asked for and {measured} measured"
+                    raise UnreachableError(f"{self.name}: {self._worded(to)} was not reached; {problem}")
             ended.result()
         finally:
             self._end(ended)
@@ -195,7 +189,6 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
             context.let_down(f"{self.name} was stopped")
         elif busy or driven:
             with contextlib.suppress(InputError):
-                context.require_manual(self.name)
                 context.session.set(velocity=0.0)
 
     def _end(self, ended: asyncio.Future[None] | None, error: Exception | None = None) -> None:

@@ -108,7 +108,7 @@ class ProtocolFlyer(
         if not self._staged:
             allowed = "stage it: a RunEngine that aborts stops no flyer, but unstages what is staged"
             raise InputError("kickoff", self.name, allowed)
-        self.context.require_manual(self.name)
+        self.context.session.require_manual(self.name)
         if self.running:
             raise InputError("kickoff", self.name, "it is running; wait for its end")
         self.recording, self.log_file, self._stopped, self._handed, self._offset = None, None, "", False, np.inf

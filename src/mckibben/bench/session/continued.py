@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import InputError
+from ...experiments.amounts import CHANNELS
 from ...quantities import with_unit
 from ..hardware.converters import SPAN
 from ..prepare import PreparedRun, RunSegment
@@ -17,13 +18,49 @@ from ..software.loop import BenchSoftware
 
 if TYPE_CHECKING:
     from ..protocol_run import ProtocolRun
+    from .interface import MachineSession
     from .session import Session
 
-NEAR = 0.01  # of the valve's range, within which a pressure is there
+EXACT = 1e-6  # of the allowed range, within which the machine's own set-point is the one asked for
+NEAR = 0.01  # of the allowed range, within which a pressure or a tension is there
 CLOSE = 3e-4  # within which a span is there [m]
-LONG = 5.0  # time for the rest of a way once its set-point is there [s]
+LONG = 5.0  # time for the rest of a way once its set-point moves no more [s]
 SETTLE = 0.2  # time between the way and the run [s]
 LOOK = 0.05  # time between two looks at the way [s]
+
+
+class Approach:
+    """The way of set-points, and of what is measured of them, to where somebody asked them to be.
+
+    Args:
+        session: the machine.
+        **goals: ``pressure``, ``span``, ``velocity`` or ``tension`` as asked for [SI]; a velocity is not measured.
+
+    Attributes:
+        apart: the channels whose measured value was not there at the last look.
+    """
+
+    def __init__(self, session: MachineSession, **goals: float) -> None:
+        self.session, self.goals, self.apart = session, goals, list(goals)
+        self._ranges = {n: max(abs(end) for end in session.setup.allowed(n)) for n in goals}
+        self._left, self._before = LONG, dict.fromkeys(goals, np.nan)
+
+    def arrived(self) -> bool:
+        """Look at the newest sample, `LOOK` after the last time, and say whether all is there."""
+        at, ranges = self.session.latest(), self._ranges
+        near = {n: {"span": CLOSE, "velocity": np.inf}.get(n, NEAR * ranges[n]) for n in self.goals}
+        self.apart = [n for n, goal in self.goals.items() if abs(at.get(n, goal) - goal) > near[n]]
+        asked = {n: at[f"command.{n}"] for n in self.goals}
+        exact = all(abs(asked[n] - goal) <= EXACT * ranges[n] for n, goal in self.goals.items())
+        if exact or not any(abs(asked[n] - self._before[n]) > 0.0 for n in asked):
+            self._left -= LOOK
+        self._before = asked
+        return exact and not self.apart
+
+    @property
+    def stuck(self) -> bool:
+        """Whether the set-points have stood still for `LONG` without all being there."""
+        return self._left <= 0.0
 
 
 class ContinuedMachine:
@@ -97,24 +134,18 @@ class ContinuedMachine:
         session.wait(SETTLE)
 
     def _reach(self, pressure: float, span: float | None) -> None:
-        session, top = self.session, float(self.session.setup.limits.pressure[1])
-        session.ask_for(pressure=pressure, **({} if span is None else {"span": span}))
-        left = LONG
-        while left > 0.0:
+        session, goals = self.session, {"pressure": pressure, **({} if span is None else {"span": span})}
+        session.ask_for(**goals)
+        approach = Approach(session, **goals)
+        while not approach.stuck:
             session.wait(LOOK)
             if session.why:
                 raise InputError("run", self.prepared.protocol.name, f"on the way to its beginning: {session.why}")
-            at = session.latest()
-            asked = abs(at["command.pressure"] - pressure) < 1.0
-            asked = asked and (span is None or abs(at["command.span"] - span) < 1e-6)
-            off = abs(at.get("pressure", pressure) - pressure) / (NEAR * top)
-            away = 0.0 if span is None else abs(at.get("span", span) - span) / CLOSE
-            if asked and off <= 1.0 and away <= 1.0:
+            if approach.arrived():
                 return
-            left -= LOOK if asked else 0.0
-        name, unit = ("pressure", "Pa") if off > 1.0 else ("span", "m")
-        wanted = with_unit(pressure if off > 1.0 else float(span or 0.0), unit)
-        raise InputError(name, with_unit(at[name], unit), f"the protocol begins at {wanted}, which was not reached")
+        name = next(iter(approach.apart), "pressure")
+        goal, measured = (with_unit(value, CHANNELS[name]) for value in (goals[name], session.latest()[name]))
+        raise InputError(name, measured, f"the protocol begins at {goal}, which was not reached")
 
     def _count_at(self, span: float) -> int:
         """Return the count of the encoder at a span [m], to the nearest count."""

@@ -18,7 +18,7 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -145,8 +145,7 @@ class Session(MachineSession):
     @property
     def setup(self) -> ManualSetup:
         """Limits, rates and channels of manual operation; see `MachineSession`."""
-        if not self.ready:
-            self._refuse("by hand")
+        self._require_ready("by hand")
         return self._setup
 
     @property
@@ -390,38 +389,12 @@ class Session(MachineSession):
             return RUNNING
         return STOPPED if self.why else MANUAL if self._used else IDLE
 
-    def _alive(self, what: str) -> None:
-        if self._gone:
-            why = f": {self.why}" if self.why else ""
-            raise InputError(what, None, f"is not possible: the machine is {self._gone}{why}")
-
-    def _refuse(self, what: str) -> NoReturn:
-        problem = "the session was opened for runs only; open it with by_hand=True to operate the machine by hand"
-        raise InputError(what, None, f"is not possible: {problem}")
-
-    def _require_ready(self, what: str) -> None:
-        """Raise an error unless the machine is sampled."""
-        if not self.ready:
-            self._refuse(what)
-
-    def _free(self, what: str) -> None:
-        """Raise an error unless the machine is in manual mode."""
-        self._alive(what)
-        self._require_ready(what)
-        if self._run is not None:
-            raise InputError(what, None, f"must wait: {self._run.prepared.protocol.name} is running; stop it first")
-        self._require_no_stop(what)
-
-    def _require_no_stop(self, what: str) -> None:
-        if self.why:
-            raise InputError(what, None, f"must wait: the machine is stopped ({self.why}); reset it first")
-
     # ---- by hand
 
     def set(self, **wanted: float | str) -> None:
         """Ask for set-points; see `MachineSession`."""
         with self._acting:
-            self._free(", ".join(wanted))
+            self.require_manual(", ".join(wanted))
             self.ask_for(**wanted)
 
     def ask_for(self, **wanted: float | str) -> None:
@@ -448,7 +421,7 @@ class Session(MachineSession):
     def vent(self) -> None:
         """Vent at the manual rate; see `MachineSession`."""
         with self._acting:
-            self._free("vent")
+            self.require_manual("vent")
             ends = {"mode": float(SPAN), "motor": np.nan} if self._setpoints["mode"] == VELOCITY else {}
             self._setpoints.change(pressure=0.0, open=1.0, **ends)
             self._used = False
@@ -471,7 +444,7 @@ class Session(MachineSession):
     def reset(self) -> None:
         """Return to manual mode after a stop; see `MachineSession`."""
         with self._acting:
-            self._alive("reset")
+            self._require_there("reset")
             if self._run is not None or not self.why:
                 raise InputError("reset", None, "is allowed only after a stop, while nothing runs")
             with self._lock:
@@ -512,8 +485,8 @@ class Session(MachineSession):
         """Run a protocol; see `MachineSession`. `stop` is asked whether to end it; else the session's button."""
         with self._acting:
             if not anew:
-                self._free("run")
-            self._alive("run")
+                self.require_manual("run")
+            self._require_there("run")
             if stop is None:
                 self._require_no_stop("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
@@ -572,7 +545,7 @@ class Session(MachineSession):
         with self._acting:
             if self._recording is not None:
                 raise InputError("record", None, "is on already; use record off")
-            self._alive("record")
+            self._require_there("record")
             self._require_ready("record")
             recording = ManualRecording(self.setup.prepared, self.setup.timing, self.machine, log)
             self._recording = recording
