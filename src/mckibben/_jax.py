@@ -2,7 +2,7 @@
 
 Loading JAX takes half a second. A process that only reads specimens, or evaluates a law by a kernel that was compiled
 before, never needs it; so modules take `jax` and `jnp` from here, and decorate functions with the `jit` and `custom_jvp` of
-this module. Whoever loads JAX, this package or a user's own ``import jax``: float64 is switched on at once, for an energy
+this module. Whether this package loads JAX or a user's own ``import jax``: float64 is switched on at once, for an energy
 balance to 1e-10 has no meaning in float32, and what waits for JAX (`when_loaded`) is done then.
 
 Tables and states are also put together with `jnp`. As long as JAX is not loaded, its functions that round nothing, or

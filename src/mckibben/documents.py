@@ -91,7 +91,7 @@ def parse_json(text: str | bytes, **options: Any) -> JsonValue:
     """The value of a text of JSON.
 
     Args:
-        text: text of any length; whoever takes it from outside bounds that.
+        text: text of any length; a caller that takes it from outside limits that.
         **options: of `json.loads`.
 
     Raises:
@@ -214,7 +214,7 @@ class ErrorKeepingFile(io.RawIOBase):
     """A new file for libraries that cannot bear an error: it keeps the first one, and forgets all that is written after it.
 
     HDF5 brings its process down when it cannot close a file; polars and matplotlib's PDF do not say that the disk is full.
-    Whoever closes this file is told.
+    An error is reported when this file is closed.
 
     Args:
         path: path of the file.

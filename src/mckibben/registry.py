@@ -103,7 +103,7 @@ def registered_name(kind: object) -> str | None:
 
 
 def load_reference(reference: str, *, field: str, where: str | None = None) -> Any:
-    """Load what a reference such as ``my.py:MyLaw`` names; a file that has changed is loaded anew.
+    """Load what a reference such as ``my.py:MyLaw`` names; a file that has changed is loaded again.
 
     Args:
         reference: path of a Python file and a name in it.

@@ -442,7 +442,7 @@ def read_table(
         bare: numbers are in SI and have no units.
         files: what reads the files that values name, for fields that can name one.
         owner: begins the list of known keys, such as ``a step has``; the name of the type where it is left out.
-        beside: keys of the table that belong to somebody else.
+        beside: keys of the table that another reader reads.
         **given: fields that do not come from the table.
 
     Raises:

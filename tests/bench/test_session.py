@@ -347,10 +347,10 @@ def test_a_session_for_runs_only_refuses_to_be_operated_and_says_how_it_would_no
         assert session.since(0.0)[1] == {} and session.messages() == []
         session.emergency_stop("before a run")
         with pytest.raises(InputError, match="before a run.*reset it first"):
-            session.run(bench(short()), anew=True)
+            session.run(bench(short()), new_machine=True)
         session.reset()
         record = session.run(
-            bench(short()), anew=True, display=lambda *_: session.button.press("enough", ordinary=True)
+            bench(short()), new_machine=True, display=lambda *_: session.button.press("enough", ordinary=True)
         )
         # a stop of a run as fast as it goes ends it after a chunk; one that was wished for has not to be reset
         assert record.meta["result"] == "interrupted" and not session.why and not session.button()
@@ -363,16 +363,19 @@ def test_a_run_anew_is_shown_as_running_and_stopped_by_the_button_of_its_session
         seen.append((machine.status().state, machine.status().protocol[0]))
         machine.emergency_stop("by the test")
 
-    record = machine.run(bench(short()), anew=True, display=shown)
+    record = machine.run(bench(short()), new_machine=True, display=shown)
     assert seen[0] == ("running", "short") and record.meta["result"] == "interrupted"
 
 
 def test_what_trips_a_run_anew_stays_until_the_session_is_reset(machine):
     with pytest.raises(InputError, match="emergency stop at .*by the test.*reset it first"):
         machine.run(
-            bench(short()), anew=True, clock=Clock(None), display=lambda *_: machine.emergency_stop("by the test")
+            bench(short()),
+            new_machine=True,
+            clock=Clock(None),
+            display=lambda *_: machine.emergency_stop("by the test"),
         )
-        machine.run(bench(short()), anew=True)
+        machine.run(bench(short()), new_machine=True)
     assert machine.status().state == "stopped" and machine.messages()[-1].kind == "stop"
     machine.reset()
     assert machine.status().state == "idle"

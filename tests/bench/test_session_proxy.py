@@ -1,4 +1,4 @@
-"""A real machine in a process of its own, which here is a simulated one behind a serial line that waits for commands."""
+"""A real machine in a separate process, which here is a simulated one behind a serial line that waits for commands."""
 
 import os
 import pickle

@@ -35,7 +35,7 @@ from mckibben.web.workspace import Workspace
 
 
 def completed(work):
-    """What a coroutine returns; in a thread of its own, for a loop of the browser's may run in this one."""
+    """What a coroutine returns; in a separate thread, for a loop of the browser's may run in this one."""
 
     async def run():
         return await work

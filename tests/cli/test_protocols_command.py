@@ -90,8 +90,8 @@ def test_a_length_that_nobody_knows_beforehand_is_told_and_no_error(run, tmp_pat
     path.write_text(text + '[[steps]]\nspan = { to = "12 cm", at = "1 cm/s" }\n')
     found = json.loads(run(str(path), "--json")[1])
     assert found["duration"]["longest"] is None
-    assert "not known beforehand" in found["duration"]["note"]
-    assert "Duration not known beforehand" in run(str(path))[1]
+    assert "not known in advance" in found["duration"]["note"]
+    assert "Duration not known in advance" in run(str(path))[1]
 
 
 @pytest.mark.parametrize(

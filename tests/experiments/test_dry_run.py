@@ -214,7 +214,7 @@ def test_a_speed_from_an_unknown_start_is_refused():
     text = '[[steps]]\ntension = {to = "0 N", in = "1 s"}\n[[steps]]\nspan = {to = "0.75 L0", at = "1 L0/s"}\n'
     (finding,) = found(made(text))
     assert finding.field == "steps.2.span.at"
-    assert "not known beforehand" in finding.allowed
+    assert "not known in advance" in finding.allowed
 
 
 def test_table_agrees_with_the_law_it_was_made_from():

@@ -90,7 +90,7 @@ def test_a_reader_that_dies_takes_nothing_with_it(archive, monkeypatch):
 def test_a_file_beside_the_data_is_not_taken_for_a_module(archive, monkeypatch):
     (archive.parent / "pickle.py").write_text("open('ran', 'w').close()\nraise SystemExit(1)\n")
     monkeypatch.chdir(archive.parent)
-    archive.write_bytes(archive.read_bytes() + b"\n")  # its seal is broken: a process of its own reads it
+    archive.write_bytes(archive.read_bytes() + b"\n")  # its seal is broken: a separate process reads it
     assert read_recording(archive) is not None
     assert not (archive.parent / "ran").exists()
 

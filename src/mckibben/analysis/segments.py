@@ -82,7 +82,7 @@ def cases(record: Recording) -> list[dict[str, str]]:
 
 
 def varied(record: Recording) -> dict[str, list[str]]:
-    """Names with more than one value in the cases of the recorded steps, with these values: what tells steps apart."""
+    """Names with more than one value in the cases of the recorded steps, with these values: what distinguishes steps."""
     names: dict[str, list[str]] = {}
     for case in cases(record):
         for name, words in case.items():

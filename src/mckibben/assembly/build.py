@@ -1,6 +1,6 @@
 """Machines from specimens: single muscles, antagonist pairs on a joint, any number on a shared supply.
 
-What no source prints is inferred, and stands in `INFERRED` with its range. Each muscle has its own line: a valve between
+Values that no source prints are inferred, and stand in `INFERRED` with their range. Each muscle has a line: a valve between
 supply, its port and the room, and a tube from the port to the muscle.
 """
 

@@ -253,7 +253,7 @@ class CircuitPlan:
     def change(self, changes: Mapping[str, str | float]) -> CircuitPlan:
         """Return a plan with other values.
 
-        A key of the file is replaced there, and all that follows from it is built anew: a tube of another length has another
+        A key of the file is replaced there, and all that follows from it is rebuilt: a tube of another length has another
         loss. A parameter that no key states is replaced in what was built.
 
         Args:

@@ -91,7 +91,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         block: variants of a block; a store that is there keeps its own.
 
     Raises:
-        InputError: if another sweep wrote it, somebody is writing to it, it cannot be read, or the disk has no room.
+        InputError: if another sweep wrote it, another process is writing to it, it cannot be read, or the disk has no room.
     """
     zarr = zarr_library()
 

@@ -360,7 +360,7 @@ class Console(CommandInterpreter):
         progress: told how far a run is.
 
     Attributes:
-        over: whether somebody said `quit`.
+        over: whether the user left by `quit`.
         recording: the last one.
     """
 

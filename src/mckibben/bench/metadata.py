@@ -150,7 +150,7 @@ def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) 
     for name, ends in converters.items():
         if name not in record or not np.isfinite(record[name]).all():
             continue
-        # at the lower end of a range that begins at nothing, nothing is what is measured
+        # at the lower end of a range that begins at zero, zero is measured
         low = ends["low"] if ends["low"] < 0.0 else None
         one = saturation(record, name, ends=(low, ends["high"]))
         if one:

@@ -99,8 +99,8 @@ class PreparedRun:
         seed: seed of the sensors' noise.
         faults: wires that open during the run.
         findings: violations of limits that the dry run found; none may be left when the run starts.
-        accepted: findings about the cell's range that were accepted: the recording then tells of saturation.
-        motor_held: the muscle hangs at the motor all the time, as on a machine that somebody operates.
+        accepted: findings about the cell's range that were accepted: the recording then states the saturation.
+        motor_held: the muscle hangs at the motor all the time, as on a machine that is operated by hand.
     """
 
     protocol: Protocol
@@ -126,7 +126,7 @@ class PreparedRun:
         used, asked = self.rig.calibration, [s.step.ask for s in self.plan.steps if s.step.ask]
         old = () if used is None else used.expired(datetime.datetime.now(datetime.UTC))
         unknown = [
-            f"the rig {self.rig.name} does not say what changes when somebody is asked to {ask}: simulated, nothing does"
+            f"the rig {self.rig.name} does not say what changes when the operator is asked to {ask}: simulated, nothing does"
             for ask in dict.fromkeys(asked)
             if self.rig.operator_action(ask) is None
         ]

@@ -124,7 +124,7 @@ def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True
 
     Args:
         prepared: the run.
-        wanted: asked before each segment whether somebody still wants it.
+        wanted: asked before each segment whether it is still wanted.
     """
     timing = timing_of(prepared)
     for number, segment in enumerate(prepared.segments()):
@@ -240,7 +240,7 @@ class ProtocolRun:
 
     def _ask(self, text: str) -> None:
         if self.stage.hardware is not None and self.ask is None:
-            raise InputError("ask", None, f"needs a person: the protocol asks somebody to {text}")
+            raise InputError("ask", None, f"needs a person: the protocol asks the operator to {text}")
         if self.ask is not None:
             self.ask(text)
         self._event(f"asked to {text}")

@@ -63,7 +63,7 @@ class Rig:
     """The hardware of a test machine with its software's settings.
 
     `plumbing` holds the ways to join the pneumatic parts by name, the usual one first. `shortest` and `longest` bound the
-    span that the frame takes [m]. `inferred` are the dotted paths of what no source states. `calibration` is what comparing
+    span that the frame takes [m]. `inferred` lists the paths of values without a source. `calibration` is what comparing
     the channels with references found. `faults` are those that the simulated machine has.
     """
 

@@ -53,7 +53,7 @@ def run(
         stop: asked at every sample by the wall clock, else once per chunk, whether to end the run. An `EmergencyStop`
             gives its reason; the machine vents at the next sample.
         ask: told what a person has to do on a real machine; returns when it is done.
-        real_time: run the simulated machine in real time; the metadata then tells of ``deadlines``.
+        real_time: run the simulated machine in real time; the metadata then contain ``deadlines``.
         hardware: a machine instead of the simulated one. It gives the clock, and stays open.
         log: a new ``.mcap`` file which has every sample within a tenth of a second, whatever becomes of this program.
         **options: of `prepare`, and values of the protocol's parameters, such as ``pressure="3 bar"``.
@@ -83,7 +83,7 @@ def run(
     session = Session(prepared.rig, prepared.specimen or prepared.unit, hardware, unit=prepared.unit, by_hand=False)
     return session.run(
         prepared,
-        anew=True,
+        new_machine=True,
         clock=Clock() if real_time else None,
         progress=progress,
         display=display,

@@ -1,6 +1,6 @@
 """The sample loop: at every sample the machine's counts, the software's pure step, and counts to the machine.
 
-It runs in a thread of its own, in which nothing is compiled, drawn or collected; who iterates over `played` gets what was
+It runs in a separate thread, in which nothing is compiled, drawn or collected; who iterates over `played` gets what was
 seen while it goes on, and can log, show and interrupt. The compiled step is the one that a simulation scans. A machine that
 is sampled without a gap goes from loop to loop: each begins with the controllers and interlocks of the one before.
 """
@@ -243,7 +243,7 @@ class SampleLoop:
         except LineLostError as error:
             self.lost = error
             self.hardware.vent()
-        except BaseException as error:  # told by whoever iterates
+        except BaseException as error:  # reported where the samples are iterated
             self.failed = error
             self.hardware.vent()
         finally:

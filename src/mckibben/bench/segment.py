@@ -20,7 +20,7 @@ from .prepare import PreparedRun, RunSegment, with_friction_scale
 from .software.loop import BenchSoftware
 from .software.sequencer import Sequencer
 
-CHUNK = 500  # samples between two looks at the display, at the rates, and at whether somebody interrupts
+CHUNK = 500  # samples between two looks at the display, at the rates, and at whether it is interrupted
 AFTER_STOP = 0.5  # time for which a stopped machine is sampled further, so that it is seen to vent [s]
 
 

@@ -1,7 +1,7 @@
 """Measured data of the benchmark: where they are, what they must contain, and how they are read.
 
 Data without a licence that permits it do not ship. They are looked for below the folder of measured data, which the
-environment variable ``MCKIBBEN_DATA`` names; a hash of their content tells whether they are the data that the splits were
+environment variable ``MCKIBBEN_DATA`` names; a hash of their content shows whether they are the data that the splits were
 made for. Compressed files are hashed as what they contain, so that it does not matter who compressed them.
 """
 

@@ -1,6 +1,6 @@
 """Tasks of the benchmark: frozen splits of measured data, and what is scored.
 
-A split is a function of the data alone, so that it cannot be chosen anew; the data are checked by their hashes. What a
+A split is a function of the data alone, so that it cannot be chosen again; the data are checked by their hashes. What a
 model is shown of a record that it has to predict are its inputs, the dimensions of the muscle and, over time, the first
 value of each output.
 """

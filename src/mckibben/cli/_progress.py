@@ -66,7 +66,7 @@ def protected() -> Iterator[None]:
 
 @contextlib.contextmanager
 def guarded() -> Iterator[None]:
-    """End the process soon after Ctrl-C, even in the midst of compiled code; what is kept begins anew with every call."""
+    """End the process soon after Ctrl-C, even in the midst of compiled code; what is kept starts again with every call."""
     global _guard
     before, _guard = _guard, _Guard()
     try:
@@ -188,7 +188,7 @@ def progress(
 
 @contextlib.contextmanager
 def told(what: str, stages: int | None = None) -> Iterator[Callable[[str], None]]:
-    """Progress of work whose stages tell when they begin; yields the function that is told.
+    """Progress of work whose stages report when they begin; yields the function to report to.
 
     Args:
         what: is done, such as ``sizing``.

@@ -27,7 +27,7 @@ from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable
 
 ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX leaves parts of files on a full one
-# Warnings of JAX on a disk that is full, or was full once: it compiles anew.
+# Warnings of JAX on a disk that is full, or was full once: it compiles again.
 CACHE = ("Error writing persistent compilation cache", "Error reading persistent compilation cache")
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..experiments.protocol import Protocol, ProtocolChoice, ProtocolParameter
 
 
-REST_LENGTH = 0.14  # of the muscle for which a duration is told [m]
+REST_LENGTH = 0.14  # of the muscle for which a duration is stated [m]
 LIST = OutputKinds(table=TABLE, result=OBJECT)
 OUT = OutputKinds(protocol=SPECIMEN, result=OBJECT)
 _EXAMPLE = "pressure='1 bar, 3 bar'"
@@ -231,7 +231,7 @@ def _print(protocol: Protocol) -> None:
     lines = [f"Needs: {', '.join(description['needs'])}."]
     length = description["duration"]
     if length["longest"] is None:
-        lines.append(f"Duration not known beforehand: {length['note']}.")
+        lines.append(f"Duration not known in advance: {length['note']}.")
     else:
         at_most, count = "at most " if length["note"] else "", length["steps"]
         lines.append(

@@ -97,7 +97,7 @@ def _span(span: str | None, contraction: str | None, muscle: str) -> str | None:
 
 
 def _session(words: str | None, rig: Rig, muscle: str, **options: Any) -> MachineSession:
-    """Open a session; that of a real machine is in a process of its own, which nothing here can delay."""
+    """Open a session; that of a real machine is in a separate process, which nothing here can delay."""
     if words is None or words == "simulated":
         return session_package.Session(rig, muscle, **options)
     from ..bench.session.proxy import SessionProxy

@@ -18,7 +18,7 @@ from ._progress import progress
 from ._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, table
 from .run import Change, On, Protocol, prepared
 
-LOOK = 0.2  # at whether somebody ends it [s]
+LOOK = 0.2  # at whether it is ended [s]
 
 
 def serve(

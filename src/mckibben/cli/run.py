@@ -421,7 +421,7 @@ def _unused(path: Path) -> Path:
 def ask_person(what: str) -> None:
     """Wait until the operator has done something."""
     if not sys.stdin.isatty():
-        raise InputError("person", None, f"is needed at the keyboard: the protocol asks somebody to {what}")
+        raise InputError("person", None, f"is needed at the keyboard: the protocol asks the operator to {what}")
     typer.prompt(f"Please {what}, then press Enter", default="", show_default=False, err=True)
 
 

@@ -169,7 +169,7 @@ class _State:
             drives = {"pressure": self.pressure, "stimulation": self.stimulation}
             seconds = command.duration(drives.get(channel, self.motor), self.rest)
             if seconds is not None and np.isnan(seconds):
-                demand = "its start is not known beforehand; state a time, in, instead of a speed"
+                demand = "its start is not known in advance; state a time, in, instead of a speed"
                 raise InputError(f"{path}.{channel}.at", command.sentence(channel), demand)
             lines.append(seconds or 0.0)
         stated = step.stated_duration()

@@ -311,7 +311,7 @@ class Protocol:
         return expand(self, rest_length=rest_length, start_span=start_span)
 
     def varied(self) -> tuple[str, ...]:
-        """Names of the parameters and choices with more than one value: what tells the cases apart."""
+        """Names of the parameters and choices with more than one value: what distinguishes the cases."""
         return tuple(name for name, values in self.variables().items() if len(values) > 1)
 
     def _with_choices(self, case: Mapping[str, JsonValue]) -> dict[str, JsonValue]:

@@ -1,4 +1,4 @@
-"""Description of a protocol as one paragraph: cases, steps with all numbers, and what no source prints."""
+"""Description of a protocol as one paragraph: cases, steps with all numbers, and values that no source states."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ def conform(
         scenarios: names of scenarios; all by default.
         steps: of the host [s]; those of the grid, 0.5, 1, 2 and 5 ms, by default.
         states: whether to test saving, restoring and the like, the smallest mass, and speed.
-        progress: is told what is done next.
+        progress: called with what is done next.
 
     Raises:
         InputError: an unknown host or scenario, or a library of the host is missing.

@@ -360,7 +360,7 @@ class _Descent:
     def misfit(self, vector: np.ndarray, *, unilateral: bool) -> np.ndarray:
         force = self.force(*self.parts(vector))
         taut = self.problem.points.taut
-        # A slack point tells nothing about a signed force but that it is not positive.
+        # A slack point says nothing about a signed force but that it is not positive.
         pull = np.maximum(force, 0.0) if unilateral else np.where(taut, force, np.maximum(force, 0.0))
         errors = np.nan_to_num(
             self.weight * (pull - self.problem.points.tension) / self.size, nan=1e6, posinf=1e6, neginf=-1e6

@@ -1,4 +1,4 @@
-"""Checks that every law and every friction must pass, whoever wrote it.
+"""Checks that every law and every friction must pass, whether of this package or of a user.
 
 A law has one potential, does not push, has finite and right derivatives, and makes no work in closed cycles; friction makes
 no work on any path. `law_findings` and `friction_findings` return what is wrong, each in a sentence with a number and the

@@ -115,7 +115,7 @@ def dimension_caution(
     try:
         value = abs(to_si(float(number), unit, si_unit, field=name))
     except InputError:
-        return None  # whoever reads it says what is wrong
+        return None  # the reader says what is wrong
     if value == 0.0 or low <= value <= high:
         return None
     units = [u for u in (*usual_units(si_unit), *MORE_UNITS.get(si_unit, ())) if u != "in"]

@@ -46,7 +46,7 @@ def _words(attrs: Any) -> dict[str, str]:
 def read_hdf5(path: Path) -> ForeignTable:
     """Read the rows of numbers of a file; groups become the first words of the labels.
 
-    HDF5 may hang in a damaged file, so that a process of its own reads it.
+    HDF5 may hang in a damaged file, so that a separate process reads it.
 
     Raises:
         InputError: the file cannot be read, or takes its numbers from other files.

@@ -2,7 +2,7 @@
 
 HDF5 follows whatever addresses it finds in a file, for ever if they form a ring, and holds the interpreter meanwhile. So a
 netCDF file gets a seal at its end, a digest of all before it, which HDF5 does not look at. A file whose seal is whole is as
-it was written. Any other one is read by a process of its own, which may be ended.
+it was written. Any other one is read by a separate process, which may be ended.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def sealed(path: Path) -> bool | None:
 
 
 def read_in_process(read: Callable[[str], Result], path: Path) -> Result:
-    """Call a reader of a module in a process of its own.
+    """Call a reader of a module in a separate process.
 
     Raises:
         ValueError: it failed, died or did not come to an end; says which.

@@ -87,7 +87,7 @@ def loads(text: object, where: str | None = None) -> Sidecar:
 
 
 def check_schema(schema: object, where: str | None = None) -> None:
-    """Refuse what no version of mckibben wrote, and what a newer one wrote."""
+    """Raise an error for a sidecar that no version, or a newer version, of mckibben wrote."""
     if schema is None:
         problem = "is missing: this is no recording of mckibben; a table of others is converted into one first"
         raise InputError("schema", None, problem, where=where)

@@ -74,7 +74,7 @@ def loaded(path: str | Path) -> NetCDF:
 
 
 def read_netcdf(path: Path) -> ImportResult | ForeignTable:
-    """Read a ``.nc`` file, of mckibben or of another program; one without a whole seal is read in a process of its own."""
+    """Read a ``.nc`` file, of mckibben or of another program; one without a whole seal is read in a separate process."""
     whole = sealed(path)
     try:
         file = loaded(path) if whole else read_in_process(loaded, path)

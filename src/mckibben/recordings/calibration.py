@@ -163,7 +163,7 @@ class Correction:
         return (by_gain**2 + by_zero**2 + 2.0 * self.correlation * by_gain * by_zero) ** 0.5
 
     def expired(self, now: Moment) -> tuple[str, ...]:
-        """The terms whose time is over."""
+        """The terms whose validity has expired."""
         ends = {n: t.origin.expires for n, t in self.terms.items() if t.origin is not None}
         return tuple(n for n, end in ends.items() if end is not None and moment(now) > end)
 

@@ -225,7 +225,7 @@ def choose_columns(
     Args:
         header: cells such as ``Tank.Pressure [kPa]``, or none.
         width: number of columns.
-        columns: channel name -> cell, name that a cell tells, or number from 1; empty for all.
+        columns: channel name -> cell, name in a cell, or number from 1; empty for all.
         timed: a column named time is the time; else it must be asked for by name.
         where: how error messages name the file.
     """

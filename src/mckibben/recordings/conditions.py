@@ -57,7 +57,7 @@ def differing(recordings: Sequence[Mapping[str, str]]) -> list[str]:
 
 
 def told_apart(metas: Sequence[Mapping[str, JsonValue]]) -> list[dict[str, str]]:
-    """What tells recordings apart, for each: the conditions that differ, else a few numbers of the machine that do."""
+    """What distinguishes each recording: the conditions that differ, else a few numbers of the machine."""
     for read in (conditions, machine_numbers):
         told = [read(meta) for meta in metas]
         names = differing(told)

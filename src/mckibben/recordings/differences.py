@@ -59,7 +59,7 @@ def differing(metas: Sequence[Mapping[str, JsonValue]], *, everything: bool = Fa
 
 
 def labels(metas: Sequence[Mapping[str, JsonValue]], names: Iterable[str] | None = None) -> list[str]:
-    """What tells each recording from the others, in a few words; their number where nothing does."""
+    """Distinguish each recording from the others in a few words, or by its number."""
     found = differing(metas)
     chosen = [name for name in (found if names is None else names) if name != "title"] or list(found)
     rows = [
@@ -69,7 +69,7 @@ def labels(metas: Sequence[Mapping[str, JsonValue]], names: Iterable[str] | None
 
 
 def _rank(name: str) -> int:
-    """Whether a fact was set by whoever ran the protocol, 0, or follows from it."""
+    """Whether a fact was chosen for the run, 0, or follows from that choice."""
     return 0 if "." not in name else 1 if name.startswith(("rig.", "muscle.")) else 2
 
 

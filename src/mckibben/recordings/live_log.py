@@ -289,4 +289,4 @@ def _let_go(file: BinaryIO) -> None:
     try:
         file.close()
     except OSError:
-        pass  # it was told already, or is told by whoever raised
+        pass  # it was told already, or is reported by the function that raised

@@ -86,7 +86,7 @@ def indicated(recording: Recording, channel: str) -> Indicated:
 def saturated(recording: Recording, channel: str) -> np.ndarray:
     """Mask of the samples at an end of their converter (n,), regardless of later calibrations.
 
-    The lower end of a range that begins at nothing is none. A sample that was shifted in time counts where one that it is
+    The lower end of a range that begins at zero is no limit. A sample that was shifted in time counts where one that it is
     interpolated from does.
     """
     values = indicated(recording, channel)

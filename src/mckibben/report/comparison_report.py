@@ -85,7 +85,7 @@ def muscle_comparison(found: MuscleTable) -> Document:
         pictures.append(Figure(drawn, caption, f"Curves of {', '.join(names)}; the table has the numbers."))
     remarks = [(c.name, f"{c.title}, from {c.kind}" + "".join(f"; {n}" for n in c.notes)) for c in found.columns]
     details = [block for m in found.matches for block in _match(m)]
-    lead = "L₀ is each muscle's own resting length, F₀ its tension there; a dash says that nothing tells the property."
+    lead = "L₀ is each muscle's own resting length, F₀ its tension there; a dash says that the property is not known."
     return comparison_report(
         f"Muscles side by side: {', '.join(names)}",
         [table],

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..specimens import Specimen, SpecimenNumber, specimen
 from .words import amount, flat, is_number, mapping, minus, significant, tied, unit_text
 
-# What no file states and the assembly infers, by what follows the unit's name in a path.
+# Values that no file states and the assembly infers, by what follows the unit's name in a path.
 _USUAL = {
     name: INFERRED[key].value
     for name, key in {

@@ -314,7 +314,7 @@ def _circuits() -> tuple[PaperFigure, ...]:
         one(
             "8b",
             "Quadratic model, 3 in³",
-            f"Pressures of the quadratic model, fitted anew. {SYNTHETIC}",
+            f"Pressures of the quadratic model, fitted again. {SYNTHETIC}",
             ("tube.capacitance_3in3", "tube.quadratic_rms_3in3"),
         ),
         one(

@@ -146,7 +146,7 @@ def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] =
         Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"),
     ]
     lead = (
-        "Every printed number and figure of the papers on the McKibben muscle by Chou and Hannaford, computed anew: theirs, "
+        "Every printed number and figure of the papers on the McKibben muscle by Chou and Hannaford, recomputed: theirs, "
         "ours, and what the difference says."
     )
     return Document("The papers, reproduced", tuple(sections), lead)
@@ -173,7 +173,7 @@ def printed(value: float | tuple[float, float]) -> str:
 
 
 def difference(row: PrintedRow, ours: float | None) -> str:
-    """Difference of our value from the print, or the nearer end of an interval: in per cent; of a printed 0 in its unit."""
+    """Difference from the printed value or the nearer end of its interval, in per cent, or in its unit for a printed 0."""
     if ours is None:
         return ""
     if isinstance(row.paper, tuple) and judge(row, ours):

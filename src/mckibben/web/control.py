@@ -33,7 +33,7 @@ class Control:
     Args:
         clock: seconds that only go forward.
         lost: called when the page in control vanishes.
-        back: called when somebody is in control again.
+        back: called when a client is in control again.
     """
 
     def __init__(self, clock: Callable[[], float], lost: Callable[[], None], back: Callable[[], None]) -> None:

@@ -177,7 +177,7 @@ class PageConnection:
         try:
             await self.socket.send_text(text)
         except (WebSocketDisconnect, RuntimeError):
-            pass  # whoever listens to it ends
+            pass  # its listener ends
 
     async def _tell(self) -> None:
         machine, stream, clock = self.workspace.machine, self.workspace.machine.stream, asyncio.get_running_loop().time

@@ -1,6 +1,6 @@
 """Reading of large files in a separate process, so that neither the emergency stop nor memory depends on them.
 
-Whoever reads in the server holds its interpreter: a stop waits for it, and what a hundred megabytes of cells took is not
+A read in the server holds its interpreter: a stop waits for it, and what a hundred megabytes of cells took is not
 given back. Here the server only waits at a pipe; the process ends with its answer, when somebody stops it, when it takes too
 long, and with the server. One file is read at a time, for two would take the processor from the bench.
 """
@@ -29,7 +29,7 @@ SMALL = 2 * 2**20  # up to so much is read in the server, sooner than a process 
 SMALL_ARRAYS = 32 * 2**20  # the same of a netCDF file, whose numbers need not be made from words [B]
 PATIENCE = 60.0  # longest time of a reader for a small file [s]
 SPEED = 0.4 * 2**20  # least that it reads beyond that [B/s]
-LOOK = 0.05  # time between two looks at whether somebody stopped it [s]
+LOOK = 0.05  # time between two looks at whether it was stopped [s]
 OFTEN = 0.25  # time between two words on how far it is [s]
 LATER = 10  # how much less pressing it is than the bench, see `os.nice`
 BLOCK = 2**20  # [B]

@@ -21,7 +21,7 @@ class Toast:
         number: counted from 1.
         text: description of the action, a sentence.
         undo: brings it back; None if nothing can.
-        commit: makes it final once its time is over.
+        commit: makes it final when its time has run out.
         left: time that is left while nobody looks at it closely [s].
         since: when that began to run [s]; None while it waits.
     """

@@ -247,7 +247,7 @@ def test_thousands_of_damaged_frames_leave_the_device_as_it_should_be(desk: Make
 
 
 def test_the_firmware_stays_within_its_memory(compiler: str, tmp_path: Path) -> None:
-    # The same with the compiler's checks of every access, in a process of its own.
+    # The same with the compiler's checks of every access, in a separate process.
     firmware, here = Path(__file__).parents[3] / "firmware", Path(__file__).parent
     checked = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     sources = [str(firmware / "frame.c"), str(firmware / "bench.c"), str(here / "fuzz.c")]

@@ -119,7 +119,7 @@ class Loop:
 
     def __init__(self, serial: int, depth: int, trips: int | Node) -> None:
         self.serial, self.depth, self.trips = serial, depth, trips
-        self.index: Node  # made by whoever makes the loop
+        self.index: Node  # made together with the loop
         self.inits: list[Node] = []
         self.phis: list[Node] = []
         self.nexts: list[Node] = []

@@ -5,7 +5,7 @@ application that keeps its programs in a folder of its own says so with `use_cac
 named by a hash of everything that its content depends on. It is written beside its place and moved there whole, so that
 neither a process that dies nor a second one that does the same leaves half a file; a damaged file is made again.
 
-The files are machine code, and whoever can write them can run anything. Only a folder and files that nobody but this user
+The files are machine code, and anyone who can write them can run anything. Only a folder and files that nobody but this user
 (or the administrator) owns and can write to are used; the checksum finds damage, not malice.
 """
 

@@ -136,7 +136,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
         return with_unit(value, CHANNELS[self.axis])
 
     async def _go(self, to: float, ended: asyncio.Future[None]) -> None:
-        """Wait until it is there, or until somebody ended the move."""
+        """Wait until it is there, or until the move was ended."""
         session, approach = self.context.session, Approach(self.context.session, **{self.axis: to})
         try:
             while not ended.done():
@@ -248,7 +248,7 @@ def bench_devices(session: MachineSession, name: str = "", *, settle: float = SE
     """Return a machine as devices for Bluesky.
 
     Args:
-        session: the machine, in this process or in another one; it is closed by whoever opened it.
+        session: the machine, in this process or in another one; its opener closes it.
         name: put before every key, where there is more than one machine.
         settle: time at the end of every move [s].
         over: time over which a reading of a measured channel is the mean [s]; 0: the newest sample.

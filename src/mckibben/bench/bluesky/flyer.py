@@ -159,7 +159,7 @@ class ProtocolFlyer(
         """Wait for the end of the run, which is that of the protocol; failed where something stopped it.
 
         Raises:
-            InputError: if it was never let go.
+            InputError: if it was never started by `kickoff`.
         """
         if self._run is None:
             raise InputError("complete", self.name, "it is not running; call kickoff first")

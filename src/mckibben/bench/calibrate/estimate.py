@@ -81,7 +81,7 @@ class CalibrationLine(NamedTuple):
 
     Attributes:
         gain: true over indicated [1].
-        zero: indicated at nothing [unit].
+        zero: reading at zero [unit].
         correlation: correlation of the two [1].
         residuals: residuals of each point, true value by the line less that by the reference [unit].
         hysteresis: largest difference of the residuals at one value of the reference [unit].

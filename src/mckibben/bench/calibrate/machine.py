@@ -100,7 +100,7 @@ class HardwareReadings:
         machine, k = self._hardware, 0
         try:
             while not self._ended:
-                request = self._request  # a sample that was taken before somebody asked does not count
+                request = self._request  # a sample that was taken before the request does not count
                 machine.wait(k)
                 k += 1
                 counts, edges = tuple(int(c) for c in machine.counts), machine.edges

@@ -72,9 +72,7 @@ class CalibrationSession:
         grids = {name: self._grid(name) for name in channels}
         if SPAN in grids:
             raise InputError("channel", SPAN, "must be analogue channels; an encoder is zeroed where it is mounted")
-        task = OperatorTask(
-            f"take all load and pressure off: {_and(channels)} at nothing", dict.fromkeys(channels, 0.0)
-        )
+        task = OperatorTask(f"take all load and pressure off: {_and(channels)} at zero", dict.fromkeys(channels, 0.0))
         readings, _ = self._read(task, channels, {})
         corrections = {}
         for name in channels:

@@ -103,7 +103,7 @@ class Sensor(Module):
     low: Scalar = quantity("1", (-LARGEST, LARGEST), "lowest that the transducer sees, in the unit of the channel")
     high: Scalar = quantity("1", (-LARGEST, LARGEST), "highest that the transducer sees, in the unit of the channel")
     offset: Scalar = quantity(
-        "1", (-LARGEST, LARGEST), "reading at nothing, in the unit of the channel", symbol="b", default=0.0
+        "1", (-LARGEST, LARGEST), "reading at zero, in the unit of the channel", symbol="b", default=0.0
     )
     gain_error: Scalar = quantity("1", (-0.9, 10.0), "error of the gain, as a share of it", symbol="g", default=0.0)
     noise: Scalar = quantity("1", (0.0, LARGEST), "rms noise, in the unit of the channel", symbol="s", default=0.0)

@@ -9,7 +9,7 @@ from time import perf_counter
 from .interface import WaitInterrupted
 
 SPIN = 3e-4  # time before a deadline from which the loop no longer sleeps, for the system wakes it late [s]
-BEHIND = 1.0  # a machine that is later than this begins anew, rather than to hurry after its clock [s]
+BEHIND = 1.0  # a machine that is later than this starts again, rather than to hurry after its clock [s]
 BREATH = 16  # samples after which a shared clock without a speed lets other threads in
 LEAD = 0.07  # so far ahead of what a viewer in control has seen does a machine go [s]
 PATIENCE = 2.0  # time for which it waits for a viewer that says nothing [s]

@@ -29,7 +29,7 @@ class Converters(Module):
         motor: output to the motor; None passes the force [N] as it is, which no real machine can.
         mounted: span at which the encoder was zeroed [m].
         gain: gain of the calibrated channels, true over indicated.
-        zero: what they indicate at nothing [unit of the channel].
+        zero: their reading at zero [unit of the channel].
     """
 
     analog: dict[str, Converter]

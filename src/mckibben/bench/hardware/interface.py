@@ -21,7 +21,7 @@ from ...errors import InputError
 LARGEST = 2**32 - 1  # count that a line carries
 
 
-class WaitInterrupted(Exception):  # noqa: N818  # it reports no error: somebody asked the loop to leave
+class WaitInterrupted(Exception):  # noqa: N818  # it reports no error: the loop was asked to leave
     """A `Hardware.wait` ended without a sample, since `Hardware.interrupt` was called."""
 
 

@@ -30,7 +30,7 @@ LOOK = 0.05  # time between two looks at the way [s]
 
 
 class Approach:
-    """The way of set-points, and of what is measured of them, to where somebody asked them to be.
+    """The way of set-points, and of what is measured of them, to the requested values.
 
     Args:
         session: the machine.
@@ -80,7 +80,7 @@ class ContinuedMachine:
         self._zero = 0
         for segment in prepared.segments():
             if segment.asked and not attended:
-                raise InputError("ask", None, f"needs a person: the protocol asks somebody to {segment.asked}")
+                raise InputError("ask", None, f"needs a person: the protocol asks the operator to {segment.asked}")
             as_it_is = (segment.layout, segment.friction) == (session.setup.prepared.layout, 1.0)
             if self.hardware.state() is not None and not as_it_is:
                 allowed = "a simulated machine stays as it is; use mckibben run"

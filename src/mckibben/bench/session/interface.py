@@ -144,7 +144,7 @@ class MachineSession(abc.ABC):
 
     @abc.abstractmethod
     def run(
-        self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
+        self, protocol: Protocol | str | PreparedRun, *, new_machine: bool = False, clock: Clock | None = None,
         log: str | Path | None = None, accept_saturation: bool = False, begun: Callable[[RunState], None] | None = None,
         progress: Progress | None = None, display: Display | None = None, ask: Callable[[str], None] | None = None,
     ) -> Recording:  # fmt: skip
@@ -154,10 +154,10 @@ class MachineSession(abc.ABC):
 
         Args:
             protocol: itself, its name, or what `prepare` made of it.
-            anew: begin on a machine that was set up for this run instead: a simulated one is made again, with a muscle at
-                rest where the protocol begins, a real one is started, its encoder zeroed where somebody mounted the muscle.
+            new_machine: run on a machine that is set up for this run: a simulated one is made again, with a muscle at rest
+                where the protocol begins; a real one is started, its encoder zeroed where the operator mounted the muscle.
                 What is operated by hand stands still meanwhile.
-            clock: of the time of a simulated machine in this process that is made anew; None: as fast as it goes, whole
+            clock: of the time of a simulated machine in this process that is made again; None: as fast as it goes, whole
                 chunks at once.
             log: a new ``.mcap`` file, see `run.run`.
             accept_saturation: go on where only the load cell's range would be exceeded.
@@ -190,7 +190,7 @@ class MachineSession(abc.ABC):
         """Raise an error unless set-points may be given by hand: the machine is ready, and no run or stop holds it.
 
         Args:
-            what: what somebody wants to do, with which the sentence begins.
+            what: the action, with which the sentence begins.
 
         Raises:
             InputError: says what keeps the machine from it, and what would help.

@@ -216,7 +216,7 @@ class SessionProxy(MachineSession):
     def _lose(self, why: str) -> None:
         with self._lock:
             if not self._lost:
-                self._lost = "the machine was let go" if self._closed else why
+                self._lost = "the machine was released" if self._closed else why
                 if not self._closed:
                     self._messages.say(why, 0.0, "stop")
             for box in self._waiting.values():
@@ -285,7 +285,7 @@ class SessionProxy(MachineSession):
         self.ask("start_recording", None if log is None else str(Path(log).absolute()))
 
     def run(
-        self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
+        self, protocol: Protocol | str | PreparedRun, *, new_machine: bool = False, clock: Clock | None = None,
         log: str | Path | None = None, accept_saturation: bool = False, begun: Callable[[RunState], None] | None = None,
         progress: Progress | None = None, display: Display | None = None, ask: Callable[[str], None] | None = None,
     ) -> Recording:  # fmt: skip
@@ -315,14 +315,14 @@ class SessionProxy(MachineSession):
                 log = Path(until.enter_context(tempfile.TemporaryDirectory(prefix="mckibben-"))) / "run.mcap"
             kinds = [kind for kind, function in {**told, "ask": ask}.items() if function is not None]
             try:
-                self.ask("run", prepared, kinds, hear=hear, log=str(Path(log).absolute()), anew=anew)
+                self.ask("run", prepared, kinds, hear=hear, log=str(Path(log).absolute()), new_machine=new_machine)
             except MckibbenError:
                 raise
-            except BaseException as error:  # of whoever shows it
+            except BaseException as error:  # of the caller's display
                 self.button.press(f"the run was left with {type(error).__name__}")
                 raise
             finally:
-                if anew or self.button.ordinary:  # the session has reset itself
+                if new_machine or self.button.ordinary:  # the session has reset itself
                     self._renew_button()
             return read_recording(log)
 
@@ -412,7 +412,7 @@ def serve_machine(
     options: dict[str, JsonValue],
 ) -> None:
     """Main function of the process: serve the machine named by `words` over a pipe."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; whoever operates the machine lets go of it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; the program that operates the machine releases it
     signal.signal(signal.SIGTERM, _leave)
     _go_first()
     try:

@@ -51,7 +51,7 @@ from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messa
 VENTED = 2e3  # pressure below which nothing is left to vent [Pa]
 LONGEST = 3.0  # time for which the end of a session waits for that [s]
 SEEN = 2.0  # time within which what was asked for shows, by the wall clock [s]
-STEP_OF_TIME = 0.1  # time between two looks at a machine whose time goes only while somebody waits [s]
+STEP_OF_TIME = 0.1  # time between two looks at a machine whose time goes only while a caller waits [s]
 QUIET = 0.6  # time after which a machine that rests stands still [s]
 
 
@@ -66,14 +66,14 @@ class Session(MachineSession):
         span: at which the muscle is mounted, as text or [m]; the rest length by default.
         plumbing: the way to join the pneumatic parts; the usual one by default.
         rate: samples per second [1/s].
-        speed: speed of a simulated machine over the wall clock. None: as fast as it goes, and only while somebody waits.
+        speed: speed of a simulated machine over the wall clock. None: as fast as it goes, and only while a caller waits.
         seed: seed of the sensors' noise.
         step: largest step of the physics [s].
         keep: time for which samples are kept for displays [s].
         hold: time for which set-points are held after `control_lost` [s].
         rests: a simulated machine stands still while nothing is asked of it.
-        by_hand: make the machine ready to be operated by hand; else it is there for runs `anew` only, and whatever needs
-            a machine that is sampled is refused, until `make_ready`.
+        by_hand: make the machine ready to be operated by hand; else only runs with `new_machine` are possible until
+            `make_ready`.
         messages: where the session adds its messages; its own ones by default.
 
     Raises:
@@ -116,7 +116,9 @@ class Session(MachineSession):
         self._alone, self._since_alone = False, 0.0
         self._first_news = 0  # number of the first sample whose stops are news
         self._used = False  # whether anything was asked for since it was last vented
-        self.ready = self._aside = False  # whether the machine that is operated by hand stands still during a run anew
+        self.ready = self._aside = (
+            False  # whether the machine that is operated by hand stands still during a run on a new machine
+        )
         if by_hand:
             self.make_ready()
 
@@ -462,7 +464,7 @@ class Session(MachineSession):
         self._require_ready("control")
         self._alone, self._since_alone = True, time.monotonic()
         if self._rests:
-            self.clock.speed = 1.0  # the time after which it vents is that of whoever stands beside it
+            self.clock.speed = 1.0  # the time after which it vents is by the wall clock
         self._setpoints.change(alone=1.0)
 
     def control_back(self) -> None:
@@ -477,49 +479,51 @@ class Session(MachineSession):
     # ---- protocols
 
     def run(
-        self, protocol: Protocol | str | PreparedRun, *, anew: bool = False, clock: Clock | None = None,
+        self, protocol: Protocol | str | PreparedRun, *, new_machine: bool = False, clock: Clock | None = None,
         stop: Callable[[], bool] | None = None, log: str | Path | None = None, accept_saturation: bool = False,
         begun: Callable[[RunState], None] | None = None, progress: Progress | None = None,
         display: Display | None = None, ask: Callable[[str], None] | None = None,
     ) -> Recording:  # fmt: skip
         """Run a protocol; see `MachineSession`. `stop` is asked whether to end it; else the session's button."""
         with self._acting:
-            if not anew:
+            if not new_machine:
                 self.require_manual("run")
             self._require_there("run")
             if stop is None:
                 self._require_no_stop("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
-            stage: Stage = NewMachine(self._given, clock) if anew else ContinuedMachine(self, prepared, ask is not None)
+            stage: Stage = (
+                NewMachine(self._given, clock) if new_machine else ContinuedMachine(self, prepared, ask is not None)
+            )
             run = ProtocolRun(
                 prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
                 stop=self.button if stop is None else stop,
             )  # fmt: skip
-            if not anew:
+            if not new_machine:
                 self.note(f"run {prepared.protocol.name}")
             self._run, record = run, None
             try:
-                with self._set_aside() if anew else contextlib.nullcontext():
+                with self._set_aside() if new_machine else contextlib.nullcontext():
                     record = run.play()
             finally:
                 self._run = self._run_loop = None
                 self._collect()
-                self._settle(run, anew, record is not None)
+                self._settle(run, new_machine, record is not None)
             return record
 
-    def _settle(self, run: ProtocolRun, anew: bool, recorded: bool) -> None:
-        """Say how a run ended, and keep why it was stopped until `reset`, unless somebody ended it on purpose."""
+    def _settle(self, run: ProtocolRun, new_machine: bool, recorded: bool) -> None:
+        """Say how a run ended, and keep why it was stopped until `reset`, unless the user ended it on purpose."""
         ordinary, state = bool(getattr(run.stop, "ordinary", False)), run.state
         with self._lock:
-            if anew and state.result == "stopped" and not ordinary and not self._why:
+            if new_machine and state.result == "stopped" and not ordinary and not self._why:
                 self._why = state.message
                 self._messages.say(state.message, state.time if state.stop is None else state.stop["time"], "stop")
-            elif not anew and recorded:
+            elif not new_machine and recorded:
                 done = state.result == "done"
                 if done or not self._why:  # a stop that the samples showed has been told
                     self._say(f"{run.prepared.protocol.name}: {state.message}", "done" if done else "stop")
                 self._why = self._why or ("" if done else state.message)
-        if not anew and ordinary and self._why and not self._gone:
+        if not new_machine and ordinary and self._why and not self._gone:
             self.reset()
 
     @contextlib.contextmanager

@@ -10,7 +10,7 @@ from types import FrameType
 
 
 def sentence(stop: Callable[[], bool], when: float) -> str:
-    """Message describing a stop at a time [s]; a stop function without a text was requested by somebody."""
+    """Message describing a stop at a time [s]; a stop function without a text was requested by the user."""
     kind, done = ("stopped", "vented") if getattr(stop, "ordinary", False) else ("emergency stop", "stopped and vented")
     return f"{kind} at {when:.6g} s: {getattr(stop, 'reason', '') or 'asked to'}; {done}"
 
@@ -23,7 +23,7 @@ class EmergencyStop:
 
     Attributes:
         reason: reason given with the stop.
-        ordinary: whether somebody ended the run, and nothing had gone wrong; the machine does the same.
+        ordinary: whether the user ended the run, without a fault; the machine does the same.
     """
 
     def __init__(self, told: Callable[[str, bool], None] | None = None) -> None:

@@ -1,7 +1,7 @@
 """Interlocks: limits of muscle and motor, and detection of failed sensors.
 
 A step sees what the software measures and asks for. The first code that it finds stays: the caller stops the motor and vents
-the muscle. Limits count from the first sample. A reading at the upper end of its converter tells nothing about the quantity:
+the muscle. Limits count from the first sample. A reading at the upper end of its converter says nothing about the quantity:
 it is an open wire, or more than the sensor reads, and counts as lost after `patience`. So do a reading below that of any
 intact sensor, no pressure while the valve is requested some (for `implausible_after`), and a span that keeps the very
 same count though a full force is asked that no tension balances. A reading that is no number counts at once.

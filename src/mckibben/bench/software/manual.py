@@ -34,7 +34,7 @@ MANUAL, ABANDONED = 0, 1  # steps
 class ManualRow(NamedTuple):
     """Manual set-points of a sample: pressure [Pa], open 1 or 0, motor mode and value [m, m/s or N], alone 1 or 0.
 
-    A motor that is NaN stays where it is. `alone` is 1 while whoever was in control is lost.
+    A motor that is NaN stays where it is. `alone` is 1 while no client is in control.
     """
 
     pressure: Any

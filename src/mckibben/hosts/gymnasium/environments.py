@@ -98,7 +98,7 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, JsonValue] | None = None
     ) -> tuple[np.ndarray, dict[str, JsonValue]]:
-        """Begin an episode at rest, with goals drawn anew.
+        """Begin an episode at rest, with goals drawn again.
 
         Args:
             seed: of the goals; the generator goes on where it is None.
@@ -211,7 +211,7 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, JsonValue] | None = None
     ) -> tuple[np.ndarray, dict[str, JsonValue]]:
-        """Begin episodes at rest, with goals drawn anew.
+        """Begin episodes at rest, with goals drawn again.
 
         Args:
             seed: lane i gets ``seed + i``, or its own of a list; the generators go on where it is None.
@@ -243,7 +243,7 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         return self._observations(), {}
 
     def _begin(self, lanes: np.ndarray) -> None:
-        """Put lanes to rest, with goals drawn anew."""
+        """Put lanes to rest, with goals drawn again."""
         carry, observed = self._plant.start
         self._kernel.put_carry(lanes, carry, observed)
         self._count[lanes], self._ended[lanes] = 0, False

@@ -268,7 +268,7 @@ class ReachTask(Task):
 
 
 class PressureTask(Task):
-    """A valve holds wanted pressures in a muscle whose span somebody else moves."""
+    """A valve holds wanted pressures in a muscle whose span is moved from outside."""
 
     title = "A valve holds wanted pressures in a muscle that is moved"
     actions = ("muscle",)

@@ -69,7 +69,7 @@ class LumpedTube(TwoPort):
         drop, twice = p1 - p2, 1.0 / (p1 + p2)
         volume = 2.0 * self.gas.gas_constant * temperature * twice  # of the mean gas per mass
         size = jnp.abs(flux)
-        viscosity = self.gas.viscosity(self.wall_temperature)  # friction acts at the wall, and this is known beforehand
+        viscosity = self.gas.viscosity(self.wall_temperature)  # friction acts at the wall, which is known in advance
         reynolds = size * self.diameter / viscosity
         share = turbulence(reynolds)
         slender = self.friction_scale * self.length / self.diameter

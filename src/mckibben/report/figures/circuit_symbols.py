@@ -312,7 +312,7 @@ _SUPPLY = ("supply", "inlet", "in", "p", "source", "1")
 
 
 def roles(ports: Sequence[str]) -> list[str]:
-    """Role of each port by its name: in, out or exhaust; the first port is the inlet if no name tells."""
+    """Role of each port by its name: in, out or exhaust; the first port is the inlet if no name says it."""
     names = [
         "exhaust" if p.startswith(_EXHAUST[:4]) or p in _EXHAUST else "in" if p in _SUPPLY else "out" for p in ports
     ]

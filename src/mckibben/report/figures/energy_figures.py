@@ -417,7 +417,7 @@ LOOKS: dict[str, tuple[str, str]] = {
     "tendon": ("length", "----"),
     IN_MUSCLE: ("tension", ""),
 }
-LEAST = 5e-4  # share of the whole below which a stream is told and not drawn
+LEAST = 5e-4  # share of the whole below which a stream is listed and not drawn
 
 
 class DrawnStream(NamedTuple):

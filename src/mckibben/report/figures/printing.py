@@ -1,7 +1,7 @@
-"""Finished figures for paper and for a projector: white ground, grays, dashes and markers, thick lines, least type.
+"""Figures for paper and for a projector: white ground, grays, dashes, markers, thick lines, and a smallest type size.
 
 A figure is drawn with the colours of the screen, where a family of lines of one quantity differs by its shade. On paper
-each line of a pair of axes gets a dash of its own, and beyond six lines a marker, and the keys follow.
+each line of a pair of axes gets a dash of its own, and beyond six lines a marker as well; the legend shows the same.
 """
 
 from __future__ import annotations

@@ -394,7 +394,7 @@ def inline_svg(fig: Figure, name: str, label: str) -> str:
     Args:
         fig: the figure.
         name: a word that no other figure of the page has.
-        label: what a reader who cannot see it is told.
+        label: description for readers who cannot see it.
     """
     text = to_svg(fig)
     text = text[text.index("<svg") :]

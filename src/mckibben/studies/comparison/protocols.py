@@ -247,7 +247,7 @@ def stiffness_at_half(tension: np.ndarray, stiffness: np.ndarray) -> float | Non
     return float(np.interp(0.5, tension, stiffness))
 
 
-# ---- what each recording tells
+# ---- content of each recording
 
 Read = tuple[dict[str, float], dict[str, Curve], list[str]]
 

@@ -52,7 +52,7 @@ class ComparedMuscle:
     """A muscle in a comparison.
 
     `unit` is a braided muscle and `fibre` a biological one, the other is None; `full` is the drive that counts as 1: a
-    gauge pressure [Pa], or an activation [1]. `section_area` [m^2] is None if nothing tells it, and `area_from` says what
+    gauge pressure [Pa], or an activation [1]. `section_area` [m^2] is None if it is not known, and `area_from` says what
     did.
     """
 
@@ -394,11 +394,11 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
 
     Args:
         file: a recording, or its file. Its meta must tell the rest length: ``rest_length`` [m], or a ``specimen`` that is
-            known, which also tells the section.
+            known, which also gives the section.
         name: name of the column; that of the file, or of the protocol, by default.
 
     Raises:
-        InputError: it cannot be read, has no length or no tension, tells no rest length, or has no full cycle.
+        InputError: it cannot be read, has no length or no tension, has no rest length, or has no full cycle.
     """
     if isinstance(file, Recording):
         record, where = file, str(file.meta.get("title", "recording"))

@@ -1,4 +1,4 @@
-"""Muscle, rig and protocol on the bench, and the dry run that follows every change in a thread of its own."""
+"""Muscle, rig and protocol on the bench, and the dry run that follows every change, in a separate thread."""
 
 from __future__ import annotations
 

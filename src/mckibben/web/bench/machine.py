@@ -56,7 +56,7 @@ class Bench:
         self.console = PageConsole(self)
 
     def begin(self) -> None:
-        """Make the first dry run and the machine by hand ready, in threads of their own."""
+        """Make the first dry run and the machine by hand ready, in separate threads."""
         self.chosen.begin()
         self.view.thread.start()
 
@@ -138,7 +138,7 @@ class Bench:
         self.view = ManualView(self.session, rig, self.stream, self.workspace.changed, after)
 
     def _open_again(self) -> None:
-        """Let go of the machine in a separate thread, and take that of the choice."""
+        """Release the machine in a separate thread, and open the selected one."""
         closing = threading.Thread(target=self.view.close, name="close", daemon=True)
         closing.start()
         self._closing = [*(t for t in self._closing if t.is_alive()), closing]
@@ -170,7 +170,7 @@ class Bench:
         return self.running
 
     def _operated(self, what: str, wanted: Iterable[str]) -> MachineSession:
-        """Return the session, if somebody may operate it by hand; pages see its samples from now on."""
+        """Return the session, if it may be operated by hand; pages see its samples from now on."""
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
             raise InputError(what, None, f"must wait: the running protocol sets the {names}; stop it first")

@@ -39,7 +39,7 @@ class ManualView:
         rig: whose machine it is.
         stream: that the samples go to.
         news: told that something changed.
-        after: threads that let go of the same real machine first.
+        after: threads that must release the same real machine first.
 
     Attributes:
         failed: why the machine could not be made ready.

@@ -52,16 +52,21 @@ class RunController:
     """
 
     def __init__(self, bench: Bench, prepared: PreparedRun) -> None:
-        self.bench, self.prepared, self.anew, self.button = bench, prepared, bench.spec is None, bench.session.button
+        self.bench, self.prepared, self.new_machine, self.button = (
+            bench,
+            prepared,
+            bench.spec is None,
+            bench.session.button,
+        )
         name = plain(prepared.protocol.name)
         self._crash_log: Path | None = None
-        if not self.anew:
+        if not self.new_machine:
             self._crash_log = bench.workspace.recordings.ready() / bench.workspace.recordings.numbered(name, ".mcap")
             name = self._crash_log.stem
         self.file = f"{name}.nc" if self._crash_log else bench.workspace.recordings.numbered(name, ".nc")
         self.state, self.time, self._answered = RunState(), 0.0, threading.Event()
         self.stopping = self.asked = ""
-        self.words = "getting the machine ready" if self.anew else "going to where it begins"
+        self.words = "getting the machine ready" if self.new_machine else "going to where it begins"
         self.cycle: list[int] = []
         self.measured: list[dict[str, Any]] = []
         self._columns, self._count = Columns(prepared.rig), 0
@@ -101,8 +106,8 @@ class RunController:
         record, said = None, "nothing was recorded"
         try:
             record = self.bench.session.run(
-                self.prepared, anew=self.anew, clock=self.bench.clock if self.anew else None, log=self._crash_log,
-                begun=self._begun, display=self._show, ask=self._ask,
+                self.prepared, new_machine=self.new_machine, clock=self.bench.clock if self.new_machine else None,
+                log=self._crash_log, begun=self._begun, display=self._show, ask=self._ask,
             )  # fmt: skip
         except MckibbenError as error:
             said = str(error)
@@ -129,7 +134,7 @@ class RunController:
         except (MckibbenError, OSError) as error:
             self._say(str(error), "stop")
             return None, str(error)
-        if why or not self.anew:  # the session has said how it ended
+        if why or not self.new_machine:  # the session has said how it ended
             self._say(f"Recorded as {name}{', up to the stop' if why else ''}.", "done")
         else:
             done = record.meta["result"] == "done" or bool(self.stopping)
@@ -154,7 +159,7 @@ class RunController:
         self._answered.wait()
         self.asked = ""
         if self.button():
-            raise InputError("run", self.prepared.protocol.name, f"it was stopped before somebody could {text}")
+            raise InputError("run", self.prepared.protocol.name, f"it was stopped before the operator could {text}")
         self.bench.workspace.changed()
 
     def _show(self, times: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:

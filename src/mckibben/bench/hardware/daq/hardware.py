@@ -162,7 +162,7 @@ class DaqHardware(Hardware):
             raise self._lost(error) from None
 
     def _vent_now(self) -> None:
-        self._alarm.set()  # whoever calls does not wait for the card
+        self._alarm.set()  # a caller does not wait for the card
 
     def close(self) -> None:
         """Vent, set the motor to rest, and clear the tasks; `vented` states whether that reached the machine."""

@@ -136,7 +136,7 @@ class Card:
     def _go(self, what: Callable[[], None]) -> None:
         try:
             what()
-        except Exception as error:  # the machine's own failure, which whoever reads is told
+        except Exception as error:  # the machine's own failure, reported to the next reader
             self._failed = f"{type(error).__name__}: {error}"
         self._changed.notify_all()
 

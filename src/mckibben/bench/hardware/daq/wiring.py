@@ -158,7 +158,7 @@ class Counter:
     b: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse what no counter has."""
+        """Raise an error for a value that no counter has."""
         named("counter", self.counter, COUNTER)
         among("decoding", self.decoding, DECODINGS)
         low, high = COUNTER_BITS

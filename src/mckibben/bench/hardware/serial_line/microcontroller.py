@@ -5,7 +5,7 @@ lock-step as fast as commands come. A system keeps a process from its ticks now 
 host answers, so that it does not lose the line for it.
 
 It stands behind a pseudo-terminal, whose name a host opens like any port. In a thread its timer suffers from whatever else
-its process does; for a process of its own, the machine comes from a function that can be pickled, for it begins anew there.
+its process does; for a separate process, the machine comes from a function that can be pickled, for it starts again there.
 Range: systems with pseudo-terminals (not Windows).
 """
 
@@ -260,7 +260,7 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
         options: options of `Microcontroller`.
 
     Raises:
-        LineLostError: if it does not begin.
+        LineLostError: if it does not start.
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -288,7 +288,7 @@ def _begun(line: Connection) -> str:
             if isinstance(said, str):
                 return said
             raise said
-    raise LineLostError("simulated microcontroller: it does not begin")
+    raise LineLostError("simulated microcontroller: it did not start")
 
 
 def _asked(line: Connection) -> DeviceReport | None:
@@ -306,7 +306,7 @@ def _serve(
         end, other, port = _pair()
         microcontroller = Microcontroller(factory(*arguments), end, **({"spin": SPIN} | options))
     except Exception as error:  # told where it was begun
-        line.send(LineLostError(f"simulated microcontroller: it does not begin: {error}"))
+        line.send(LineLostError(f"simulated microcontroller: it did not start: {error}"))
         return
 
     def wait() -> None:

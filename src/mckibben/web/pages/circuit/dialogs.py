@@ -146,7 +146,7 @@ def to_bench(face: CircuitPage) -> None:
     """Build the dialog that takes the circuit and its muscle to the bench.
 
     Raises:
-        InputError: the bench has no place for a part, or somebody else is in control.
+        InputError: the bench has no place for a part, or another page is in control.
     """
     plan = face.desk.plan
     muscle, rigs = muscle_of(plan), Shelf(face.workspace.recordings.folder / "rigs", (".toml",))

@@ -31,7 +31,7 @@ KIND_WORDS = {
     "linear_tube": "Linear", "quadratic_tube": "Quadratic", "inertial_tube": "Quadratic, with inertia",
     "lumped_tube": "Lumped, by Reynolds number",
 }  # fmt: skip
-HEAT_CONDUCTANCE = "0.1 W/K"  # of a wall, before somebody says another
+HEAT_CONDUCTANCE = "0.1 W/K"  # of a wall, by default
 FLOW_PRESSURE_WORDS = "6 bar"  # at which `size_as` states a flow into the room
 
 

@@ -103,7 +103,7 @@ def largest_of(row: PropertyRow, papers: Sequence[float | None]) -> float:
 def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:
     """Element for a surface, which the browser draws."""
     if found is None:
-        return '<p class="small dim">Nothing tells its section: no tension per section.</p>'
+        return '<p class="small dim">Its section is not known: no tension per section.</p>'
     unit = "%" if one.fibre is not None else "bar"
     top = 100.0 if one.fibre is not None else from_si(one.full, "Pa", "bar")
     spec = jobs.plain(
@@ -247,7 +247,7 @@ def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
         low, high = known.si("1")
         rows.append(("Biological, published", low, high))
     if not rows:
-        return '<p class="small dim">Nothing here tells an efficiency.</p>'
+        return '<p class="small dim">No efficiency is known here.</p>'
     top, h = 0.6, 24.0
     wide, left = 312.0, 128.0
 

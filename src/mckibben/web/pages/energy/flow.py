@@ -74,7 +74,7 @@ def flow_document(found: EnergyAccount, part: str, accumulator: float | None) ->
     Args:
         found: from `account`.
         part: number of a cycle from 1, or nothing for the whole.
-        accumulator: gauge pressure of an exhaust accumulator [Pa], whose saving is told; None for none.
+        accumulator: gauge pressure of an exhaust accumulator [Pa], whose saving is shown; None for none.
     """
     one, cycle = stretch(found, part)
     supply = one.value("supply")

@@ -351,7 +351,7 @@ class RecordedFlow:
         self.name, self.part, self.kind = (view.words.get(k, "") for k in ("recording", "part", "account"))
         self.account: Any = None
         self.simulated = True
-        self.told: float | None = None  # pressure of the accumulator whose saving is told [Pa]
+        self.told: float | None = None  # pressure of the accumulator whose saving is shown [Pa]
         self.place = box("div", "e-flow-place")
 
     def names(self) -> list[str]:
@@ -426,7 +426,7 @@ class RecordedFlow:
 
     async def load(self) -> None:
         """Compute the account and draw it."""
-        with self.view.bar:  # the list that was chosen from is made anew
+        with self.view.bar:  # the list that was chosen from is made again
             name, kind = self.name, self.kind
             link(recording=name, account=kind or None, part=self.part or None)
             self.lists()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ....web.workspace import Workspace
 
 HEAVY = 25.0  # a row of recordings takes about so many times as long as another
-TOLD_FROM = 0.08  # share of the work from which on the time left is told
+TOLD_FROM = 0.08  # share of the work from which on the time left is shown
 LEFT_OUT = "Rows that need recordings of the simulated test machine were left out."
 
 

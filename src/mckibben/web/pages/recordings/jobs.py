@@ -48,7 +48,7 @@ def imported(
 
     Args:
         path: the file.
-        name: as whoever sent it calls it.
+        name: name that its sender gave it.
         target: that the recording is written to, if the file is none already.
         columns: channel name -> label or number of the column, as text.
         units: channel name -> unit as text.

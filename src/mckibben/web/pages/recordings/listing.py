@@ -15,7 +15,7 @@ from ...widgets import SIGNS, box, raw, select
 from .state import RecordingEntry
 
 LETTERS = "AB"
-MOST_SHARED = 6  # conditions that all share, of which the page tells
+MOST_SHARED = 6  # conditions that all share, that the page lists
 ORIGINS = {"": "Simulated and measured", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
 CHECK = (
     '<svg width="13" height="11" viewBox="0 0 13 11" aria-hidden="true"><path d="M1 6l3.500 3.500L12 1" fill="none" '
@@ -83,7 +83,7 @@ class RecordingLines:
 
     Args:
         place: that they stand in.
-        pick: told the name of the one that is chosen or let go.
+        pick: called with the name that was selected or deselected.
     """
 
     def __init__(self, place: Element, pick: Callable[[str], object]) -> None:

@@ -47,7 +47,7 @@ class RecordingEntry:
         created: when [s since the epoch].
         duration: [s].
         size: size of the file [B].
-        sign: ``check``, ``caution`` or ``stop``; none if somebody ended it.
+        sign: ``check``, ``caution`` or ``stop``; none if the user ended it.
         said: remark.
         notes: a person's.
         thumb: an SVG.
