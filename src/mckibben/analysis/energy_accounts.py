@@ -315,16 +315,16 @@ def _piece(record: Recording, where: slice, given: _Known, names: tuple[str, str
     return _Piece(record.time[where], at, span, tension, mass, stored, cycles)
 
 
-def _one(piece: _Piece, cycle: Cycle, given: _Known) -> CycleEnergy:
+def _one(piece: _Piece, cycle: Cycle, known: _Known) -> CycleEnergy:
     first, turn, last = cycle.start, cycle.turn, cycle.end
-    dead, room = given.dead, float(given.dead.temperature)
-    source = given.supply_abs
+    dead, room = known.dead, float(known.dead.temperature)
+    source = known.supply_abs
     top = float(dead.compression(source, cooled=True)) if np.isfinite(source) else float("nan")
     worth = np.asarray(dead.flowing(dead.see(piece.pressure_abs, room)))
     fills, empties = (slice(first, turn + 1), slice(turn, last + 1))
     filled = float(piece.mass[turn] - piece.mass[first])
     swing = float(piece.pressure_abs[turn] - piece.pressure_abs[first])
-    idle = given.idle * swing / (float(dead.gas.gas_constant) * room) if np.isfinite(given.idle) else 0.0
+    idle = known.idle * swing / (float(dead.gas.gas_constant) * room) if np.isfinite(known.idle) else 0.0
     shaft = -np.trapezoid(piece.tension[first : last + 1], piece.span[first : last + 1])
     power = -piece.tension[first:last] * np.diff(piece.span[first : last + 1])
     air = filled + idle
@@ -335,10 +335,10 @@ def _one(piece: _Piece, cycle: Cycle, given: _Known) -> CycleEnergy:
         ("exhaust", "out"): -float(np.trapezoid(worth[empties], piece.mass[empties])),
         ("shaft_work", "out"): float(shaft),
         # the gas that is stored: over a cycle as near to nothing as its ends are alike
-        ("gas", "stored"): _gained(piece, first, last, given),
+        ("gas", "stored"): _gained(piece, first, last, known),
         ("muscle", "stored"): float(piece.stored[last] - piece.stored[first]),
     }
-    if not np.isfinite(given.idle):
+    if not np.isfinite(known.idle):
         del values["dead_volume", "out"]
     left = sum(v if side == "into" else -v for (_, side), v in values.items())
     parts = [EnergyPart(name, value, side, "estimate") for (name, side), value in values.items()]
@@ -356,17 +356,17 @@ def _one(piece: _Piece, cycle: Cycle, given: _Known) -> CycleEnergy:
     )
 
 
-def _gained(piece: _Piece, first: int, last: int, given: _Known) -> float:
+def _gained(piece: _Piece, first: int, last: int, known: _Known) -> float:
     def exergy(i: int) -> float:
-        gas, at = given.dead.gas, float(piece.pressure_abs[i])
-        volume = float(piece.mass[i]) * float(gas.gas_constant * given.dead.temperature) / at
-        return float(given.dead.stored(at, volume, float(piece.mass[i])))
+        gas, at = known.dead.gas, float(piece.pressure_abs[i])
+        volume = float(piece.mass[i]) * float(gas.gas_constant * known.dead.temperature) / at
+        return float(known.dead.stored(at, volume, float(piece.mass[i])))
 
     return exergy(last) - exergy(first)
 
 
 def _caught_in_cycles(
-    pairs: list[tuple[_Piece, Cycle]], cycles: tuple[CycleEnergy, ...], given: _Known, pressure_abs: float
+    pairs: list[tuple[_Piece, Cycle]], cycles: tuple[CycleEnergy, ...], known: _Known, pressure_abs: float
 ) -> tuple[float, float, float, float]:
     """Part of the muscle's own air that remains until its pressure has fallen to that of the accumulator."""
     air = 0.0
@@ -375,5 +375,5 @@ def _caught_in_cycles(
         if below.size == 0 or below[0] > 0:
             until = c.turn + int(below[0]) if below.size else c.end
             air += float(piece.mass[c.turn] - piece.mass[until])
-    worth = float(given.dead.compression(pressure_abs, cooled=True))
+    worth = float(known.dead.compression(pressure_abs, cooled=True))
     return air, air * worth, sum(c.supply for c in cycles), sum(c.shaft_work for c in cycles)

@@ -89,7 +89,7 @@ def measured_channels(measured: Recording, across: str, channel: str) -> tuple[s
     Raises:
         InputError: there is no such channel.
     """
-    found = []
+    channels = []
     for name in (across, channel):
         last = name.rpartition(".")[2]
         same = {"span": ("span", "length"), "length": ("length", "span"), "tension": ("tension", "force")}
@@ -97,8 +97,8 @@ def measured_channels(measured: Recording, across: str, channel: str) -> tuple[s
         match = next((c for c in candidates if c in measured), None)
         if match is None:
             raise InputError("measured", name, "the measured data have", known=measured.names())
-        found.append(match)
-    return found[0], found[1]
+        channels.append(match)
+    return channels[0], channels[1]
 
 
 def _common(one: TensionPath, two: TensionPath) -> tuple[float, float]:

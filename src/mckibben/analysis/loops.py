@@ -390,8 +390,8 @@ def force_map(
     ]
     title, rest = str(record.meta.get("title") or "recording"), record.meta.get("rest_length")
     at, pressures, tensions = (np.array(column) for column in zip(*points, strict=True))
-    found = ForceMap(title, at, pressures, tensions)
-    return found if rest is None else found.with_rest_length(float(rest))
+    measured = ForceMap(title, at, pressures, tensions)
+    return measured if rest is None else measured.with_rest_length(float(rest))
 
 
 class LinearTensionFit(NamedTuple):

@@ -323,8 +323,8 @@ def several(
     return Machine.of(circuit, built, load, environment)
 
 
-def _line(given: Mapping[str, Any]) -> AirLine:
-    for name in given:
+def _line(options: Mapping[str, Any]) -> AirLine:
+    for name in options:
         if name not in AirLine._fields:
             raise InputError(name, None, "a line has", known=AirLine._fields, where="line")
-    return AirLine(**given)
+    return AirLine(**options)

@@ -198,23 +198,23 @@ class CircuitPlan:
         return [f"{name}.{ends['m' if node.law is not None else node.unit]}" for name, node in nodes] or [signal]
 
     def inputs(
-        self, times: np.ndarray | None = None, given: Mapping[str, Scalar] | None = None, sensed: bool = False
+        self, times: np.ndarray | None = None, changed: Mapping[str, Scalar] | None = None, sensed: bool = False
     ) -> dict[str, Signal]:
         """Input signals of the circuit, including delayed commands; ready for `integrate`.
 
         Args:
             times: times of the samples, instead of the plan's own [s].
-            given: values of some signals at these times, such as from a recording, instead of their waveforms [SI].
+            changed: values of some signals at these times, such as from a recording, instead of their waveforms [SI].
             sensed: those of pressures were measured, and are straight between samples whatever the waveform is.
         """
         times = self.times if times is None else times
-        values = {name: s.waveform.at(times) for name, s in self.signals.items()} | dict(given or {})
+        values = {name: s.waveform.at(times) for name, s in self.signals.items()} | dict(changed or {})
         signals = {name: (ramped if s.straight else held)(values[name]) for name, s in self.signals.items()}
         for name, planned in self.nodes.items():
             if planned.signal is not None and planned.unit == "1":
                 signals[f"{name}.stroke"] = ramped(values[planned.signal])
             elif planned.signal is not None and planned.law is None:
-                straight = self.signals[planned.signal].straight or (sensed and planned.signal in (given or {}))
+                straight = self.signals[planned.signal].straight or (sensed and planned.signal in (changed or {}))
                 absolute = values[planned.signal] + float(self.environment.pressure_abs)
                 signals[f"{name}.pressure"] = (ramped if straight else held)(absolute)
             elif planned.law is not None:

@@ -353,8 +353,8 @@ class MachineCoupling(Coupling):
             state["muscles"][muscle], memory["muscles"][muscle] = start["muscles"][ALONE], kept["muscles"][ALONE]
         circuit = self._shared(machine)
         lines = {name: machine.circuit.inner_volume(name) - circuit.inner_volume(name) for name in circuit.chambers}
-        whole, given = with_line_volumes(circuit, lines), {name: pressures[name] for name in circuit.chambers}
-        start, kept = call_compiled(_circuit_at_rest, whole, given, dict(inputs), room)
+        whole, absolute = with_line_volumes(circuit, lines), {name: pressures[name] for name in circuit.chambers}
+        start, kept = call_compiled(_circuit_at_rest, whole, absolute, dict(inputs), room)
         for kind, values in start.items():
             state["circuit"][kind].update(
                 {name: v for name, v in values.items() if name not in whole.elements or name in circuit.elements}

@@ -53,11 +53,11 @@ def _way(plan: CircuitPlan, name: str) -> tuple[str, str]:
     return ends[i], ends[j]
 
 
-def _node(plan: CircuitPlan, name: str, told: set[str]) -> str:
+def _node(plan: CircuitPlan, name: str, stated: set[str]) -> str:
     words = plan.nodes[name].words
-    if name in told or not words:
+    if name in stated or not words:
         return name
-    told.add(name)
+    stated.add(name)
     return f"{name} ({words})"
 
 

@@ -116,5 +116,5 @@ def joint_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mapping
     return _told(*(geometric + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
 
 
-def _told(*found: Any) -> Stiffness:
-    return Stiffness(*(x if isinstance(x, jax.core.Tracer) else float(x) for x in found))
+def _told(*value: Any) -> Stiffness:
+    return Stiffness(*(x if isinstance(x, jax.core.Tracer) else float(x) for x in value))

@@ -192,8 +192,8 @@ class LaneKernels:
     ) -> Any:
         """Compute physics and outputs of all lanes in one XLA function."""
 
-        def one(own: Any, before: Scalar, so_far: Any, given: Any) -> Any:
-            done = physics(self.kind, own, before, given, period, inner, stiff)
+        def one(own: Any, before: Scalar, so_far: Any, arguments: Any) -> Any:
+            done = physics(self.kind, own, before, arguments, period, inner, stiff)
             return done.carry, *self._counted_lane(own, so_far, done, period)
 
         return jax.vmap(one, in_axes=(self._leaves, 0, 0, self._rows))(leaves, carry, sums, rows)

@@ -194,8 +194,8 @@ class _Piece:
         waited = step.count * self.period
         return f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
 
-    def _account(self, kernels: LaneKernels, leaves: Tree, lane: int, found: MarchedPart) -> None:
-        begun, ended = (jax.tree.map(lambda x: x[lane], c) for c in (found.begun, found.carry))
+    def _account(self, kernels: LaneKernels, leaves: Tree, lane: int, part: MarchedPart) -> None:
+        begun, ended = (jax.tree.map(lambda x: x[lane], c) for c in (part.begun, part.carry))
         for name, value in ended.integrals.items():
             many = self.integrals.setdefault(name, np.zeros(len(self.lanes)))
             many[lane] += value

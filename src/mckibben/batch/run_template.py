@@ -168,8 +168,8 @@ def _place(name: str) -> str:
     return name if name.endswith(".toml") else f"{name}.toml"
 
 
-def _key(given: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    return tuple(sorted(given.items()))
+def _key(words: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted(words.items()))
 
 
 def _remembering(make: Callable[[Any], Any]) -> Callable[[Any], Any]:

@@ -300,19 +300,19 @@ class CommandInterpreter(abc.ABC):
 
     def _set(self, words: list[str]) -> str:
         protocol = self.chosen()
-        given: dict[str, str] = {}
+        changes: dict[str, str] = {}
         for word in words:
             name, equals, value = word.partition("=")
             if equals:
-                given[name] = value
-            elif given:  # what belongs to the value before, such as a unit
-                last = next(reversed(given))
-                given[last] = f"{given[last]} {word}".strip()
+                changes[name] = value
+            elif changes:  # what belongs to the value before, such as a unit
+                last = next(reversed(changes))
+                changes[last] = f"{changes[last]} {word}".strip()
             else:
                 raise usage("set", words)
-        if not given or not all(v.strip() for v in given.values()):
+        if not changes or not all(v.strip() for v in changes.values()):
             raise usage("set", words)
-        changed = with_values(protocol, {name: values_of(name, v, field=name) for name, v in given.items()})
+        changed = with_values(protocol, {name: values_of(name, v, field=name) for name, v in changes.items()})
         self.use_protocol(changed)
         values = changed.variables().items()
         return ", ".join(f"{n} {', '.join(map(str, v))}" for n, v in values if v) or changed.title

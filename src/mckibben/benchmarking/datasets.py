@@ -62,9 +62,9 @@ class BenchmarkData:
                 raise MissingDataError(
                     f"{path} is not there; it does not ship ({self.source}; licence: {self.licence})"
                 )
-        found = content_digest(self.files, paths)
-        if found != self.digest:
-            said = f"{paths[0].parent}: the content has the hash {found[:12]}, must be {self.digest[:12]}"
+        digest = content_digest(self.files, paths)
+        if digest != self.digest:
+            said = f"{paths[0].parent}: the content has the hash {digest[:12]}, must be {self.digest[:12]}"
             raise InputError("data", str(paths[0].parent), "must be unchanged", sentence=said)
         return paths
 

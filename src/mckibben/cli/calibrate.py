@@ -339,27 +339,27 @@ def tell_person(error: InputError) -> None:
     typer.echo(f"mckibben: {error}; once more", err=True)
 
 
-def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, found: CalibrationOutcome) -> None:
+def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, outcome: CalibrationOutcome) -> None:
     """Save and show the result."""
     name = rig_file.rig(wanted.rig).name
     notes = []
     if wanted.file is None:
-        whole = calibration.Calibration(rig=name, created=session.date, corrections=found.corrections)
+        whole = calibration.Calibration(rig=name, created=session.date, corrections=outcome.corrections)
     else:
         before = calibrating.file.merged(wanted.file, name, {}, session.date).corrections
-        whole = calibrating.file.merged(wanted.file, name, found.corrections, session.date)
-        for channel, one in found.corrections.items():
+        whole = calibrating.file.merged(wanted.file, name, outcome.corrections, session.date)
+        for channel, one in outcome.corrections.items():
             other = before[channel].sensor if channel in before else one.sensor
             if other and one.sensor and other != one.sensor:
                 notes.append(f"{channel} was of the sensor {other}: what was known of it is dropped")
     with CALIBRATION.files(wanted.out) as files:
         files.write("calibration", lambda path: calibrating.file.write_calibration(whole, path))
-        content = say_outcome(whole, found, wanted.file, notes)
+        content = say_outcome(whole, outcome, wanted.file, notes)
         files.write_result(content)
         if wanted.as_json:
             print_json(content)
         else:
-            print_outcome(whole, found, wanted.file, notes)
+            print_outcome(whole, outcome, wanted.file, notes)
 
 
 def _names(words: str) -> Sequence[str]:

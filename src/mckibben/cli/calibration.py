@@ -147,44 +147,44 @@ def _apply(
 
 
 def say_outcome(
-    whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]
+    whole: Calibration, outcome: CalibrationOutcome, out: Path | None, notes: list[str]
 ) -> dict[str, JsonValue]:
     """Convert the result of a session to JSON."""
     now = _now()
     points = {
         name: [
             {"true": p.true, "indicated": p.reading.mean, "scatter": p.reading.scatter}
-            | ({"residual": float(found.lines[name].residuals[i])} if name in found.lines else {})
+            | ({"residual": float(outcome.lines[name].residuals[i])} if name in outcome.lines else {})
             for i, p in enumerate(some)
         ]
-        for name, some in found.points.items()
+        for name, some in outcome.points.items()
     }
     return {
         "file": None if out is None else str(out),
         "rig": whole.rig,
         "warnings": notes,
-        "channels": {name: _told(one, now) for name, one in found.corrections.items()},
+        "channels": {name: _told(one, now) for name, one in outcome.corrections.items()},
         "points": points,
-        "hysteresis": {name: one.hysteresis for name, one in found.lines.items()},
-        "misfit": {name: one.misfit for name, one in found.lines.items()},
+        "hysteresis": {name: one.hysteresis for name, one in outcome.lines.items()},
+        "misfit": {name: one.misfit for name, one in outcome.lines.items()},
     }
 
 
-def print_outcome(whole: Calibration, found: CalibrationOutcome, out: Path | None, notes: list[str]) -> None:
+def print_outcome(whole: Calibration, outcome: CalibrationOutcome, out: Path | None, notes: list[str]) -> None:
     """Print the result of a session."""
     rows = []
-    for name, some in found.points.items():
-        unit = found.corrections[name].unit
+    for name, some in outcome.points.items():
+        unit = outcome.corrections[name].unit
         for i, p in enumerate(some[:POINTS]):
-            left = with_unit(float(found.lines[name].residuals[i]), unit, 3) if name in found.lines else ""
+            left = with_unit(float(outcome.lines[name].residuals[i]), unit, 3) if name in outcome.lines else ""
             rows.append([name, with_unit(p.true, unit, 6), with_unit(p.reading.mean, unit, 7), left])
     if rows:
         table("", ["channel", "true", "indicated", "left"], rows, right=[1, 2, 3])
         typer.echo("")
-    terms = [[name, key, *_shown(one, key)] for name, one in found.corrections.items() for key in one.terms]
+    terms = [[name, key, *_shown(one, key)] for name, one in outcome.corrections.items() for key in one.terms]
     table("", ["channel", "", "value", "+- 95 %"], terms, right=[2, 3])
-    for name, line in found.lines.items():
-        unit = found.corrections[name].unit
+    for name, line in outcome.lines.items():
+        unit = outcome.corrections[name].unit
         words = f"from the line at most {with_unit(line.linearity, unit, 3)}"
         typer.echo(f"{name}: {words}, between up and down at most {with_unit(line.hysteresis, unit, 3)}.")
     for note in notes:

@@ -56,9 +56,9 @@ def _given(name: str, change: list[str] | None) -> dict[str, float]:
     """Parameters of ``--set`` [SI]."""
     kind: Any = load_reference(name, field="law") if is_reference(name) else muscles.laws.LAWS.find(name)
     known = declared(kind) if hasattr(kind, "__dataclass_fields__") else {}
-    given = {}
+    values = {}
     for key, words in assignments(change).items():
         if key not in known:
             raise InputError(f"--set {key}", words, f"{name} has {', '.join(known) or 'no parameters'}")
-        given[key] = parse(words, known[key].unit, field=f"--set {key}", bare=True)
-    return given
+        values[key] = parse(words, known[key].unit, field=f"--set {key}", bare=True)
+    return values

@@ -365,36 +365,36 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
     return starts
 
 
-def circuit_fit_json(found: CircuitFit) -> dict[str, JsonValue]:
+def circuit_fit_json(fit: CircuitFit) -> dict[str, JsonValue]:
     """Convert a fit to JSON, in SI units."""
     return {
-        "parameters": {name: e._asdict() for name, e in found.parameters.items()},
-        "errors": [e._asdict() for e in found.errors],
-        "rms": {"fitted": found.rms(), "predicted": found.rms(fitted=False)},
-        "converged": found.converged,
-        "message": found.message,
-        "evaluations": found.evaluations,
-        "warnings": list(found.warnings),
+        "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
+        "errors": [e._asdict() for e in fit.errors],
+        "rms": {"fitted": fit.rms(), "predicted": fit.rms(fitted=False)},
+        "converged": fit.converged,
+        "message": fit.message,
+        "evaluations": fit.evaluations,
+        "warnings": list(fit.warnings),
     }
 
 
-def show_circuit_fit(found: CircuitFit, title: str) -> None:
+def show_circuit_fit(fit: CircuitFit, title: str) -> None:
     """Print parameters, the errors of every record, and cautions."""
     rows = [
         [name, with_unit(e.value, e.unit), f"{with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"]
-        for name, e in found.parameters.items()
+        for name, e in fit.parameters.items()
     ]
     table(title, ["parameter", "value", "95 %"], rows, right=[1, 2])
     rows = []
-    for e in found.errors:
+    for e in fit.errors:
         lead = "-" if e.lead is None else f"{round(1e3 * e.lead, 1) + 0.0:+.1f} ms"
         used = "fitted" if e.fitted else "predicted"
         channel = e.channel.removesuffix(".pressure_abs")
         rows.append([Path(e.trial).name, channel, used, with_unit(e.rms, "Pa"), with_unit(e.largest, "Pa"), lead])
     table("", ["record", "pressure of", "", "rms", "largest", "model leads"], rows, right=[3, 4, 5])
-    if not found.converged:
-        typer.echo(f"The search did not converge: {found.message}.")
-    for warning in found.warnings:
+    if not fit.converged:
+        typer.echo(f"The search did not converge: {fit.message}.")
+    for warning in fit.warnings:
         typer.echo(f"note: {warning}")
 
 

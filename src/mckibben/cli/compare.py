@@ -130,9 +130,9 @@ def _rows(compared: comparison.MuscleTable) -> list[dict[str, Any]]:
     ]
 
 
-def _as_json(found: comparison.MuscleTable) -> dict[str, JsonValue]:
+def _as_json(table: comparison.MuscleTable) -> dict[str, JsonValue]:
     rows = []
-    for row in found.rows():
+    for row in table.rows():
         one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
         one |= {"title": row.property.title, "published": None}
         ends, p = row.shown_range(), row.published
@@ -147,22 +147,22 @@ def _as_json(found: comparison.MuscleTable) -> dict[str, JsonValue]:
             }
         rows.append(one)
     out: dict[str, Any] = {
-        "columns": [c.name for c in found.columns],
+        "columns": [c.name for c in table.columns],
         "rows": rows,
-        "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in found.columns],
+        "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in table.columns],
     }
-    return out | ({"match": [_match_json(m) for m in found.matches]} if found.matches else {})
+    return out | ({"match": [_match_json(m) for m in table.matches]} if table.matches else {})
 
 
-def _match_json(found: Match) -> dict[str, JsonValue]:
+def _match_json(match: Match) -> dict[str, JsonValue]:
     keys = ("path", "title", "unit", "start", "value", "low", "high", "hit")
     return {
-        "muscle": found.muscle.id,
-        "target": found.target.id,
-        "before": dict(found.rms_before),
-        "after": dict(found.rms_after),
-        "twitch_simulated": found.rms_simulated,
-        "parameters": [{k: getattr(p, k) for k in keys} for p in found.parameters],
+        "muscle": match.muscle.id,
+        "target": match.target.id,
+        "before": dict(match.rms_before),
+        "after": dict(match.rms_after),
+        "twitch_simulated": match.rms_simulated,
+        "parameters": [{k: getattr(p, k) for k in keys} for p in match.parameters],
     }
 
 
@@ -186,7 +186,7 @@ def _print(found: comparison.MuscleTable) -> None:
         typer.echo(f"[{key}] {reference(key)}")
 
 
-def _print_match(found: Match) -> None:
+def _print_match(match: Match) -> None:
     typer.echo("")
     titles = {
         "force_length": "force-length",
@@ -194,17 +194,17 @@ def _print_match(found: Match) -> None:
         "force_velocity": "force-velocity",
         "all": "together",
     }
-    rows = [[titles.get(n, n), f"{found.rms_before[n]:.3f}", f"{found.rms_after[n]:.3f}"] for n in found.rms_before]
+    rows = [[titles.get(n, n), f"{match.rms_before[n]:.3f}", f"{match.rms_after[n]:.3f}"] for n in match.rms_before]
     table(
-        f"{found.muscle.id} with elements, towards {found.target.id}: rms difference over the tension at rest length",
+        f"{match.muscle.id} with elements, towards {match.target.id}: rms difference over the tension at rest length",
         ["curve", "as built", "with elements"],
         rows,
         right=[1, 2],
     )
-    if found.simulated is not None:
-        typer.echo(f"The twitch with elements on the test machine, circuit and all: {found.rms_simulated:.3f}.")
+    if match.simulated is not None:
+        typer.echo(f"The twitch with elements on the test machine, circuit and all: {match.rms_simulated:.3f}.")
     typer.echo("")
-    table("", ["element", "as built", "found", "at its bound"], [_tuned(p) for p in found.parameters], right=[1, 2])
+    table("", ["element", "as built", "found", "at its bound"], [_tuned(p) for p in match.parameters], right=[1, 2])
 
 
 def _tuned(p: Tuned) -> list[str]:

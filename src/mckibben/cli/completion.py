@@ -85,13 +85,13 @@ def completion(
         else:
             typer.echo(SCRIPTS[shell], nl=False)
         return
-    last, found = candidates(line)
+    last, candidates_found = candidates(line)
     if as_json:
-        _terminal.print_json({"candidates": [one._asdict() for one in found]})
+        _terminal.print_json({"candidates": [one._asdict() for one in candidates_found]})
         return
     # bash replaces only what follows the last of these signs
     cut = max(last.rfind("="), last.rfind(":")) + 1 if shell == "bash" else 0
-    for one in found:
+    for one in candidates_found:
         typer.echo(one.word[cut:] if shell == "bash" else f"{one.word}\t{one.meaning}")
 
 
@@ -175,13 +175,13 @@ def _of_command(command: Any, before: list[str], last: str) -> Iterator[Completi
     options = {
         name: p for p in command.params if p.param_type_name == "option" for name in (*p.opts, *p.secondary_opts)
     }
-    given, arguments, waiting = set(), [], None
+    stated, arguments, waiting = set(), [], None
     for word in before:
         name = word.partition("=")[0]
         if waiting is not None:
             waiting = None
         elif name in options:
-            given.add(options[name].name)
+            stated.add(options[name].name)
             waiting = None if options[name].is_flag or "=" in word else options[name]
         elif not word.startswith("-") or word == "-":
             arguments.append(word)
@@ -191,12 +191,12 @@ def _of_command(command: Any, before: list[str], last: str) -> Iterator[Completi
     name, equals, _ = last.partition("=")
     if equals and name in options:
         start = f"{name}="
-        found = values(options[name], last.removeprefix(start), arguments, before)
-        yield from (Completion(start + one.word, one.meaning) for one in found)
+        completions = values(options[name], last.removeprefix(start), arguments, before)
+        yield from (Completion(start + one.word, one.meaning) for one in completions)
         return
     if last.startswith("-"):
         for name, p in options.items():
-            if p.name not in given or p.multiple:
+            if p.name not in stated or p.multiple:
                 yield Completion(name, _first_sentence(p.help))
         yield from (Completion("--quiet", "Print only errors."), Completion("--help", "Show this help and exit."))
         return

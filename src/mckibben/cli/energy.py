@@ -178,7 +178,7 @@ def _draw(computed: WorkingCycles, path: Path) -> None:
 
 
 def _print(computed: WorkingCycles) -> None:
-    c, found, curves = computed.conditions, computed.cycles, computed.curves
+    c, cycles, curves = computed.conditions, computed.cycles, computed.curves
     around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
     source = f"an accumulator at {with_unit(c.exchange_pressure, 'Pa')}" if c.exchange_pressure else "the surroundings"
     title = f"{computed.specimen.title}, {computed.law}, at {with_unit(c.pressure, 'Pa')}, air from {source} and back"
@@ -193,14 +193,14 @@ def _print(computed: WorkingCycles) -> None:
             f"{100.0 * e.shortened_length:.2f}",
             f"{e.load:.1f}",
         ]
-        for name, by in found.items()
+        for name, by in cycles.items()
         for volume, e in by.items()
     ]
     columns = ["cycle", "", "volume", "input, J", "output, J", "efficiency, %", "down to, cm", "load at first, N"]
     table(title, columns, rows, right=[3, 4, 5, 6, 7])
     rows = [
         [name, volume, f"{e.output:.3f}", *(f"{round(getattr(e, k), 3) + 0.0:.3f}" for k in cycle_energy.LOSSES)]
-        for name, by in found.items()
+        for name, by in cycles.items()
         for volume, e in by.items()
     ]
     typer.echo("")
@@ -209,9 +209,9 @@ def _print(computed: WorkingCycles) -> None:
         typer.echo("")
         _print_curves(curves)
     said = f"\nBegins at {with_unit(c.stretched_length, 'm')}, surroundings {around}, friction {with_unit(c.friction, 'N')}."
-    isotonic = any(name != "maximal" for name in found) and c.friction
+    isotonic = any(name != "maximal" for name in cycles) and c.friction
     typer.echo(said + (f" Reading '{c.reading}': {cycle_energy.READINGS[c.reading]}." if isotonic else ""))
-    if "paper" in computed.muscles and abs(next(iter(found.values()))["paper"].unaccounted) > 5e-4:
+    if "paper" in computed.muscles and abs(next(iter(cycles.values()))["paper"].unaccounted) > 5e-4:
         typer.echo("Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull.")
     if computed.overstretched:
         most = with_unit(float(computed.muscles[computed.volume].law.length_range()[1]), "m")

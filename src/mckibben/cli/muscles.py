@@ -289,9 +289,9 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
     return spec, chosen, _law(spec, chosen, parameters(change, chosen))
 
 
-def _named_law(name: str, given: dict[str, float]) -> Any:
+def _named_law(name: str, parameters: dict[str, float]) -> Any:
     """Build a law by its name with given parameters, without any specimen."""
-    missing = muscles.build.missing_parameters(name, given)
+    missing = muscles.build.missing_parameters(name, parameters)
     if missing:
         words = " ".join(f"--set {key}={placeholder(q.unit)}" for key, q in missing)
         stated = [s.id for s in specimens() if name in s.laws]
@@ -299,7 +299,7 @@ def _named_law(name: str, given: dict[str, float]) -> Any:
         needs = muscles.build.needed_words(missing)
         sentence = f"The law {name} needs {needs}. Give {'it' if len(missing) == 1 else 'them'} with {words},{others}"
         raise InputError(f"{name}.{missing[0][0]}", "not given", f"give {words}", sentence=sentence.rstrip(","))
-    return muscles.build.build_law(name, given)
+    return muscles.build.build_law(name, parameters)
 
 
 def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:

@@ -312,30 +312,30 @@ def _citations(keys: Any) -> list[dict[str, str]]:
     return [{"key": key, "reference": reference(key) if key in known_keys() else ""} for key in listed]
 
 
-def _print(found: dict[str, Any]) -> None:
-    typer.echo(f"{found['title'] or found['file']}")
-    if found["sentence"]:
-        typer.echo(_shortened(str(found["sentence"]).removeprefix(f"{found['title']}. ")))
-    about = [[key, _named(found[key])] for key in ("protocol", "specimen", "rig", "created") if found[key]]
-    rate = found["sample_rate"]
-    clock = f"{found['samples']} samples from {found['start']:.6g} s to {found['end']:.6g} s"
+def _print(summary: dict[str, Any]) -> None:
+    typer.echo(f"{summary['title'] or summary['file']}")
+    if summary["sentence"]:
+        typer.echo(_shortened(str(summary["sentence"]).removeprefix(f"{summary['title']}. ")))
+    about = [[key, _named(summary[key])] for key in ("protocol", "specimen", "rig", "created") if summary[key]]
+    rate = summary["sample_rate"]
+    clock = f"{summary['samples']} samples from {summary['start']:.6g} s to {summary['end']:.6g} s"
     about.append(["time", clock + (f", every {_time(1.0 / rate)} ({rate:.6g} Hz)" if rate else "")])
-    if found["gaps"]:
-        about[-1][1] += f", {found['gaps']} gap{'s' if found['gaps'] > 1 else ''}"
-    if found["result"]:
-        about.append(["result", ": ".join(str(w) for w in (found["result"], found["message"]) if w)])
-    if isinstance(found["balance"], Mapping):
-        closed = [f"{k} {v:.1e}" for k, v in found["balance"].items() if isinstance(v, int | float)]
+    if summary["gaps"]:
+        about[-1][1] += f", {summary['gaps']} gap{'s' if summary['gaps'] > 1 else ''}"
+    if summary["result"]:
+        about.append(["result", ": ".join(str(w) for w in (summary["result"], summary["message"]) if w)])
+    if isinstance(summary["balance"], Mapping):
+        closed = [f"{k} {v:.1e}" for k, v in summary["balance"].items() if isinstance(v, int | float)]
         about.append(["balance", f"{', '.join(closed)} of what went through"])
     typer.echo("")
     table("", ["", ""], about)
-    _print_steps(found)
-    _print_channels(found["channels"])
-    _print_remarks(found)
+    _print_steps(summary)
+    _print_channels(summary["channels"])
+    _print_remarks(summary)
 
 
-def _print_steps(found: dict[str, Any]) -> None:
-    steps, varied = found["steps"], found["varied"]
+def _print_steps(summary: dict[str, Any]) -> None:
+    steps, varied = summary["steps"], summary["varied"]
     if not steps:
         return
     rows = []
@@ -365,9 +365,9 @@ def _print_channels(channels: dict[str, dict[str, Any]]) -> None:
     table("", ["channel", "kind", "min", "mean", "max", "unit", ""], rows, right=[2, 3, 4])
 
 
-def _print_remarks(found: dict[str, Any]) -> None:
-    lines = [f"Warning: {_named(w)}" for w in found["warnings"]]
-    for name, s in found["saturation"].items() if isinstance(found["saturation"], Mapping) else ():
+def _print_remarks(summary: dict[str, Any]) -> None:
+    lines = [f"Warning: {_named(w)}" for w in summary["warnings"]]
+    for name, s in summary["saturation"].items() if isinstance(summary["saturation"], Mapping) else ():
         if isinstance(s, Mapping) and s.get("sentence"):
             lines.append(f"Saturation: {name} {s['sentence']}.")
         elif isinstance(s, Mapping):
@@ -375,10 +375,10 @@ def _print_remarks(found: dict[str, Any]) -> None:
             details += [f"first at {s['first']:.6g} s"] if _is_number(s.get("first")) else []
             details += [f"at most {_time(s['longest'])} on end"] if _is_number(s.get("longest")) else []
             lines.append(f"Saturation: {', '.join([str(name), *details])}.")
-    for event in found["events"]:
+    for event in summary["events"]:
         if isinstance(event, Mapping) and _is_number(event.get("time")):
             lines.append(f"{event['time']:>9.3f} s  {event.get('text', '')}")
-    lines += [f"[{c['key']}] {c['reference']}".rstrip() for c in found["citations"]]
+    lines += [f"[{c['key']}] {c['reference']}".rstrip() for c in summary["citations"]]
     if lines:
         typer.echo("\n" + "\n".join(lines))
 

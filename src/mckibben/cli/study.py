@@ -209,16 +209,16 @@ def study_validation(
             typer.echo(f"Written: {path}")
 
 
-def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, JsonValue]:
+def _as_json(study: TubeStudy, judged: list[Claim]) -> dict[str, JsonValue]:
     rows = []
-    for thermal, results in found.results.items():
+    for thermal, results in study.results.items():
         for r in results:
             rows.append(
                 {
                     "thermal": thermal,
                     "model": r.model,
                     "accumulator": r.accumulator,
-                    "volume": found.cases[thermal, r.accumulator][0].volume,
+                    "volume": study.cases[thermal, r.accumulator][0].volume,
                     "rms": r.rms,
                     "lead": r.lead,
                     "fitted": r.fitted,
@@ -231,21 +231,21 @@ def _as_json(found: TubeStudy, judged: list[Claim]) -> dict[str, JsonValue]:
     return {
         "claims": [c._asdict() for c in judged],
         "table": rows,
-        "cost": found.cost._asdict() if found.cost else {},
-        "waveforms": [{"name": r.name, "seed": r.seed, "sentence": r.sentence()} for r in found.records],
-        "hottest": {f"{thermal}, {a}": value for (thermal, a), value in found.hottest.items()},
+        "cost": study.cost._asdict() if study.cost else {},
+        "waveforms": [{"name": r.name, "seed": r.seed, "sentence": r.sentence()} for r in study.records],
+        "hottest": {f"{thermal}, {a}": value for (thermal, a), value in study.hottest.items()},
     }
 
 
-def _print(found: TubeStudy, judged: list[Claim]) -> None:
+def _print(study: TubeStudy, judged: list[Claim]) -> None:
 
-    waves = [[r.name, r.sentence()] for r in found.records]
+    waves = [[r.name, r.sentence()] for r in study.records]
     table(
         f"Gauge pressure in front of the tube, {1.0 / tube_models.PERIOD:g} samples per second",
         ["record", "what"],
         waves,
     )
-    for thermal, results in found.results.items():
+    for thermal, results in study.results.items():
         typer.echo("")
         rows = [
             [
@@ -304,13 +304,13 @@ def _word(name: str, value: Any) -> str:
 HALVES = ("first", "second")
 
 
-def loops_json(found: LoopStudy) -> dict[str, JsonValue]:
+def loops_json(study: LoopStudy) -> dict[str, JsonValue]:
     """Convert the study to JSON, in SI units."""
     return {
-        "width_holds": found.width_holds,
-        "order_holds": not found.swapped,
-        "worst": _width_json(found.worst),
-        "widths": [_width_json(w) for w in found.widths],
+        "width_holds": study.width_holds,
+        "order_holds": not study.swapped,
+        "worst": _width_json(study.worst),
+        "widths": [_width_json(w) for w in study.widths],
         "halves": [
             {
                 "fitted": which,
@@ -322,22 +322,22 @@ def loops_json(found: LoopStudy) -> dict[str, JsonValue]:
                 "converged": h.converged,
                 "warnings": list(h.warnings),
             }
-            for which, h in zip(HALVES, found.halves, strict=True)
+            for which, h in zip(HALVES, study.halves, strict=True)
         ],
-        "branch_errors": found.branch_errors(),
+        "branch_errors": study.branch_errors(),
         "loop": {
-            "pressure": found.record.pressure,
-            "stroke": found.record.stroke,
-            "predicted": found.unseen.stroke,
+            "pressure": study.record.pressure,
+            "stroke": study.record.stroke,
+            "predicted": study.unseen.stroke,
         },
-        "steps": [_step_json(s) for s in found.steps],
-        "cannot": limits(found),
+        "steps": [_step_json(s) for s in study.steps],
+        "cannot": limits(study),
     }
 
 
-def show_loops(found: LoopStudy) -> None:
+def show_loops(study: LoopStudy) -> None:
     """Print tables and sentences."""
-    halves = list(zip(HALVES, found.halves, strict=True))
+    halves = list(zip(HALVES, study.halves, strict=True))
     rows = [
         [which, h.model, *(_mm(v, 3) for v in (h.rmse(seen=True), h.rmse(seen=False), h.max_error(seen=False)))]
         for which, h in halves
@@ -350,7 +350,7 @@ def show_loops(found: LoopStudy) -> None:
     typer.echo("")
     rows = [
         [f"{_bar(w.pressure):.2f}", _mm(w.measured), _mm(w.predicted), f"{100.0 * w.error:+.1f}", _where(w)]
-        for w in found.widths
+        for w in study.widths
     ]
     columns = ["pressure, bar", "measured, mm", "model, mm", "error, %", ""]
     table("Width of the loop, each sample by the half that did not see it", columns, rows, right=[0, 1, 2, 3])
@@ -366,49 +366,49 @@ def show_loops(found: LoopStudy) -> None:
             "{} of {}".format(*s.inside),
             _mm(s.high[_last(s)] - s.low[_last(s)]),
         ]
-        for s in found.steps
+        for s in study.steps
     ]
     columns = ["step", "held, s", "fitted to, s", "law", "seen, mm", "unseen, mm", "largest unseen, mm", "crept, mm"]
     columns += ["in the 95 % band", "its width at the end, mm"]
     table("Creep after a step, its second half from its first", columns, rows, right=range(4, 10))
     typer.echo("")
-    for line in _verdicts(found):
+    for line in _verdicts(study):
         typer.echo(line)
     typer.echo("")
     typer.echo("What these records cannot tell:")
-    for line in limits(found):
+    for line in limits(study):
         typer.echo(f"  {line}")
 
 
-def limits(found: LoopStudy) -> list[str]:
+def limits(study: LoopStudy) -> list[str]:
     """Limits of what these records can predict, a sentence each."""
     said = []
-    outside = [w for w in found.widths if not w.middle]
+    outside = [w for w in study.widths if not w.middle]
     if outside:
         worst = max(outside, key=lambda w: abs(w.error) if math.isfinite(w.error) else math.inf)
         said.append(
             f"The ends of the loop: where it is narrow the width is missed by up to {100.0 * abs(worst.error):.0f} %, "
             f"at {_bar(worst.pressure):.2f} bar ({_mm(worst.predicted)} mm predicted, {_mm(worst.measured)} mm measured)."
         )
-    if alone := found.branch_errors():
+    if alone := study.branch_errors():
         said.append(
             f"One branch from the other: from the rising branch alone mid-range widths are missed by up to "
             f"{100.0 * alone['up']:.0f} %, from the falling one alone by up to {100.0 * alone['down']:.0f} %. The halves "
             "above are runs of ten samples in turns, on both branches."
         )
-    turns = len(found.record.turning_points)
+    turns = len(study.record.turning_points)
     if turns == 1:
         said.append("Loops within the loop: the record turns once, so that no smaller loop is compared.")
     said.append(
         "The friction as a force: no load was measured. Forces and stiffnesses are stated for a nominal area of "
         f"{_area():g} cm2, which the stroke does not depend on; only their ratio to it is from the data."
     )
-    for which, h in zip(HALVES, found.halves, strict=True):
+    for which, h in zip(HALVES, study.halves, strict=True):
         loose = [n for n, e in h.parameters.items() if not (e.low > 0.0 and e.high < 3.0 * e.low)]
         if loose:
             names = ", ".join("{} {} ({})".format(n, *_shown(h.parameters[n])) for n in loose)
             said.append(f"Parameters of {h.model} from the {which} half that the loop hardly fixes: {names}.")
-    for s in found.steps:
+    for s in study.steps:
         if s.late is None:
             continue
         end, late = s.start + s.late.time, s.late
@@ -423,25 +423,25 @@ def limits(found: LoopStudy) -> list[str]:
     return said
 
 
-def _verdicts(found: LoopStudy) -> list[str]:
+def _verdicts(study: LoopStudy) -> list[str]:
 
-    middle = [w.pressure for w in found.widths if w.middle]
-    held, worst = "HELD" if found.width_holds else "MISSED", found.worst
+    middle = [w.pressure for w in study.widths if w.middle]
+    held, worst = "HELD" if study.width_holds else "MISSED", study.worst
     lines = [
         f"{held}: the width is right to {100.0 * muscle_loops.TARGET:g} % where the loop is at least "
         f"{muscle_loops.MIDDLE:g} times as wide as at its "
         f"widest ({_bar(min(middle)):g} to {_bar(max(middle)):g} bar); worst {100.0 * worst.error:+.1f} % at "
         f"{_bar(worst.pressure):g} bar"
     ]
-    wrong = ", ".join(f"{_bar(w.pressure):g}" for w in found.swapped)
+    wrong = ", ".join(f"{_bar(w.pressure):g}" for w in study.swapped)
     reach = (
-        f"{len(found.widths)} pressures, {_bar(found.widths[0].pressure):g} to {_bar(found.widths[-1].pressure):g} bar"
+        f"{len(study.widths)} pressures, {_bar(study.widths[0].pressure):g} to {_bar(study.widths[-1].pressure):g} bar"
     )
     order = "the falling branch lies above the rising one, measured and predicted"
     lines.append(f"MISSED: {order}; not so at {wrong} bar" if wrong else f"HELD: {order}, at all of {reach}")
-    for which, h in zip(HALVES, found.halves, strict=True):
+    for which, h in zip(HALVES, study.halves, strict=True):
         lines += [f"note: {which} half: {w}" for w in h.warnings]
-    for s in found.steps:
+    for s in study.steps:
         lines += [f"note: {s.segment.replace('_', ' ')}: {w}" for w in s.fit.warnings]
     return lines
 
@@ -512,23 +512,23 @@ def _mm(length: float, digits: int = 2) -> str:
     return f"{from_si(float(length), 'm', 'mm'):.{digits}f}"
 
 
-def write_page(found: Validation, path: Path) -> list[Path]:
+def write_page(validation: Validation, path: Path) -> list[Path]:
     """Write the page, and its figure if there is a static data set; return the paths."""
     figure = path.with_name(f"{path.stem}-errors.svg")
-    if found.static:
-        style.save(validation_figures.errors_figure(found), figure)
-    text = validation_page.page(found, figure=figure.name if found.static else "", version=__version__)
+    if validation.static:
+        style.save(validation_figures.errors_figure(validation), figure)
+    text = validation_page.page(validation, figure=figure.name if validation.static else "", version=__version__)
     write_text(path, text)
-    return [path, figure] if found.static else [path]
+    return [path, figure] if validation.static else [path]
 
 
-def validation_json(found: Validation) -> dict[str, JsonValue]:
+def validation_json(validation: Validation) -> dict[str, JsonValue]:
     """Convert the validation to JSON, in SI units."""
     return {
-        "static": [_static_json(r) for r in found.static],
-        "loops": loops_json(found.loops) if found.loops else None,
-        "jumps": [j._asdict() for j in found.jumps],
-        "absent": found.absent,
+        "static": [_static_json(r) for r in validation.static],
+        "loops": loops_json(validation.loops) if validation.loops else None,
+        "jumps": [j._asdict() for j in validation.jumps],
+        "absent": validation.absent,
     }
 
 
@@ -551,9 +551,9 @@ def _static_json(r: StaticResult) -> dict[str, JsonValue]:
     }
 
 
-def show_validation(found: Validation) -> None:
+def show_validation(validation: Validation) -> None:
     """Print one table per data set, then loops and jumps, then the missing data."""
-    for r in found.static:
+    for r in validation.static:
         rows = [_row(f, r.points.largest) for f in r.fits]
         rows += [
             [
@@ -572,14 +572,14 @@ def show_validation(found: Validation) -> None:
         columns = ["law", "free", "rmse", "largest", "pressure out, rms", "pressure out", "above 4 bar", ""]
         table(title, columns, rows, right=range(1, 7))
         typer.echo("")
-    if found.loops:
-        worst = found.loops.worst
+    if validation.loops:
+        worst = validation.loops.worst
         typer.echo(
             f"Loop of a DMSP-10-250: width of the unseen loop off by at most {100.0 * abs(worst.error):.1f} % mid-range"
         )
-    for j in found.jumps:
+    for j in validation.jumps:
         typer.echo(f"Jump {j.name} from the others: {from_si(j.rms, 'Pa', 'mbar'):.0f} mbar rms")
-    for name, file in found.absent.items():
+    for name, file in validation.absent.items():
         typer.echo(f"not at hand: {name} ({file})")
 
 

@@ -306,16 +306,16 @@ def _kept_name(function: Callable[..., Tree], examples: Sequence[Tree]) -> str |
 
 def load_program(key: str) -> tuple[Program, Tree] | None:
     """The program of a key and a tree like its results, without JAX; None if none is kept."""
-    found = cache.load(f"{key}.program")
-    if found is None:
+    stored = cache.load(f"{key}.program")
+    if stored is None:
         return None
-    data, about = found
+    data, about = stored
     try:
-        given, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
+        arguments, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
         tree = _built(about["tree"])
         if len(flatten(tree)[0]) != len(wanted):
             return None
-        return Program.from_parts(data, given, wanted, about["title"]), tree
+        return Program.from_parts(data, arguments, wanted, about["title"]), tree
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
 

@@ -201,15 +201,15 @@ def _resolved(step: PlannedStep, rate: float) -> Iterator[Violation]:
             )
 
 
-def _finding(step: PlannedStep | None, found: Violation, varied: tuple[str, ...] = ()) -> Finding:
+def _finding(step: PlannedStep | None, violation: Violation, varied: tuple[str, ...] = ()) -> Finding:
     if step is None:
-        return Finding(0, "", "", found.field, found.value, found.allowed, found.text())
+        return Finding(0, "", "", violation.field, violation.value, violation.allowed, violation.text())
     case = case_words({k: v for k, v in step.case.items() if k in varied})
     section, _, place = step.path.partition(".")
     name = f"{'' if section == 'steps' else section + ' '}step {place.replace('steps.', '')}"
     label = f" {step.step.label!r}" if step.step.label else ""
-    text = f"{name}{label}{f' ({case})' if case else ''}: {found.text()}"
-    return Finding(step.index, step.path, case, found.field, found.value, found.allowed, text)
+    text = f"{name}{label}{f' ({case})' if case else ''}: {violation.text()}"
+    return Finding(step.index, step.path, case, violation.field, violation.value, violation.allowed, text)
 
 
 def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> None:

@@ -85,27 +85,27 @@ def build_protocol(document: Mapping[str, JsonValue], *, where: str) -> Protocol
     return checked(read_table(Protocol, top, owner="a protocol has", beside=("schema",)), where)
 
 
-def with_values(protocol: Protocol, given: Mapping[str, JsonValue], *, where: str | None = None) -> Protocol:
+def with_values(protocol: Protocol, changes: Mapping[str, JsonValue], *, where: str | None = None) -> Protocol:
     """Return a protocol with other values of its parameters, choices and settings.
 
     Args:
         protocol: the protocol to change.
-        given: words by name, a list for several values.
+        changes: words by name, a list for several values.
         where: file, for error messages.
 
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    top = FileTable(given, "", where or "")
+    top = FileTable(changes, "", where or "")
     names = protocol.variables()
     top.only([*names, *SETTINGS], f"{protocol.name} has")
     parameters, choices = [], []
     for p in protocol.parameters:
-        values = _read(given[p.name], p.name, p, check_values, where) if p.name in given else p.values
+        values = _read(changes[p.name], p.name, p, check_values, where) if p.name in changes else p.values
         parameters.append(dataclasses.replace(p, values=values))
     for c in protocol.choices:
-        values = _read(given[c.name], c.name, c, check_options, where) if c.name in given else c.values
-        kept = tuple((o, tuple((k, v) for k, v in sets if k not in given)) for o, sets in c.options)
+        values = _read(changes[c.name], c.name, c, check_options, where) if c.name in changes else c.values
+        kept = tuple((o, tuple((k, v) for k, v in sets if k not in changes)) for o, sets in c.options)
         choices.append(dataclasses.replace(c, values=values, options=kept))
     settings = read_stated(Protocol, top, SETTINGS)
     changed = dataclasses.replace(protocol, parameters=tuple(parameters), choices=tuple(choices), **settings)

@@ -155,12 +155,12 @@ class LoopMechanism(HostedMechanism):
     def step(self, moment: HostMoment) -> PartReadings:
         """Go on by one step: the part first, then the mechanism with the mean tension of the same step."""
         mechanism, h = self.scenario.mechanism, self.period
-        given = moment.position is not None and moment.rate is not None
+        prescribed = moment.position is not None and moment.rate is not None
         if moment.position is not None and moment.rate is not None:
             self._position, self._rate = moment.position, moment.rate
         spans, rates = mechanism.span(self._position), mechanism.span_rate(self._rate)
         seen = self.instance.step(h, spans, rates, moment.commands)
-        if given:
+        if prescribed:
             self._position += h * self._rate
             return seen
         acceleration, before = mechanism.acceleration(seen.tension, moment.force), self._rate

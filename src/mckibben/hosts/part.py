@@ -286,17 +286,17 @@ class Part:
         (out,) = self._call("observe", _observe, [state, inputs], [len(self.outputs)])
         return self._Outputs._make(out.tolist())
 
-    def _call(self, key: str, function: Any, given: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:
+    def _call(self, key: str, function: Any, arrays: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:
         """Run one of the functions of vectors on places in memory that are kept for it."""
         with self._lock:
             if key not in self._calls:
-                places = [np.zeros_like(vector) for vector in given]
+                places = [np.zeros_like(vector) for vector in arrays]
                 bound = functools.partial(function, self.layouts.key)
                 compiled = compile_function(bound, self.parameters, *places, title="a part")
                 wanted = [np.zeros(size) for size in sizes]
                 self._calls[key] = places, wanted, _bind(compiled, [self.parameters, *places], wanted)
             places, wanted, run = self._calls[key]
-            for place, vector in zip(places, given, strict=True):
+            for place, vector in zip(places, arrays, strict=True):
                 place[:] = vector
             run()
             return [vector.copy() for vector in wanted]
@@ -396,13 +396,13 @@ class Part:
         return {h: self.slope(h) * h * h for h in STEPS_OF_HOSTS}
 
 
-def _bind(compiled: EngineFunction, given: list[np.ndarray], wanted: list[np.ndarray]) -> Callable[[], None]:
+def _bind(compiled: EngineFunction, arrays: list[np.ndarray], wanted: list[np.ndarray]) -> Callable[[], None]:
     """A call without arguments, from and to fixed places in memory."""
     if compiled.engine == "native":
-        return compiled.program.bind(given, wanted, lanes=None, mode=MODE)
+        return compiled.program.bind(arrays, wanted, lanes=None, mode=MODE)
 
     def run() -> None:
-        results = compiled(*given)
+        results = compiled(*arrays)
         for target, value in zip(wanted, results if isinstance(results, tuple) else (results,), strict=True):
             target[...] = value
 
@@ -448,11 +448,11 @@ def _by_muscle(value: Any, unit: str, field: str, muscles: Any) -> dict[str, flo
     """One value for all muscles, or values by muscle, as SI numbers; empty for None."""
     if value is None:
         return {}
-    given = value if isinstance(value, Mapping) else dict.fromkeys(muscles, value)
-    for name in given:
+    values = value if isinstance(value, Mapping) else dict.fromkeys(muscles, value)
+    for name in values:
         if name not in muscles:
             raise InputError(field, name, known=tuple(muscles))
-    return {name: in_si(one, unit, f"{field} of {name}") for name, one in given.items()}
+    return {name: in_si(one, unit, f"{field} of {name}") for name, one in values.items()}
 
 
 def _output_names(muscles: tuple[str, ...]) -> list[str]:

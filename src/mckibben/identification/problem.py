@@ -172,16 +172,16 @@ def latin_hypercube(count: int, axes: int, seed: int) -> np.ndarray:
     return np.asarray((parts.T - shares) / count)
 
 
-def _freed(kind: type[TensionLaw], given: Mapping[str, Scalar], points: ForceMap) -> tuple[str, ...]:
+def _freed(kind: type[TensionLaw], parameters: Mapping[str, Scalar], points: ForceMap) -> tuple[str, ...]:
     """Parameters of a law that are free by default.
 
     A dimension that nobody gave is freed in place of what it would make redundant; a parameter that so few lengths cannot
     show is not.
     """
     lengths = len(np.unique(np.round(points.length[points.taut], 6)))
-    free = [name for name in kind.fitted if name not in given and lengths >= kind.lengths_needed.get(name, 0)]
+    free = [name for name in kind.fitted if name not in parameters and lengths >= kind.lengths_needed.get(name, 0)]
     for name, instead_of in kind.fitted_if_unknown.items():
-        if name not in given:
+        if name not in parameters:
             free = [f for f in free if f not in instead_of] + [name]
     return tuple(free)
 
@@ -321,8 +321,8 @@ def solve(
     )
 
 
-def _agreeing(found: Sequence[Any]) -> int:
-    costs = [f.cost if f.status > 0 else np.inf for f in found]
+def _agreeing(values: Sequence[Any]) -> int:
+    costs = [f.cost if f.status > 0 else np.inf for f in values]
     return sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs)
 
 

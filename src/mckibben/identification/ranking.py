@@ -253,12 +253,12 @@ def known_of(spec: Specimen | None) -> dict[str, float]:
 
 def published_of(spec: Specimen | None, points: ForceMap) -> list[tuple[str, np.ndarray]]:
     """Title and error at the taut points [N] of each law with published coefficients for this map."""
-    found = []
+    values = []
     for name in spec.laws if spec is not None and spec.map else ():
         if spec is not None and not any(p.note.startswith("fitted") for p in spec.laws[name].values()):
             built = law_from_specimen(spec, name)
-            found.append((f"{built.title}, as published", evaluate(built, points)))
-    return found
+            values.append((f"{built.title}, as published", evaluate(built, points)))
+    return values
 
 
 def _law_key_beside(path: Path, law: str) -> str:

@@ -256,15 +256,15 @@ def trial_from_record(
                 known = ", ".join(plan.circuit.chambers)
                 raise InputError("measured", node, f"must be {known}; there is no such volume", where=name)
         compared = {channel: values for channel, values in compared.items() if channel.rpartition(".")[0] in measured}
-    given = _given(plan, record, pressures, ambient, name)
+    trial = _given(plan, record, pressures, ambient, name)
     for signal, channel in (inputs or {}).items():
         if signal not in plan.signals:
             raise InputError("inputs", signal, "signals are", known=plan.signals, where=name)
-        given[signal] = _raw(record, channel, plan.signals[signal].unit, name)
+        trial[signal] = _raw(record, channel, plan.signals[signal].unit, name)
     times = record.time - record.time[0]
     # A sensor saw what happened between its samples on either side; what a simulation held, it held.
     sensed = not {"true", "command"} & {record.channels[n].kind for n in record.names() if n.endswith(PRESSURES)}
-    signals = plan.inputs(times=times, given=given, sensed=sensed)
+    signals = plan.inputs(times=times, changed=trial, sensed=sensed)
     # The circuit itself makes the commands that are late by a dead time: that may be fitted.
     late = {f"{n}.command" for n, e in plan.circuit.elements.items() if e.delay() is not None}
     signals = {n: s for n, s in signals.items() if n not in late}

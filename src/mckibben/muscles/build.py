@@ -81,9 +81,9 @@ def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | No
     return construct(kind, parameters)
 
 
-def missing_parameters(name: str, given: Iterable[str]) -> list[tuple[str, Quantity]]:
+def missing_parameters(name: str, stated: Iterable[str]) -> list[tuple[str, Quantity]]:
     """The parameters without a default that a law needs and that are not given, with their declarations."""
-    kind, present = law_type(name), set(given)
+    kind, present = law_type(name), set(stated)
     known = declared(kind)
     return [(key, known[key]) for key in required_fields(kind) if key not in present]
 

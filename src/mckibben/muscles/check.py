@@ -233,32 +233,32 @@ def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[LawFinding]:
         law: any, with its parameters.
         lowest: lowest gauge pressure at which cycles and volume are judged [Pa]; laws of a fit mean nothing under vacuum.
     """
-    found = declaration_findings(type(law))
+    findings = declaration_findings(type(law))
     try:
         low, high = (float(np.asarray(end)) for end in law.length_range())
         if not 0.0 < low < high < math.inf:
             said = (
                 f"length_range must be two lengths, the shorter first and above zero: it is {low:.4g} m to {high:.4g} m"
             )
-            return [*found, LawFinding("range", _of(law, said), low)]
+            return [*findings, LawFinding("range", _of(law, said), low)]
         length = np.concatenate([np.linspace(0.2, 1.5, 56) * thread_length(law), np.linspace(low, high, 8)])
         pressure = pressures(law)
         at = evaluate(law, length[:, None], pressure[None, :])
     except Exception as error:  # whatever the code of a user raises
-        return [*found, LawFinding("error", _of(law, f"cannot be evaluated on arrays: {_first_line(error)}"))]
+        return [*findings, LawFinding("error", _of(law, f"cannot be evaluated on arrays: {_first_line(error)}"))]
     wrong = list(_not_finite(law, at, length, pressure))
     if wrong:
-        return [*found, *wrong]
+        return [*findings, *wrong]
     inside = (length >= low) & (length <= high)
-    found += _pushes(law, at, length, pressure)
-    found += _two_potentials(law, at, length, pressure)
-    found += _wrong_slopes(law, length[inside], pressure)
-    found += _volumes(law, at, length, pressure, lowest)
+    findings += _pushes(law, at, length, pressure)
+    findings += _two_potentials(law, at, length, pressure)
+    findings += _wrong_slopes(law, length[inside], pressure)
+    findings += _volumes(law, at, length, pressure, lowest)
     snap = snaps(law, lowest=lowest)
     if snap is not None:
         said = "falls slack while it is lengthened, so that an unloaded braid would snap to another length"
-        return [*found, LawFinding("snap", _of(law, f"{said}, {_place(*snap)}"), math.nan, *snap)]
-    return found + _cycles(law, lowest)
+        return [*findings, LawFinding("snap", _of(law, f"{said}, {_place(*snap)}"), math.nan, *snap)]
+    return findings + _cycles(law, lowest)
 
 
 def _not_finite(
@@ -344,7 +344,7 @@ def _volumes(
     rows = (length >= max(0.75 * high, low)) & (length <= high)
     columns = pressure >= lowest
     volume = at["V"][rows][:, columns]
-    found = []
+    findings = []
     for kind, words, value in (
         ("volume", "has a gas volume of {:.4g} cm^3", 1e6 * volume),
         (
@@ -357,8 +357,8 @@ def _volumes(
             i, j = np.unravel_index(int(np.argmin(value)), value.shape)
             where = float(length[rows][i]), float(pressure[columns][j])
             said = f"{words.format(value[i, j])}, {_place(*where)}"
-            found.append(LawFinding(kind, _of(law, said), float(value[i, j]), *where))
-    return found
+            findings.append(LawFinding(kind, _of(law, said), float(value[i, j]), *where))
+    return findings
 
 
 def _cycles(law: TensionLaw, lowest: float) -> list[LawFinding]:
@@ -377,7 +377,7 @@ def _cycles(law: TensionLaw, lowest: float) -> list[LawFinding]:
 
 def declaration_findings(kind: type) -> list[LawFinding]:
     """What is wrong with how a law or a friction declares its parameters: units, bounds, what a fit varies."""
-    name, found = law_name(kind), []
+    name, findings = law_name(kind), []
     known = declared(kind)
     for f in dataclasses.fields(kind):
         plain = not f.metadata.get("static") and f.name not in known and "FrictionLimit" not in str(f.type)
@@ -385,37 +385,37 @@ def declaration_findings(kind: type) -> list[LawFinding]:
             said = (
                 f"{name}: {f.name} has neither unit nor bounds; declare it as mckibben.quantity(unit, bounds, meaning)"
             )
-            found.append(LawFinding("declaration", said))
+            findings.append(LawFinding("declaration", said))
     for key, q in known.items():
         low, high = q.bounds
         if not is_unit(q.unit):
-            found.append(LawFinding("declaration", f"{name}: {q.unit!r} of {key} is no unit"))
+            findings.append(LawFinding("declaration", f"{name}: {q.unit!r} of {key} is no unit"))
         if not low < high or math.isinf(low) or math.isinf(high):
             said = f"{name}: the bounds of {key} must be two numbers, the smaller first: they are {low:g} to {high:g}"
-            found.append(LawFinding("declaration", said, low))
+            findings.append(LawFinding("declaration", said, low))
         elif not low <= q.typical[0] <= q.typical[1] <= high:
             said = f"{name}: the usual range of {key}, {q.typical[0]:g} to {q.typical[1]:g}, is not within its bounds"
-            found.append(LawFinding("declaration", said, q.typical[0]))
+            findings.append(LawFinding("declaration", said, q.typical[0]))
         if not q.doc.strip():
-            found.append(LawFinding("declaration", f"{name}: {key} has no meaning stated"))
+            findings.append(LawFinding("declaration", f"{name}: {key} has no meaning stated"))
     for key in getattr(kind, "fitted", ()):
         if key not in known:
-            found.append(LawFinding("declaration", f"{name}: fitted names {key!r}, which is no parameter"))
-    return found
+            findings.append(LawFinding("declaration", f"{name}: fitted names {key!r}, which is no parameter"))
+    return findings
 
 
-def sample(kind: type[T], given: Mapping[str, float] | None = None) -> T:
+def sample(kind: type[T], parameters: Mapping[str, float] | None = None) -> T:
     """A law or friction with usual parameters where none are given: defaults, 20 cm for lengths, else a typical value.
 
     Args:
         kind: a class with declared parameters.
-        given: parameters by name [SI].
+        parameters: parameters by name [SI].
 
     Raises:
         InputError: a parameter is unknown or out of its bounds.
     """
     known = declared(kind)
-    values: dict[str, Any] = dict(given or {})
+    values: dict[str, Any] = dict(parameters or {})
     for name in values:
         if name not in known:
             raise InputError(name, None, f"{law_name(kind)} has", known=known)
@@ -485,7 +485,7 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[LawFinding
         friction: any, with its parameters.
         seed: of the path.
     """
-    found = declaration_findings(type(friction))
+    findings = declaration_findings(type(friction))
     rng = np.random.default_rng(seed)
     moves = np.repeat(rng.uniform(-1.0, 1.0, 12), 64) * 1e-4
     marks = np.interp(np.arange(moves.size + 1), np.arange(13) * 64, rng.uniform(0.0, 8e5, 13))
@@ -493,9 +493,9 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[LawFinding
         path = FrictionPath(*map(np.asarray, follow(friction, moves, marks)))
         largest = np.asarray(friction.largest_force(marks[1:]))
     except Exception as error:  # whatever the code of a user raises
-        return [*found, LawFinding("error", _of(friction, f"cannot be advanced: {_first_line(error)}"))]
+        return [*findings, LawFinding("error", _of(friction, f"cannot be advanced: {_first_line(error)}"))]
     if not all(np.isfinite(values).all() for values in path):
-        return [*found, LawFinding("finite", _of(friction, "its force or energy is not finite along a path"))]
+        return [*findings, LawFinding("finite", _of(friction, "its force or energy is not finite along a path"))]
     put_in = np.cumsum(0.5 * (path.before + path.after) * moves)
     span = np.cumsum(moves)
     exchanged = float(np.sum(np.abs(path.work))) + 1e-15
@@ -510,17 +510,17 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[LawFinding
         if missing[k] > allowed:
             where = float(span[k]), float(marks[k + 1])
             said = f"{words.format(missing[k])}, displaced by {1e3 * where[0]:.3g} mm at {with_unit(where[1], 'Pa')}"
-            found.append(LawFinding(kind, _of(friction, said), float(missing[k]), *where))
+            findings.append(LawFinding(kind, _of(friction, said), float(missing[k]), *where))
             break
     beyond = np.abs(path.after) - largest
     k = int(np.argmax(beyond))
     if beyond[k] > 1e-9 * max(float(largest.max()), 1e-12):
         where = float(span[k]), float(marks[k + 1])
         said = f"its force of {abs(path.after[k]):.4g} N is beyond its largest force of {largest[k]:.4g} N"
-        found.append(
+        findings.append(
             LawFinding("limit", _of(friction, f"{said}, at {with_unit(where[1], 'Pa')}"), float(beyond[k]), *where)
         )
-    return found
+    return findings
 
 
 def _of(owner: Any, said: str) -> str:

@@ -219,7 +219,7 @@ def from_braid(
     Raises:
         InputError: a dimension is out of its bounds, or bladder and threads fill the braid.
     """
-    given = {
+    dimensions = {
         "rest_length": rest_length,
         "diameter": diameter,
         "braid_angle": braid_angle,
@@ -227,7 +227,7 @@ def from_braid(
         "bladder_thickness": bladder_thickness,
         "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
     }
-    at = {key: _number(key, value) for key, value in given.items()}
+    at = {key: _number(key, value) for key, value in dimensions.items()}
     bore = at["diameter"] - 4.0 * at["thread_diameter"] - 2.0 * at["bladder_thickness"]
     if bore < 0.05 * at["diameter"]:
         filled = at["diameter"] - bore

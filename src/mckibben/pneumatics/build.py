@@ -196,12 +196,12 @@ def valve_from_specimen(
     return _build(chosen, given, where or place)
 
 
-def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passages: Sequence[str]) -> None:
+def _state_flow(spec: Specimen, stated: dict[str, float], effective: bool, passages: Sequence[str]) -> None:
     """Add the flow into the atmosphere that a file states as a property; not needed if each passage has its size."""
     names = ("effective_flow",) if effective else ("flow_into_the_room", "flow")
     name = next((n for n in names if n in spec.properties), None)
     if name is None:
-        if any(has_size(given, f"{p}_") for p in passages):
+        if any(has_size(stated, f"{p}_") for p in passages):
             return
         raise InputError(
             f"properties.{names[0]}",
@@ -209,7 +209,7 @@ def _state_flow(spec: Specimen, given: dict[str, float], effective: bool, passag
             f"is missing: the file must state a size, in [valve] {choice(SIZES)}",
             where=spec.where or spec.id,
         )
-    given["flow_into_the_room"] = spec.property_si(name, "m^3/s")
+    stated["flow_into_the_room"] = spec.property_si(name, "m^3/s")
 
 
 def known_keys(kind: str) -> dict[str, Quantity]:
@@ -303,7 +303,7 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
 def _one(
     owner: Any,
     ways: tuple[SizeStatement, ...],
-    given: Mapping[str, float],
+    stated: Mapping[str, float],
     prefix: str,
     where: str | None,
     parts: Any = None,
@@ -311,24 +311,24 @@ def _one(
     """Build an object from its own fields, or from another set of keys; missing or conflicting keys raise an error."""
     fields = declared(owner)
     if owner is Orifice:
-        sizes.one_size(given, prefix, where)
+        sizes.one_size(stated, prefix, where)
     make, needs, may = owner, _required(owner), fields
     for way in ways:  # a key that an element also has as a field, such as a tube's length, decides nothing
-        if any(key in given and key not in fields for key in way.needs):
+        if any(key in stated and key not in fields for key in way.needs):
             make, needs, may = way.make, list(way.needs), {**way.needs, **way.may}
             break
-    missing = [key for key in needs if key not in given]
+    missing = [key for key in needs if key not in stated]
     if missing:
         others = "".join(f"; or give {' and '.join(way.needs)}" for way in ways if way.make is not make)
         doc = {**fields, **may}[missing[0]].doc
         raise InputError(prefix + missing[0], None, f"is missing: it is the {doc}{others}", where=where)
-    for key in given:
+    for key in stated:
         if key not in may:
             raise InputError(
                 prefix + key, None, f"cannot be stated too: with it goes only {', '.join(may)}", where=where
             )
     try:
-        return make(**given, **(parts or {}))
+        return make(**stated, **(parts or {}))
     except InputError as error:
         raise (error.at(where) if where else error) from None
 

@@ -110,9 +110,9 @@ def with_aliases(known: Mapping[str, Quantity], prefixes: Iterable[str] = ()) ->
     return keys
 
 
-def has_size(given: Iterable[str], prefix: str = "") -> bool:
+def has_size(names: Iterable[str], prefix: str = "") -> bool:
     """Whether some keys, each in its one name, state a size: of one passage by its prefix, or of all."""
-    return any(prefix + size in given for size in SIZES)
+    return any(prefix + size in names for size in SIZES)
 
 
 def of_passage(key: str) -> bool:
@@ -120,25 +120,25 @@ def of_passage(key: str) -> bool:
     return key in ORIFICE_FIELDS or key in SIZES or any(key in more for more in SIZES.values())
 
 
-def replaced(key: str, given: Collection[str], prefixes: Iterable[str]) -> bool:
+def replaced(key: str, names: Collection[str], prefixes: Iterable[str]) -> bool:
     """Whether a key belongs to a size that others state instead."""
     prefix = _prefix(key, prefixes)
     base = key.removeprefix(prefix)
     sizes = [size for size, more in SIZES.items() if base == size or base in more]
-    if not sizes or not (has_size(given) or (prefix and has_size(given, prefix))):
+    if not sizes or not (has_size(names) or (prefix and has_size(names, prefix))):
         return False
-    return base in SIZES or not any(p + size in given for size in sizes for p in ("", prefix))
+    return base in SIZES or not any(p + size in names for size in sizes for p in ("", prefix))
 
 
-def one_size(given: Mapping[str, float], prefix: str, where: str | None) -> None:
+def one_size(stated: Mapping[str, float], prefix: str, where: str | None) -> None:
     """Refuse a passage whose size is stated more than once [SI]."""
-    sizes = [key for key in SIZES if key in given]
+    sizes = [key for key in SIZES if key in stated]
     if len(sizes) > 1:
         units = {"conductance": declared(Orifice)["conductance"].unit} | {
             key: q.unit for way in PASSAGE_WAYS for key, q in way.needs.items()
         }
         allowed = f"{sizes[0]} states the size already: give exactly one of {', '.join(SIZES)}"
-        raise InputError(prefix + sizes[1], with_unit(given[sizes[1]], units[sizes[1]]), allowed, where=where)
+        raise InputError(prefix + sizes[1], with_unit(stated[sizes[1]], units[sizes[1]]), allowed, where=where)
 
 
 def put_value(values: Mapping[str, JsonValue], key: str, value: JsonValue) -> dict[str, JsonValue]:

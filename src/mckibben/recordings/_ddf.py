@@ -50,8 +50,8 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
         raise InputError("Test Data", None, "is empty: it must have at least one sample", where=where)
     for number, row in enumerate(cells, first + 1):
         if len(row) != len(header):
-            told = f"row {number} has {len(row)} cells, and the header has {len(header)} columns"
-            raise InputError(f"row {number}", f"{len(row)} cells", told, sentence=told, where=where)
+            problem = f"row {number} has {len(row)} cells, and the header has {len(header)} columns"
+            raise InputError(f"row {number}", f"{len(row)} cells", problem, sentence=problem, where=where)
     remarks = []
     if len(cells) > 1 and not any(cell.strip("0.\t ") for cell in cells[-1][1:]):
         remarks.append(f"row {first + len(cells)} is left out: the last sample holds zeros only")
@@ -84,8 +84,8 @@ def _parts(lines: list[str], where: str) -> dict[str, JsonValue]:
     for name in ("Calibration Data", "Protocol Array", "Test Data"):
         place = next((i for i, line in enumerate(lines) if line.startswith(name)), None)
         if place is None:
-            told = f"the part {name} is missing; the file is cut off, or no DMC Data File"
-            raise InputError(name, "missing", told, sentence=told, where=where)
+            problem = f"the part {name} is missing; the file is cut off, or no DMC Data File"
+            raise InputError(name, "missing", problem, sentence=problem, where=where)
         at[name] = place
     head = dict(line.split(":", 1) for line in lines[1 : at["Calibration Data"]] if ":" in line)
     comments = next((i for i, line in enumerate(lines) if line.startswith("Test Comments")), at["Protocol Array"])

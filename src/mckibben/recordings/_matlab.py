@@ -143,10 +143,10 @@ def _checked(path: Path) -> bool:
     return True
 
 
-def _leaves(found: Mapping[str, JsonValue], before: str, depth: int) -> list[tuple[str, Any]]:
+def _leaves(tree: Mapping[str, JsonValue], before: str, depth: int) -> list[tuple[str, Any]]:
     """All values that are no structs, under their dotted names."""
     leaves: list[tuple[str, Any]] = []
-    for key, value in found.items():
+    for key, value in tree.items():
         if key.startswith("__"):
             continue
         if isinstance(value, Mapping) and depth < _DEEPEST:

@@ -50,8 +50,8 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
             ]
             tables = measured
     if len(tables) > 1:
-        told = f"the sheets {', '.join(tables)} have tables; say which one is meant"
-        raise InputError("sheet", ", ".join(tables), told, sentence=told, where=where, remedy="sheet")
+        problem = f"the sheets {', '.join(tables)} have tables; say which one is meant"
+        raise InputError("sheet", ", ".join(tables), problem, sentence=problem, where=where, remedy="sheet")
     if not tables:
         raise InputError("file", None, "is empty", where=where)
     ((name, rows),) = tables.items()

@@ -167,23 +167,23 @@ class Correction:
         ends = {n: t.origin.expires for n, t in self.terms.items() if t.origin is not None}
         return tuple(n for n, end in ends.items() if end is not None and moment(now) > end)
 
-    def updated(self, found: Correction) -> Correction:
+    def updated(self, correction: Correction) -> Correction:
         """Update by newly determined terms; a sensor by another name inherits nothing.
 
         Raises:
             InputError: if the unit differs.
         """
-        if found.unit != self.unit:
-            raise InputError("unit", found.unit, f"the calibration has {self.unit}")
-        if found.sensor and self.sensor and found.sensor != self.sensor:
-            return found
-        lined = {"gain", "zero"} & set(found.terms)
+        if correction.unit != self.unit:
+            raise InputError("unit", correction.unit, f"the calibration has {self.unit}")
+        if correction.sensor and self.sensor and correction.sensor != self.sensor:
+            return correction
+        lined = {"gain", "zero"} & set(correction.terms)
         return Correction(
             unit=self.unit,
-            terms={**self.terms, **found.terms},
-            sensor=found.sensor or self.sensor,
-            correlation=found.correlation if lined else self.correlation,
-            linearity=found.linearity if "gain" in found.terms else self.linearity,
+            terms={**self.terms, **correction.terms},
+            sensor=correction.sensor or self.sensor,
+            correlation=correction.correlation if lined else self.correlation,
+            linearity=correction.linearity if "gain" in correction.terms else self.linearity,
         )
 
 
@@ -214,10 +214,10 @@ class Calibration:
         """Indicated values of a channel for true ones [its unit]."""
         return self.correction(channel).indicated(true)
 
-    def updated(self, found: Mapping[str, Correction], date: str) -> Calibration:
+    def updated(self, corrections: Mapping[str, Correction], date: str) -> Calibration:
         """Update by terms determined at a date; other channels, and other terms of the same sensor, are kept."""
         kept = dict(self.corrections)
-        for name, one in found.items():
+        for name, one in corrections.items():
             kept[name] = kept[name].updated(one) if name in kept else one
         return Calibration(rig=self.rig, created=date, corrections=kept)
 

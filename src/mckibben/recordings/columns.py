@@ -207,8 +207,8 @@ def without_blank_rows(table: ForeignTable, used: Mapping[int, np.ndarray], wher
             continue
         label, numbers = table.columns[at].label, np.flatnonzero(blank).tolist()
         if 2 * len(numbers) > len(blank):
-            told = f"is blank in {len(numbers)} of {len(blank)} rows: it must have a value in most of them"
-            raise InputError(label, None, told, where=where)
+            problem = f"is blank in {len(numbers)} of {len(blank)} rows: it must have a value in most of them"
+            raise InputError(label, None, problem, where=where)
         rows = [i + 1 if table.rows is None else table.rows[i] for i in numbers]
         remarks[label] = rows
         keep &= ~blank
@@ -476,12 +476,12 @@ def _clock(
             for name, column in sources.items() if foreign[column.at].clock != kept
         ]  # fmt: skip
     if chosen or "time" not in sources:
-        told = "; ".join(
+        problem = "; ".join(
             f"{clock}: {_shortened([n for n, c in sources.items() if foreign[c.at].clock == clock])}"
             for clock in clocks
         )
         needs = "a recording has one time; choose columns"
-        sentence = f"the columns have {len(clocks)} clocks ({told}), and {needs}"
+        sentence = f"the columns have {len(clocks)} clocks ({problem}), and {needs}"
         raise InputError(
             "columns", f"of {len(clocks)} clocks", needs, sentence=sentence, where=where, remedy="column NAME"
         )
@@ -543,8 +543,8 @@ def _time(
     steps = np.diff(time)
     if table.rows is not None and not (steps > 0.0).all():
         i = int(np.argmin(steps > 0.0))
-        told = f"{time[i + 1]!s} s after {time[i]!s} s"
-        raise InputError(f"{label}{table.place(i + 1)}", told, "times must increase, each once", where=where)
+        problem = f"{time[i + 1]!s} s after {time[i]!s} s"
+        raise InputError(f"{label}{table.place(i + 1)}", problem, "times must increase, each once", where=where)
     return time, start
 
 
@@ -622,10 +622,10 @@ def _channel(
         unit = "1"
     if unit is None:
         if table.rows is None:
-            field, told = f"unit of {name} ({foreign.label})", "say it: bar, kPa, N, mm, V, 1, .."
+            field, problem = f"unit of {name} ({foreign.label})", "say it: bar, kPa, N, mm, V, 1, .."
         else:
-            field, told = f"unit of {name}", f"write it into the header, such as '{name} [kPa]', or say it"
-        raise InputError(field, None, f"has no unit: {told}", where=where, remedy=f"unit {name}")
+            field, problem = f"unit of {name}", f"write it into the header, such as '{name} [kPa]', or say it"
+        raise InputError(field, None, f"has no unit: {problem}", where=where, remedy=f"unit {name}")
     si, scale, offset = si_of(unit, field=f"unit of {name} ({foreign.label})", where=where)
     if scale != 1.0 or offset:
         values = values * scale + offset

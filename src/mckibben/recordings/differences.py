@@ -23,15 +23,15 @@ def facts(meta: Mapping[str, JsonValue], *, everything: bool = False) -> dict[st
         meta: metadata of the recording.
         everything: results and descriptions, too.
     """
-    found: dict[str, str] = {}
+    facts_by_name: dict[str, str] = {}
     for path, value in _flat(meta, ""):
         top = path.partition(".")[0]
         if path.endswith((".unit", ".low", ".high", ".about", ".schema")) and not everything:
             continue
         if not everything and (top in _RESULTS or isinstance(value, list | tuple)):
             continue
-        found.setdefault(path if everything else _short(path), _text(value))
-    return found
+        facts_by_name.setdefault(path if everything else _short(path), _text(value))
+    return facts_by_name
 
 
 def differing(metas: Sequence[Mapping[str, JsonValue]], *, everything: bool = False) -> dict[str, list[str]]:
@@ -60,10 +60,10 @@ def differing(metas: Sequence[Mapping[str, JsonValue]], *, everything: bool = Fa
 
 def labels(metas: Sequence[Mapping[str, JsonValue]], names: Iterable[str] | None = None) -> list[str]:
     """Distinguish each recording from the others in a few words, or by its number."""
-    found = differing(metas)
-    chosen = [name for name in (found if names is None else names) if name != "title"] or list(found)
+    values = differing(metas)
+    chosen = [name for name in (values if names is None else names) if name != "title"] or list(values)
     rows = [
-        ", ".join(filter(None, (found[name][i] for name in chosen[:2] if name in found))) for i in range(len(metas))
+        ", ".join(filter(None, (values[name][i] for name in chosen[:2] if name in values))) for i in range(len(metas))
     ]
     return [row or str(i + 1) for i, row in enumerate(rows)]
 

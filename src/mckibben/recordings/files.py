@@ -186,11 +186,11 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
     if period is not None or "time" in columns or timed or any(c.time is not None for c in table.columns):
         return "recording"
     if not table.columns or not len(table.columns[0].values):
-        told = "the file is empty; it must have a header and rows of numbers"
-        raise InputError("file", "empty", told, sentence=told, where=where)
+        problem = "the file is empty; it must have a header and rows of numbers"
+        raise InputError("file", "empty", problem, sentence=problem, where=where)
     if not table.named:
-        told = "the file has no header; name its columns by number, such as time 1 and pressure 2"
-        raise InputError("columns", "not given", told, sentence=told, where=where, remedy="column time")
+        problem = "the file has no header; name its columns by number, such as time 1 and pressure 2"
+        raise InputError("columns", "not given", problem, sentence=problem, where=where, remedy="column time")
     usable = table if table.rows is not None else even_table(table, where)
     try:
         choose_map_columns(table_labels(usable), columns, where)
@@ -202,9 +202,9 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
         likely = likely_columns(table_labels(usable))
         if len(likely) > 1:
             needs += f" (by their units {', '.join(f'{column} may be the {one}' for one, column in likely.items())})"
-        told = f"the columns are {', '.join(labels)}; {needs}"
+        problem = f"the columns are {', '.join(labels)}; {needs}"
         remedy = f"column {next(iter(likely), 'time')}"
-        raise InputError("columns", ", ".join(labels), needs, sentence=told, where=where, remedy=remedy) from None
+        raise InputError("columns", ", ".join(labels), needs, sentence=problem, where=where, remedy=remedy) from None
     return "map"
 
 
@@ -230,12 +230,12 @@ def _recording_uses(table: ForeignTable, recording: Recording, units: Mapping[st
 def _map_uses(table: ForeignTable, columns: Mapping[str, str | int], units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
     labels = table_labels(table)
     chosen = {label: quantity for quantity, label in choose_map_columns(labels, columns, "").items()}
-    given = {{"force": "tension"}.get(name, name): unit for name, unit in units.items()}
+    units_by_name = {{"force": "tension"}.get(name, name): unit for name, unit in units.items()}
     uses = []
     for column, label in zip(table.columns, labels, strict=True):
         quantity = chosen.get(label, "")
         unit, absolute = unit_of(label, quantity)
-        unit = given.get(quantity) or (
+        unit = units_by_name.get(quantity) or (
             "" if quantity == "branch" or unit is None else f"{unit} abs" if absolute else unit
         )
         uses.append(ColumnUse(column.label, quantity, unit))
@@ -263,8 +263,8 @@ def read_recording(path: str | Path) -> Recording:
     # A log that is damaged where it says that it is one still has its samples.
     content = read_log(path) if path.suffix.lower() == ".mcap" else load(path)
     if isinstance(content, ForeignTable):
-        told = "this is no recording of mckibben; a table of others is converted into one first"
-        raise InputError("file", path.name, told, sentence=told, where=str(path))
+        problem = "this is no recording of mckibben; a table of others is converted into one first"
+        raise InputError("file", path.name, problem, sentence=problem, where=str(path))
     return content.recording
 
 
@@ -285,9 +285,9 @@ def read_any(
 def _refuse_options(path: Path, **options: Any) -> None:
     for option, value in options.items():
         if value:
-            told = "a recording of mckibben says these itself; they are for files of others"
+            problem = "a recording of mckibben says these itself; they are for files of others"
             shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
-            raise InputError(option.removesuffix("s"), shown, told, where=str(path))
+            raise InputError(option.removesuffix("s"), shown, problem, where=str(path))
 
 
 def read_record(

@@ -242,8 +242,8 @@ def map_of_table(
     """Make a force map of a table; see `read_force_map`."""
     where = str(path)
     header = _checked_header(table, where)
-    given = {ALIASES.get(name, name): unit for name, unit in (units or {}).items()}
-    for quantity in given:
+    units_by_name = {ALIASES.get(name, name): unit for name, unit in (units or {}).items()}
+    for quantity in units_by_name:
         if quantity not in COLUMNS:
             raise InputError("unit of", quantity, known=COLUMNS, where=where)
     chosen = choose_map_columns(header, columns or {}, where)
@@ -261,7 +261,7 @@ def map_of_table(
     for quantity, label in chosen.items():
         data[quantity] = data[quantity][keep]
         if quantity != "branch":
-            unit, absolute = _unit(label, given.get(quantity), quantity, where)
+            unit, absolute = _unit(label, units_by_name.get(quantity), quantity, where)
             shortens = quantity == "contraction" and converts(unit, "m")  # such as the travel of a testing machine
             scale = to_si(1.0, unit, "m" if shortens else UNITS[quantity], field=label, where=where)
             data["shortening" if shortens else quantity] = data[quantity] * scale - (ambient if absolute else 0.0)
@@ -359,8 +359,8 @@ def choose_map_columns(header: list[str], columns: Mapping[str, str | int], wher
         asked[quantity] = _asked_column(header, column, quantity, where)
     for quantity, match in recognise_columns(header).items():
         if len(match) > 1 and quantity not in asked:
-            told = f"several columns may be the {quantity}; say which one is"
-            raise InputError(quantity, ", ".join(match), told, where=where, remedy=f"column {quantity}")
+            problem = f"several columns may be the {quantity}; say which one is"
+            raise InputError(quantity, ", ".join(match), problem, where=where, remedy=f"column {quantity}")
         if match[0] not in asked.values():
             asked.setdefault(quantity, match[0])
     asked = {quantity: column for quantity, column in asked.items() if column != LEFT_OUT}
@@ -389,8 +389,8 @@ def _asked_column(header: list[str], column: str | int, quantity: str, where: st
 
 
 def _no_column(quantity: str, header: list[str], where: str) -> InputError:
-    told = f"is missing: the file has {', '.join(header)}; say which one it is"
-    return InputError(quantity, None, told, where=where, remedy=f"column {quantity}")
+    problem = f"is missing: the file has {', '.join(header)}; say which one it is"
+    return InputError(quantity, None, problem, where=where, remedy=f"column {quantity}")
 
 
 def unit_of(column: str, quantity: str) -> tuple[str | None, bool]:
@@ -399,18 +399,18 @@ def unit_of(column: str, quantity: str) -> tuple[str | None, bool]:
     return source.unit or ("1" if quantity == "contraction" else None), source.reference == "absolute"
 
 
-def _unit(column: str, given: str | None, quantity: str, where: str) -> tuple[str, bool]:
+def _unit(column: str, stated: str | None, quantity: str, where: str) -> tuple[str, bool]:
     unit, absolute = unit_of(column, quantity)
-    if given is not None:
-        unit, _, reference = given.partition(" ")
+    if stated is not None:
+        unit, _, reference = stated.partition(" ")
         if quantity != "pressure" or reference.lower() not in (*ABSOLUTE, *GAUGE, ""):
-            unit = given
+            unit = stated
         elif reference:
             absolute = reference.lower() in ABSOLUTE
     if unit is None:
         example = f"{quantity}_{'bar' if quantity == 'pressure' else UNITS[quantity]}"
-        told = f"has no unit: write it into the header, such as {example}, or say it"
-        raise InputError(column, None, told, where=where, remedy=f"unit {quantity}")
+        problem = f"has no unit: write it into the header, such as {example}, or say it"
+        raise InputError(column, None, problem, where=where, remedy=f"unit {quantity}")
     return unit, absolute
 
 

@@ -144,10 +144,10 @@ def writer_of(path: Path) -> FileFormat:
     Raises:
         InputError: no format has the suffix, or its files are only read.
     """
-    found = format_of(path)
-    if found is None or found.write is None:
+    file_format = format_of(path)
+    if file_format is None or file_format.write is None:
         raise InputError("suffix", path.suffix or str(path), known=writable(), where=str(path))
-    return found
+    return file_format
 
 
 def parts_of(path: Path) -> tuple[str, list[str]]:
@@ -195,12 +195,12 @@ def load(path: Path, **options: object) -> ImportResult | ForeignTable:
         raise InputError("suffix", path.suffix or where, known=readable(), where=where)
     if not path.is_file():
         raise not_found(where)
-    given = {name: value for name, value in options.items() if value is not None}
-    for name in given:
+    stated = {name: value for name, value in options.items() if value is not None}
+    for name in stated:
         if name not in file_format.options:
             known = f"they take {', '.join(file_format.options)}" if file_format.options else "they take no options"
-            raise InputError(name, str(given[name]), f"{file_format.title} have no such option; {known}", where=where)
+            raise InputError(name, str(stated[name]), f"{file_format.title} have no such option; {known}", where=where)
     try:
-        return file_format.read(path, **given)
+        return file_format.read(path, **stated)
     except InputError as error:
         raise error if error.where else error.at(where) from None

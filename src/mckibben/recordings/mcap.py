@@ -286,8 +286,8 @@ def read_foreign(path: Path, topic: str | None = None) -> ForeignTable:
         for one in records_inside(record.body) if record.opcode == CHUNK else (record,):
             _add_record(one, topics, schemas, messages)
     if not messages:
-        told = "the MCAP file has no message that can be read"
-        raise InputError("file", "no messages", told, sentence=told, where=where)
+        problem = "the MCAP file has no message that can be read"
+        raise InputError("file", "no messages", problem, sentence=problem, where=where)
     names = sorted({one.name for one in topics.values()})
     if topic is not None and topic not in names:
         raise InputError("topic", topic, known=names, where=where)

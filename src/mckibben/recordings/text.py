@@ -67,8 +67,8 @@ def _read_cells(path: Path, where: str) -> tuple[Rows, list[str]]:
     try:
         return _cells(path)
     except (UnicodeDecodeError, EOFError, OSError, zlib.error, csv.Error) as error:
-        told = f"the file is unreadable as a CSV text file: {error}"
-        raise InputError("file", "unreadable", "must be a text file", sentence=told, where=where) from None
+        problem = f"the file is unreadable as a CSV text file: {error}"
+        raise InputError("file", "unreadable", "must be a text file", sentence=problem, where=where) from None
 
 
 def read_text_table(path: Path) -> ForeignTable:
@@ -289,8 +289,8 @@ def with_points(cells: Sequence[str], numbers: Sequence[int], column: str, where
         odd, usual = sorted((commas, points), key=len)
         at, other = f"{column}, row {numbers[odd[0]]}", f"{plain[usual[0]]!r} in row {numbers[usual[0]]}"
         demand = "a column must not have both decimal points and decimal commas"
-        told = f"{at}: {plain[odd[0]]!r} is no number beside {other}; {demand}"
-        raise InputError(at, plain[odd[0]], demand, sentence=told, where=where)
+        problem = f"{at}: {plain[odd[0]]!r} is no number beside {other}; {demand}"
+        raise InputError(at, plain[odd[0]], demand, sentence=problem, where=where)
     return [_pointed(c) for c in plain]
 
 
@@ -310,8 +310,8 @@ def check_width(rows: Rows, width: int, wanted: str, where: str) -> None:
     for number, row in rows:
         if len(row) != width:
             count = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
-            told = f"row {number} has {count}, and {wanted}"
-            raise InputError(f"row {number}", count, wanted, sentence=told, where=where)
+            problem = f"row {number} has {count}, and {wanted}"
+            raise InputError(f"row {number}", count, wanted, sentence=problem, where=where)
 
 
 def rows_left_out(numbers: Sequence[int], reason: str) -> str:

@@ -109,24 +109,24 @@ def _row(row: PropertyRow) -> TableRow:
     return TableRow((row.property.title, unit_text(row.property.unit), *values, published), note=note)
 
 
-def _match(found: Match) -> list[Block]:
-    title = f"{found.muscle.id} with elements, towards {found.target.id}"
+def _match(match: Match) -> list[Block]:
+    title = f"{match.muscle.id} with elements, towards {match.target.id}"
     rows = tuple(
         TableRow(
             (
                 CURVES.get(n, "Together" if n == "all" else n.replace("_", " ")),
-                significant(found.rms_before[n], 3),
-                significant(found.rms_after[n], 3),
+                significant(match.rms_before[n], 3),
+                significant(match.rms_after[n], 3),
             )
         )
-        for n in found.rms_before
+        for n in match.rms_before
     )
     curves = ReportTable(
         (TableColumn("Curve"), TableColumn("As built", number=True), TableColumn("With elements", number=True)),
         rows,
         "Root mean square difference over the tension at rest length",
     )
-    elements = tuple(TableRow((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in found.parameters)
+    elements = tuple(TableRow((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in match.parameters)
     columns = (
         TableColumn("Element"),
         TableColumn("As built", number=True),
@@ -134,8 +134,8 @@ def _match(found: Match) -> list[Block]:
         TableColumn("", wide=True),
     )
     blocks: list[Block] = [Heading(title), curves, ReportTable(columns, elements)]
-    if found.simulated is not None:
-        words = f"The twitch with elements on the test machine, circuit and all: {significant(found.rms_simulated, 3)}."
+    if match.simulated is not None:
+        words = f"The twitch with elements on the test machine, circuit and all: {significant(match.rms_simulated, 3)}."
         blocks.append(Paragraph(words))
     return blocks
 

@@ -184,8 +184,8 @@ def _walk(table: Any, name: str) -> Any:
     return table
 
 
-def _lines(given: Any) -> list[str]:
-    return [minus(f"{name} {text}".strip()) for name, text in flat(given)]
+def _lines(stated: Any) -> list[str]:
+    return [minus(f"{name} {text}".strip()) for name, text in flat(stated)]
 
 
 def _printed(one: SpecimenNumber) -> str:

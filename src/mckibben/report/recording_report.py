@@ -260,8 +260,8 @@ def calibration(meta: Mapping[str, JsonValue]) -> list[Block]:
     return [KeyValues(pairs), Paragraph(words, "quiet"), ReportTable(columns, rows)]
 
 
-def _terms(found: Calibration, when: str) -> Iterator[TableRow]:
-    for channel, one in found.corrections.items():
+def _terms(calibration: Calibration, when: str) -> Iterator[TableRow]:
+    for channel, one in calibration.corrections.items():
         for name, term in one.terms.items():
             unit = {"gain": "1", "skew": "s"}.get(name, one.unit)
             shown = person_unit(unit)

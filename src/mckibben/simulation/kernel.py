@@ -218,13 +218,13 @@ class SampleKernel:
         """Carries and observations of some lanes after a sample, (lanes, numbers)."""
         function, size = self.programs.step(steps.stiff), len(lanes)
         timing = np.float64(self.period), np.int64(self.inner * steps.split)
-        given = [x[:, lanes] if x.ndim == 2 else x for x in (self.plant, source, self._commands)]
+        inputs = [x[:, lanes] if x.ndim == 2 else x for x in (self.plant, source, self._commands)]
         if size >= FEW:
             padded = -(-size // BLOCK) * BLOCK
-            given = [np.pad(x, ((0, 0), (0, padded - size)), "edge") if x.ndim == 2 else x for x in given]
-            carry, observed = function(*given, *timing, lanes=padded, mode=MODE)
+            inputs = [np.pad(x, ((0, 0), (0, padded - size)), "edge") if x.ndim == 2 else x for x in inputs]
+            carry, observed = function(*inputs, *timing, lanes=padded, mode=MODE)
             return carry.T[:size], observed.T[:size]
-        each = [[x[:, k] if x.ndim == 2 else x for x in given] for k in range(size)]
+        each = [[x[:, k] if x.ndim == 2 else x for x in inputs] for k in range(size)]
         ends = [function(*one, *timing, mode=MODE) for one in each]
         return np.array([end[0] for end in ends]), np.array([end[1] for end in ends])
 
@@ -261,17 +261,17 @@ class SampleKernel:
     def _bound(self, stiff: bool, source: int) -> Callable[[], None]:
         """A call that goes from one of the carries to the other."""
         function = self.programs.step(stiff)
-        given = [self.plant, self._carries[source], self._commands, np.float64(self.period), self._inner]
+        inputs = [self.plant, self._carries[source], self._commands, np.float64(self.period), self._inner]
         wanted = [self._carries[1 - source], self._observed]
         if function.engine != "native":
-            return functools.partial(_by_xla, function, given, wanted, self._padded)
-        arrays = [np.asarray(a) for a in given]
+            return functools.partial(_by_xla, function, inputs, wanted, self._padded)
+        arrays = [np.asarray(a) for a in inputs]
         return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE)
 
 
-def _by_xla(function: EngineFunction, given: Sequence[Tree], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
+def _by_xla(function: EngineFunction, inputs: Sequence[Tree], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
     """The same call where there is no kernel."""
-    for target, value in zip(wanted, function(*given, lanes=lanes), strict=True):
+    for target, value in zip(wanted, function(*inputs, lanes=lanes), strict=True):
         target[...] = value
 
 

@@ -44,8 +44,8 @@ def read_loop(folder: str | Path) -> PathRecord:
     bar = SENSOR * numbers["p_sensor_V"] + SENSOR_ZERO
     off = float(np.abs(np.maximum(bar, 0.0) - numbers["p_bar_gauge"]).max())
     if off > AGREES:
-        given = f"{SENSOR:g} bar/V less {-SENSOR_ZERO:g} bar, which the volts give"
-        problem = f"must be within {AGREES:g} bar of {given}, got {off:.3g} bar off"
+        scale = f"{SENSOR:g} bar/V less {-SENSOR_ZERO:g} bar, which the volts give"
+        problem = f"must be within {AGREES:g} bar of {scale}, got {off:.3g} bar off"
         raise InputError("p_bar_gauge", None, problem, where=str(path))
     _only(words, ("up", "down"), "branch", path)
     record = PathRecord(

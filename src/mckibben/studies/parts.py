@@ -152,12 +152,12 @@ def list_parts(
     """
     if kind is not None and kind not in KINDS:
         raise InputError("kind", kind, known=KINDS)
-    found = [part for name in KINDS if kind in (None, name) for part in _OF_KIND[name]()]
+    listed = [part for name in KINDS if kind in (None, name) for part in _OF_KIND[name]()]
     if min_flow is not None:
-        found = _compared(found, "min_flow", FLOWS, float(in_si(min_flow, "m^3/s", field="min_flow")), 1.0)
+        listed = _compared(listed, "min_flow", FLOWS, float(in_si(min_flow, "m^3/s", field="min_flow")), 1.0)
     if max_mass is not None:
-        found = _compared(found, "max_mass", ("mass",), float(in_si(max_mass, "kg", field="max_mass")), -1.0)
-    return tuple(found)
+        listed = _compared(listed, "max_mass", ("mass",), float(in_si(max_mass, "kg", field="max_mass")), -1.0)
+    return tuple(listed)
 
 
 def _compared(
@@ -327,20 +327,20 @@ def _published(kind: str, name: str) -> list[ListedPart]:
 
 
 def _laws() -> list[ListedPart]:
-    found = []
+    listed = []
     for name in LAWS:
         law = law_type(name)
         numbers = tuple(
             PartNumber(key, None, q.unit, *q.bounds, note=f"{q.doc}{f' ({q.symbol})' if q.symbol else ''}")
             for key, q in declared(law).items()
         )
-        found.append(_made("laws", name, law.title, "", numbers, law.cites))
-    return found
+        listed.append(_made("laws", name, law.title, "", numbers, law.cites))
+    return listed
 
 
 def _muscles() -> list[ListedPart]:
-    found = [part_of_specimen(spec) for spec in specimens() if spec.kind != "valve"]
-    return found + [dataclasses.replace(p, named_in=CUT_TO_LENGTH) for p in _published("muscles", "fluidic_muscle")]
+    listed = [part_of_specimen(spec) for spec in specimens() if spec.kind != "valve"]
+    return listed + [dataclasses.replace(p, named_in=CUT_TO_LENGTH) for p in _published("muscles", "fluidic_muscle")]
 
 
 _OF_KIND: dict[str, Callable[[], list[ListedPart]]] = {

@@ -58,26 +58,26 @@ of one make differ is told by one row only: numbers of a measured DMSP-20-300 on
 was held against a muscle that had worn, or that was warm."""
 
 
-def page(found: Validation, *, figure: str = "", version: str = "") -> str:
+def page(validation: Validation, *, figure: str = "", version: str = "") -> str:
     """Compose the page.
 
     Args:
-        found: the results.
+        validation: the results.
         figure: path of the figure, as seen from the page; none by default.
         version: version of the package that computed it.
     """
-    parts = [FRONT, "# Validation", HEAD, INTRO, _seen(found, version)]
-    if found.static:
-        parts += ["## All laws on all static data", _summary(found.static)]
+    parts = [FRONT, "# Validation", HEAD, INTRO, _seen(validation, version)]
+    if validation.static:
+        parts += ["## All laws on all static data", _summary(validation.static)]
         if figure:
             parts.append(f"![Errors of every law on every static data set]({figure})")
         parts.append(LEGEND)
-    for one in found.static:
+    for one in validation.static:
         parts += [f"## {one.of.title}", _described(one), _table_of(one), *_notes(one)]
-    if found.loops:
-        parts += ["## Friction and creep: a loop and two steps of a DMSP-10-250", *_loops(found.loops)]
-    if found.jumps:
-        parts += ["## Air: the jumping robot", *_jumps(found)]
+    if validation.loops:
+        parts += ["## Friction and creep: a loop and two steps of a DMSP-10-250", *_loops(validation.loops)]
+    if validation.jumps:
+        parts += ["## Air: the jumping robot", *_jumps(validation)]
     return "\n\n".join([*parts, END]) + "\n"
 
 
@@ -99,21 +99,22 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(c.replace("|", "\\|").replace("\n", " ") for c in cells) + " |"
 
 
-def _seen(found: Validation, version: str) -> str:
+def _seen(validation: Validation, version: str) -> str:
     rows = [
-        [r.of.title, f"{len(r.points)}", f"{r.points.largest:.1f} N", r.of.source, r.of.licence] for r in found.static
+        [r.of.title, f"{len(r.points)}", f"{r.points.largest:.1f} N", r.of.source, r.of.licence]
+        for r in validation.static
     ]
-    if found.loops:
-        count = len(found.loops.record.pressure)
+    if validation.loops:
+        count = len(validation.loops.record.pressure)
         source = "public repository tbazina/pam_lqi_pid"
         rows.append(["Loop and creep of a DMSP-10-250", f"{count}", DASH, source, "none stated: read, not copied"])
-    if found.jumps:
+    if validation.jumps:
         source = "public repository borglab/GTDynamics, Georgia Tech Research Corp."
-        rows.append(["Jumping robot", f"{len(found.jumps)} jumps", DASH, source, "BSD-style: read, not copied"])
+        rows.append(["Jumping robot", f"{len(validation.jumps)} jumps", DASH, source, "BSD-style: read, not copied"])
     heading = f"Computed with version {version} from these data:" if version else "Computed from these data:"
     lines = [heading, _left(["data", "points", "largest tension", "source", "licence"], rows)]
-    if found.absent:
-        absent = "; ".join(f"{name} (`{file}`)" for name, file in found.absent.items())
+    if validation.absent:
+        absent = "; ".join(f"{name} (`{file}`)" for name, file in validation.absent.items())
         lines.append(f"**Not at hand when this page was made**, and so not on it: {absent}.")
     return "\n\n".join(lines)
 
@@ -242,7 +243,7 @@ def _loops(study: LoopStudy) -> list[str]:
     return [table(["what is predicted", "model", "rms, seen", "rms, unseen", "largest, unseen"], rows), text]
 
 
-def _jumps(found: Validation) -> list[str]:
+def _jumps(validation: Validation) -> list[str]:
     rows = [
         [
             f"`{j.name}`",
@@ -252,7 +253,7 @@ def _jumps(found: Validation) -> list[str]:
             f"{1e3 * j.lead:+.1f} ms".replace("-", "−"),
             "" if j.converged else "stopped at the limit of evaluations",
         ]
-        for j in found.jumps
+        for j in validation.jumps
     ]
     columns = ["jump left out", "rms of the jumps fitted", "rms, predicted", "largest, predicted", "furthest lead", ""]
     text = (

@@ -52,8 +52,8 @@ class ReaderProcess:
         passes: how often the function reads the file, for `share`.
     """
 
-    def __init__(self, function: Callable[..., Any], path: Path, *given: Any, passes: int = 1) -> None:
-        self._function, self._path, self._given, self._passes = function, path, given, passes
+    def __init__(self, function: Callable[..., Any], path: Path, *arguments: Any, passes: int = 1) -> None:
+        self._function, self._path, self._given, self._passes = function, path, arguments, passes
         self._stop, self._begun = threading.Event(), 0.0
         self._share = 0.0
 
@@ -135,15 +135,15 @@ def return_large_blocks() -> None:
         ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, ctypes.c_int(BLOCK))
 
 
-def read_outside(function: Callable[..., T], path: Path, *given: object) -> T:
+def read_outside(function: Callable[..., T], path: Path, *arguments: object) -> T:
     """Call a function with a file: in a separate process if the file is large, else at once.
 
     Raises:
         MckibbenError: as the function and `ReaderProcess` do.
     """
     if is_small(path):
-        return function(path, *given)
-    result: T = ReaderProcess(function, path, *given).result()
+        return function(path, *arguments)
+    result: T = ReaderProcess(function, path, *arguments).result()
     return result
 
 
@@ -174,7 +174,7 @@ def check_rows(path: Path, most: int, use: str) -> None:
         raise MckibbenError(f"{has}. Keep one in {-(-count // most)} of them, or a part of the file.")
 
 
-def _serve(line: Connection, function: Callable[..., Any], path: Path, given: tuple[Any, ...], passes: int) -> None:
+def _serve(line: Connection, function: Callable[..., Any], path: Path, arguments: tuple[Any, ...], passes: int) -> None:
     """Call the function and send its result or its error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
@@ -183,7 +183,7 @@ def _serve(line: Connection, function: Callable[..., Any], path: Path, given: tu
     lock = threading.Lock()
     threading.Thread(target=_tell, args=(line, lock, path, passes), daemon=True).start()
     try:
-        answer: tuple[str, Any] = ("done", function(path, *given))
+        answer: tuple[str, Any] = ("done", function(path, *arguments))
     except MckibbenError as error:
         answer = ("refused", error)
     except MemoryError:

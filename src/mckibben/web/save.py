@@ -149,8 +149,8 @@ def sent_chart(document: object) -> dict[str, JsonValue]:
     return chart
 
 
-def _quantity(given: Mapping[str, Any]) -> str:
-    quantity = str(given.get("quantity") or "")
+def _quantity(document: Mapping[str, Any]) -> str:
+    quantity = str(document.get("quantity") or "")
     return quantity if quantity in QUANTITIES else ""
 
 

@@ -21,7 +21,7 @@ PROGRESS = 0.25  # time between two words on how far a file is read [s]
 AWAY = 5.0  # time for which a page may lose its line before what it reads is stopped [s]
 
 
-async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *given: Any) -> Any:
+async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *arguments: Any) -> Any:
     """Run slow work in another thread; `place` keeps its size and shows a label.
 
     Returns:
@@ -31,7 +31,7 @@ async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *g
     with place, loading(words):
         pass
     try:
-        result = await asyncio.to_thread(work, *given)
+        result = await asyncio.to_thread(work, *arguments)
     except MckibbenError as error:
         place.clear()
         with place:
@@ -42,7 +42,7 @@ async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *g
 
 
 async def read_with_progress(
-    place: Element, words: str, work: Callable[..., Any], path: Path, *given: Any, passes: int = 1
+    place: Element, words: str, work: Callable[..., Any], path: Path, *arguments: Any, passes: int = 1
 ) -> Any:
     """Read a file, in a separate process if it is large; `place` shows the progress, and a button to stop.
 
@@ -53,7 +53,7 @@ async def read_with_progress(
         words: that say what is done.
         work: function of a module that is given the path and `given`.
         path: the file.
-        given: further arguments.
+        arguments: further arguments.
         passes: how often the function reads the file.
 
     Raises:
@@ -64,10 +64,10 @@ async def read_with_progress(
         with place, loading(words):
             pass
         try:
-            return await asyncio.to_thread(work, path, *given)
+            return await asyncio.to_thread(work, path, *arguments)
         finally:
             place.clear()
-    reader, document = ReaderProcess(work, path, *given, passes=passes), page_document()
+    reader, document = ReaderProcess(work, path, *arguments, passes=passes), page_document()
     with place, box("div", "reading").set(role="status"):
         progress = text("span", words)
         line = raw("<i></i>", "div", "line")

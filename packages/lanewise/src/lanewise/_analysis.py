@@ -138,8 +138,8 @@ def find_homes(graph: Graph, live: Liveness) -> dict[Any, Loop | None]:
     outer: dict[Loop, set[Loop]] = {x: set() for x in live.loops}  # what is used inside and stands outside
     ends: dict[Loop, int] = {}
 
-    def deepest(found: Iterable[Loop | None]) -> Loop | None:
-        return max((x for x in found if x is not None), key=lambda x: x.depth, default=None)
+    def deepest(loops: Iterable[Loop | None]) -> Loop | None:
+        return max((x for x in loops if x is not None), key=lambda x: x.depth, default=None)
 
     def uses(loop: Loop, node: Node) -> None:
         at = home[node]

@@ -210,8 +210,8 @@ def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequen
         return [jax.ShapeDtypeStruct((*batch, *x.shape), DTYPES[x.kind or "real"]) for x in leaves(kernels, **more)]
 
     def call(*arrays: Any, kernels: Derivatives, depth: int, **more: Any) -> Any:
-        def on_host(*given: Any) -> Any:
-            return host(kernels, [np.asarray(x) for x in given], depth, **more)
+        def on_host(*arguments: Any) -> Any:
+            return host(kernels, [np.asarray(x) for x in arguments], depth, **more)
 
         return jax.pure_callback(on_host, shapes(*arrays, kernels=kernels, depth=depth, **more), *arrays)
 

@@ -493,7 +493,7 @@ def _invert(body: Memory, node: Node) -> str:
 NOT_NORMAL = 0x2F7  # of LLVM's classes of numbers all but those of normal ones
 
 
-def _one_by_one(body: Memory, odd: str, vector: bool, kind: str, d: list[str], found: list[str]) -> list[str]:
+def _one_by_one(body: Memory, odd: str, vector: bool, kind: str, d: list[str], lines: list[str]) -> list[str]:
     """Past a branch that is hardly ever taken: the reciprocals where `odd` is not true, and divisions where it is."""
     some = odd
     if vector:
@@ -503,12 +503,12 @@ def _one_by_one(body: Memory, odd: str, vector: bool, kind: str, d: list[str], f
     key, label = body.count, body.label
     body.lines += [f"  br i1 {some}, label %odd{key}, label %even{key}, !prof !0", f"odd{key}:"]
     blended = []
-    for x, value in zip(d, found, strict=True):
+    for x, value in zip(d, lines, strict=True):
         divided = body.emit(f"fdiv {kind} {_one(body, vector)}, {x}")
         blended.append(body.emit(f"select {body.type('bool', vector)} {odd}, {kind} {divided}, {kind} {value}"))
     body.lines += [f"  br label %even{key}", f"even{key}:"]
     body.label = f"even{key}"
-    pairs = zip(found, blended, strict=True)
+    pairs = zip(lines, blended, strict=True)
     return [body.emit(f"phi {kind} [ {a}, %{label} ], [ {b}, %odd{key} ]") for a, b in pairs]
 
 

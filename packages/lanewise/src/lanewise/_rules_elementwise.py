@@ -459,5 +459,5 @@ def _custom_linear_solve(t: Tracer, eqn: Any, *values: Any) -> Any:
     left = t.closed(jaxprs.matvec, [*parts["matvec"], *still])
     rest = [elementwise(g, lambda b, ax: g.make("sub", (b, ax)), *pair) for pair in zip(wanted, left, strict=True)]
     more = t.closed(jaxprs.solve, [*parts["solve"], *rest])
-    told = lambda x, y: g.make("given", (x, y, g.const(1.0)), kind="real")  # noqa: E731
-    return [unwrap_scalar(elementwise(g, told, x, y)) for x, y in zip(solution, more, strict=True)]
+    given_values = lambda x, y: g.make("given", (x, y, g.const(1.0)), kind="real")  # noqa: E731
+    return [unwrap_scalar(elementwise(g, given_values, x, y)) for x, y in zip(solution, more, strict=True)]

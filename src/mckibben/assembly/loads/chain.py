@@ -204,11 +204,11 @@ class LinkChain(Load):
     ) -> dict[str, Scalar]:
         """Angle [rad], its rate [rad/s] and the muscles' moment [N m] of each joint by the name of its link; the tip [m]."""
         across, height = self.tip(state)
-        found: dict[str, Scalar] = {"tip_across": across, "tip_height": height}
+        outputs: dict[str, Scalar] = {"tip_across": across, "tip_height": height}
         moments = self.muscle_moments(state, tensions)
         for name, angle, velocity, moment in zip(self.order, state.angle, state.velocity, moments, strict=True):
-            found |= {f"angle_{name}": angle, f"angular_velocity_{name}": velocity, f"moment_{name}": moment}
-        return found
+            outputs |= {f"angle_{name}": angle, f"angular_velocity_{name}": velocity, f"moment_{name}": moment}
+        return outputs
 
 
 def _running_sums(values: tuple[Scalar, ...]) -> list[Scalar]:

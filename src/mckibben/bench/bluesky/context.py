@@ -73,11 +73,11 @@ class DeviceContext:
         unit, kind, meaning = self.kinds[channel]
         fine = self.session.setup.limits.resolution.get(channel.removeprefix("command."))
         digits = {} if not fine else {"precision": max(0, math.ceil(-math.log10(fine)))}
-        found: Any = {
+        described: Any = {
             "source": f"{self.place}/{channel}", "dtype": "number", "dtype_numpy": "<f8", "shape": [], "units": unit,
             "kind": kind, "meaning": meaning, **digits, **more,
         }  # fmt: skip
-        key: DataKey = found
+        key: DataKey = described
         return key
 
     def stamp(self, when: float) -> float:
@@ -164,10 +164,10 @@ class ChannelBackend(SignalBackend[float]):
         self._follower = None if callback is None else asyncio.get_running_loop().create_task(self._follow(callback))
 
     async def _follow(self, callback: Callback[Reading[float]]) -> None:
-        told = -1.0
+        last = -1.0
         while not self.context.session.gone:
             reading = await self.get_reading()
-            if reading["timestamp"] != told:
-                told = reading["timestamp"]
+            if reading["timestamp"] != last:
+                last = reading["timestamp"]
                 callback(reading)
             await asyncio.sleep(LOOK)

@@ -167,8 +167,8 @@ class ProtocolFlyer(
 
     async def describe_collect(self) -> JsonValue:
         """Return the channels; by the name of their stream where the plan does not declare it."""
-        found = {self.context.key(n): self.context.described(n) for n in self.context.names}
-        return found if self.declared else {self.name: found}
+        keys = {self.context.key(n): self.context.described(n) for n in self.context.names}
+        return keys if self.declared else {self.name: keys}
 
     def collect_pages(self) -> Iterator[PartialEventPage]:
         """Yield the recording in pages of events, once; nothing before the end of the run.

@@ -55,7 +55,7 @@ def write_calibration(calibration: Calibration, path: str | os.PathLike[str]) ->
     return write_text(path, tomlkit.dumps(document(calibration)), field="calibration")
 
 
-def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> Calibration:
+def merged(path: Path, rig: str, corrections: Mapping[str, Correction], date: str) -> Calibration:
     """Return the calibration of a file, updated with new corrections; a new calibration if there is no such file.
 
     Raises:
@@ -64,7 +64,7 @@ def merged(path: Path, rig: str, found: Mapping[str, Correction], date: str) -> 
     before = read_calibration(path) if path.exists() else Calibration(rig=rig, created=date)
     if before.rig != rig:
         raise InputError("rig", rig, f"the calibration is of {before.rig}; choose another file", where=str(path))
-    return before.updated(found, date)
+    return before.updated(corrections, date)
 
 
 def document(calibration: Calibration) -> dict[str, JsonValue]:

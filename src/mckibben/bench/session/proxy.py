@@ -64,8 +64,8 @@ def _forwarded(method: F, otherwise: object = REFUSE) -> F:
     """Return a method that asks the session in the other process; a lost machine gives another value, or an error."""
 
     @functools.wraps(method, updated=())
-    def ask(self: SessionProxy, *given: Any, **named: Any) -> Any:
-        return self.ask(method.__name__, *given, otherwise=otherwise, **named)
+    def ask(self: SessionProxy, *arguments: Any, **named: Any) -> Any:
+        return self.ask(method.__name__, *arguments, otherwise=otherwise, **named)
 
     return cast(F, ask)
 
@@ -145,25 +145,25 @@ class SessionProxy(MachineSession):
     def _renew_button(self) -> None:
         self.button = EmergencyStop(lambda reason, ordinary: self._send(0, "press", reason, ordinary=ordinary))
 
-    def _send(self, number: int, what: str, *given: Any, **named: Any) -> None:
+    def _send(self, number: int, what: str, *arguments: Any, **named: Any) -> None:
         if self._sender == threading.get_ident():  # a signal that presses the button came while this thread was sending
-            threading.Thread(target=self._send, args=(number, what, *given), kwargs=named, daemon=True).start()
+            threading.Thread(target=self._send, args=(number, what, *arguments), kwargs=named, daemon=True).start()
             return
         with self._sending, contextlib.suppress(OSError, ValueError):
             self._sender = threading.get_ident()
             try:
-                self._line.send((number, what, given, named))
+                self._line.send((number, what, arguments, named))
             finally:
                 self._sender = 0
 
     def ask(
-        self, what: str, *given: Any, otherwise: Any = REFUSE, hear: Callable[..., None] | None = None, **named: Any
+        self, what: str, *arguments: Any, otherwise: Any = REFUSE, hear: Callable[..., None] | None = None, **named: Any
     ) -> Any:
         """Return an attribute of the session, or what a method of it returns.
 
         Args:
             what: its name.
-            *given: arguments.
+            *arguments: arguments.
             otherwise: returned if the machine is lost; while it is not ready, nobody waits for an answer either.
             hear: told what the session says before it answers.
             **named: arguments by name.
@@ -179,7 +179,7 @@ class SessionProxy(MachineSession):
             number = 0 if otherwise is not REFUSE and not self.ready else self._number
             self._waiting[number] = box
         try:
-            self._send(number, what, *given, **named)
+            self._send(number, what, *arguments, **named)
             while number:
                 kind, *said = box.get()
                 if kind == "done":
@@ -294,7 +294,7 @@ class SessionProxy(MachineSession):
             raise InputError("clock", None, "must be left out: the machine is in another process")
         prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
         state = RunState()
-        told: dict[str, Callable[..., None] | None] = {"display": display, "progress": progress}
+        listeners: dict[str, Callable[..., None] | None] = {"display": display, "progress": progress}
 
         def hear(kind: str, newer: RunState, *said: Any) -> None:
             vars(state).update(vars(newer))
@@ -307,13 +307,13 @@ class SessionProxy(MachineSession):
                 except MckibbenError as refusal:
                     error = refusal
                 self._send(0, "answer", error)
-            elif (function := told.get(kind)) is not None:
+            elif (function := listeners.get(kind)) is not None:
                 function(*said)
 
         with contextlib.ExitStack() as until:
             if log is None:
                 log = Path(until.enter_context(tempfile.TemporaryDirectory(prefix="mckibben-"))) / "run.mcap"
-            kinds = [kind for kind, function in {**told, "ask": ask}.items() if function is not None]
+            kinds = [kind for kind, function in {**listeners, "ask": ask}.items() if function is not None]
             try:
                 self.ask("run", prepared, kinds, hear=hear, log=str(Path(log).absolute()), new_machine=new_machine)
             except MckibbenError:
@@ -352,18 +352,18 @@ class SessionServer:
         self.session = session
         try:
             while True:
-                number, what, given, named = self.line.recv()
+                number, what, arguments, named = self.line.recv()
                 if what == "press":
-                    self.session.button.press(*given, **named)
+                    self.session.button.press(*arguments, **named)
                 elif what == "answer":
-                    self._answers.put(given[0])
+                    self._answers.put(arguments[0])
                 elif what == "close":
                     self._answers.put(MckibbenError(NOBODY))
                     self.session.close()
                     self.say(number, "done", None)
                     return
                 else:
-                    self._pool.submit(self._do, number, what, given, named)
+                    self._pool.submit(self._do, number, what, arguments, named)
         except (EOFError, OSError):
             self._answers.put(MckibbenError(NOBODY))
             self.session.button.press("the program that operated the machine ended")
@@ -373,11 +373,11 @@ class SessionServer:
         with self._sending, contextlib.suppress(OSError):
             self.line.send((number, *said))
 
-    def _do(self, number: int, what: str, given: tuple[Any, ...], named: dict[str, Any]) -> None:
+    def _do(self, number: int, what: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> None:
         try:
             asked = self._run if what == "run" else getattr(self.session, what)
-            given = (number, *given) if what == "run" else given
-            self.say(number, "done", asked(*given, **named) if callable(asked) else asked)
+            arguments = (number, *arguments) if what == "run" else arguments
+            self.say(number, "done", asked(*arguments, **named) if callable(asked) else asked)
         except MckibbenError as error:
             self.say(number, "refused", error)
         except BaseException as error:
@@ -398,8 +398,8 @@ class SessionServer:
                 if error is not None:
                     raise error
 
-        told: dict[str, Any] = {kind: functools.partial(tell, kind) for kind in kinds}
-        self.session.run(prepared, begun=begun, **told, **options)
+        listeners: dict[str, Any] = {kind: functools.partial(tell, kind) for kind in kinds}
+        self.session.run(prepared, begun=begun, **listeners, **options)
         self.say(number, "over", states[-1])
 
 

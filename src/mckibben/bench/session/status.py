@@ -45,8 +45,8 @@ class Messages:
         told: called with every message.
     """
 
-    def __init__(self, told: Callable[[Message], None] | None = None) -> None:
-        self._lock, self._count, self._told = threading.Lock(), 0, told
+    def __init__(self, listener: Callable[[Message], None] | None = None) -> None:
+        self._lock, self._count, self._told = threading.Lock(), 0, listener
         self._kept: deque[Message] = deque(maxlen=REMEMBERED)
 
     def say(self, text: str, time: float | None = None, kind: str = "note") -> None:
@@ -146,20 +146,20 @@ class Status:
 
     def lines(self) -> list[str]:
         """Describe the whole status, one line per value."""
-        found = [f"{self.doing()}{': ' if self.why else ''}{self.why}"]
+        lines = [f"{self.doing()}{': ' if self.why else ''}{self.why}"]
         for name, value in self.measured.items():
             own = SENSORS[name].set_point if name in SENSORS else name
             asked = self.set_points.get(own)
             text = f"{name:<15}{with_unit(value, self.units[name]):>11}"
-            found.append(text if asked is None else f"{text}   set-point {with_unit(asked, self.units[name])}")
+            lines.append(text if asked is None else f"{text}   set-point {with_unit(asked, self.units[name])}")
         for name in self.set_points.keys() - self.measured.keys():
             unit = channels.COMMANDS[f"command.{name}"][0]
-            found.append(f"{name:<15}{'':>11}   set-point {with_unit(self.set_points[name], unit)}")
+            lines.append(f"{name:<15}{'':>11}   set-point {with_unit(self.set_points[name], unit)}")
         late = self.deadlines
         half, worst = (time_words(float(f"{late.percentiles[i]:.2g}")) for i in (0, 3))
-        told = f", half of them late by {half} or more, the latest by {worst}" if late.percentiles[3] > 0.0 else ""
-        found.append(f"{self.time:.3f} s; {late.samples} samples by hand{told}")
-        return found
+        lateness = f", half of them late by {half} or more, the latest by {worst}" if late.percentiles[3] > 0.0 else ""
+        lines.append(f"{self.time:.3f} s; {late.samples} samples by hand{lateness}")
+        return lines
 
     def plain(self) -> dict[str, JsonValue]:
         """Return the status as plain data for JSON."""

@@ -26,9 +26,9 @@ class EmergencyStop:
         ordinary: whether the user ended the run, without a fault; the machine does the same.
     """
 
-    def __init__(self, told: Callable[[str, bool], None] | None = None) -> None:
+    def __init__(self, listener: Callable[[str, bool], None] | None = None) -> None:
         """Create the button, not pressed."""
-        self._pressed, self._told = threading.Event(), told
+        self._pressed, self._told = threading.Event(), listener
         self.reason, self.ordinary = "", False
 
     def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:

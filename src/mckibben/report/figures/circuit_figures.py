@@ -182,13 +182,13 @@ LETTER = 0.082  # width of a bold letter [inch]
 
 
 @style.styled()
-def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figure:
+def overview(fit: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figure:
     """Draw one column per record: absolute pressures, measured and modelled, and their difference on a common scale.
 
     Records that the fit did not see stand on grey.
 
     Args:
-        found: the fit.
+        fit: the fit.
         trials: all its records, fitted and predicted.
         title: title of the circuit.
 
@@ -207,33 +207,33 @@ def overview(found: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figur
     height = TOP + lines * each + (lines - 1) * STEP + FOOT
     column_width = (width - LEFT - KEY - (columns - 1) * BETWEEN) / columns
     fig = style.figure(width, height)
-    levels, limit = _levels(found, shown, channels), _limit(found, shown, channels)
+    levels, limit = _levels(fit, shown, channels), _limit(fit, shown, channels)
     unit = "mbar" if limit < FINE else "bar"
     for i, trial in enumerate(shown):
         line, column = divmod(i, columns)
         x, y = LEFT + column * (column_width + BETWEEN), height - TOP - line * (each + STEP)
         upper = fig.add_axes((x / width, (y - UPPER) / height, column_width / width, UPPER / height))
         lower = fig.add_axes((x / width, (y - each) / height, column_width / width, LOWER / height), sharex=upper)
-        _draw_trial(upper, lower, trial, found, channels, unit)
+        _draw_trial(upper, lower, trial, fit, channels, unit)
         upper.set_ylim(*levels)
         lower.set_ylim(from_si(-limit, "Pa", unit), from_si(limit, "Pa", unit))
         _titles(upper, lower, unit, first=column == 0)
-        _heading(upper, trial, found, int(column_width / LETTER))
+        _heading(upper, trial, fit, int(column_width / LETTER))
         if i == columns - 1:
-            _key(upper, channels, grey=not all(_fitted(found, t) for t in shown))
+            _key(upper, channels, grey=not all(_fitted(fit, t) for t in shown))
     y = 1.0 - 0.14 / height
     head = fig.text(LEFT / width, y, title, fontsize=style.NORMAL + 1.5, fontweight="bold", va="top", color=INK)
     set_margins(fig, Margins(banner=(BannerRow(head),)))
     return fig
 
 
-def _draw_trial(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, channels: Sequence[str], unit: str) -> None:
+def _draw_trial(upper: Axes, lower: Axes, trial: Trial, fit: CircuitFit, channels: Sequence[str], unit: str) -> None:
     time = trial.period * np.arange(trial.samples + 1)
     bar, fine = from_si(1.0, "Pa", "bar"), from_si(1.0, "Pa", unit)
     for i, channel in enumerate(channels):
         if channel not in trial.channels:
             continue
-        measured, predicted = np.asarray(trial.measured[channel]), found.predicted[trial.name][channel]
+        measured, predicted = np.asarray(trial.measured[channel]), fit.predicted[trial.name][channel]
         look: Any = {"color": COLOURS["pressure"], "alpha": _opacity(i, channels), "ls": _dash(i)}
         upper.plot(*thinned(time, predicted * bar), lw=style.HEAVY + 0.3, zorder=2.5, **look)
         upper.plot(*thinned(time, measured * bar), color=INK, lw=0.6, zorder=3)
@@ -241,7 +241,7 @@ def _draw_trial(upper: Axes, lower: Axes, trial: Trial, found: CircuitFit, chann
     lower.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=2)
     upper.set_xlim(float(time[0]), float(time[-1]))
     upper.tick_params(labelbottom=False)
-    if not _fitted(found, trial):
+    if not _fitted(fit, trial):
         for ax in (upper, lower):
             ax.set_facecolor(SUNKEN)
             ax.grid(color=RULE)
@@ -257,14 +257,14 @@ def _titles(upper: Axes, lower: Axes, unit: str, *, first: bool) -> None:
         ax.tick_params(labelleft=first)
 
 
-def _heading(ax: Axes, trial: Trial, found: CircuitFit, letters: int) -> None:
+def _heading(ax: Axes, trial: Trial, fit: CircuitFit, letters: int) -> None:
     name = Path(trial.name).name
     name = name if len(name) <= letters else "…" + name[1 - letters :]
     style.heading(ax, name, above=31.0)
-    errors = [e for e in found.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
+    errors = [e for e in fit.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
     rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
     largest = max(e.largest for e in errors)
-    word = "fitted" if _fitted(found, trial) else "predicted"
+    word = "fitted" if _fitted(fit, trial) else "predicted"
     text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
     style.note(ax, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
 
@@ -302,8 +302,8 @@ def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
     )
 
 
-def _fitted(found: CircuitFit, trial: Trial) -> bool:
-    return any(e.fitted for e in found.errors if e.trial == trial.name)
+def _fitted(fit: CircuitFit, trial: Trial) -> bool:
+    return any(e.fitted for e in fit.errors if e.trial == trial.name)
 
 
 def _opacity(i: int, channels: Sequence[str]) -> float:
@@ -314,12 +314,12 @@ def _dash(i: int) -> Any:
     return RECORDING_DASHES[i % len(RECORDING_DASHES)]
 
 
-def _levels(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> tuple[float, float]:
+def _levels(fit: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> tuple[float, float]:
     """Limits of the pressure axis [bar]: all measured values, and predicted ones not far beyond."""
     known = np.concatenate([np.asarray(t.measured[c]) for t in trials for c in channels if c in t.channels])
     low, high = float(known.min()), float(known.max())
     room = 0.6 * max(high - low, 0.01 * high, 1.0)
-    model = np.concatenate([found.predicted[t.name][c] for t in trials for c in channels if c in t.channels])
+    model = np.concatenate([fit.predicted[t.name][c] for t in trials for c in channels if c in t.channels])
     low, high = (
         min(low, max(float(model.min()), low - room, 0.0)),
         max(high, min(float(model.max()), high + room)),
@@ -328,11 +328,9 @@ def _levels(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str])
     return from_si(low - edge, "Pa", "bar"), from_si(high + edge, "Pa", "bar")
 
 
-def _limit(found: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> float:
+def _limit(fit: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -> float:
     """Limit of the axes of differences [Pa]: the largest one, but not more than the largest measured value."""
-    pairs = [
-        (found.predicted[t.name][c], np.asarray(t.measured[c])) for t in trials for c in channels if c in t.channels
-    ]
+    pairs = [(fit.predicted[t.name][c], np.asarray(t.measured[c])) for t in trials for c in channels if c in t.channels]
     largest = max(float(np.abs(predicted - measured).max()) for predicted, measured in pairs)
     highest = max(float(measured.max()) for _, measured in pairs)
     return 1.1 * max(min(largest, highest), 1.0)

@@ -290,28 +290,28 @@ _TITLES = {
 }
 
 
-def _matched(ax: Axes, found: Match, name: str) -> None:
+def _matched(ax: Axes, match: Match, name: str) -> None:
     scale = 1e3 if name == "twitch" else 1.0
     colour = COLOURS["tension"]
     curves = (
-        (found.target_curves, found.target.id, {"color": INK, "lw": style.LINE, "ls": "-"}),
-        (found.curves_before, f"{found.muscle.id} as built", {"color": colour, "lw": 1.0, "ls": RECORDING_DASHES[2]}),
-        (found.curves_after, "with elements", {"color": colour, "lw": style.HEAVY, "ls": "-"}),
+        (match.target_curves, match.target.id, {"color": INK, "lw": style.LINE, "ls": "-"}),
+        (match.curves_before, f"{match.muscle.id} as built", {"color": colour, "lw": 1.0, "ls": RECORDING_DASHES[2]}),
+        (match.curves_after, "with elements", {"color": colour, "lw": style.HEAVY, "ls": "-"}),
     )
     for which, label, how in curves:
         x, y = which[name]
         ax.plot(scale * x, y, label=label, **how)
-    if name == "twitch" and found.simulated is not None:
-        x, y = found.simulated
+    if name == "twitch" and match.simulated is not None:
+        x, y = match.simulated
         label = "the same, on a machine"
         ax.plot(
             scale * x[::60], y[::60], ls="none", marker="^", ms=3.0, mfc=style.PANEL, mec=colour, mew=0.8, label=label
         )
     title, x_title = _TITLES[name]
     style.quantity_axes(ax, x=x_title, y=("Over that at rest length", "tension"))
-    remark = f"rms {found.rms_before[name]:.2f} to {found.rms_after[name]:.2f}"
+    remark = f"rms {match.rms_before[name]:.2f} to {match.rms_after[name]:.2f}"
     style.heading(ax, title, remark)
-    top = 1.2 * max(float(found.target_curves[name][1].max()), float(found.curves_after[name][1].max()), 0.25)
+    top = 1.2 * max(float(match.target_curves[name][1].max()), float(match.curves_after[name][1].max()), 0.25)
     ax.set_ylim(0.0, top)
     if name == "twitch":  # its legend has all lines; there is room for it beside the steepest curve
         others = ax.figure.axes[-2]

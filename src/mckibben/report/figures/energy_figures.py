@@ -493,23 +493,23 @@ def _supply(account: EnergyAccount) -> float:
     return sum(p.value for p in account.parts if p.name == "supply")
 
 
-def _draw(ax: Axes, found: Streams, supply: float) -> float:
+def _draw(ax: Axes, streams: Streams, supply: float) -> float:
     """Draw into empty axes; return the width of a stream of 1 J [pixels]."""
     from matplotlib.patches import Rectangle
 
     ax.set_axis_off()
     ax.set_xlim(0.0, 1.0)
-    whole = found.whole
+    whole = streams.whole
     if not whole > 0.0:
         ax.text(0.0, 0.5, "nothing passed", fontsize=SMALL, color=INK_2)
         return 0.0
-    drawn = [s for s in found.out if s.value >= LEAST * whole]
-    small = [s for s in (*found.into, *found.out) if s.value < LEAST * whole]
+    drawn = [s for s in streams.out if s.value >= LEAST * whole]
+    small = [s for s in (*streams.into, *streams.out) if s.value < LEAST * whole]
     gap = max(0.035, 0.4 / (len(drawn) + 6)) * whole
     height = whole + gap * max(len(drawn) - 1, 0)
     ax.set_ylim(-0.06 * height, 1.02 * height)
     middle = 0.5 * (height - whole)
-    sources = [s for s in found.into if s.value >= LEAST * whole]
+    sources = [s for s in streams.into if s.value >= LEAST * whole]
     y = middle
     for one in sorted(sources, key=lambda s: s.value):
         _ribbon(ax, (0.17, y, 0.27, y), one)

@@ -139,16 +139,24 @@ def drawn_width(usual: float) -> float:
 
 def settings(style: FigureStyle) -> dict[str, JsonValue]:
     """Settings of matplotlib for a style."""
-    found = dict(_RC)
+    settings_of_style = dict(_RC)
     if style.font:
-        found["font.family"] = list(_families(style.font))
+        settings_of_style["font.family"] = list(_families(style.font))
     if style.width is not None:
-        found |= {"figure.figsize": (style.width, 0.72 * style.width), "font.size": SMALL, "savefig.dpi": style.dpi}
+        settings_of_style |= {
+            "figure.figsize": (style.width, 0.72 * style.width),
+            "font.size": SMALL,
+            "savefig.dpi": style.dpi,
+        }
     if style.printed:
-        found |= {key: "#ffffff" for key in ("figure.facecolor", "savefig.facecolor")}
+        settings_of_style |= {key: "#ffffff" for key in ("figure.facecolor", "savefig.facecolor")}
     if style.name == "gray":
-        found |= {key: gray_of(value) for key, value in found.items() if isinstance(value, str) and value[:1] == "#"}
-    return found
+        settings_of_style |= {
+            key: gray_of(value)
+            for key, value in settings_of_style.items()
+            if isinstance(value, str) and value[:1] == "#"
+        }
+    return settings_of_style
 
 
 @functools.cache

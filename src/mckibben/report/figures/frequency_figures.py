@@ -83,11 +83,11 @@ def _course(ax: Axes, frequency: np.ndarray, values: np.ndarray, title: str, *, 
 
 
 @style.styled()
-def repeatability_figure(found: Repeatability, *, title: str, channel: str, over: str) -> Figure:
+def repeatability_figure(repeatability: Repeatability, *, title: str, channel: str, over: str) -> Figure:
     """Draw every repetition faintly with the mean course, and below the deviation of each from the mean.
 
     Args:
-        found: the repetitions, in the unit in which they are shown.
+        repeatability: the repetitions, in the unit in which they are shown.
         title: title of the figure.
         channel: title of the channel with its unit, such as ``"Tension, N"``.
         over: title of the axis below, such as ``"Phase of the cycle"``.
@@ -98,17 +98,17 @@ def repeatability_figure(found: Repeatability, *, title: str, channel: str, over
     across = (LEFT / style.MIDDLE, 1.0 - (LEFT + 0.3) / style.MIDDLE)
     top = fig.add_axes((across[0], (height - TOP - upper) / height, across[1], upper / height))
     low = fig.add_axes((across[0], FOOT / height, across[1], lower / height), sharex=top)
-    mean = found.courses.mean(axis=0)
+    mean = repeatability.courses.mean(axis=0)
     quantity = channel.partition(",")[0].lower()
     shade = style.colour(quantity if quantity in style.COLOURS else None)
-    for course in found.courses:
-        top.plot(found.at, course, color=shade, lw=0.7, alpha=0.35)
-        low.plot(found.at, course - mean, color=shade, lw=0.7, alpha=0.5)
-    top.plot(found.at, mean, color=INK, lw=style.HEAVY)
+    for course in repeatability.courses:
+        top.plot(repeatability.at, course, color=shade, lw=0.7, alpha=0.35)
+        low.plot(repeatability.at, course - mean, color=shade, lw=0.7, alpha=0.5)
+    top.plot(repeatability.at, mean, color=INK, lw=style.HEAVY)
     low.axhline(0.0, color=RULE, lw=0.8)
     style.quantity_axes(top, x=("", None), y=(channel, quantity if quantity in style.COLOURS else None))
     style.quantity_axes(low, x=(over, None), y=(f"Distance from the mean,{channel.partition(',')[2]}", None))
     top.tick_params(labelbottom=False)
     top.margins(x=0.0)
-    style.heading(top, title, f"{found.repetitions} repetitions and their mean", above=30.0)
+    style.heading(top, title, f"{repeatability.repetitions} repetitions and their mean", above=30.0)
     return fig

@@ -307,15 +307,15 @@ class _Layout:
 
     def headings(self, ax: Axes) -> list[Text]:
         """Headings and notes above axes, with the notes after them."""
-        found: list[Text] = []
+        headings: list[Text] = []
         for text in ax.texts:
             place = place_of(text)
             if place is not None and place.kind in ("heading", "note") and place.y == 1.0 and place.dy > 0.0:
                 if place.kind == "heading" or place.x == 0.0:
-                    found.append(text)
+                    headings.append(text)
                 if place.note is not None:
-                    found.append(place.note)
-        return found
+                    headings.append(place.note)
+        return headings
 
     def around(self, ax: Axes) -> tuple[float, float, float, float]:
         """What stands left, right, above and below of axes, headings left out [inch]."""
@@ -339,8 +339,8 @@ class _Layout:
     def boxes(self, ax: Axes) -> list[Any]:
         """Boxes of axes and of what belongs to them [pixel]."""
         keys = [k for k in self.fig.legends if _owner(k, ax) is ax and k.get_in_layout() and k.get_visible()]
-        found = [one.get_tightbbox(self.renderer) for one in (ax, *self.twins[ax])]
-        return [b for b in found if b is not None] + [k.get_window_extent(self.renderer) for k in keys]
+        boxes = [one.get_tightbbox(self.renderer) for one in (ax, *self.twins[ax])]
+        return [b for b in boxes if b is not None] + [k.get_window_extent(self.renderer) for k in keys]
 
     def measure(self, band: Iterable[Panel]) -> None:
         """Measure what stands around the panels of a band."""
@@ -534,11 +534,11 @@ class _Layout:
 
 
 def _primary(fig: Figure) -> list[Axes]:
-    found: list[Axes] = []
+    primary: list[Axes] = []
     for ax in fig.axes:
-        if not any(_same_box(ax, other) for other in found):
-            found.append(ax)
-    return found
+        if not any(_same_box(ax, other) for other in primary):
+            primary.append(ax)
+    return primary
 
 
 def _same_box(a: Axes, b: Axes) -> bool:

@@ -55,18 +55,18 @@ def _name(value: Any) -> str:
     return str(value)
 
 
-def entries(told: Provenance, suffix: str) -> dict[str, str | None]:
+def entries(origin: Provenance, suffix: str) -> dict[str, str | None]:
     """Metadata of a PDF or PNG file, without a date."""
     if suffix == ".pdf":
-        found: dict[str, str | None] = {"Creator": told.program, "Producer": None, "CreationDate": None}
-        return found | {k: v for k, v in (("Title", told.title), ("Subject", told.source)) if v}
-    software: dict[str, str | None] = {"Software": told.program}
-    return software | {k: v for k, v in (("Title", told.title), ("Description", told.source)) if v}
+        entries: dict[str, str | None] = {"Creator": origin.program, "Producer": None, "CreationDate": None}
+        return entries | {k: v for k, v in (("Title", origin.title), ("Subject", origin.source)) if v}
+    software: dict[str, str | None] = {"Software": origin.program}
+    return software | {k: v for k, v in (("Title", origin.title), ("Description", origin.source)) if v}
 
 
-def in_svg(text: str, told: Provenance) -> str:
+def in_svg(text: str, origin: Provenance) -> str:
     """An SVG document with its metadata as Dublin Core."""
-    words = {"title": told.title, "description": told.source, "creator": told.program}
+    words = {"title": origin.title, "description": origin.source, "creator": origin.program}
     terms = "".join(f"<dc:{name}>{html.escape(word)}</dc:{name}>" for name, word in words.items() if word)
     block = (
         '<metadata><rdf:RDF xmlns:dc="http://purl.org/dc/elements/1.1/" xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'

@@ -27,33 +27,33 @@ _DASHES = ("-", (0, (8, 2)), (0, (4, 2.3)), (0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1
 
 
 @style.styled()
-def design_map(found: Sizing, *, law: str = "linear_threshold") -> Figure:
+def design_map(sizing: Sizing, *, law: str = "linear_threshold") -> Figure:
     """Draw force over stroke at the required pressure, and response time over the mass of the lines.
 
     Args:
-        found: the result.
+        sizing: the result.
         law: with which the braids were designed.
     """
-    both = bool(found.lines)
+    both = bool(sizing.lines)
     fig = style.figure(style.WIDE if both else style.MIDDLE, 4.6)
     ratios = [1.55, 1.0] if both else [1.0]
     left, right = (0.06, 0.975) if both else (0.085, 0.88)
     grid = fig.add_gridspec(
         1, len(ratios), left=left, right=right, bottom=0.12, top=0.80, wspace=0.38, width_ratios=ratios
     )
-    draw_force_over_stroke(fig.add_subplot(grid[0]), found, law)
+    draw_force_over_stroke(fig.add_subplot(grid[0]), sizing, law)
     if both:
-        _lines(fig.add_subplot(grid[1]), found)
+        _lines(fig.add_subplot(grid[1]), sizing)
     return fig
 
 
-def _shown(found: Sizing) -> list[Judged]:
+def _shown(sizing: Sizing) -> list[Judged]:
     """Select the best of each kind first, then further sufficient ones."""
-    order = list(found.muscles)
+    order = list(sizing.muscles)
     first = [next((m for m in order if m.muscle.kind == k), None) for k in ("braid", "specimen", "size")]
     chosen = [m for m in first if m is not None]
-    if found.chosen not in chosen:
-        chosen.insert(0, found.chosen)
+    if sizing.chosen not in chosen:
+        chosen.insert(0, sizing.chosen)
     rest = [m for m in order if m not in chosen and m.verdict != VERDICTS[2]]
     distinct: list[Judged] = []
     for one in chosen + rest:
@@ -69,12 +69,12 @@ def _alike(a: Judged, b: Judged) -> bool:
     )
 
 
-def draw_force_over_stroke(ax: Axes, found: Sizing, law: str) -> None:
+def draw_force_over_stroke(ax: Axes, sizing: Sizing, law: str) -> None:
     """Draw the promised force over the stroke of the best muscles, and the requirement, into axes."""
-    wish, cm = found.wish, from_si(1.0, "m", "cm")
-    shown = _shown(found)
+    wish, cm = sizing.wish, from_si(1.0, "m", "cm")
+    shown = _shown(sizing)
     right = 2.0 * wish.stroke
-    top = 1.15 * max(2.6 * wish.force, 1.2 * found.chosen.end_force)
+    top = 1.15 * max(2.6 * wish.force, 1.2 * sizing.chosen.end_force)
     ax.set_xlim(0.0, right * cm)
     ax.set_ylim(0.0, top)
     # What does it lies up and to the right of the wish.
@@ -94,7 +94,7 @@ def draw_force_over_stroke(ax: Axes, found: Sizing, law: str) -> None:
         said = LawAtPressure(m.law, wish.pressure).tension(m.longest - strokes) - m.friction
         sure = said - one.error_force
         said, sure = (np.where(v > 0.0, v, np.nan) for v in (said, sure))
-        heavy = one is found.chosen
+        heavy = one is sizing.chosen
         colour = COLOURS["tension"]
         if heavy:
             ax.fill_between(strokes * cm, np.nan_to_num(sure), np.nan_to_num(said), color=colour, alpha=0.13, lw=0)
@@ -126,21 +126,21 @@ def draw_force_over_stroke(ax: Axes, found: Sizing, law: str) -> None:
                 zorder=4,
                 bbox={"boxstyle": "round,pad=0.1", "fc": SUNKEN, "ec": "none", "alpha": 0.8},
             )
-    _margin(ax, found, cm)
+    _margin(ax, sizing, cm)
     style.quantity_axes(ax, x=("Stroke, cm", "length"), y=("Guaranteed force, N", "tension"))
     bar = from_si(wish.pressure, "Pa", "bar")
     style.heading(
         ax,
         f"Force over stroke at {bar:g} bar",
-        f"band: error of the law, {found.chosen.muscle.error.share:.0%} of its largest force",
+        f"band: error of the law, {sizing.chosen.muscle.error.share:.0%} of its largest force",
         above=40.0,
     )
-    _keyed(ax, shown, found)
+    _keyed(ax, shown, sizing)
 
 
-def _margin(ax: Axes, found: Sizing, cm: float) -> None:
+def _margin(ax: Axes, sizing: Sizing, cm: float) -> None:
     """Draw the requirements, and the margins of the chosen muscle in force and in stroke."""
-    wish, one = found.wish, found.chosen
+    wish, one = sizing.wish, sizing.chosen
     x, y = wish.stroke * cm, wish.force
     if one.promised_force > 1.02 * wish.force:
         ax.annotate("", (x, one.promised_force), (x, y), arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.9})
@@ -163,11 +163,11 @@ def _margin(ax: Axes, found: Sizing, cm: float) -> None:
     )
 
 
-def _keyed(ax: Axes, shown: list[Judged], found: Sizing) -> None:
+def _keyed(ax: Axes, shown: list[Judged], sizing: Sizing) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=COLOURS["tension"], ls=dash, lw=style.HEAVY if one is found.chosen else style.LINE)
+        Line2D([], [], color=COLOURS["tension"], ls=dash, lw=style.HEAVY if one is sizing.chosen else style.LINE)
         for one, dash in zip(shown, _DASHES, strict=False)
     ]
     labels = [f"{m.muscle.id}: {m.verdict}" + (f", {m.worst[0]}" if m.verdict == VERDICTS[2] else "") for m in shown]
@@ -188,10 +188,10 @@ def _keyed(ax: Axes, shown: list[Judged], found: Sizing) -> None:
     )
 
 
-def _lines(ax: Axes, found: Sizing) -> None:
+def _lines(ax: Axes, sizing: Sizing) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    able = [x for x in found.lines if x.to_force is not None]
+    able = [x for x in sizing.lines if x.to_force is not None]
     if not able:
         style.note(ax, "no line reaches the force", x=0.5, y=0.5, ha="center")
         return
@@ -216,7 +216,7 @@ def _lines(ax: Axes, found: Sizing) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
         axis.set_minor_formatter(NullFormatter())
-    style.heading(ax, f"Lines for {found.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
+    style.heading(ax, f"Lines for {sizing.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
     style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
 
 

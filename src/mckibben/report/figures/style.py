@@ -428,19 +428,19 @@ def save(fig: Figure, path: str | Path, *, dpi: float | None = None) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in formats.SUFFIXES:
         raise InputError("path", str(path), f"must be a name that ends in {' or '.join(formats.SUFFIXES)}")
-    told = provenance.of(fig)
+    origin = provenance.of(fig)
     if suffix == ".svg":
-        write_text(path, provenance.in_svg(to_svg(fig), told))
+        write_text(path, provenance.in_svg(to_svg(fig), origin))
         return
     resolution = dpi or formats.current_style().dpi
     with styled():
-        write_whole(path, lambda part: _write(fig, part, suffix, resolution, told))
+        write_whole(path, lambda part: _write(fig, part, suffix, resolution, origin))
 
 
-def _write(fig: Figure, file: Path, suffix: str, dpi: float, told: provenance.Provenance) -> None:
+def _write(fig: Figure, file: Path, suffix: str, dpi: float, origin: provenance.Provenance) -> None:
     stream: Any
     with ErrorKeepingFile(file) as stream:
-        words = provenance.entries(told, suffix)
+        words = provenance.entries(origin, suffix)
         fig.savefig(stream, format=suffix[1:], dpi=dpi, facecolor=fig.get_facecolor(), metadata=words)
 
 

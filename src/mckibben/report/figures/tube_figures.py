@@ -53,8 +53,8 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
             if column == 0:
                 style.note(ax, models()[model].title, x=0.0, y=1.0, dx=3, dy=-5, color=INK, fontweight="bold")
         title = "Noise to 6 Hz" if column == 0 else "Step of 5 bar"
-        told = f"{_inches(accumulator)}, {kept}" if column == 0 else WORDS[thermal]
-        style.heading(axes[0], title, told, above=24.0)
+        heading = f"{_inches(accumulator)}, {kept}" if column == 0 else WORDS[thermal]
+        style.heading(axes[0], title, heading, above=24.0)
         axes[-1].set_xlabel("Time, s", color=INK, fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
         if column == 0:
             style.note(axes[1], "Model less reference, bar", y=1.0, dy=8, color=COLOURS["pressure"], fontweight="bold")

@@ -25,19 +25,19 @@ LANE = 0.16  # between the two marks of a law [rows]
 
 
 @style.styled()
-def errors_figure(found: Validation) -> Figure:
+def errors_figure(validation: Validation) -> Figure:
     """Draw errors of all laws, best first: one pressure left out, above 4 bar, and with published numbers.
 
     Raises:
         InputError: if there is no static data set.
     """
-    if not found.static:
+    if not validation.static:
         raise InputError("data sets", None, "must be at least one static data set")
-    laws = ordered_laws(found.static)
+    laws = ordered_laws(validation.static)
     height = TOP + FOOT + ROW * len(laws)
     fig = style.figure(style.WIDE, height, rows=True, least=6.5)
-    width = (style.WIDE - NAMES - 0.12 - GAP * (len(found.static) - 1)) / len(found.static)
-    for i, one in enumerate(found.static):
+    width = (style.WIDE - NAMES - 0.12 - GAP * (len(validation.static) - 1)) / len(validation.static)
+    for i, one in enumerate(validation.static):
         left = NAMES + i * (width + GAP)
         ax = fig.add_axes(
             (left / style.WIDE, FOOT / height, width / style.WIDE, ROW * len(laws) / height),
@@ -45,7 +45,7 @@ def errors_figure(found: Validation) -> Figure:
         _panel(ax, one, laws)
         if i == 0:
             _names(ax, laws)
-            _key(ax, found.static)
+            _key(ax, validation.static)
     return fig
 
 

@@ -318,17 +318,17 @@ def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float])
     return bounds
 
 
-def simulated(found: Match, *, rig: str) -> Match:
+def simulated(match: Match, *, rig: str) -> Match:
     """Repeat the twitch on a simulated test machine: circuit, volume and all; the delay adds to the valve's dead time."""
-    muscle = found.muscle
-    wanted = with_values(normalised(TWITCH, muscle), {"span": f"{float(found.after.rest_span)!r} m"})
+    muscle = match.muscle
+    wanted = with_values(normalised(TWITCH, muscle), {"span": f"{float(match.after.rest_span)!r} m"})
     plain = rig_of(rig)
     layout = plain.layout(wanted)
-    dead = float(plain.plumbing[layout].valve.delay() or 0.0) + float(found.after.delay)
+    dead = float(plain.plumbing[layout].valve.delay() or 0.0) + float(match.after.delay)
     late = rig_of(rig, {f"plumbing.{layout}.valve.dead_time": f"{dead!r} s"})
-    record = record_of(muscle, wanted, rig=late, unit=found.after.unit)
+    record = record_of(muscle, wanted, rig=late, unit=match.after.unit)
     start = float(segments(record, "twitch")[0].time[0])
-    time, target = found.target_curves["twitch"]
-    pull = float(steady(found.after.unit, found.after.rest_span, muscle.full)[0])
+    time, target = match.target_curves["twitch"]
+    pull = float(steady(match.after.unit, match.after.rest_span, muscle.full)[0])
     tension = np.interp(time, record.time - start, record["muscle.tension"]) / pull
-    return found._replace(simulated=(time, tension), rms_simulated=float(np.sqrt(np.mean((tension - target) ** 2))))
+    return match._replace(simulated=(time, tension), rms_simulated=float(np.sqrt(np.mean((tension - target) ** 2))))

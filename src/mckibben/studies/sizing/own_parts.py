@@ -77,24 +77,24 @@ def valve_of(words: str) -> Specimen:
         if spec.kind != "valve":
             raise InputError("valve", words, f"must be a valve; it is a {spec.kind} muscle")
         return spec
-    given: dict[str, str] = {}
+    stated: dict[str, str] = {}
     for pair in filter(None, (w.strip() for w in re.split(r"[,;](?!\d)", words))):
         key, equals, value = (w.strip() for w in pair.partition("="))
         if not equals or not key or not value:
             raise InputError("valve", pair, f"must be KEY=VALUE, as in {EXAMPLE}")
-        given[key] = value
-    kind = given.pop("kind", "three_way_valve")
+        stated[key] = value
+    kind = stated.pop("kind", "three_way_valve")
     if kind not in USUAL or not kind:
         raise InputError("valve.kind", kind, known=[k for k in USUAL if k])
-    name = given.pop("name", OWN_VALVE)
-    return _specimen(kind, name, given)
+    name = stated.pop("name", OWN_VALVE)
+    return _specimen(kind, name, stated)
 
 
-def _specimen(kind: str, name: str, given: dict[str, str]) -> Specimen:
+def _specimen(kind: str, name: str, stated: dict[str, str]) -> Specimen:
     keys = known_keys(kind)
-    sides = [key for key in given if key in ALSO and key in KNOWN_PROPERTIES]
-    element = {key: given[key] for key in given if key in keys}
-    more = {key: given[key] for key in given if key not in keys and key not in sides}
+    sides = [key for key in stated if key in ALSO and key in KNOWN_PROPERTIES]
+    element = {key: stated[key] for key in stated if key in keys}
+    more = {key: stated[key] for key in stated if key not in keys and key not in sides}
     usual = {**USUAL[""], **USUAL[kind]}
     unknown = [key for key in more if key not in ("power", "switching_time")]
     if unknown or ("switching_time" in more and kind != "three_way_valve"):
@@ -105,7 +105,7 @@ def _specimen(kind: str, name: str, given: dict[str, str]) -> Specimen:
         key: {"value": _plain(key, value, keys[key].unit), "unit": keys[key].unit} for key, value in element.items()
     }
     properties: dict[str, dict[str, Any]] = {
-        key: {"value": _plain(key, given[key], KNOWN_PROPERTIES[key]), "unit": KNOWN_PROPERTIES[key]} for key in sides
+        key: {"value": _plain(key, stated[key], KNOWN_PROPERTIES[key]), "unit": KNOWN_PROPERTIES[key]} for key in sides
     }
     for key in ("mass", "length", "width", "height", "voltage"):
         if key not in properties:

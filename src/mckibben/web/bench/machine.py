@@ -100,9 +100,9 @@ class Bench:
 
     # ---- the choice
 
-    def _change(self, do: Callable[..., str], *given: Any) -> str:
+    def _change(self, do: Callable[..., str], *words: Any) -> str:
         self._require_no_run("change of the protocol")
-        return do(*given)
+        return do(*words)
 
     def _set_up(self, do: Callable[..., str], name: str) -> str:
         self._require_no_run("change of muscle or rig")
@@ -257,9 +257,9 @@ class Bench:
 
     def set(self, **wanted: float | str) -> str:
         """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; as text or SI."""
-        given = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
+        amounts = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         was_moving = self.view.moving
-        self._operated("set", wanted).set(**given)
+        self._operated("set", wanted).set(**amounts)
         if not was_moving:
             self.ended = {}
         return ""

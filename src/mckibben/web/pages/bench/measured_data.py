@@ -164,12 +164,12 @@ def _of_recording(record: Recording) -> dict[str, Any]:
 
 def _recognised(record: Recording) -> dict[str, str]:
     """Channels by quantity that another program has named, such as ``force`` and ``position``, with the right unit."""
-    found: dict[str, str] = {}
+    channels: dict[str, str] = {}
     for name in record.names():
         quantity = ALIASES.get(words := quantity_of(name.rpartition(".")[2]) or "", words)
         if record.unit(name) == UNITS.get(quantity):
-            found.setdefault(quantity, name)
-    return found
+            channels.setdefault(quantity, name)
+    return channels
 
 
 def _some(count: int) -> np.ndarray:

@@ -70,52 +70,52 @@ def flow_chart(desk: CircuitState, record: Recording) -> Chart:
     return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
 
 
-def ending(desk: CircuitState, found: response.ResponseNumbers) -> str:
+def ending(desk: CircuitState, outputs: response.ResponseNumbers) -> str:
     """Final value of a pressure, as text after its name."""
-    if found.settled:
-        longer = found.duration > 1.5 * desk.plan.duration
-        return f"{'settles' if longer else 'ends'} at {with_unit(found.after, 'Pa')}"
+    if outputs.settled:
+        longer = outputs.duration > 1.5 * desk.plan.duration
+        return f"{'settles' if longer else 'ends'} at {with_unit(outputs.after, 'Pa')}"
     return "has not settled"
 
 
-def numbers(desk: CircuitState, found: response.ResponseNumbers) -> None:
+def numbers(desk: CircuitState, outputs: response.ResponseNumbers) -> None:
     """Show the numbers of the response and of the selected part."""
     rows: list[tuple[str, str]] = []
-    node = found.channel.removesuffix(".pressure").capitalize()
-    if found.settled:
-        if found.transition is not None and found.delay is not None:
-            label = "Rise, 0 to 90 %" if found.rising else "Fall, 100 to 10 %"
-            rows += [(label, span(found.transition)), ("Delay before it", span(found.delay))]
-        later = found.duration > 1.5 * desk.plan.duration
+    node = outputs.channel.removesuffix(".pressure").capitalize()
+    if outputs.settled:
+        if outputs.transition is not None and outputs.delay is not None:
+            label = "Rise, 0 to 90 %" if outputs.rising else "Fall, 100 to 10 %"
+            rows += [(label, span(outputs.transition)), ("Delay before it", span(outputs.delay))]
+        later = outputs.duration > 1.5 * desk.plan.duration
         shown = f" after the {span(desk.plan.duration)} shown" if later else ""
-        rows.append((f"{node} {'settles' if later else 'ends'} at", f"{with_unit(found.after, 'Pa')}{shown}"))
+        rows.append((f"{node} {'settles' if later else 'ends'} at", f"{with_unit(outputs.after, 'Pa')}{shown}"))
     else:
-        why = "before the next step" if found.ends else f"within {span(found.duration)}"
+        why = "before the next step" if outputs.ends else f"within {span(outputs.duration)}"
         rows.append(
-            (f"{node} has not settled", f"{why}: in the last fifth it changes by {abs(found.drift):.1%} of its step")
+            (f"{node} has not settled", f"{why}: in the last fifth it changes by {abs(outputs.drift):.1%} of its step")
         )
-    if found.flow_of:
-        litres = from_si(found.flow, "m^3/s", "l/min")
-        rows.append((f"Largest flow, {found.flow_of}", f"{litres:.4g} L/min"))
+    if outputs.flow_of:
+        litres = from_si(outputs.flow, "m^3/s", "l/min")
+        rows.append((f"Largest flow, {outputs.flow_of}", f"{litres:.4g} L/min"))
     rows += response.facts(desk.plan, desk.chosen or response.first_tube(desk.plan))
     markup = "".join(f"<dt>{html.escape(a)}</dt><dd>{html.escape(b)}</dd>" for a, b in rows)
     raw(markup, "dl", "meas")
 
 
-def sweep_chart(found: response.ValueSweep) -> None:
+def sweep_chart(sweep: response.ValueSweep) -> None:
     """Chart of the rise time over values of the part."""
-    unit = shown_unit(found.unit)
-    x = from_si(1.0, found.unit, unit) * found.values
-    y = from_si(1.0, "s", "ms") * found.rises
+    unit = shown_unit(sweep.unit)
+    x = from_si(1.0, sweep.unit, unit) * sweep.values
+    y = from_si(1.0, "s", "ms") * sweep.rises
     if not np.isfinite(y).any():
         return
-    word = found.key.replace("_", " ")
+    word = sweep.key.replace("_", " ")
     with box("div", "sweep"):
         text("h3", f"Time to 90 % if its {word} were another")
-        now = float(np.interp(found.now, found.values, found.rises))
+        now = float(np.interp(sweep.now, sweep.values, sweep.rises))
         lines = [ChartLine(x, y, width=2.0)]
         if np.isfinite(now):
-            present = [from_si(found.now, found.unit, unit)]
+            present = [from_si(sweep.now, sweep.unit, unit)]
             lines.append(ChartLine(present, [from_si(now, "s", "ms")], points=True, line=False))
         Chart(
             f"Rise over {word}",

@@ -123,11 +123,11 @@ class CircuitPage:
         with self.refusal:
             refused(words)
 
-    def _picked(self, given: Any) -> None:
-        self.select(str(given.get("part", ""))[:80])
+    def _picked(self, value: Any) -> None:
+        self.select(str(value.get("part", ""))[:80])
 
-    def _put(self, given: Any) -> None:
-        part, at = str(given.get("part", ""))[:40], str(given.get("at", ""))[:80] or self.desk.chosen
+    def _put(self, value: Any) -> None:
+        part, at = str(value.get("part", ""))[:40], str(value.get("at", ""))[:80] or self.desk.chosen
         desk = self.desk
         if part == "pressure":
             node = at if at in desk.plan.nodes else edit.line(desk.plan, at)[0]
@@ -143,8 +143,8 @@ class CircuitPage:
         self.select(desk.chosen, moved=False)
         self.renew()
 
-    def _taken(self, given: Any) -> None:
-        self.remove(str(given.get("part", ""))[:80] or self.desk.chosen)
+    def _taken(self, value: Any) -> None:
+        self.remove(str(value.get("part", ""))[:80] or self.desk.chosen)
 
     def remove(self, name: str) -> None:
         """Remove a part."""
@@ -287,10 +287,10 @@ class CircuitPage:
         self._numbers(answer.numbers)
         self._around()
 
-    def _numbers(self, found: response.ResponseNumbers) -> None:
+    def _numbers(self, outputs: response.ResponseNumbers) -> None:
         self.numbers.clear()
         with self.numbers:
-            numbers(self.desk, found)
+            numbers(self.desk, outputs)
 
     def _checked(self, closed: RunBalance | None, swept: response.ValueSweep | None) -> None:
         if closed is None:

@@ -294,13 +294,13 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> R
 
 
 def settled(
-    plan: CircuitPlan, found: ResponseNumbers, node: str, method: IntegrationMethod | None, wait: bool = True
+    plan: CircuitPlan, outputs: ResponseNumbers, node: str, method: IntegrationMethod | None, wait: bool = True
 ) -> tuple[ResponseNumbers, bool]:
     """Numbers of a settled response, from a longer run if the plan's own is too short.
 
     Args:
         plan: plan of the circuit.
-        found: numbers of its own run.
+        outputs: numbers of its own run.
         node: whose pressure is read.
         method: to begin with.
         wait: take the time for a run of any of these lengths, and for compiling it.
@@ -309,17 +309,17 @@ def settled(
         The numbers, not settled where not even 64 times the duration is enough, and whether a longer run is left to be done.
     """
     for times in LONGER:
-        if found.settled or found.ends or plan.samples * times > MOST_SAMPLES:
+        if outputs.settled or outputs.ends or plan.samples * times > MOST_SAMPLES:
             break
         try:
             longer = plan.change({"run.duration": f"{times * plan.duration!r} s"})
         except InputError:  # a signal that ends
             break
         if not wait and (longer.samples > QUICK_SAMPLES or not ready(longer, method)):
-            return found, True
-        done = measured(longer, recording(longer, respond(longer, method).outputs), node, found.flow_of)
-        found = done._replace(flow=found.flow)
-    return found, False
+            return outputs, True
+        done = measured(longer, recording(longer, respond(longer, method).outputs), node, outputs.flow_of)
+        outputs = done._replace(flow=outputs.flow)
+    return outputs, False
 
 
 def last_chamber(plan: CircuitPlan) -> str:

@@ -100,17 +100,17 @@ def largest_of(row: PropertyRow, papers: Sequence[float | None]) -> float:
     return 1.1 * (max(largest, ends[1]) if ends is not None and largest and ends[1] < 1.5 * largest else largest)
 
 
-def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None, scale: dict[str, float]) -> str:
+def surface_markup(one: ComparedMuscle, letter: str, surface: jobs.Surface | None, scale: dict[str, float]) -> str:
     """Element for a surface, which the browser draws."""
-    if found is None:
+    if surface is None:
         return '<p class="small dim">Its section is not known: no tension per section.</p>'
     unit = "%" if one.fibre is not None else "bar"
     top = 100.0 if one.fibre is not None else from_si(one.full, "Pa", "bar")
     spec = jobs.plain(
         {
-            "lengths": found.lengths,
-            "drives": found.drives * top,
-            "tension": from_si(1.0, "N/m^2", "N/cm^2") * found.tension,
+            "lengths": surface.lengths,
+            "drives": surface.drives * top,
+            "tension": from_si(1.0, "N/m^2", "N/cm^2") * surface.tension,
             "unit": unit,
             "scale": scale,
             "of": "activation" if one.fibre is not None else "pressure",
@@ -124,18 +124,18 @@ def surface_markup(one: ComparedMuscle, letter: str, found: jobs.Surface | None,
     )
 
 
-def surface_chart(one: ComparedMuscle, found: jobs.Surface | None) -> Chart | None:
+def surface_chart(one: ComparedMuscle, surface: jobs.Surface | None) -> Chart | None:
     """Chart of what a surface shows: tension per section over length, a line for every second drive; None without one."""
-    if found is None:
+    if surface is None:
         return None
     living = one.fibre is not None
     top, unit = (100.0, "%") if living else (from_si(one.full, "Pa", "bar"), "bar")
     lines = []
-    for i in range(len(found.drives) - 1, 0, -2):
-        tension = from_si(1.0, "N/m^2", "N/cm^2") * found.tension[i]
+    for i in range(len(surface.drives) - 1, 0, -2):
+        tension = from_si(1.0, "N/m^2", "N/cm^2") * surface.tension[i]
         pulls = tension > 0.0
-        label = f"{top * found.drives[i]:.3g}\u2009{unit}"
-        lines.append(ChartLine(found.lengths[pulls], tension[pulls], label, "tension", width=1.25))
+        label = f"{top * surface.drives[i]:.3g}\u2009{unit}"
+        lines.append(ChartLine(surface.lengths[pulls], tension[pulls], label, "tension", width=1.25))
     drive = "activation" if living else "pressure"
     name = f"{one.spec.title}: tension per section at each {drive}"
     return Chart(
@@ -234,15 +234,15 @@ def loops_chart(loops: Sequence[tuple[str, tuple[np.ndarray, np.ndarray]]]) -> C
     )
 
 
-def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
+def efficiencies(table: MuscleTable, letters: Sequence[str], ours: bool) -> str:
     """Draw bars of the efficiencies with published values, and the misprint if its muscle is shown."""
     rows: list[tuple[str, float, float]] = []
-    for letter, one in zip(letters, found.columns, strict=True):
+    for letter, one in zip(letters, table.columns, strict=True):
         for key, words in (("efficiency", "surroundings"), ("efficiency_accumulator", "accumulator")):
             value = jobs.value_of(one, key)
             if value is not None:
                 rows.append((f"{letter} {words}", 0.0, value))
-    known = found.published.get("efficiency")
+    known = table.published.get("efficiency")
     if known is not None:
         low, high = known.si("1")
         rows.append(("Biological, published", low, high))
@@ -255,7 +255,7 @@ def efficiencies(found: MuscleTable, letters: Sequence[str], ours: bool) -> str:
         return left + min(max(x, 0.0), top) / top * (wide - left - 34.0)
 
     row = jobs.misprint() if ours else None
-    nylon = letters[[c.name for c in found.columns].index("nylon")] if ours else ""
+    nylon = letters[[c.name for c in table.columns].index("nylon")] if ours else ""
     marked = next((k for k, r in enumerate(rows) if r[0] == f"{nylon} accumulator"), 0)
     out = [
         f'<path d="M{at(x):.1f} 4V{h * len(rows) + 6:.0f}" stroke="var(--grid)"/><text class="tick" x="{at(x):.1f}" '

@@ -168,14 +168,14 @@ def loop_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return loop
 
 
-def exported(found: MuscleTable) -> bytes:
+def exported(table: MuscleTable) -> bytes:
     """Format the table as CSV with all digits; the published range of biological muscle is at the end."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     # A spreadsheet takes what begins with =, + or @ for a formula.
-    names = [c.name if c.name[:1].isalnum() else f"'{c.name}" for c in found.columns]
+    names = [c.name if c.name[:1].isalnum() else f"'{c.name}" for c in table.columns]
     writer.writerow(["property", "name", "unit", *names, "biological low", "biological high", "biological sources"])
-    for row in found.rows():
+    for row in table.rows():
         ends = row.shown_range()
         published = (
             ["", "", ""]
@@ -184,16 +184,16 @@ def exported(found: MuscleTable) -> bytes:
         )
         values = ["" if v is None else repr(float(v)) for v in row.shown()]
         writer.writerow([row.property.title, row.property.name, row.property.unit, *values, *published])
-    for one in found.columns:
+    for one in table.columns:
         for note in one.notes:
             writer.writerow([f"# {one.name}: {note}"])
     return out.getvalue().encode()
 
 
-def shown_rows(found: MuscleTable) -> list[PropertyRow]:
+def shown_rows(table: MuscleTable) -> list[PropertyRow]:
     """Rows drawn as lines; the ends of the dynamic range share one of them, efficiencies are at the side."""
     apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
-    return [r for r in found.rows() if r.property.name not in apart]
+    return [r for r in table.rows() if r.property.name not in apart]
 
 
 def value_of(one: MuscleColumn, name: str) -> float | None:

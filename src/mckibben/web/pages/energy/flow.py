@@ -58,41 +58,41 @@ def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount
         return _account(str(path), path.stat().st_mtime_ns, kind, muscle)
 
 
-def stretch(found: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEnergy | None]:
+def stretch(account: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEnergy | None]:
     """Account of the whole recording (empty text), or of a cycle by its number from 1."""
     if not part:
-        return found, None
-    if not part.isdigit() or not 1 <= int(part) <= len(found.cycles):
-        raise InputError("cycle", part, f"the recording has {len(found.cycles)} of them")
-    one = found.cycles[int(part) - 1]
-    return replace(found, parts=one.parts), one
+        return account, None
+    if not part.isdigit() or not 1 <= int(part) <= len(account.cycles):
+        raise InputError("cycle", part, f"the recording has {len(account.cycles)} of them")
+    one = account.cycles[int(part) - 1]
+    return replace(account, parts=one.parts), one
 
 
-def flow_document(found: EnergyAccount, part: str, accumulator: float | None) -> dict[str, JsonValue]:
+def flow_document(account: EnergyAccount, part: str, accumulator: float | None) -> dict[str, JsonValue]:
     """Compute the drawing.
 
     Args:
-        found: from `account`.
+        account: from `account`.
         part: number of a cycle from 1, or nothing for the whole.
         accumulator: gauge pressure of an exhaust accumulator [Pa], whose saving is shown; None for none.
     """
-    one, cycle = stretch(found, part)
+    one, cycle = stretch(account, part)
     supply = one.value("supply")
     known = math.isfinite(supply)
     gas, muscle = streams(one if known else replace(one, parts=()))
     said = [f"Remainder {_joules(one.remainder)}: {ORIGINS.get(one.parts[0].origin, 'summed from samples')}."]
     if not known:
         said = ["The pressure of the supply is not known from this recording, and nothing that is counted against it."]
-    if found.unknown:
-        said.append(f"Unknown, and not zero: {', '.join(found.unknown)}.")
-    said += [f"{note[:1].upper()}{note[1:]}." for note in found.notes]
+    if account.unknown:
+        said.append(f"Unknown, and not zero: {', '.join(account.unknown)}.")
+    said += [f"{note[:1].upper()}{note[1:]}." for note in account.notes]
     if accumulator is not None and accumulator > 0.0 and known and not part:
-        saving = found.saved_by_accumulator(accumulator)
+        saving = account.saved_by_accumulator(accumulator)
         said.append(
             f"An exhaust accumulator at {with_unit(saving.pressure, 'Pa', 3)} would keep at most {saving.exergy:.3g} J, "
             f"{100.0 * saving.share:.3g} % of the supply's."
         )
-    air = found.air if cycle is None else cycle.air
+    air = account.air if cycle is None else cycle.air
     work = one.value("shaft_work")
     return {
         "supply": supply if known else None,
@@ -120,10 +120,10 @@ def _row(part: EnergyPart, supply: float) -> dict[str, JsonValue]:
     }
 
 
-def cycle_names(found: EnergyAccount) -> dict[str, str]:
+def cycle_names(account: EnergyAccount) -> dict[str, str]:
     """Cycles to choose from: value and label."""
     names = {"": "Whole recording"}
-    for i, c in enumerate(found.cycles, 1):
+    for i, c in enumerate(account.cycles, 1):
         names[str(i)] = f"Cycle {i}, {c.start:.4g} to {c.end:.4g} s"
     return names
 
@@ -132,5 +132,5 @@ def _joules(value: float) -> str:
     return f"{0.0 if abs(value) < 5e-3 else value:.2f} J"
 
 
-def _plain(found: Streams) -> dict[str, JsonValue]:
-    return {side: [s._asdict() for s in getattr(found, side)] for side in ("into", "out")}
+def _plain(streams: Streams) -> dict[str, JsonValue]:
+    return {side: [s._asdict() for s in getattr(streams, side)] for side in ("into", "out")}

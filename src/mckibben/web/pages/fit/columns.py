@@ -237,14 +237,19 @@ def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) 
         _more(asked, change, branches, si, told)
 
 
-def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], si: Any, told: Any) -> None:
+def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], si: Any, listener: Any) -> None:
     now = asked()
     with box("div", "given"):
         _like(asked, change)
         for name, quantity in dimensions().items():
             already = dict(now.known).get(name, "")
             words_field(
-                name, name.replace("_", " ").capitalize(), quantity.unit, already, told(name, quantity), quantity.doc
+                name,
+                name.replace("_", " ").capitalize(),
+                quantity.unit,
+                already,
+                listener(name, quantity),
+                quantity.doc,
             )
         if branches:
             text("span", "Branch")

@@ -111,11 +111,11 @@ class FitJob:
             skipped={law: self.skipped[law] for law in laws if law in self.skipped},
         )
 
-    def _take(self, law: str, found: Any) -> None:
-        if isinstance(found, str):
-            self.skipped[law] = found
-        elif found is not None:
-            self.fits[law] = found
+    def _take(self, law: str, result: Any) -> None:
+        if isinstance(result, str):
+            self.skipped[law] = result
+        elif result is not None:
+            self.fits[law] = result
 
     def _go(self, stop: threading.Event, key: Any, asked: FitRequest, points: ForceMap, laws: list[str]) -> None:
         def tell(words: str) -> None:
@@ -159,9 +159,9 @@ def _found(key: Any, law: str) -> Any:
         return _kept.get((key, law))
 
 
-def _keep(key: Any, law: str, found: Any) -> None:
+def _keep(key: Any, law: str, result: Any) -> None:
     with _lock:
-        _kept[key, law] = found
+        _kept[key, law] = result
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
 

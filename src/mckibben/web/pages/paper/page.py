@@ -105,9 +105,9 @@ class PaperPage:
             tell("Every row is computed already.")
         self.look()
 
-    def picked(self, given: object) -> None:
+    def picked(self, value: object) -> None:
         """Take the row or figure that was chosen in the browser."""
-        choice = given if isinstance(given, dict) else {}
+        choice = value if isinstance(value, dict) else {}
         row, figure = str(choice.get("row") or ""), str(choice.get("figure") or "")
         if row and row in self.all.rows:
             of = self.figures.get(self.figure)

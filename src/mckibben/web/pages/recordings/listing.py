@@ -133,8 +133,8 @@ def _apart(one: RecordingEntry, differences: Sequence[str] | None) -> str | None
     if differences is None:
         return None
     own = dict(one.conditions)
-    told = [f"{name.replace('_', ' ')} {own[name]}" for name in differences if name in own]
-    return " \u00b7 ".join(told) or "nothing differs"
+    facts = [f"{name.replace('_', ' ')} {own[name]}" for name in differences if name in own]
+    return " \u00b7 ".join(facts) or "nothing differs"
 
 
 def _line(one: RecordingEntry, letter: str, apart: str | None) -> str:
@@ -143,11 +143,11 @@ def _line(one: RecordingEntry, letter: str, apart: str | None) -> str:
     said = html.escape(one.said)
     if one.notes:
         said += f", {len(one.notes)} note{'s' if len(one.notes) > 1 else ''}"
-    where, told = ", ".join(w for w in (one.muscle, one.origin) if w), "" if apart is None else ' class="apart"'
+    where, mark = ", ".join(w for w in (one.muscle, one.origin) if w), "" if apart is None else ' class="apart"'
     return (
         f'<td><span class="ab" aria-hidden="true">{letter or "+"}</span><span class="vh">'
         f"{'chosen as ' + letter if letter else 'overlay'}</span></td>"
-        f'<td class="th">{one.thumb}</td><td title="{about}"><b>{name}</b><small{told}>{about}</small></td>'
+        f'<td class="th">{one.thumb}</td><td title="{about}"><b>{name}</b><small{mark}>{about}</small></td>'
         f'<td title="{said}"><small class="who">{html.escape(where)}</small>'
         f'<small class="sign">{sign}<span>{said}</span></small></td>'
         f'<td class="num"><small>{when(one.created)}</small><small>{duration(one.duration)}</small></td>'

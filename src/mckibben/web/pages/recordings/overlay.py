@@ -142,9 +142,9 @@ def swept_parts(part: OverlaidPart, record: Recording) -> list[tuple[str, Overla
 
 def listed_parts(recordings: Sequence[tuple[str, Recording]]) -> list[tuple[str, OverlaidPart]]:
     """Recordings, their last steps, with the conditions by which they differ; by their names where none does."""
-    told = told_apart([record.meta for _, record in recordings])
+    distinctions = told_apart([record.meta for _, record in recordings])
     labelled = []
-    for (name, record), differences in zip(recordings, told, strict=True):
+    for (name, record), differences in zip(recordings, distinctions, strict=True):
         _, part = steps(record)[-1]
         label = ", ".join(_value_label(*one) for one in differences.items()) or name
         labelled.append((label, OverlaidPart(LETTERS[0], name, part, begins(part))))

@@ -330,11 +330,11 @@ class RecordingActions:
 
         await self._each(made)
 
-    async def _each(self, make: Any, *given: Any) -> None:
+    async def _each(self, make: Any, *arguments: Any) -> None:
         for name in [*self._some()]:
             try:
                 path = self._view.path(name)
-                file_name, data, remarks = await asyncio.to_thread(make, path, *given)
+                file_name, data, remarks = await asyncio.to_thread(make, path, *arguments)
             except MckibbenError as error:
                 tell(str(error))
                 continue

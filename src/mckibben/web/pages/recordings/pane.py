@@ -295,7 +295,7 @@ def _disc(letter: str, words: str) -> None:
             text("span", words, "small")
 
 
-def _measured(found: Sequence[overlay.Measure], letters: Sequence[str]) -> None:
+def _measured(measures: Sequence[overlay.Measure], letters: Sequence[str]) -> None:
     """Show the table of properties, with ratios if there are two recordings."""
     two = len(letters) > 1
     with box("table").set(aria_label="Measured properties"):
@@ -304,7 +304,7 @@ def _measured(found: Sequence[overlay.Measure], letters: Sequence[str]) -> None:
                 number = 0 < i <= len(letters) or i > len(letters) + 1
                 text("th", words, "num" if number else "").set(scope="col")
         with box("tbody"):
-            for one in found:
+            for one in measures:
                 with box("tr"):
                     text("td", one.name)
                     for value in one.values:
