@@ -122,6 +122,6 @@ def test_a_loop_whose_derivatives_lead_nowhere_is_refused(monkeypatch, sign, ref
 def test_a_fit_that_is_held_by_a_bound_may_end_there():
     bounds = np.array([0.0]), np.array([np.inf])
     there, slope, residual = np.array([1e-9]), np.ones((3, 1)), np.ones(3)
-    require_progress(there, there, slope, residual, bounds, what="it")  # downhill is beyond the bound
+    require_progress(there, there, slope, residual, bounds, subject="it")  # downhill is beyond the bound
     with pytest.raises(ConvergenceError, match="ended where it began"):
-        require_progress(there, there, slope, -residual, bounds, what="it")
+        require_progress(there, there, slope, -residual, bounds, subject="it")

@@ -47,13 +47,13 @@ def t_quantile(degrees: int, confidence: float) -> float:
     return float(stdtrit(degrees, 0.5 + 0.5 * confidence))
 
 
-def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence: float = 0.95) -> LinearFit:
+def linear_fit(matrix: np.ndarray, target: np.ndarray, *, subject: str, confidence: float = 0.95) -> LinearFit:
     """Least squares of matrix @ values = target.
 
     Args:
         matrix: (n, p), columns of any scale.
         target: (n,).
-        what: the points, for error messages.
+        subject: the points, for error messages.
         confidence: confidence of the two-sided intervals.
 
     Raises:
@@ -61,13 +61,13 @@ def linear_fit(matrix: np.ndarray, target: np.ndarray, *, what: str, confidence:
     """
     n, p = matrix.shape
     if n <= p:
-        raise InputError(what, None, f"must be {p + 1} or more, got {n}")
+        raise InputError(subject, None, f"must be {p + 1} or more, got {n}")
     if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
-        raise InputError(what, None, "must be finite numbers")
+        raise InputError(subject, None, "must be finite numbers")
     size = np.linalg.norm(matrix, axis=0)
     u, strength, directions = np.linalg.svd(matrix / np.where(size > 0.0, size, 1.0), full_matrices=False)
     if strength[-1] < 1e-9 * strength[0]:
-        raise InputError(what, None, f"do not vary enough to tell {p} numbers apart")
+        raise InputError(subject, None, f"do not vary enough to tell {p} numbers apart")
     half = directions.T / strength
     values = half @ (u.T @ target) / size
     residual = target - matrix @ values

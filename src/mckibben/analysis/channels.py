@@ -27,15 +27,15 @@ def known(record: Recording, name: str) -> np.ndarray:
     return finite(values, f"channel {name}")
 
 
-def finite(values: Sequence[float] | Scalar, what: str) -> np.ndarray:
+def finite(values: Sequence[float] | Scalar, subject: str) -> np.ndarray:
     """An array (n,) of finite numbers, or `InputError` with the first sample that is none."""
     array = np.asarray(values, float)
     if array.ndim != 1 or not array.size:
-        raise InputError(what, None, f"must have one dimension and at least one value, got shape {array.shape}")
+        raise InputError(subject, None, f"must have one dimension and at least one value, got shape {array.shape}")
     sound = np.abs(array) <= _LARGEST
     if not sound.all():
         i = int(np.argmin(sound))
-        raise InputError(f"{what}, sample {i}", float(array[i]), "must be finite values; select a part without gaps")
+        raise InputError(f"{subject}, sample {i}", float(array[i]), "must be finite values; select a part without gaps")
     return array
 
 

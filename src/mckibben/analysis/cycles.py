@@ -28,12 +28,12 @@ class Cycle(NamedTuple):
     begins_high: bool = False
 
 
-def turns(values: np.ndarray, *, what: str = "drive") -> tuple[np.ndarray, np.ndarray]:
+def turns(values: np.ndarray, *, subject: str = "drive") -> tuple[np.ndarray, np.ndarray]:
     """Samples of the low and of the high turns, each in order (k,).
 
     Args:
         values: values of the driven channel (n,), finite.
-        what: its name, for error messages.
+        subject: its name, for error messages.
 
     Raises:
         InputError: the channel is constant.
@@ -41,7 +41,7 @@ def turns(values: np.ndarray, *, what: str = "drive") -> tuple[np.ndarray, np.nd
     low, high = np.quantile(values, [0.005, 0.995])
     span = high - low
     if not span > 0.0:
-        raise InputError(what, None, "is constant, so it has no full cycle")
+        raise InputError(subject, None, "is constant, so it has no full cycle")
     side = np.where(values > high - 0.25 * span, 1, np.where(values < low + 0.25 * span, -1, 0))
     beyond = np.flatnonzero(side)
     excursions = np.split(beyond, np.flatnonzero(np.diff(side[beyond])) + 1)
@@ -64,20 +64,20 @@ def _extreme(values: np.ndarray, excursion: np.ndarray, kind: int) -> int:
     return int(excursion[0] + ties[len(ties) // 2])
 
 
-def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tuple[Cycle, ...]:
+def find_cycles(values: np.ndarray, *, skip: int = 0, subject: str = "drive") -> tuple[Cycle, ...]:
     """The full cycles of a channel, from low turn to low turn, or between high turns where these give more.
 
     Args:
         values: values of the driven channel (n,), finite.
         skip: cycles left out at the beginning, such as the first after rest.
-        what: its name, for error messages.
+        subject: its name, for error messages.
 
     Raises:
         InputError: there is no full cycle left, or a cycle has fewer than 8 samples.
     """
     if skip < 0:
         raise InputError("skip", skip, "must be 0 or more")
-    low, high = turns(values, what=what)
+    low, high = turns(values, subject=subject)
     ends, others, begins_high = (high, low, True) if len(high) > len(low) else (low, high, False)
     cycles = tuple(
         Cycle(int(a), int(others[np.searchsorted(others, a)]), int(b), begins_high)
@@ -85,21 +85,21 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, what: str = "drive") -> tu
     )
     if len(cycles) <= skip:
         raise InputError(
-            what,
+            subject,
             None,
             f"must have {skip + 1} full cycles or more, got {len(cycles)}; a cycle lies between two equal ends of its range",
         )
     for cycle in cycles:
         if cycle.end - cycle.start < LEAST_SAMPLES:
             raise InputError(
-                what,
+                subject,
                 None,
                 f"must have {LEAST_SAMPLES} samples or more in a cycle, got {cycle.end - cycle.start}; is it noise?",
             )
     return cycles[skip:]
 
 
-def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive") -> float:
+def cycle_frequency(time: np.ndarray, values: np.ndarray, *, subject: str = "drive") -> float:
     """Cycles per second [Hz]: from the times at which the channel crosses its mid-range in one direction.
 
     A crossing is that of a straight line through the samples between 35 % and 65 % of the range, at least two, so that
@@ -108,10 +108,10 @@ def cycle_frequency(time: np.ndarray, values: np.ndarray, *, what: str = "drive"
     Args:
         time: (n,) [s].
         values: values of the driven channel (n,), finite.
-        what: its name, for error messages.
+        subject: its name, for error messages.
     """
-    low, high = turns(values, what=what)
-    cycles = find_cycles(values, what=what)
+    low, high = turns(values, subject=subject)
+    cycles = find_cycles(values, subject=subject)
     best: list[float] = []
     for starts, stops in ((low, high), (high, low)):
         times = []

@@ -142,7 +142,7 @@ def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEn
     if drive is None:
         return []
     try:
-        all_cycles = find_cycles(record[drive], what=f"channel {drive}")
+        all_cycles = find_cycles(record[drive], subject=f"channel {drive}")
     except InputError as error:
         if channel is not None:
             raise
@@ -306,7 +306,7 @@ def _piece(record: Recording, where: slice, given: _Known, names: tuple[str, str
     mass = np.asarray(given.dead.gas.mass(at, volume, given.dead.temperature))
     drive = mass if cycle is None else record[cycle][where]
     try:
-        cycles = find_cycles(drive, what="mass of the gas" if cycle is None else f"channel {cycle}")
+        cycles = find_cycles(drive, subject="mass of the gas" if cycle is None else f"channel {cycle}")
     except InputError:
         cycles = ()
     # between two low turns the muscle is filled and emptied

@@ -188,7 +188,7 @@ def corrected_loop(
     total = float(lag)
     if cutoff is not None:
         drive = known(record, length)
-        total += filter_effect(cycle_frequency(record.time, drive, what=f"channel {length}"), cutoff=cutoff).lag
+        total += filter_effect(cycle_frequency(record.time, drive, subject=f"channel {length}"), cutoff=cutoff).lag
     names = {"length": length, "tension": tension}
     raw = loop(record, **names, skip=skip)
     return CorrectedLoop(raw, loop(advanced(record, total, channels=tension), **names, skip=skip), total)

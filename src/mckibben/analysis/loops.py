@@ -111,7 +111,7 @@ def paths(record: Recording, *, length: str = "muscle.length", tension: str = "m
         InputError: a channel is missing, or there is no full cycle.
     """
     x, y = known(record, length), known(record, tension)
-    each = [paths_of(x, y, cycle) for cycle in find_cycles(x, skip=skip, what=f"channel {length}")]
+    each = [paths_of(x, y, cycle) for cycle in find_cycles(x, skip=skip, subject=f"channel {length}")]
     return Paths(_pooled([p.rising for p in each]), _pooled([p.falling for p in each]))
 
 
@@ -212,7 +212,7 @@ def loops(
         InputError: a channel is missing or not finite, or there is no full cycle.
     """
     x, y = known(record, length), known(record, tension)
-    return tuple(_loop(x, y, cycle) for cycle in find_cycles(x, skip=skip, what=f"channel {length}"))
+    return tuple(_loop(x, y, cycle) for cycle in find_cycles(x, skip=skip, subject=f"channel {length}"))
 
 
 def loop(
@@ -293,7 +293,7 @@ def variation(
 ) -> Variation:
     """Variation of a channel over the full cycles of another; single samples count, so noise adds to it."""
     x, y = known(record, drive), known(record, channel)
-    parts = [y[c.start : c.end + 1] for c in find_cycles(x, skip=skip, what=f"channel {drive}")]
+    parts = [y[c.start : c.end + 1] for c in find_cycles(x, skip=skip, subject=f"channel {drive}")]
     return Variation(
         max(float(np.ptp(p)) for p in parts),
         max(float(np.abs(p - p.mean()).max()) for p in parts),
@@ -307,9 +307,9 @@ def peak_velocity(record: Recording, *, length: str = "muscle.length", skip: int
     For a triangle, whose speed is constant, it is pi/2 times that speed. No derivative is taken of noise.
     """
     x = known(record, length)
-    cycles = find_cycles(x, skip=skip, what=f"channel {length}")
+    cycles = find_cycles(x, skip=skip, subject=f"channel {length}")
     span = float(np.mean([np.ptp(x[c.start : c.end + 1]) for c in cycles]))
-    return np.pi * cycle_frequency(record.time, x, what=f"channel {length}") * span
+    return np.pi * cycle_frequency(record.time, x, subject=f"channel {length}") * span
 
 
 class StaticPoint(NamedTuple):
@@ -433,7 +433,7 @@ def fit_linear_tension(points: Sequence[StaticPoint], *, confidence: float = 0.9
     middle = table.mean(axis=0) if len(table) else np.zeros(3)
     x, p = table[:, 0] - middle[0], table[:, 1] - middle[1]
     matrix = np.stack([p * x, p, x, np.ones_like(x)], axis=1)
-    fit = linear_fit(matrix, table[:, 2], what="points of eq. 13", confidence=confidence)
+    fit = linear_fit(matrix, table[:, 2], subject="points of eq. 13", confidence=confidence)
     kg, c_p, c_x, c_1 = fit.values
     if kg == 0.0:
         raise InputError("points of eq. 13", None, "must have a tension that grows with pressure and length")

@@ -77,7 +77,7 @@ def between_cycles(
         InputError: a channel is missing, or there are fewer than two full cycles.
     """
     x, y = known(record, drive), known(record, channel)
-    cycles = find_cycles(x, skip=skip, what=f"channel {drive}")
+    cycles = find_cycles(x, skip=skip, subject=f"channel {drive}")
     half = np.linspace(0.0, 1.0, points // 2, endpoint=False)
     courses = []
     for c in cycles:
@@ -104,10 +104,10 @@ def between_runs(records: Sequence[Recording], *, channel: str = "muscle.tension
     return _compared(at, np.array([np.interp(at, r.time, known(r, channel)) for r in records]), "recordings")
 
 
-def _compared(at: np.ndarray, courses: np.ndarray, what: str) -> Repeatability:
+def _compared(at: np.ndarray, courses: np.ndarray, quantity: str) -> Repeatability:
     count = len(courses)
     if count < 2:
-        raise InputError(what, count, "must be 2 or more")
+        raise InputError(quantity, count, "must be 2 or more")
     mean = courses.mean(axis=0)
     off = courses - mean
     rms = float(np.sqrt(np.mean(np.sum(off**2, axis=0) / (count - 1))))
@@ -139,5 +139,5 @@ def trend(over: Sequence[float], numbers: Sequence[float], *, confidence: float 
     x, y = finite(over, "over"), finite(numbers, "numbers")
     if x.shape != y.shape:
         raise InputError("over and numbers", None, f"must be two of one length, got {x.size} and {y.size}")
-    fit = linear_fit(np.stack([x, np.ones_like(x)], axis=1), y, what="points of the trend", confidence=confidence)
+    fit = linear_fit(np.stack([x, np.ones_like(x)], axis=1), y, subject="points of the trend", confidence=confidence)
     return Trend(fit.coefficient(0), fit.coefficient(1))

@@ -66,9 +66,11 @@ def shortening_power(
     """
     x, y = known(record, length), known(record, tension)
     period = uniform_period(record)
-    what = f"channel {length}"
-    cycles = find_cycles(x, skip=skip, what=what)
-    rate = cycle_frequency(record.time, x, what=what) if frequency is None else positive("frequency", frequency, "Hz")
+    name = f"channel {length}"
+    cycles = find_cycles(x, skip=skip, subject=name)
+    rate = (
+        cycle_frequency(record.time, x, subject=name) if frequency is None else positive("frequency", frequency, "Hz")
+    )
     width = max(_WINDOW / rate, 3.0 * period) if window is None else positive("window", window, "s")
     velocity = -smoothed(x, period=period, window=width, derivative=1)
     power = smoothed(y, period=period, window=width) * velocity
@@ -124,7 +126,7 @@ def tension_error(
     """Error of a tension that should be constant, over the full cycles of the length; the set-point in [N]."""
     goal = positive("set_point", set_point, "N")
     x, y = known(record, length), known(record, tension)
-    cycles = find_cycles(x, skip=skip, what=f"channel {length}")
+    cycles = find_cycles(x, skip=skip, subject=f"channel {length}")
     off = np.concatenate([y[c.start : c.end] for c in cycles]) - goal
     short = [slice(c.start, c.turn) if c.begins_high else slice(c.turn, c.end) for c in cycles]
     shortening = np.concatenate([y[part] for part in short]) - goal
@@ -270,7 +272,7 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
 def _start(v: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Logarithms of F0, vmax and curvature to begin with, scaled points (n,)."""
     try:
-        c, a, b = linear_fit(np.stack([np.ones_like(v), -v, -f], axis=1), f * v, what="points").values
+        c, a, b = linear_fit(np.stack([np.ones_like(v), -v, -f], axis=1), f * v, subject="points").values
     except InputError:
         a = b = c = -1.0
     if min(a, b, c) > 0.0:

@@ -154,17 +154,17 @@ def _response(
     begin: float,
     step: CommandStep,
     shares: tuple[float, float],
-    what: str,
+    subject: str,
 ) -> StepResponse:
     quiet = (time >= step.time - LAST * (step.time - begin)) & (time < step.time)
     final = (time > step.until - LAST * (step.until - step.time)) & (time <= step.until)
     if np.count_nonzero(quiet) < 3 or np.count_nonzero(final) < 3:
-        raise InputError(what, None, f"must have 15 samples before and after the step at {step.time:.6g} s")
+        raise InputError(subject, None, f"must have 15 samples before and after the step at {step.time:.6g} s")
     before, after = float(np.median(raw[quiet])), float(np.median(raw[final]))
     noise = float(np.std(clean[quiet]))
     size = after - before
     if not abs(size) > 3.0 * _NOISE * noise:
-        raise InputError(what, None, f"must step by 12 times its noise or more at {step.time:.6g} s, got {size:.3g}")
+        raise InputError(subject, None, f"must step by 12 times its noise or more at {step.time:.6g} s, got {size:.3g}")
     threshold = max(shares[0], _NOISE * noise / abs(size))
     # From the last sample before the command: a channel that follows at once passes its threshold just after it.
     first = max(int(np.searchsorted(time, step.time, side="left")) - 1, 0)
@@ -174,7 +174,9 @@ def _response(
     below = np.flatnonzero(share[: half + 1] < threshold)
     done = int(np.argmax(share >= shares[1]))
     if not below.size or not share[done] >= shares[1] or not share[half] >= 0.5:
-        raise InputError(what, None, f"does not follow the step at {step.time:.6g} s: its change must begin after it")
+        raise InputError(
+            subject, None, f"does not follow the step at {step.time:.6g} s: its change must begin after it"
+        )
     start = _between(t, share, int(below[-1]) + 1, threshold)
     end = _between(t, share, done, shares[1])
     drift, settled = settling(time[final], raw[final], size)

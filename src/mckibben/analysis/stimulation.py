@@ -73,7 +73,7 @@ def stimulated_loops(
     for part in segments(record):
         if np.ptp(part[length]) <= CONSTANT * part[length].mean():
             continue
-        cycles = find_cycles(part[length], what=f"channel {length}")
+        cycles = find_cycles(part[length], subject=f"channel {length}")
         work = loop(part, length=length, tension=tension).work
         lasted = float(np.mean([part.time[c.end] - part.time[c.start] for c in cycles]))
         step = steps_of(part)[0]

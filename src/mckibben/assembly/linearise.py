@@ -288,7 +288,7 @@ def _rate_and_slope(machine: Machine | Circuit, state: Tree, memory: Tree, input
     return value, slope
 
 
-def _find(name: str, known: Sequence[str], what: str) -> int:
+def _find(name: str, known: Sequence[str], kind: str) -> int:
     if name not in known:
-        raise InputError(what, name, known=known, where="linear model")
+        raise InputError(kind, name, known=known, where="linear model")
     return list(known).index(name)

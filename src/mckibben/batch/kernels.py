@@ -262,26 +262,26 @@ def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Tree]:
     return tree
 
 
-def _told(seen: sampled.SampleResult) -> dict[str, Tree]:
+def _told(results: sampled.SampleResult) -> dict[str, Tree]:
     """Values for a sentence about a sample."""
-    measured = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
+    measured = {n: v for n, v in results.measured.items() if not n.endswith(".code")}
     return {
-        n: jnp.asarray(v, float) for n, v in {**measured, **{k: seen.shown[k] for k in ("velocity", "step")}}.items()
+        n: jnp.asarray(v, float) for n, v in {**measured, **{k: results.shown[k] for k in ("velocity", "step")}}.items()
     }
 
 
-def named(seen: sampled.SampleResult, names: Sequence[str]) -> dict[str, Tree]:
+def named(results: sampled.SampleResult, names: Sequence[str]) -> dict[str, Tree]:
     """Channels of one sample by the names of a recording."""
-    known = channels_of(seen)
+    known = channels_of(results)
     return {name: jnp.asarray(known[name], float) for name in names}
 
 
-def channels_of(seen: sampled.SampleResult) -> Mapping[str, Scalar]:
+def channels_of(results: sampled.SampleResult) -> Mapping[str, Scalar]:
     """All channels of a sample, named as `bench.run` does."""
-    by_name = {n: v for n, v in seen.measured.items() if not n.endswith(".code")}
-    by_name |= {n: v for n, v in seen.shown.items() if n.startswith("command.")}
-    by_name |= {channels.INPUTS[n]: v for n, v in seen.commands.items()}
-    true = {channels.RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}
+    by_name = {n: v for n, v in results.measured.items() if not n.endswith(".code")}
+    by_name |= {n: v for n, v in results.shown.items() if n.startswith("command.")}
+    by_name |= {channels.INPUTS[n]: v for n, v in results.commands.items()}
+    true = {channels.RENAMED.get(n, n): v for n, v in results.outputs.items() if not n.startswith(CONSTANT)}
     return by_name | true
 
 

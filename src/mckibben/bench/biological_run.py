@@ -280,11 +280,11 @@ def _unknown_condition(step: PlannedStep) -> InputError:
     return InputError(f"{step.path}.until", step.until.channel, demand)
 
 
-def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -> int:
+def _ends(step: PlannedStep, readings: dict[str, Any], rest: float, period: float) -> int:
     """Sample at which the condition of a step ends it; the last one if it never does."""
     test = step.until
     assert test is not None
-    if test.channel not in seen:
+    if test.channel not in readings:
         raise _unknown_condition(step)
     kind, limit = KINDS.index(test.kind), test.amount.si(rest)
 
@@ -292,7 +292,7 @@ def _ends(step: PlannedStep, seen: dict[str, Any], rest: float, period: float) -
         advanced: tuple[Tree, Tree] = advance(kind, state, x, limit, test.lasting, x, period)
         return advanced
 
-    _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(seen[test.channel]))
+    _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(readings[test.channel]))
     samples = np.flatnonzero(np.asarray(holds)[: step.count])
     return max(int(samples[0]), 1) if samples.size else step.count
 

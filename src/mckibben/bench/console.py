@@ -329,8 +329,8 @@ class CommandInterpreter(abc.ABC):
         if words[0] == "rigs":
             return _columns([(n, "here" if n == self.rig.name else "") for n in rig_names()])
         known = [s for s in specimens() if s.kind != "valve"]
-        here = None if self.mounted is None else self.mounted.id
-        return _columns([(s.id, f"{s.title}{' (mounted)' if s.id == here else ''}") for s in known])
+        mounted = None if self.mounted is None else self.mounted.id
+        return _columns([(s.id, f"{s.title}{' (mounted)' if s.id == mounted else ''}") for s in known])
 
     def _help(self, words: list[str]) -> str:
         if not words:

@@ -263,11 +263,11 @@ JOINT = {
 RENAMED = {"load.angle": "joint.angle", "load.angular_velocity": "joint.velocity", "load.moment": "joint.moment"}
 
 
-def _channels(seen: Any, count: int) -> dict[str, Channel]:
+def _channels(results: Any, count: int) -> dict[str, Channel]:
     """Convert the results to channels of a recording."""
-    arrays = {n: v for n, v in seen.measured.items() if not n.endswith(".code")} | dict(seen.shown)
-    arrays |= {f"{n}.command": v for n, v in seen.commands.items()}
-    arrays |= {RENAMED.get(n, n): v for n, v in seen.outputs.items() if not n.startswith(CONSTANT)}
+    arrays = {n: v for n, v in results.measured.items() if not n.endswith(".code")} | dict(results.shown)
+    arrays |= {f"{n}.command": v for n, v in results.commands.items()}
+    arrays |= {RENAMED.get(n, n): v for n, v in results.outputs.items() if not n.startswith(CONSTANT)}
     channels = {}
     for name in sorted(arrays, key=lambda n: (list(JOINT).index(n) if n in JOINT else len(JOINT), n)):
         unit, meaning = described(name)

@@ -269,7 +269,7 @@ class ProtocolRun:
         left = round(AFTER_STOP / self.timing.period)
         try:
             for chunk in source:
-                results, count = chunk.seen, chunk.size
+                results, count = chunk.results, chunk.size
                 if not bool(results.sound.all()):
                     raise ConvergenceError("A state is not finite, or not possible, with the steps of the wall clock.")
                 used = int(results.shown["running"].sum())
@@ -299,16 +299,16 @@ class ProtocolRun:
         self.state.message = f"Interrupted after {self.state.time:.4g} s of at most {total:.4g} s."
         self._event("interrupted")
 
-    def _keep(self, seen: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
+    def _keep(self, results: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
         """Record the first samples of a chunk."""
         period, total = self.timing.period, self.prepared.plan.duration
         times = period * (self.samples + np.arange(used))
-        arrays = channels_of(seen, used)
-        record = seen.shown["record"][:used].astype(bool) | stopped
+        arrays = channels_of(results, used)
+        record = results.shown["record"][:used].astype(bool) | stopped
         on_the_clock = (self.samples + np.arange(used)) % self.prepared.every == 0
         self.recorder.take(times, arrays, record & on_the_clock)
         if used:
-            self.table.add(times, seen.shown["step"][:used].astype(int), segment.steps)
+            self.table.add(times, results.shown["step"][:used].astype(int), segment.steps)
         self.samples += used
         self.state.time = period * self.samples
         if used and self.display is not None:
@@ -316,20 +316,20 @@ class ProtocolRun:
         if self.progress is not None:
             self.progress(min(self.state.time, total), total)
 
-    def _stopped(self, seen: sampled.SampleResult, at: int, segment: RunSegment) -> None:
+    def _stopped(self, results: sampled.SampleResult, at: int, segment: RunSegment) -> None:
         """Set result and message for the stop at a sample of a chunk."""
-        i = min(at, len(seen.shown["code"]) - 1)
-        when, code = self.state.time + i * self.timing.period, int(seen.shown["code"][i])
+        i = min(at, len(results.shown["code"]) - 1)
+        when, code = self.state.time + i * self.timing.period, int(results.shown["code"][i])
         name = Trip(code).name.lower() if code else "missed"
         if code == Trip.EMERGENCY_STOP:
             name = "stop" if getattr(self.stop, "ordinary", False) else name
             self.state.message = sentence(self.stop, when)
         elif code > 0:
             watch = self.prepared.rig.watch(segment.layout, tension=not self.prepared.accepted)
-            measured = {n: float(v[i]) for n, v in seen.measured.items() if not n.endswith(".code")}
-            self.state.message = watch.reason(code, {**measured, "velocity": float(seen.shown["velocity"][i])}, when)
+            measured = {n: float(v[i]) for n, v in results.measured.items() if not n.endswith(".code")}
+            self.state.message = watch.reason(code, {**measured, "velocity": float(results.shown["velocity"][i])}, when)
         else:
-            step = segment.steps[int(seen.shown["step"][i])]
+            step = segment.steps[int(results.shown["step"][i])]
             test = "" if step.until is None else step.until.sentence()
             waited = step.count * self.timing.period
             self.state.message = (
@@ -340,12 +340,12 @@ class ProtocolRun:
         self.recorder.remark(self.state.message, when)
 
 
-def channels_of(seen: sampled.SampleResult, used: int) -> dict[str, np.ndarray]:
+def channels_of(results: sampled.SampleResult, used: int) -> dict[str, np.ndarray]:
     """Return the channels of a recording, (used,) each, from the results of a chunk."""
-    arrays = {n: v[:used] for n, v in seen.measured.items() if not n.endswith(".code")}
-    arrays |= {n: v[:used] for n, v in seen.shown.items() if n.startswith("command.")}
-    arrays |= {channels.INPUTS[n]: v[:used] for n, v in seen.commands.items()}
-    for name, values in seen.outputs.items():
+    arrays = {n: v[:used] for n, v in results.measured.items() if not n.endswith(".code")}
+    arrays |= {n: v[:used] for n, v in results.shown.items() if n.startswith("command.")}
+    arrays |= {channels.INPUTS[n]: v[:used] for n, v in results.commands.items()}
+    for name, values in results.outputs.items():
         if not name.startswith(CONSTANT):
-            arrays[channels.RENAMED.get(name, name)] = np.broadcast_to(values, seen.rate_bound.shape)[:used]
+            arrays[channels.RENAMED.get(name, name)] = np.broadcast_to(values, results.rate_bound.shape)[:used]
     return arrays

@@ -28,7 +28,7 @@ class Chunk(NamedTuple):
     """Consecutive samples of a run.
 
     Attributes:
-        seen: values at each, as arrays (size,); without true channels where the machine is real.
+        results: values at each, as arrays (size,); without true channels where the machine is real.
         size: number of the samples.
         inner: steps of the physics per sample; 0 where it was not computed here.
         carry: the machine after them, where it was scanned: then no stop was seen at the samples.
@@ -36,7 +36,7 @@ class Chunk(NamedTuple):
         lateness: lateness of the same (size,) [s].
     """
 
-    seen: sampled.SampleResult
+    results: sampled.SampleResult
     size: int
     inner: int = 0
     carry: sampled.Carry | None = None

@@ -131,8 +131,8 @@ def _end(guard: _Guard) -> None:
 class Progress:
     """A bar with the time left, or a line with the time passed where the amount of work is not known."""
 
-    def __init__(self, bar: Any, task: Any, what: str) -> None:
-        self._bar, self._task, self._what = bar, task, what
+    def __init__(self, bar: Any, task: Any, title: str) -> None:
+        self._bar, self._task, self._what = bar, task, title
 
     def __call__(self, words: str = "", by: float = 1.0) -> None:
         """Tell what is done now, and how many parts more are done."""
@@ -157,12 +157,12 @@ class Progress:
 
 @contextlib.contextmanager
 def progress(
-    what: str, total: float | None = None, *, saved: str = "nothing was written", guarded: bool = True
+    title: str, total: float | None = None, *, saved: str = "nothing was written", guarded: bool = True
 ) -> Iterator[Progress]:
     """Show progress on standard error, on a terminal only.
 
     Args:
-        what: is done, such as ``fitting``.
+        title: is done, such as ``fitting``.
         total: parts of the work; None if that is not known.
         saved: what stays after Ctrl-C, as a sentence.
         guarded: whether Ctrl-C may end the process by force.
@@ -171,7 +171,7 @@ def progress(
     _guard.sentence = saved
     with contextlib.nullcontext() if guarded else protected():
         if not sys.stderr.isatty() or _terminal.is_quiet():
-            yield Progress(None, None, what)
+            yield Progress(None, None, title)
             return
         from rich import progress as rich_progress
         from rich.console import Console
@@ -183,18 +183,18 @@ def progress(
             left = rich_progress.TimeRemainingColumn(elapsed_when_finished=True)
             columns += [rich_progress.BarColumn(), left, rich_progress.TextColumn("left")]
         with rich_progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            yield Progress(bar, bar.add_task(what, total=total), what)
+            yield Progress(bar, bar.add_task(title, total=total), title)
 
 
 @contextlib.contextmanager
-def told(what: str, stages: int | None = None) -> Iterator[Callable[[str], None]]:
+def told(title: str, stages: int | None = None) -> Iterator[Callable[[str], None]]:
     """Progress of work whose stages report when they begin; yields the function to report to.
 
     Args:
-        what: is done, such as ``sizing``.
+        title: is done, such as ``sizing``.
         stages: most of them, of which the time left follows; None if that is not known.
     """
-    with progress(what, stages) as bar:
+    with progress(title, stages) as bar:
         begun = 0
 
         def tell(words: str) -> None:

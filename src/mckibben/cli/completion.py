@@ -85,13 +85,13 @@ def completion(
         else:
             typer.echo(SCRIPTS[shell], nl=False)
         return
-    last, candidates_found = candidates(line)
+    last, completions = candidates(line)
     if as_json:
-        _terminal.print_json({"candidates": [one._asdict() for one in candidates_found]})
+        _terminal.print_json({"candidates": [one._asdict() for one in completions]})
         return
     # bash replaces only what follows the last of these signs
     cut = max(last.rfind("="), last.rfind(":")) + 1 if shell == "bash" else 0
-    for one in candidates_found:
+    for one in completions:
         typer.echo(one.word[cut:] if shell == "bash" else f"{one.word}\t{one.meaning}")
 
 

@@ -140,8 +140,8 @@ def _summary(file: Path, reading: FileReading) -> dict[str, JsonValue]:
 
 
 def _print(summary: dict[str, Any]) -> None:
-    what = "force map" if summary["kind"] == "map" else "recording"
-    typer.echo(f"{summary['file']}: a {what} of {summary['rows']} {'points' if what == 'force map' else 'samples'}\n")
+    kind = "force map" if summary["kind"] == "map" else "recording"
+    typer.echo(f"{summary['file']}: a {kind} of {summary['rows']} {'points' if kind == 'force map' else 'samples'}\n")
     rows = []
     for use in summary["columns"]:
         label = use["label"].replace("[", "\\[") or "(no name)"  # no markup of rich

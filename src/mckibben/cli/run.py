@@ -418,11 +418,11 @@ def _unused(path: Path) -> Path:
     return next(p for p in names if not p.exists())
 
 
-def ask_person(what: str) -> None:
+def ask_person(task: str) -> None:
     """Wait until the operator has done something."""
     if not sys.stdin.isatty():
-        raise InputError("person", None, f"is needed at the keyboard: the protocol asks the operator to {what}")
-    typer.prompt(f"Please {what}, then press Enter", default="", show_default=False, err=True)
+        raise InputError("person", None, f"is needed at the keyboard: the protocol asks the operator to {task}")
+    typer.prompt(f"Please {task}, then press Enter", default="", show_default=False, err=True)
 
 
 def _step(value: float) -> float:

@@ -159,14 +159,14 @@ class LoopMechanism(HostedMechanism):
         if moment.position is not None and moment.rate is not None:
             self._position, self._rate = moment.position, moment.rate
         spans, rates = mechanism.span(self._position), mechanism.span_rate(self._rate)
-        seen = self.instance.step(h, spans, rates, moment.commands)
+        readings = self.instance.step(h, spans, rates, moment.commands)
         if prescribed:
             self._position += h * self._rate
-            return seen
-        acceleration, before = mechanism.acceleration(seen.tension, moment.force), self._rate
+            return readings
+        acceleration, before = mechanism.acceleration(readings.tension, moment.force), self._rate
         self._rate += h * acceleration
         self._position += h * (self._rate if self.staggered else 0.5 * (before + self._rate))
-        return seen
+        return readings
 
     def save(self) -> Any:
         """Position, rate and the part."""
@@ -223,10 +223,10 @@ class _PythonInstance(PartInstance):
         """Go on by one step."""
         if self.state is None:
             self.state = self.part.rest(span, **commands)
-        self.state, seen = self.part.step(
+        self.state, readings = self.part.step(
             self.state, period=period, span=span, rate=rate, staggered=self.staggered, **commands
         )
-        values = seen._asdict()
+        values = readings._asdict()
         alone = len(self.part.muscles) == 1
         tension, pressure, work = (
             {n: values[name if alone else f"{n}_{name}"] for n in self.part.muscles}

@@ -235,18 +235,18 @@ def run(tested: HostAdapter, one: Scenario, period: float) -> HostTrace:
     hosted = tested.open(one, period)
     moments = one.moments(period, staggered=tested.staggered)
     mechanism = one.mechanism
-    positions, seen, work = [mechanism.start], [], 0.0
+    positions, readings, work = [mechanism.start], [], 0.0
     for moment, following in itertools.pairwise([*moments, moments[-1]]):
         before = moment.rate if moment.rate is not None else hosted.rate
-        seen.append(hosted.step(moment))
+        readings.append(hosted.step(moment))
         of_path = following.rate if tested.staggered else moment.rate
         after = of_path if of_path is not None else hosted.rate
         rates = mechanism.span_rate(0.5 * (before + after))
-        work += sum(period * pull * rates[name] for name, pull in seen[-1].tension.items())
+        work += sum(period * pull * rates[name] for name, pull in readings[-1].tension.items())
         positions.append(hosted.position)
-    tension = {n: np.array([row.tension[n] for row in seen]) for n in mechanism.arms}
-    pressure = {n: np.array([row.pressure[n] for row in seen]) for n in mechanism.arms}
-    return HostTrace(np.array(positions), tension, pressure, work, seen[-1].work)
+    tension = {n: np.array([row.tension[n] for row in readings]) for n in mechanism.arms}
+    pressure = {n: np.array([row.pressure[n] for row in readings]) for n in mechanism.arms}
+    return HostTrace(np.array(positions), tension, pressure, work, readings[-1].work)
 
 
 def _errors(
@@ -309,8 +309,10 @@ def _path(hosted: HostedMechanism, moments: list[Any]) -> list[tuple[float, ...]
     """All that is seen of some steps."""
     rows = []
     for moment in moments:
-        seen = hosted.step(moment)
-        rows.append((hosted.position, hosted.rate, *seen.tension.values(), *seen.pressure.values(), seen.work))
+        readings = hosted.step(moment)
+        rows.append(
+            (hosted.position, hosted.rate, *readings.tension.values(), *readings.pressure.values(), readings.work)
+        )
     return rows
 
 

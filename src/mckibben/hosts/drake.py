@@ -103,10 +103,10 @@ class MuscleSystem(LeafSystem):  # type: ignore[misc] # a class of an optional l
         state = np.array(numbers[: self._size])
         if state[self._started] == 0.0:
             state = self.part.rest(spans, **commands)
-        new, seen = self.part.step(
+        new, readings = self.part.step(
             state, period=self.period, span=spans, rate=rates, staggered=not self.continuous, **commands
         )
-        out.set_value(np.concatenate([new, [seen[k] for k in self._shown]]))
+        out.set_value(np.concatenate([new, [readings[k] for k in self._shown]]))
 
     def _put_tension(self, context: Any, out: Any) -> None:
         if self.continuous:

@@ -126,11 +126,11 @@ class CoSimulation:
         spans, rates = self.span(), self.span_rate()
         if self._part_state is None:
             self._part_state = self.part.rest(spans, **commands)
-        self._part_state, seen = self.part.step(
+        self._part_state, readings = self.part.step(
             self._part_state, period=self.period, span=spans, rate=rates, **commands
         )
         for place, name in enumerate(sorted(self._actuators)):  # tensions come first, by muscle
-            self._actuators[name].setOverrideActuation(self.state, seen[place])
+            self._actuators[name].setOverrideActuation(self.state, readings[place])
         self._count += 1
         try:
             self._manager.initialize(self.state)
@@ -141,7 +141,7 @@ class CoSimulation:
             after.getTime()
         )  # into the same state: a copied one keeps lengthening speeds of another moment
         self.state.setY(after.getY())
-        return seen
+        return readings
 
     def observe(self, **commands: Any) -> Any:
         """Outputs of the muscles at the present moment, without going on."""

@@ -20,13 +20,13 @@ FLAT_COSINE, FLAT_STEP = 1e-3, 1e-6
 NAMED = 3  # parameters that a sentence names
 
 
-def require_influence(jacobian: np.ndarray, names: Sequence[str], *, what: str) -> None:
+def require_influence(jacobian: np.ndarray, names: Sequence[str], *, subject: str) -> None:
     """Refuse free parameters on which no residual depends.
 
     Args:
         jacobian: derivative of the residuals to each free parameter at the solution, (n, p); any scaling.
         names: names of the parameters.
-        what: was fitted, for the sentence.
+        subject: was fitted, for the sentence.
 
     Raises:
         InputError: names the parameters whose columns are zero.
@@ -37,7 +37,7 @@ def require_influence(jacobian: np.ndarray, names: Sequence[str], *, what: str) 
         raise InputError(
             "free",
             listed(dead),
-            f"the data of {what} do not depend on {'it' if one else 'them'}, so no fit can find "
+            f"the data of {subject} do not depend on {'it' if one else 'them'}, so no fit can find "
             f"{'it: fix this parameter' if one else 'them: fix these parameters'}, or begin with other values",
         )
 
@@ -49,7 +49,7 @@ def require_progress(
     residual: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
     *,
-    what: str,
+    subject: str,
 ) -> None:
     """Refuse a fit that ended where it began, unless it began at a minimum.
 
@@ -59,7 +59,7 @@ def require_progress(
         jacobian: derivative of the residual to the scaled parameters at the solution, (n, p).
         residual: at the solution, (n,).
         bounds: bounds of the scaled parameters, lower and upper (p,) each.
-        what: was fitted, for the sentence.
+        subject: was fitted, for the sentence.
 
     Raises:
         ConvergenceError: says that the values are the first guesses.
@@ -74,7 +74,7 @@ def require_progress(
     step = np.abs(slope) / size**2
     if ((cosine > FLAT_COSINE) & (step > FLAT_STEP) & ~outward).any():
         raise ConvergenceError(
-            f"The fit of {what} ended where it began, and its first guesses are no minimum; begin with other values."
+            f"The fit of {subject} ended where it began, and its first guesses are no minimum; begin with other values."
         )
 
 

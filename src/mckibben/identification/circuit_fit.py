@@ -260,9 +260,9 @@ def fit_circuit(
     jacobian = problem.jacobian(solution.x)
     residual = problem.residual(solution.x)
     names = ", ".join(t.name for t in trials)
-    require_influence(jacobian, problem.names, what=names)
+    require_influence(jacobian, problem.names, subject=names)
     if evaluations > 1:  # with one it may not move
-        require_progress(problem.start, solution.x, jacobian, residual, problem.bounds, what=names)
+        require_progress(problem.start, solution.x, jacobian, residual, problem.bounds, subject=names)
     known = uncertainty(jacobian, residual * widening(problem.split(residual)), problem.names)
     estimates, warnings = {}, list(known.warnings)
     for i, name in enumerate(problem.names):

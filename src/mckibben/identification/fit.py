@@ -247,14 +247,14 @@ def fit(
     solution = solve(problem)
     tell(f"{law}: fitted")
     title = f"{problem.points.name} by the law {law}"
-    require_influence(solution.jacobian, problem.free, what=title)
+    require_influence(solution.jacobian, problem.free, subject=title)
     require_progress(
         solution.start,
         solution.scaled,
         solution.jacobian,
         solution.tension - problem.points.tension,
         problem.bounds,
-        what=title,
+        subject=title,
     )
     taut = problem.points.taut
     error = (solution.tension - problem.points.tension)[taut]

@@ -197,8 +197,8 @@ def fit_loop(
     for _ in range(SHAKEN):
         best = min(best, descend(best.x + SHAKE * draw.standard_normal(len(best.x))), key=lambda f: f.cost)
     title = f"the loop with {model}"
-    require_influence(derivative(best.x), names, what=title)
-    require_progress(best.start, best.x, derivative(best.x), misfit(best.x), (low, high), what=title)
+    require_influence(derivative(best.x), names, subject=title)
+    require_progress(best.start, best.x, derivative(best.x), misfit(best.x), (low, high), subject=title)
     error = (predict(best.x) - record.stroke)[training]
     spread = uncertainty(slopes(best.x)[training], error, names)
     half = spread.quantile * spread.standard_error * widening(_runs(error, training))

@@ -265,9 +265,9 @@ class Circuit(System):
         assert isinstance(node, Chamber)
         return node
 
-    def _at(self, name: str, seen: Mapping[str, GasState]) -> tuple[GasState, ...]:
+    def _at(self, name: str, gases: Mapping[str, GasState]) -> tuple[GasState, ...]:
         """The gas at the ports of an element."""
-        return tuple(seen[end] for end in self.ends[name][0])
+        return tuple(gases[end] for end in self.ends[name][0])
 
     def _command(self, name: str, inputs: Mapping[str, Value]) -> Scalar:
         signal = self.ends[name][1]
@@ -296,39 +296,39 @@ class Circuit(System):
         return sum(volumes, start=jnp.zeros(()))
 
     def _flows(
-        self, state: Tree, memory: Tree, seen: dict[str, GasState], inputs: Mapping[str, Value]
+        self, state: Tree, memory: Tree, gases: dict[str, GasState], inputs: Mapping[str, Value]
     ) -> dict[str, tuple[Scalar, ...]]:
         return {
             name: element.flows(
-                self._at(name, seen), state["elements"][name], _kept(memory, name), self._command(name, inputs)
+                self._at(name, gases), state["elements"][name], _kept(memory, name), self._command(name, inputs)
             )
             for name, element in self.elements.items()
         }
 
     def _streams(
-        self, state: Tree, memory: Tree, seen: dict[str, GasState], inputs: Mapping[str, Value]
+        self, state: Tree, memory: Tree, gases: dict[str, GasState], inputs: Mapping[str, Value]
     ) -> dict[str, ExergyStream]:
         """The gas on every path."""
         streams = {}
-        for name, flows in self._flows(state, memory, seen, inputs).items():
+        for name, flows in self._flows(state, memory, gases, inputs).items():
             element, ends = self.elements[name], self.ends[name][0]
             power: Any = [None] * len(flows)
             if kind_of(element) == "machine":
                 arguments = state["elements"][name], _kept(memory, name), self._command(name, inputs)
-                power = element.heating(self._at(name, seen), *arguments)
+                power = element.heating(self._at(name, gases), *arguments)
             for path, flow, gain in zip(element.paths, flows, power, strict=True):
                 streams[path_name(element, name, path)] = ExergyStream(name, (ends[path[0]], ends[path[1]]), flow, gain)
         return streams
 
     def _inflows(
-        self, streams: Mapping[str, ExergyStream], seen: dict[str, GasState]
+        self, streams: Mapping[str, ExergyStream], gases: dict[str, GasState]
     ) -> tuple[dict[str, Inflow], Scalar]:
         """Inflow of each node, and power that machines add to the gas on its way [W]."""
         mass: dict[str, Any] = {name: 0.0 for name in self.nodes}
         enthalpy: dict[str, Any] = {name: 0.0 for name in self.nodes}
         total: Any = jnp.zeros(())
         for _, (a, b), flow, power in streams.values():
-            carried = flow * self.gas.cp * jnp.where(flow >= 0.0, seen[a].temperature, seen[b].temperature)
+            carried = flow * self.gas.cp * jnp.where(flow >= 0.0, gases[a].temperature, gases[b].temperature)
             mass[a], mass[b] = mass[a] - flow, mass[b] + flow
             enthalpy[a], enthalpy[b] = enthalpy[a] - carried, enthalpy[b] + carried
             if power is not None:

@@ -75,11 +75,11 @@ def _rank(name: str) -> int:
 
 def _flat(value: Mapping[str, Any], path: str) -> Iterable[tuple[str, Any]]:
     for key, one in value.items():
-        here = f"{path}{key}"
+        at = f"{path}{key}"
         if isinstance(one, Mapping):
-            yield from _flat(one, f"{here}.")
+            yield from _flat(one, f"{at}.")
         else:
-            yield here, one
+            yield at, one
 
 
 def _short(path: str) -> str:

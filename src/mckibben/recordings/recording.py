@@ -486,15 +486,15 @@ def check_name(name: object, where: str | None = None) -> None:
         raise InputError("name of a channel", name if isinstance(name, str) else repr(name), allowed, where=where)
 
 
-def _column(values: Any, what: str) -> np.ndarray:
+def _column(values: Any, name: str) -> np.ndarray:
     try:
         array = np.asarray(values)
     except (TypeError, ValueError) as error:
-        raise InputError(what, None, f"must be real numbers, got none ({error})") from None
+        raise InputError(name, None, f"must be real numbers, got none ({error})") from None
     if array.dtype.kind not in "fiub":
-        raise InputError(what, None, f"must be real numbers, got type {array.dtype}")
+        raise InputError(name, None, f"must be real numbers, got type {array.dtype}")
     if array.ndim != 1:
-        raise InputError(what, None, f"must have one dimension, got shape {array.shape}")
+        raise InputError(name, None, f"must have one dimension, got shape {array.shape}")
     column = np.array(array, dtype=np.float64)
     column.flags.writeable = False
     return column

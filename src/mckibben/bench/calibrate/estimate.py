@@ -176,13 +176,13 @@ def dead_weights(
             raise InputError("masses", None, f"must be 0 kg or more, got {mass:g} kg")
     reference = Reference("", uncertainty * gravity, gravity_uncertainty / gravity, exact_nothing=True)
     return line(
-        [Point(m, m * gravity, r) for m, r in masses], resolution=resolution, reference=reference, what="masses"
+        [Point(m, m * gravity, r) for m, r in masses], resolution=resolution, reference=reference, subject="masses"
     )
 
 
 def pressure_reference(points: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
     """Calibrate a pressure sensor from a reference gauge; points in gauge pressures, resolution [Pa]."""
-    return line(points, resolution=resolution, reference=reference, what="pressures")
+    return line(points, resolution=resolution, reference=reference, subject="pressures")
 
 
 def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
@@ -190,17 +190,19 @@ def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference
 
     The zero is where the counter stood in this session, and says nothing about the next one. Points and resolution [m].
     """
-    return line(travels, resolution=resolution, reference=reference, what="travels")
+    return line(travels, resolution=resolution, reference=reference, subject="travels")
 
 
-def line(points: Sequence[Point], *, resolution: float, reference: Reference, what: str = "points") -> CalibrationLine:
+def line(
+    points: Sequence[Point], *, resolution: float, reference: Reference, subject: str = "points"
+) -> CalibrationLine:
     """Fit a line through points, for any sensor.
 
     Args:
         points: two different settings or more.
         resolution: one count [unit].
         reference: source of the true values [unit].
-        what: what the settings are called in an error message.
+        subject: what the settings are called in an error message.
 
     Raises:
         InputError: if no line follows from the points.
@@ -208,12 +210,12 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     settings = np.array([p.setting for p in points])
     if len(np.unique(settings)) < 2:
         known = f"{len(points)} of one value" if len(points) else None
-        raise InputError(what, known, "must be two different ones or more, for there are a gain and a zero to find")
+        raise InputError(subject, known, "must be two different ones or more, for there are a gain and a zero to find")
     x, y = np.array([p.true for p in points]), np.array([p.reading.mean for p in points])
     each, which, times = np.unique(settings, return_inverse=True, return_counts=True)
     xs, ys = (np.bincount(which, v) / times for v in (x, y))
     if not np.ptp(xs) > 0.0:
-        raise InputError(what, None, f"must be at values of the reference that differ, got all at {xs[0]:g}")
+        raise InputError(subject, None, f"must be at values of the reference that differ, got all at {xs[0]:g}")
     rough = abs(np.ptp(ys) / np.ptp(xs))
     apart = (y - rough * x) - ((ys - rough * xs)[which])
     exact = (each == 0.0) & reference.exact_nothing
@@ -225,7 +227,7 @@ def line(points: Sequence[Point], *, resolution: float, reference: Reference, wh
     z, slope = (float(b) for b in h @ ys)
     if not slope > 0.0:
         allowed = f"is a slope of {slope:.3g}: the reading does not rise with the reference: is a wire crossed?"
-        raise InputError(what, None, allowed)
+        raise InputError(subject, None, allowed)
     free = len(xs) - 2
     misfit = float((((ys - z - slope * xs) ** 2) / variance).sum()) / free if free else math.nan
     of = [(h @ np.diag(value) @ h.T, degrees) for value, degrees in parts]

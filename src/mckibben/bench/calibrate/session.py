@@ -247,18 +247,20 @@ class CalibrationSession:
         return CalibrationOutcome(corrections, lines, points)
 
 
-def _different(what: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
+def _different(subject: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
     """Refuse settings that do not determine a line, before the operator is requested the first."""
     for value in values:
         if not (math.isfinite(value) and value >= least):
             raise InputError(
-                what, _mass(value) if unit == "kg" else with_unit(value, unit), f"must be {least:g} {unit} or more"
+                subject, _mass(value) if unit == "kg" else with_unit(value, unit), f"must be {least:g} {unit} or more"
             )
     words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or None
     if len(values) < 2:
-        raise InputError(what, words, "must be two different ones or more, for there are a gain and a zero to find")
+        raise InputError(subject, words, "must be two different ones or more, for there are a gain and a zero to find")
     if len(set(values)) < len(values):
-        raise InputError(what, words, "must be different ones; each is used on the way up and on the way down anyway")
+        raise InputError(
+            subject, words, "must be different ones; each is used on the way up and on the way down anyway"
+        )
 
 
 def _off_rails(name: str, samples: np.ndarray, grid: ChannelScale) -> None:

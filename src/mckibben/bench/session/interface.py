@@ -186,34 +186,34 @@ class MachineSession(abc.ABC):
     def close(self) -> None:
         """Stop runs, vent, and release the machine; may be called twice."""
 
-    def require_manual(self, what: str) -> None:
+    def require_manual(self, action: str) -> None:
         """Raise an error unless set-points may be given by hand: the machine is ready, and no run or stop holds it.
 
         Args:
-            what: the action, with which the sentence begins.
+            action: the action, with which the sentence begins.
 
         Raises:
             InputError: says what keeps the machine from it, and what would help.
         """
-        self._require_there(what)
-        self._require_ready(what)
+        self._require_there(action)
+        self._require_ready(action)
         if (running := self.status().protocol) is not None:
-            raise InputError(what, None, f"must wait: {running[0]} is running; stop it first")
-        self._require_no_stop(what)
+            raise InputError(action, None, f"must wait: {running[0]} is running; stop it first")
+        self._require_no_stop(action)
 
-    def _require_there(self, what: str) -> None:
+    def _require_there(self, action: str) -> None:
         if self.gone:
             why = f": {self.why}" if self.why else ""
-            raise InputError(what, None, f"is not possible: the machine is {self.gone}{why}")
+            raise InputError(action, None, f"is not possible: the machine is {self.gone}{why}")
 
-    def _require_ready(self, what: str) -> None:
+    def _require_ready(self, action: str) -> None:
         if not self.ready:
             problem = "the session was opened for runs only; open it with by_hand=True to operate the machine by hand"
-            raise InputError(what, None, f"is not possible: {problem}")
+            raise InputError(action, None, f"is not possible: {problem}")
 
-    def _require_no_stop(self, what: str) -> None:
+    def _require_no_stop(self, action: str) -> None:
         if self.why:
-            raise InputError(what, None, f"must wait: the machine is stopped ({self.why}); reset it first")
+            raise InputError(action, None, f"must wait: the machine is stopped ({self.why}); reset it first")
 
     def prepare(self, protocol: Protocol | str, accept_saturation: bool = False) -> PreparedRun:
         """Make the dry run of a protocol for this machine, in this process; nothing moves."""

@@ -145,24 +145,24 @@ class SessionProxy(MachineSession):
     def _renew_button(self) -> None:
         self.button = EmergencyStop(lambda reason, ordinary: self._send(0, "press", reason, ordinary=ordinary))
 
-    def _send(self, number: int, what: str, *arguments: Any, **named: Any) -> None:
+    def _send(self, number: int, name: str, *arguments: Any, **named: Any) -> None:
         if self._sender == threading.get_ident():  # a signal that presses the button came while this thread was sending
-            threading.Thread(target=self._send, args=(number, what, *arguments), kwargs=named, daemon=True).start()
+            threading.Thread(target=self._send, args=(number, name, *arguments), kwargs=named, daemon=True).start()
             return
         with self._sending, contextlib.suppress(OSError, ValueError):
             self._sender = threading.get_ident()
             try:
-                self._line.send((number, what, arguments, named))
+                self._line.send((number, name, arguments, named))
             finally:
                 self._sender = 0
 
     def ask(
-        self, what: str, *arguments: Any, otherwise: Any = REFUSE, hear: Callable[..., None] | None = None, **named: Any
+        self, name: str, *arguments: Any, otherwise: Any = REFUSE, hear: Callable[..., None] | None = None, **named: Any
     ) -> Any:
         """Return an attribute of the session, or what a method of it returns.
 
         Args:
-            what: its name.
+            name: its name.
             *arguments: arguments.
             otherwise: returned if the machine is lost; while it is not ready, nobody waits for an answer either.
             hear: told what the session says before it answers.
@@ -179,7 +179,7 @@ class SessionProxy(MachineSession):
             number = 0 if otherwise is not REFUSE and not self.ready else self._number
             self._waiting[number] = box
         try:
-            self._send(number, what, *arguments, **named)
+            self._send(number, name, *arguments, **named)
             while number:
                 kind, *said = box.get()
                 if kind == "done":
@@ -352,18 +352,18 @@ class SessionServer:
         self.session = session
         try:
             while True:
-                number, what, arguments, named = self.line.recv()
-                if what == "press":
+                number, name, arguments, named = self.line.recv()
+                if name == "press":
                     self.session.button.press(*arguments, **named)
-                elif what == "answer":
+                elif name == "answer":
                     self._answers.put(arguments[0])
-                elif what == "close":
+                elif name == "close":
                     self._answers.put(MckibbenError(NOBODY))
                     self.session.close()
                     self.say(number, "done", None)
                     return
                 else:
-                    self._pool.submit(self._do, number, what, arguments, named)
+                    self._pool.submit(self._do, number, name, arguments, named)
         except (EOFError, OSError):
             self._answers.put(MckibbenError(NOBODY))
             self.session.button.press("the program that operated the machine ended")
@@ -373,10 +373,10 @@ class SessionServer:
         with self._sending, contextlib.suppress(OSError):
             self.line.send((number, *said))
 
-    def _do(self, number: int, what: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> None:
+    def _do(self, number: int, name: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> None:
         try:
-            asked = self._run if what == "run" else getattr(self.session, what)
-            arguments = (number, *arguments) if what == "run" else arguments
+            asked = self._run if name == "run" else getattr(self.session, name)
+            arguments = (number, *arguments) if name == "run" else arguments
             self.say(number, "done", asked(*arguments, **named) if callable(asked) else asked)
         except MckibbenError as error:
             self.say(number, "refused", error)

@@ -181,8 +181,8 @@ class Session(MachineSession):
 
     def observe(self, chunk: Chunk, *, by_hand: bool = False) -> None:
         """Take a chunk of samples of the manual loop or of a run, in their order."""
-        seen, numbers = chunk.seen, chunk.numbers
-        arrays, times = channels_of(seen, chunk.size), self.period * numbers
+        results, numbers = chunk.results, chunk.numbers
+        arrays, times = channels_of(results, chunk.size), self.period * numbers
         with self._lock:
             self._ring.add(times, arrays)
             if self._recording is not None:
@@ -191,10 +191,10 @@ class Session(MachineSession):
                 except MckibbenError as error:
                     self._recording = None
                     self._messages.say(f"nothing is recorded any more: {error}", float(times[-1]), "stop")
-            news = (seen.shown["code"] > 0) & (numbers >= self._first_news)
+            news = (results.shown["code"] > 0) & (numbers >= self._first_news)
             if news.any() and not self._why:
                 self._stopped(chunk, int(np.argmax(news)), times)
-            if by_hand and self._setpoints["pressure"] > 0.0 and (seen.shown["step"] == ABANDONED).any():
+            if by_hand and self._setpoints["pressure"] > 0.0 and (results.shown["step"] == ABANDONED).any():
                 self._abandon(float(times[-1]))
 
     def _abandon(self, when: float | None = None) -> None:
@@ -202,12 +202,12 @@ class Session(MachineSession):
         self._say("nobody is in control: vented, and the motor holds", "stop", when)
 
     def _stopped(self, chunk: Chunk, i: int, times: np.ndarray) -> None:
-        shown, when = chunk.seen.shown, float(times[i])
+        shown, when = chunk.results.shown, float(times[i])
         code = int(shown["code"][i])
         if code == Trip.EMERGENCY_STOP:
             self._why = sentence(self.button, when)
         else:
-            at = {n: float(v[i]) for n, v in chunk.seen.measured.items() if not n.endswith(".code")}
+            at = {n: float(v[i]) for n, v in chunk.results.measured.items() if not n.endswith(".code")}
             self._why = self._setup.watch.reason(code, at | {"velocity": float(shown["velocity"][i])}, when)
         self._rest()
         self._say(self._why, "stop", when, code=Trip(code).name.lower())

@@ -204,13 +204,13 @@ class Interlocks(Module):
 
     def _out_of_limits(self, measured: Mapping[str, float]) -> str:
         for name, (low, high) in self.sensors.items():
-            x, what, unit = measured.get(name, 0.5 * (low + high)), name.replace("_", " "), SENSORS[name].unit
+            x, label, unit = measured.get(name, 0.5 * (low + high)), name.replace("_", " "), SENSORS[name].unit
             if not math.isfinite(x):
-                return f"the {what} sensor reads no number"
+                return f"the {label} sensor reads no number"
             if x < low:
-                return _over(what, x, unit, low, "or more")
+                return _over(label, x, unit, low, "or more")
             if x > high:
-                return _over(what, x, unit, high)
+                return _over(label, x, unit, high)
         return "a sensor is out of its limits"
 
     def _lost_pressure(self, x: float | None) -> str:
@@ -261,23 +261,23 @@ def _size(x: float | None) -> float | None:
     return None if x is None else abs(float(x))
 
 
-def _over(what: str, x: Scalar | None, unit: str, limit: Scalar, side: str = "or less") -> str:
-    return f"the {what} is {_value(x, unit)}; it must be {with_unit(float(limit), unit)} {side}"
+def _over(label: str, x: Scalar | None, unit: str, limit: Scalar, side: str = "or less") -> str:
+    return f"the {label} is {_value(x, unit)}; it must be {with_unit(float(limit), unit)} {side}"
 
 
-def _doubtful(what: str, x: float | None, unit: str, rail: Any, floor: Any, patience: Any) -> str | None:
+def _doubtful(label: str, x: float | None, unit: str, rail: Any, floor: Any, patience: Any) -> str | None:
     """Reason for which a single reading shows a failed sensor, or None."""
     if x is None:
         return None
     if not math.isfinite(x):
-        return f"the {what} sensor reads no number"
+        return f"the {label} sensor reads no number"
     lasting = f"for {with_unit(float(patience), 's')}"
     if bool(_at(x, float(rail))):
         top = with_unit(float(rail), unit)
         return (
-            f"the {what} sensor is at the end of its range of {top} {lasting}: an open wire, or more than it can read"
+            f"the {label} sensor is at the end of its range of {top} {lasting}: an open wire, or more than it can read"
         )
     if x < float(floor):
         least = with_unit(float(floor), unit)
-        return f"the {what} sensor reads {with_unit(float(x), unit)} {lasting}, an intact one reads {least} or more"
+        return f"the {label} sensor reads {with_unit(float(x), unit)} {lasting}, an intact one reads {least} or more"
     return None

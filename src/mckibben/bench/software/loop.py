@@ -67,9 +67,9 @@ class BenchSoftware(Software):
         if isinstance(self.sequencer, Manual):
             at = self.sequencer.heard(at, row)
         asked = self.sequencer.set_points(at, dt)
-        going = ~state["stopped"]
+        running = ~state["stopped"]
         pressure, valve = self.pressure.step(
-            state["pressure"], asked.pressure, read.get("pressure", asked.pressure), dt, jnp.where(going, 1.0, 0.0)
+            state["pressure"], asked.pressure, read.get("pressure", asked.pressure), dt, jnp.where(running, 1.0, 0.0)
         )
         # a set velocity is a set-point of the span that grows
         driven = jnp.where(asked.mode == SPAN, asked.motor, state["driven"])
@@ -84,10 +84,10 @@ class BenchSoftware(Software):
             velocity,
             tension,
             dt,
-            jnp.where(going & (asked.mode != TENSION), 1.0, 0.0),
+            jnp.where(running & (asked.mode != TENSION), 1.0, 0.0),
         )
         force, pulling = self.force.step(
-            state["force"], asked.motor, tension, velocity, dt, jnp.where(going & (asked.mode == TENSION), 1.0, 0.0)
+            state["force"], asked.motor, tension, velocity, dt, jnp.where(running & (asked.mode == TENSION), 1.0, 0.0)
         )
         motor = jnp.where(asked.mode == TENSION, pulling, holding)
         commands = {"valve": valve, "motor": motor if self.has_motor else nothing}

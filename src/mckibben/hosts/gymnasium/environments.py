@@ -53,11 +53,11 @@ class _Plant:
         """Fields of the simulation's observation by name, from its vector or its rows per lane."""
         return dict(zip(self.fields, rows, strict=False))
 
-    def picture(self, seen: dict[str, Any], goal: np.ndarray, time: float) -> np.ndarray:
+    def picture(self, readings: dict[str, Any], goal: np.ndarray, time: float) -> np.ndarray:
         """The mechanism with its muscles at a moment, as pixels (height, width, 3)."""
         if self._picture is None:
             self._picture = implementation(PICTURE)(self.simulation, self.task.title)
-        drawn: np.ndarray = self._picture.frame(seen, dict(zip(self.task.wanted, goal, strict=True)), time)
+        drawn: np.ndarray = self._picture.frame(readings, dict(zip(self.task.wanted, goal, strict=True)), time)
         return drawn
 
 

@@ -97,11 +97,11 @@ class Task(abc.ABC):
         """What an episode asks for."""
 
     @abc.abstractmethod
-    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
+    def error(self, readings: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from a goal, 0 or more, in `error_unit`.
 
         Args:
-            seen: fields of the simulation's observation.
+            readings: fields of the simulation's observation.
             goal: (goals,), or (goals, lanes).
         """
 
@@ -123,16 +123,16 @@ class Task(abc.ABC):
         """A simulation of the mechanism with its air, whose programs all environments of the task share."""
         return _simulation(self).with_parameters({})
 
-    def observation(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
+    def observation(self, readings: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """The observation, (senses,) or (lanes, senses), as float32 from -1 to 1.
 
         Args:
-            seen: fields of the simulation's observation.
+            readings: fields of the simulation's observation.
             goal: (goals,), or (goals, lanes).
         """
         low, high, places = _ranges(type(self))
         rows = [
-            goal[place] if place is not None else seen[s.name] for s, place in zip(self.senses, places, strict=True)
+            goal[place] if place is not None else readings[s.name] for s, place in zip(self.senses, places, strict=True)
         ]
         values = np.array(rows).T
         scaled: np.ndarray = np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.0, 1.0).astype(np.float32)
@@ -189,9 +189,9 @@ class LiftTask(Task):
         """Spans that the muscle holds at pressures below that of the supply."""
         return Episode(self.hold(random.uniform(0.112, 0.135, (1, self.stretches))), self.undisturbed)
 
-    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
+    def error(self, readings: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from the wanted span [m]."""
-        error: np.ndarray = np.abs(seen["position"] - goal[0])
+        error: np.ndarray = np.abs(readings["position"] - goal[0])
         return error
 
 
@@ -219,9 +219,9 @@ class JointTask(Task):
         """Angles that the muscles reach."""
         return Episode(self.hold(random.uniform(-0.6, 0.6, (1, self.stretches))), self.undisturbed)
 
-    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
+    def error(self, readings: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from the wanted angle [rad]."""
-        error: np.ndarray = np.abs(seen["angle"] - goal[0])
+        error: np.ndarray = np.abs(readings["angle"] - goal[0])
         return error
 
 
@@ -260,9 +260,9 @@ class ReachTask(Task):
         places = np.array([distance * np.sin(direction), -distance * np.cos(direction)])
         return Episode(self.hold(places), self.undisturbed)
 
-    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
+    def error(self, readings: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance of the tip from the wanted place [m]."""
-        across, height = seen["tip_across"] - goal[0], seen["tip_height"] - goal[1]
+        across, height = readings["tip_across"] - goal[0], readings["tip_height"] - goal[1]
         distance: np.ndarray = np.sqrt(across * across + height * height)
         return distance
 
@@ -295,9 +295,9 @@ class PressureTask(Task):
         span = 0.13 + size * np.sin(2.0 * np.pi * rate * PERIOD * np.arange(1, self.samples + 1))
         return Episode(self.hold(goals), span[None])
 
-    def error(self, seen: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
+    def error(self, readings: Mapping[str, np.ndarray], goal: np.ndarray) -> np.ndarray:
         """Distance from the wanted pressure [Pa]."""
-        error: np.ndarray = np.abs(seen["pressure"] - goal[0])
+        error: np.ndarray = np.abs(readings["pressure"] - goal[0])
         return error
 
 

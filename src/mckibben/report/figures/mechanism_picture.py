@@ -58,11 +58,11 @@ class MechanismPicture:
         }
 
     @style.styled()
-    def frame(self, seen: Mapping[str, float], wanted: Mapping[str, float], time: float) -> np.ndarray:
+    def frame(self, readings: Mapping[str, float], wanted: Mapping[str, float], time: float) -> np.ndarray:
         """Draw a moment.
 
         Args:
-            seen: fields of the simulation's observation.
+            readings: fields of the simulation's observation.
             wanted: goals, by field of the observation.
             time: since the start [s].
 
@@ -77,9 +77,9 @@ class MechanismPicture:
         ax.set_xlim(left, left + size)
         ax.set_ylim(bottom, bottom + size)
         self._point = size / (72.0 * SIZE)
-        self._draw(ax, seen, wanted)
+        self._draw(ax, readings, wanted)
         ax.text(0.03, 0.965, self.title, transform=ax.transAxes, fontweight="bold", fontsize=style.SMALL, va="center")
-        lines = [f"{time:.2f} s", *self._numbers(seen, wanted)]
+        lines = [f"{time:.2f} s", *self._numbers(readings, wanted)]
         for k, line in enumerate(lines):
             ax.text(
                 0.03, 0.925 - 0.035 * k, line, transform=ax.transAxes, fontsize=style.SMALL, color=INK_2, va="center"
@@ -97,25 +97,25 @@ class MechanismPicture:
             return -0.21, -0.165, 0.42
         return (-0.15, -0.25, 0.30) if isinstance(self.system, Weight) else (-0.05, -0.125, 0.25)
 
-    def _numbers(self, seen: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
+    def _numbers(self, readings: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
         """What is said of the goals: each field as it is and as it is wanted."""
-        return [f"{name.replace('_', ' ')} {_shown(name, seen[name])}, wanted {_shown(name, value)}"
+        return [f"{name.replace('_', ' ')} {_shown(name, readings[name])}, wanted {_shown(name, value)}"
                 for name, value in wanted.items()]  # fmt: skip
 
-    def _draw(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
+    def _draw(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         if isinstance(self.system, Weight):
-            self._draw_weight(ax, seen, wanted)
+            self._draw_weight(ax, readings, wanted)
         elif isinstance(self.system, Joint):
-            self._draw_joint(ax, seen, wanted)
+            self._draw_joint(ax, readings, wanted)
         elif isinstance(self.system, Chain):
-            self._draw_chain(ax, seen, wanted, self.system)
+            self._draw_chain(ax, readings, wanted, self.system)
         elif isinstance(self.system, Plate):
-            self._draw_plate(ax, seen, wanted)
+            self._draw_plate(ax, readings, wanted)
 
-    def _draw_weight(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
-        hook = -seen["position"] - 2.0 * FITTING
+    def _draw_weight(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
+        hook = -readings["position"] - 2.0 * FITTING
         _hatched(ax, (-0.05, 0.0), (0.05, 0.0), 0.008)
-        self._draw_muscle(ax, "muscle", PointInPicture(0.0, 0.0, 0.0), 0.0, -hook, seen)
+        self._draw_muscle(ax, "muscle", PointInPicture(0.0, 0.0, 0.0), 0.0, -hook, readings)
         _box(ax, (-0.03, hook - 0.05), 0.06, 0.05, SUNKEN)
         if "position" in wanted:
             ax.plot(
@@ -127,40 +127,45 @@ class MechanismPicture:
                 zorder=8,
             )
 
-    def _draw_plate(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
+    def _draw_plate(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         _hatched(ax, (0.0, -0.04), (0.0, 0.04), -0.008)
         self._draw_muscle(
-            ax, "muscle", PointInPicture(0.0, 0.0, 0.5 * math.pi), 0.0, seen["span"] + 2.0 * FITTING, seen
+            ax, "muscle", PointInPicture(0.0, 0.0, 0.5 * math.pi), 0.0, readings["span"] + 2.0 * FITTING, readings
         )
-        _box(ax, (seen["span"] + 2.0 * FITTING, -0.03), 0.008, 0.06, INK_3)
+        _box(ax, (readings["span"] + 2.0 * FITTING, -0.03), 0.008, 0.06, INK_3)
         low, tall = -0.095, 0.04
         _box(ax, (0.05, low), 0.012, tall, "none")
-        _box(ax, (0.05, low), 0.012, tall * min(max(seen["pressure"] / FULL, 0.0), 1.0), COLOURS["pressure"])
+        _box(ax, (0.05, low), 0.012, tall * min(max(readings["pressure"] / FULL, 0.0), 1.0), COLOURS["pressure"])
         if "pressure" in wanted:
             level = low + tall * wanted["pressure"] / FULL
             ax.plot([0.044, 0.068], [level] * 2, color=INK, lw=1.6, zorder=8)
 
-    def _draw_joint(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float]) -> None:
+    def _draw_joint(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         arms = _arms(self.system)
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
         if "angle" in wanted:
             self._draw_wanted_limb(ax, PointInPicture(0.0, 0.0, wanted["angle"]), 0.13)
         self._draw_hinge(
-            ax, PointInPicture(0.0, 0.0, 0.0), seen["angle"], arms, {"flexor": "flexor", "extensor": "extensor"}, seen
+            ax,
+            PointInPicture(0.0, 0.0, 0.0),
+            readings["angle"],
+            arms,
+            {"flexor": "flexor", "extensor": "extensor"},
+            readings,
         )
-        _limb(ax, PointInPicture(0.0, 0.0, seen["angle"]), 0.13)
+        _limb(ax, PointInPicture(0.0, 0.0, readings["angle"]), 0.13)
 
     def _draw_wanted_limb(self, ax: Axes, place: PointInPicture, length: float) -> None:
         x, y = place.at(0.0, length)
         ax.plot([place.x, x], [place.y, y], color=COLOURS["length"], lw=1.6, ls=(0, (4, 2.3)), zorder=2)
 
-    def _draw_chain(self, ax: Axes, seen: Mapping[str, float], wanted: Mapping[str, float], chain: Chain) -> None:
+    def _draw_chain(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float], chain: Chain) -> None:
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
         place = PointInPicture(0.0, 0.0, 0.0)
         for k, link in enumerate(chain.links, 1):
             muscles = {side: f"{side}_{k}" for side in ("flexor", "extensor") if f"{side}_{k}" in self.shapes}
-            angle, length = seen[f"angle_{k}"], in_si(link.length, "m", "length")
-            self._draw_hinge(ax, place, angle, _arms(link), muscles, seen)
+            angle, length = readings[f"angle_{k}"], in_si(link.length, "m", "length")
+            self._draw_hinge(ax, place, angle, _arms(link), muscles, readings)
             limb = PointInPicture(place.x, place.y, place.direction + angle)
             _limb(ax, limb, length)
             place = PointInPicture(*limb.at(0.0, length), limb.direction)
@@ -176,7 +181,7 @@ class MechanismPicture:
         angle: float,
         arms: tuple[float, float],
         muscles: Mapping[str, str],
-        seen: Any,
+        readings: Any,
     ) -> None:
         """A pulley at a joint, with its muscles beside the part that it hangs from."""
         from matplotlib.patches import Circle
@@ -186,22 +191,22 @@ class MechanismPicture:
                 continue
             across = arm if side == "flexor" else -arm
             top = PointInPicture(*base.at(across, -ANCHOR), base.direction)
-            self._draw_muscle(ax, muscles[side], top, 0.0, ANCHOR, seen)
+            self._draw_muscle(ax, muscles[side], top, 0.0, ANCHOR, readings)
             turned = np.linspace(0.5 * math.pi * math.copysign(1.0, across), angle, 25)
             round_it = [PointInPicture(base.x, base.y, base.direction + one).at(0.0, arm) for one in turned]
             ax.plot(*zip(*round_it, strict=True), color=INK, lw=1.2, zorder=4)
         ax.add_patch(Circle((base.x, base.y), 0.96 * min(arms), fc=SUNKEN, ec=INK_3, lw=0.9, zorder=3))
 
     def _draw_muscle(
-        self, ax: Axes, name: str, place: PointInPicture, begin: float, end: float, seen: Mapping[str, float]
+        self, ax: Axes, name: str, place: PointInPicture, begin: float, end: float, readings: Mapping[str, float]
     ) -> None:
         """A muscle that hangs at a place, and the cord from its lower end on [m]."""
         from matplotlib.transforms import Affine2D
 
         prefix = f"{name}_" if len(self.shapes) > 1 else ""
-        length, pressure = float(seen[f"{prefix}length"]), float(seen[f"{prefix}pressure"])
+        length, pressure = float(readings[f"{prefix}length"]), float(readings[f"{prefix}pressure"])
         local = Affine2D().rotate(place.direction - 0.5 * math.pi).translate(place.x, place.y) + ax.transData
-        slack = float(seen[f"{prefix}tension"]) <= 0.0
+        slack = float(readings[f"{prefix}tension"]) <= 0.0
         length = min(length, end - begin - 2.0 * FITTING)  # a slack muscle sags, which is not drawn
         last = begin + FITTING + length + FITTING
         ax.plot(

@@ -148,33 +148,37 @@ class Bench:
     # ---- what may not be done to the machine as it is
 
     def _require_simulated(
-        self, what: str, problem: str = "needs a simulated machine; a real one has its own time and can only be stopped"
+        self,
+        action: str,
+        problem: str = "needs a simulated machine; a real one has its own time and can only be stopped",
     ) -> None:
         if self.spec is not None:
-            raise InputError(what, None, problem)
+            raise InputError(action, None, problem)
 
-    def _require_no_run(self, what: str) -> None:
+    def _require_no_run(self, action: str) -> None:
         if self.running is not None:
-            raise InputError(what, None, f"must wait: {self.running.prepared.protocol.name} is running; stop it first")
+            raise InputError(
+                action, None, f"must wait: {self.running.prepared.protocol.name} is running; stop it first"
+            )
 
-    def _require_idle(self, what: str) -> None:
-        self._require_no_run(what)
+    def _require_idle(self, action: str) -> None:
+        self._require_no_run(action)
         if why := self.session.why:
-            raise InputError(what, None, f"must wait: the machine is stopped ({why}); reset it first")
+            raise InputError(action, None, f"must wait: the machine is stopped ({why}); reset it first")
 
-    def _require_run(self, what: str) -> RunController:
+    def _require_run(self, action: str) -> RunController:
         if self.running is None:
-            raise InputError(what, None, "needs a run, and nothing is running")
+            raise InputError(action, None, "needs a run, and nothing is running")
         if self.running.button():
-            raise InputError(what, None, "is too late: the run is being stopped")
+            raise InputError(action, None, "is too late: the run is being stopped")
         return self.running
 
-    def _operated(self, what: str, wanted: Iterable[str]) -> MachineSession:
+    def _operated(self, action: str, wanted: Iterable[str]) -> MachineSession:
         """Return the session, if it may be operated by hand; pages see its samples from now on."""
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
-            raise InputError(what, None, f"must wait: the running protocol sets the {names}; stop it first")
-        self._require_idle(what)
+            raise InputError(action, None, f"must wait: the running protocol sets the {names}; stop it first")
+        self._require_idle(action)
         self._require_ready()
         self.view.show()
         return self.session

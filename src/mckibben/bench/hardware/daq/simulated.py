@@ -133,9 +133,9 @@ class Card:
                 self._first += 1
             return samples
 
-    def _go(self, what: Callable[[], None]) -> None:
+    def _go(self, action: Callable[[], None]) -> None:
         try:
-            what()
+            action()
         except Exception as error:  # the machine's own failure, reported to the next reader
             self._failed = f"{type(error).__name__}: {error}"
         self._changed.notify_all()

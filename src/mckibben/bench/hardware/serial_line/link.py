@@ -230,11 +230,11 @@ class SerialHardware(Hardware):
         if self._lost_by is not None or self._closed:
             raise LineLostError(self._lost_by or f"{self.name}: it was closed")
 
-    def _lose(self, what: str) -> LineLostError:
+    def _lose(self, problem: str) -> LineLostError:
         """Vent if possible, and return the error of the lost connection."""
         if self._lost_by is None:
             action = "it was told to vent" if self._vent_now() else "it could not be told to vent, and must by itself"
-            self._lost_by = f"{self.name}: {what}; {action}"
+            self._lost_by = f"{self.name}: {problem}; {action}"
         return LineLostError(self._lost_by)
 
     def _vent_now(self) -> bool:

@@ -53,12 +53,12 @@ class OverlaidPart:
     begins: float
     words: str = ""
 
-    def values(self, what: str) -> np.ndarray | None:
+    def values(self, channel: str) -> np.ndarray | None:
         """A quantity in the unit that is shown (n,), and nothing if it was not recorded."""
-        name = places(self.record).get(what)
+        name = places(self.record).get(channel)
         if name is None:
             return None
-        unit, si = NAMES[what][1:]
+        unit, si = NAMES[channel][1:]
         return from_si(1.0, si, unit) * self.record[name] if self.record.unit(name) == si else None
 
 
@@ -226,15 +226,15 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     return from_si(1.0, "m", "cm") * length, tension - np.asarray(muscle_of(spec).tension(length, pressure))
 
 
-def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | None:
+def over_time(parts: Sequence[OverlaidPart], channel: str, height: int) -> Chart | None:
     """Chart of a quantity over time, aligned at the first reversals, with the notes."""
     lines, marks = [], []
     for part in parts:
-        y = part.values(what)
+        y = part.values(channel)
         if y is None:
             continue
         time = part.record.time - part.begins
-        lines.append(_line(part, *_with_gaps(time, y), what, len(parts) > 1, width=1.75))
+        lines.append(_line(part, *_with_gaps(time, y), channel, len(parts) > 1, width=1.75))
         low, high = float(time[0]), float(time[-1])
         for note in part.record.notes:
             at = note.time - part.begins
@@ -246,8 +246,10 @@ def over_time(parts: Sequence[OverlaidPart], what: str, height: int) -> Chart | 
     high = max(float(p.record.time[-1]) - p.begins for p in parts)
     from_ = "from their first reversal" if len(parts) > 1 else "from the first reversal"
     axis = Axis(f"time, {from_}" if any(last_cycle(p.record) for p in parts) else "time", "s", "", low, high)
-    sentence = f"{NAMES[what][0]} of {_named(parts)} against time."
-    return Chart(_title(NAMES[what][0], parts), sentence, axis, Axis(*NAMES[what][:2], what), lines, marks, height)
+    sentence = f"{NAMES[channel][0]} of {_named(parts)} against time."
+    return Chart(
+        _title(NAMES[channel][0], parts), sentence, axis, Axis(*NAMES[channel][:2], channel), lines, marks, height
+    )
 
 
 def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
@@ -261,9 +263,9 @@ def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
     return Chart(name, f"{name} of {part.name} against time.", Axis("time", "s"), axis, [line], height=HIGH)
 
 
-def _line(part: OverlaidPart, x: Any, y: Any, what: str, lettered: bool, **more: Any) -> ChartLine:
+def _line(part: OverlaidPart, x: Any, y: Any, channel: str, lettered: bool, **more: Any) -> ChartLine:
     return ChartLine(
-        x, y, label=part.letter if lettered else "", quantity=what, dash=part.letter if lettered else "", **more
+        x, y, label=part.letter if lettered else "", quantity=channel, dash=part.letter if lettered else "", **more
     )
 
 
@@ -278,16 +280,16 @@ def _with_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.insert(time, holes, np.nan), np.insert(np.asarray(values, float), holes, np.nan)
 
 
-def _axis(what: str) -> Axis:
-    return Axis(NAMES[what][0] if what != "length" else "length", NAMES[what][1], what)
+def _axis(channel: str) -> Axis:
+    return Axis(NAMES[channel][0] if channel != "length" else "length", NAMES[channel][1], channel)
 
 
 def _named(parts: Sequence[OverlaidPart]) -> str:
     return " and ".join(f"{p.letter}, {p.name}" for p in parts)
 
 
-def _title(what: str, parts: Sequence[OverlaidPart]) -> str:
-    return f"{what}: solid A, dashed B" if len(parts) > 1 else what
+def _title(channel: str, parts: Sequence[OverlaidPart]) -> str:
+    return f"{channel}: solid A, dashed B" if len(parts) > 1 else channel
 
 
 def _cycles(parts: Sequence[OverlaidPart]) -> str:
