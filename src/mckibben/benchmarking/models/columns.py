@@ -50,11 +50,13 @@ class Columns:
 
     def inputs(self, record: BenchmarkRecord) -> np.ndarray:
         """Input columns of all samples (n, inputs)."""
-        return (_inputs(record, self.lags, self.step) - self.centre) / self.size
+        scaled: np.ndarray = (_inputs(record, self.lags, self.step) - self.centre) / self.size
+        return scaled
 
     def targets(self, record: BenchmarkRecord) -> np.ndarray:
         """Output columns of all samples (n, outputs); NaN where they are hidden."""
-        return (_targets(record, self.outputs) - self.target_centre) / self.target_size
+        scaled: np.ndarray = (_targets(record, self.outputs) - self.target_centre) / self.target_size
+        return scaled
 
     def initial(self, record: BenchmarkRecord) -> np.ndarray:
         """First value of each output (outputs,)."""

@@ -59,7 +59,8 @@ class GaussianProcess:
 
 def kernel(chosen: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Covariance without noise (n, m) of inputs (n, d) and (m, d), by logarithms of d lengths, two variances and noise."""
-    return _radial(chosen, a, b) + np.exp(chosen[-2]) * (1.0 + a @ b.T)
+    covariance: np.ndarray = _radial(chosen, a, b) + np.exp(chosen[-2]) * (1.0 + a @ b.T)
+    return covariance
 
 
 def _radial(chosen: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -77,7 +77,10 @@ def _run(weights: Mapping[str, Any], inputs: Any) -> Any:
 def _padded(points: Points, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Inputs, outputs and weights of samples, filled up with samples of no weight."""
     count = -(-len(used) // PADDED) * PADDED - len(used)
-    fill = lambda values: np.pad(_single(values), [(0, count), *[(0, 0)] * (values.ndim - 1)])  # noqa: E731
+
+    def fill(values: np.ndarray) -> np.ndarray:
+        return np.pad(_single(values), [(0, count), *[(0, 0)] * (values.ndim - 1)])
+
     return fill(points.inputs), fill(points.targets), fill(used / max(used.sum(), 1))
 
 
