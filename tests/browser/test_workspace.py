@@ -467,7 +467,7 @@ def test_a_long_line_is_thinned_without_its_extremes():
     assert document["lines"][0]["y"] == [None, 1.0]
 
 
-def test_the_clock_of_control_is_that_of_the_laboratory():
+def test_the_clock_of_control_is_that_of_the_workspace():
     clock, said = Clock(), []
     control = Control(clock, lambda: said.append("lost"), lambda: said.append("back"))
     control.join("a")

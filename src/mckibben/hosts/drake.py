@@ -11,7 +11,7 @@ that of a default context, rests at the first span and command. Systems are in f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,10 @@ class MuscleSystem(LeafSystem):  # type: ignore[misc] # a class of an optional l
     def _calc(self, context: Any, out: Any) -> None:
         """The state after the step from this moment, with the outputs of the step."""
         numbers = context.get_discrete_state(self._state).value()
-        named = lambda names, port: dict(zip(names, port.Eval(context).tolist(), strict=True))  # noqa: E731
+
+        def named(names: Sequence[str], port: Any) -> dict[str, float]:
+            return dict(zip(names, port.Eval(context).tolist(), strict=True))
+
         spans, rates = named(self.muscles, self._span), named(self.muscles, self._rate)
         commands = named(self.commands, self._command)
         state = np.array(numbers[: self._size])
@@ -217,7 +220,7 @@ def add_muscles(
     made = MuscleSystem(
         part, step or period, continuous=step == 0.0, sampled=step > 0.0 and plant.has_sampled_output_ports()
     )
-    muscles = builder.AddNamedSystem("muscles", made)
+    muscles: MuscleSystem = builder.AddNamedSystem("muscles", made)
     tendons = builder.AddNamedSystem("tendons", JointTendons(plant, part.muscles, arms, spans))
     builder.Connect(plant.get_state_output_port(), tendons.get_input_port(0))
     for name in ("span", "span_rate"):

@@ -85,8 +85,11 @@ class DrakeMechanism(HostedMechanism):
         steps = round(self.context.get_time() / self.built.period) + 1
         self.simulator.AdvanceTo(steps * self.built.period)
         muscles, context = self.built.muscles, self._muscles
-        of = lambda name: dict(zip(muscles.muscles, muscles.shown(context, name).tolist(), strict=True))  # noqa: E731
-        return PartReadings(of("tension"), of("pressure"), sum(of("work").values()))
+        tension, pressure, work = (
+            dict(zip(muscles.muscles, muscles.shown(context, name).tolist(), strict=True))
+            for name in ("tension", "pressure", "work")
+        )
+        return PartReadings(tension, pressure, sum(work.values()))
 
     def save(self) -> Any:
         """A copy of the context."""

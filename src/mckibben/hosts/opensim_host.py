@@ -94,8 +94,11 @@ class OpensimMechanism(HostedMechanism):
         self._put(moment)
         values = self.coupled.step(**moment.commands)._asdict()
         muscles = self.coupled.part.muscles
-        of = lambda what: {n: values[what if len(muscles) == 1 else f"{n}_{what}"] for n in muscles}  # noqa: E731
-        return PartReadings(of("tension"), of("pressure"), sum(of("work").values()))
+        tension, pressure, work = (
+            {n: values[name if len(muscles) == 1 else f"{n}_{name}"] for n in muscles}
+            for name in ("tension", "pressure", "work")
+        )
+        return PartReadings(tension, pressure, sum(work.values()))
 
     def save(self) -> Any:
         """Numbers of the model and of the part."""
