@@ -271,7 +271,9 @@ class ProtocolRun:
             for chunk in source:
                 results, count = chunk.results, chunk.size
                 if not bool(results.sound.all()):
-                    raise ConvergenceError("A state is not finite, or not possible, with the steps of the wall clock.")
+                    raise ConvergenceError(
+                        "A state became infinite or impossible with the fixed steps of a run in real time."
+                    )
                 used = int(results.shown["running"].sum())
                 # a machine that is computed in whole chunks goes on after its protocol; nothing there stops the run
                 tripped = used < count and bool(results.shown["code"][used] > 0 or results.shown["missed"][used])

@@ -290,7 +290,7 @@ class Statements:
     # order
 
     def entries(self, entries: list[Entry]) -> None:
-        """Write a block."""
+        """Write the statements of a block: stores, loops and nodes in order."""
         for entry in entries:
             if isinstance(entry, Store):
                 self.put(self.element(entry.buffer, entry.index, entry.scale, entry.offset), entry.value, entry.adds)

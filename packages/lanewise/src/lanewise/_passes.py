@@ -133,7 +133,7 @@ def restore_divisions(graph: Graph) -> Graph:
 
 
 def fuse_products(graph: Graph, *, exact: bool) -> Graph:
-    """Sums with a product of their own."""
+    """Replace a sum and a product that nothing else uses by one fused operation."""
     live = find_live(graph)
     home, times = find_homes(graph, live), count_uses(graph, live)
 

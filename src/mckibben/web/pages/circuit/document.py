@@ -112,7 +112,9 @@ def read_text(text: str) -> Document:
     for name, signal in signals.items() if isinstance(signals, Mapping) else ():
         if isinstance(signal, Mapping) and "file" in _keys(signal):
             raise InputError(
-                f"signals.{name}.file", None, "is allowed only on this page are values in the circuit itself"
+                f"signals.{name}.file",
+                None,
+                "must be replaced by values in the circuit itself; this page reads no other files",
             )
     _specimens(document)
     planned(document)
@@ -132,7 +134,9 @@ def _specimens(document: Mapping[str, JsonValue]) -> None:
         for name, part in parts.items() if isinstance(parts, Mapping) else ():
             wanted = part.get("specimen", "") if isinstance(part, Mapping) else ""
             if not isinstance(wanted, str) or any(c in wanted for c in "/\\") or wanted.lower().endswith(".toml"):
-                raise InputError(f"{section}.{name}.specimen", None, "is allowed only on this page is an id")
+                raise InputError(
+                    f"{section}.{name}.specimen", None, "must be the id of a specimen; this page reads no other files"
+                )
 
 
 def packed(document: Mapping[str, JsonValue]) -> str:
