@@ -411,7 +411,7 @@ def test_what_has_to_wait_for_a_protocol_is_refused_and_not_kept_waiting(machine
     awaited(flyer.kickoff)
     try:
         for act, given in ((flyer.kickoff, ()), (machine.pressure.set, (1e5,))):
-            with pytest.raises(InputError, match="running isotonic-triangle"):
+            with pytest.raises(InputError, match="isotonic-triangle is running; stop it first"):
                 begun(act, *given)
         assert list(flyer.collect_pages()) == []
         begun(machine.pressure.stop)
