@@ -279,7 +279,8 @@ class Part:
 
     def reach(self, state: np.ndarray) -> np.ndarray:
         """Spans at which the last step ended, by the sorted names of the muscles [m]."""
-        return state[self._reach_in_state]
+        spans: np.ndarray = state[self._reach_in_state]
+        return spans
 
     def observe_vector(self, state: np.ndarray, inputs: np.ndarray) -> Any:
         """Outputs at a moment as a named tuple, without going on; inputs as for `step_vector`."""
