@@ -46,7 +46,7 @@ class EngineFunction:
         Raises:
             EngineError: if the function runs by XLA.
         """
-        with laboratory_errors():
+        with as_package_errors():
             return self.compiled.program
 
     def __call__(
@@ -63,7 +63,7 @@ class EngineFunction:
             InputError: the trees are not like the examples.
             EngineError: the GPU refused.
         """
-        with laboratory_errors():
+        with as_package_errors():
             return self.compiled(*trees, lanes=lanes, mode=mode, real=real, threads=threads)
 
 
@@ -97,7 +97,7 @@ def _find_kept(function: Callable[..., Tree], examples: tuple[Tree, ...], engine
 
 
 @contextlib.contextmanager
-def laboratory_errors() -> Iterator[None]:
+def as_package_errors() -> Iterator[None]:
     """Convert errors of the compiler to errors of this package."""
     try:
         yield
@@ -123,7 +123,7 @@ def compile_function(
         InputError: an unknown engine.
         EngineError: with ``native`` or ``gpu``, an operation that no kernel can do, or no driver or GPU.
     """
-    with laboratory_errors():
+    with as_package_errors():
         if (kept := _find_kept(function, examples, engine)) is not None:
             return EngineFunction(kept)
         return EngineFunction(
@@ -158,7 +158,7 @@ def call_compiled(function: Callable[..., Tree], *trees: Tree, mode: str = "defa
     """
     run, leaves = _compiled_for(function, trees, fixed)
     if isinstance(run.compiled, _KeptFunction):  # a chunk of a run takes a few milliseconds, and its trees are large
-        with laboratory_errors():
+        with as_package_errors():
             return run.compiled.call(leaves, mode=mode)
     return run(*trees, mode=mode)
 
