@@ -121,7 +121,8 @@ class Draws(NamedTuple):
 def matern(first: np.ndarray, second: np.ndarray, length: float) -> np.ndarray:
     """Correlation of a Matern process of order 5/2 between points (n, c) and (m, c) at one length, shape (n, m)."""
     distance = np.sqrt(((first[:, None, :] - second[None, :, :]) ** 2).sum(axis=-1)) * (np.sqrt(5.0) / length)
-    return (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
+    correlation: np.ndarray = (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
+    return correlation
 
 
 def marginal(values: np.ndarray, coefficients: np.ndarray, noise: Any, amplitude: Any) -> Any:
