@@ -152,8 +152,11 @@ class CallbackMechanism(MujocoMechanism):
     def seen(self) -> tuple[dict[str, float], float]:
         """Pressures and work, as the part has them at the end of the step."""
         values = self.callbacks.observe(self.model, self.data, self.names[0])._asdict()
-        of = lambda what: {n: values[what if len(self.names) == 1 else f"{n}_{what}"] for n in self.names}  # noqa: E731
-        return of("pressure"), sum(of("work").values())
+        alone = len(self.names) == 1
+        pressure, work = (
+            {n: values[name if alone else f"{n}_{name}"] for n in self.names} for name in ("pressure", "work")
+        )
+        return pressure, sum(work.values())
 
     def copy(self) -> HostedMechanism:
         """Another one at the same moment, with the same callbacks."""

@@ -42,7 +42,10 @@ def hardware_source(source: PartSource) -> str:
     """The C++ of the hardware component."""
     name, part = source.name, source.part
     members = {(v.group, v.path): v.member for v in source.variables}
-    of = lambda group, path: f"&{name}_{group}::{members[group, path]}"  # noqa: E731
+
+    def of(group: str, path: str) -> str:
+        return f"&{name}_{group}::{members[group, path]}"
+
     muscles, parameters = [], []
     for muscle in part.muscles:
         places = [of("inputs", f"span.{muscle}"), of("inputs", f"rate.{muscle}"), of("outputs", f"tension.{muscle}")]

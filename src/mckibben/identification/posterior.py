@@ -285,7 +285,8 @@ class Posterior:
         problem = Problem(self.law, tuple(self.samples), dict(self.known), self.points)
         force, _ = problem.functions()
         values = np.stack(list(self.samples.values()), axis=1) / problem.scale
-        return self.points.tension - np.stack([force(row) for row in values])
+        residuals: np.ndarray = self.points.tension - np.stack([force(row) for row in values])
+        return residuals
 
     def discrepancy_along(
         self, rows: np.ndarray, length: np.ndarray, pressure: np.ndarray
