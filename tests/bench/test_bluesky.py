@@ -429,7 +429,7 @@ def test_an_emergency_stop_ends_a_move_and_so_does_another_set_point(machine, se
     moving = begun(machine.pressure.set, 6e5)
     begun(machine.pressure.stop, False)
     assert "stopped" in str(failure(moving, 5.0)) and "command-pressure was stopped" in session.why
-    with pytest.raises(InputError, match="manual mode"):
+    with pytest.raises(InputError, match="reset it first"):
         begun(machine.pressure.set, 1e5)
 
 
