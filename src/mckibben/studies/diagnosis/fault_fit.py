@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -198,7 +199,7 @@ def diagnose(
         >>> mk.diagnose(mk.run("work-loop", leaking, muscle="nylon", cycles=2)).fault
         'leak'
     """
-    record = recording if isinstance(recording, Recording) else read_recording(recording)
+    record = recording if isinstance(recording, Recording) else read_recording(Path(recording))
     observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing)
     sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
     return diagnose_sections(observer, sections)

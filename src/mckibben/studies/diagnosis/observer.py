@@ -181,10 +181,13 @@ def mean_reading(sensor: Sensor, values: np.ndarray) -> np.ndarray:
     low, step = float(sensor.converter.low), float(sensor.converter.resolution)
     spread = max(float(sensor.noise) / step, LEAST_NOISE)
     shown = (1.0 + float(sensor.gain_error)) * np.clip(values, float(sensor.low), float(sensor.high))
+    mean: np.ndarray
     counts = (shown + float(sensor.offset) - low) / step
     if spread > COUNTS:  # noise over several counts leaves nothing of them in the mean
-        return low + step * counts
+        mean = low + step * counts
+        return mean
     nearest = np.floor(counts + 0.5)
     edges = np.arange(-COUNTS_BESIDE, COUNTS_BESIDE) + 0.5
     above = ndtr((counts[..., None] - nearest[..., None] - edges) / spread).sum(axis=-1)
-    return low + step * (nearest + above - COUNTS_BESIDE)
+    mean = low + step * (nearest + above - COUNTS_BESIDE)
+    return mean
