@@ -145,8 +145,8 @@ def fit(
         )  # fmt: skip
         samples = [_posterior(ranking, rig, draws) for ranking in rankings] if posterior else []
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
-        drawn = posterior_figures.bands(samples[0]) if len(samples) == 1 else fit_figures.overview(rankings)
-        files.write("figure", lambda path: style.save(drawn, path))
+        draw = lambda: posterior_figures.bands(samples[0]) if len(samples) == 1 else fit_figures.overview(rankings)  # noqa: E731
+        files.write("figure", lambda path: style.save(draw(), path))  # only where a figure is asked for
         files.write("specimen", rankings[0].save)
         if files["table"]:
             files.write_rows(_rows(rankings), {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"})
