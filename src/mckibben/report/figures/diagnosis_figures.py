@@ -35,7 +35,7 @@ def confusion_figure(matrix: Mapping[str, Mapping[str, int]], titles: Mapping[st
     columns = list(matrix[rows[0]])
     height = TOP + FOOT + ROW * len(rows)
     fig = style.figure(style.MIDDLE, height, rows=True, least=5.5)
-    ax = fig.add_axes((NAMES / style.MIDDLE, FOOT / height, 0.98 - NAMES / style.MIDDLE, ROW * len(rows) / height))
+    ax = fig.add_axes((NAMES / style.MIDDLE, FOOT / height, 0.93 - NAMES / style.MIDDLE, ROW * len(rows) / height))
     ax.set_xlim(-0.5, len(columns) - 0.5)
     ax.set_ylim(len(rows) - 0.5, -0.5)
     ax.grid(visible=False)

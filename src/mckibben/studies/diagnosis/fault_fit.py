@@ -38,7 +38,7 @@ from ...recordings.recording import Recording
 from ...specimens import Specimen, muscle_specimen
 from .observer import CHANNELS, START_GAS, Observer, Section
 
-# Calibrated on sound runs, see docs/how-to/find-a-fault-in-a-rig.md.
+# Above what sound runs reach, see docs/explanation/diagnosis.md.
 THRESHOLD = 30.0
 TELLING = 6.0  # a likelihood e^3 times smaller: such a fault is not excluded
 BLOCK = 0.02  # readings are averaged over it [s]
@@ -416,7 +416,8 @@ def _search(
             ladders[n] = _narrowed(tried[n], bounds[n])
     best = {}
     for n in names:
-        best[n], errors[n] = _vertex(tried[n], widened, spread[n])
+        vertex, errors[n] = _vertex(tried[n], widened, spread[n])
+        best[n] = float(np.clip(vertex, *bounds[n]))
     ratios = {n: (sound - min(tried[n].values())) / widened for n in names}
     return best, errors, ratios
 
