@@ -64,8 +64,9 @@ def run_benchmark(
                 model or (), tasks=task or (), folder=data, competitors=everything, earlier=known, progress=advance
             )
         files.write("page", lambda path: write_text(path, benchmarking.page.page(result, version=__version__)))
-        words = [*(["--all"] if everything else []), *(f"--task {t}" for t in task or ())]
-        command = " ".join(["mckibben benchmark", *words, *(f"--model {m}" for m in model or ())])
+        words = [*(["--all"] if everything else []), *([f"--earlier {earlier.name}"] if earlier else [])]
+        words += [f"--task {one}" for one in task or ()]
+        command = " ".join(["mckibben benchmark", *words, *(f"--model {one}" for one in model or ())])
         minutes = {"processor_minutes": result.seconds / 60.0}
         content = {"command": command, "version": __version__, **minutes, **result.to_dict()}
         files.write_result(content)
