@@ -116,6 +116,16 @@ TURNS = np.sin(2.0 * np.pi * 25.0 * np.arange(240) / 1000.0)
 LEVER = HEAD + "".join(f"{i}\t{x:.6f}\t{1.0 + 0.3 * x:.6f}\t{int(i % 40 == 1)}\n" for i, x in enumerate(TURNS))
 
 
+POSTERIOR = {
+    "law": "gas_spring",
+    "samples": {"stiffness_per_pressure": [0.0046, 0.0047, 0.0048], "shortest_length": [0.099, 0.1, 0.0985]},
+    "noise_samples": [1.0, 1.1, 0.9], "discrepancy_samples": [0.5, 0.6, 0.4], "correlation_length": 0.3,
+    "known": {"rest_length": 0.14, "upper_length": 0.154},
+    "points": {"length": [0.12, 0.13, 0.14], "pressure": [2e5, 3e5, 4e5], "tension": [20.0, 43.0, 76.0]},
+    "sensor_noise": [0.5, 0.5, 0.5], "shared_errors": [], "seed": 0, "r_hat": 1.0, "effective": 3.0, "divergences": 0,
+}  # fmt: skip
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A folder with right files, wrong ones, and a folder that is named like a file."""
@@ -126,6 +136,7 @@ def files(tmp_path_factory):
         "rig.toml": (SOURCE / "bench" / "rigs" / "modern.toml").read_text(encoding="utf-8"),
         "specimen.toml": (SOURCE / "specimens" / "data" / "nylon.toml").read_text(encoding="utf-8"),
         "table.csv": TABLE, "lever.ddf": LEVER,
+        "fit.json": json.dumps({"fits": [{"law": "gas_spring", "posterior": POSTERIOR}]}),
     }  # fmt: skip
     for name, text in right.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -186,6 +197,7 @@ WRONG = {
     "source": [*RECORDS, *OTHERS],
     "table": [*RECORDS[2:], "cut.mat", "cut.tdms", "missing.csv", "folder.csv"],
     "picture": ["none/f.svg", "f.xyz", "", "folder.csv", "f", f"{ODD}/f.png"],
+    "fit": ["missing.json", "folder.json", "empty.json", "noise.json", "words.json", "json.json"],
     "report": ["none/r.html", "r.xyz", "", "folder.csv", f"{ODD}/r.html"],
     "out": ["none/o.nc", "o.xyz", "", "words.txt/o.nc"],
     "saved": ["none/o.toml", "o.xyz", "", "words.txt/o.toml"],
@@ -224,6 +236,9 @@ COMMANDS = {
         "--unit": "pair", "--branch": "name", "--pressure-zero": "pressure", "--train-below": "pressure",
         "--length-error": "length",
         "--out": "report",
+    }),
+    "next": ("next --from @fit:fit.json --budget 20_s", {
+        "--rig": "rig", "--law": "name", "--budget": "time", "--wait": "time", "--out": "saved",
     }),
     "protocols": ("protocols @protocol:protocol.toml", {"--set": "pair"}),
     "run": ("run @protocol:protocol.toml --muscle @specimen:nylon --dry-run", RUN),

@@ -43,6 +43,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "read": ("read:read_file", "Read a file of another program and show its columns, units, and the rows left out."),
     "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
+    "next": (
+        "next_experiment:choose_next",
+        "Choose the points of length and pressure that teach most about a fitted muscle, as a protocol.",
+    ),
     "check": (
         "check:check_law",
         "Check a tension law or friction of your own: energy, push, potential, derivatives, units, kernel.",

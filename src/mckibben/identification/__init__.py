@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from . import circuit_fit as circuit_fit
     from . import constraints as constraints
     from . import hysteresis_fit as hysteresis_fit
+    from . import next_points as next_points
     from . import trial as trial
     from .circuit_fit import CircuitFit as CircuitFit
     from .circuit_fit import fit_circuit as fit_circuit

@@ -309,6 +309,21 @@ class Posterior:
         ]
         return np.concatenate([mean for mean, _ in both]), np.concatenate([deviation for _, deviation in both])
 
+    def discrepancy_covariance(self, length: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Covariance of the discrepancy between points (q,), given the data, for its median amplitude (q, q) [N^2]."""
+        if not self.amplitude.any():
+            return np.zeros((len(length), len(length)))
+        here, scale = _coordinates(self.points)
+        there, _ = _coordinates(
+            ForceMap("", length, pressure, np.ones(len(length)), rest_length=_rests(self.points, len(length), None)),
+            scale,
+        )
+        values, directions = self._modes
+        size, noise = float(np.median(self.amplitude)) ** 2, float(np.median(self.noise)) ** 2
+        onto = sampler.matern(there, here, self.length) @ directions.T
+        known = size**2 * (onto / (noise + size * values)) @ onto.T
+        return np.asarray(size * sampler.matern(there, there, self.length) - known)
+
     def _discrepancy(
         self, length: np.ndarray, pressure: np.ndarray, rest: Any, *, rows: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
