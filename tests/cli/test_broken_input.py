@@ -237,7 +237,7 @@ COMMANDS = {
         "--length-error": "length",
         "--out": "report",
     }),
-    "next": ("next --from @fit:fit.json --budget 20_s", {
+    "next": ("next --from @fit:fit.json --budget 20s", {
         "--rig": "rig", "--law": "name", "--budget": "time", "--wait": "time", "--out": "saved",
     }),
     "protocols": ("protocols @protocol:protocol.toml", {"--set": "pair"}),

@@ -33,6 +33,11 @@ class PredictedRun:
     channels: dict[str, np.ndarray]
     failed: tuple[str, ...]
 
+    @staticmethod
+    def unit(channel: str) -> str:
+        """SI unit of a channel."""
+        return CHANNELS[channel]
+
     def band(self, channel: str, confidence: float = 0.95) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lower end, median and upper end of a channel at each time (n,)."""
         tail = 0.5 - 0.5 * confidence

@@ -38,6 +38,7 @@ from .read import Branch, GearRatio, PressureZero, Sheet, Topic, column_places, 
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.figure import Figure
 
     from ..bench.rig import Rig
     from ..identification import Ranking
@@ -145,8 +146,8 @@ def fit(
         )  # fmt: skip
         samples = [_posterior(ranking, rig, draws) for ranking in rankings] if posterior else []
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
-        draw = lambda: posterior_figures.bands(samples[0]) if len(samples) == 1 else fit_figures.overview(rankings)  # noqa: E731
-        files.write("figure", lambda path: style.save(draw(), path))  # only where a figure is asked for
+        one = samples[0] if len(samples) == 1 else None
+        files.write("figure", lambda path: style.save(_figure(rankings, one), path))
         files.write("specimen", rankings[0].save)
         if files["table"]:
             files.write_rows(_rows(rankings), {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"})
@@ -163,6 +164,11 @@ def fit(
             if samples:
                 show_posterior(samples[i])
         files.say()
+
+
+def _figure(rankings: list[Ranking], samples: Posterior | None) -> Figure:
+    """Bands of the one posterior that was drawn, else the overview of all fits."""
+    return fit_figures.overview(rankings) if samples is None else posterior_figures.bands(samples)
 
 
 def _posterior(ranking: Ranking, rig: str | None, draws: int) -> Posterior:

@@ -56,7 +56,6 @@ def choose_next(
     """Choose the points of length and pressure that teach most next, and write them as a protocol.
 
     $ mckibben next --from fit.json --rig modern --budget '5 min' --out next.toml
-    $ mckibben run next.toml --muscle my-muscle.toml --rig modern --out next.nc
     """  # fmt: skip
     if (length is None) != (pressure is None):
         missing = "--pressure" if pressure is None else "--length"

@@ -48,6 +48,8 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..batch.predictive import PredictedRun
     from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
@@ -198,16 +200,20 @@ def run_protocol(
             _print(recording)
             if predicted is not None:
                 _print_bands(predicted, draws)
-        figure = recording_figures.time_figure(recording) if predicted is None else posterior_figures.run_bands(
-            predicted, title=recording.meta["title"]
-        )  # fmt: skip
-        files.write("figure", lambda path: style.save(figure, path))
+        files.write("figure", lambda path: style.save(_figure(recording, predicted), path))
         if not as_json:
             if log is not None:
                 typer.echo(f"Written: {log}")
             files.say()
     if recording.meta["result"] != "done":
         raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
+
+
+def _figure(recording: Recording, predicted: PredictedRun | None) -> Figure:
+    """Channels of a recording over time, or the bands of the same run by the samples of a posterior."""
+    if predicted is None:
+        return recording_figures.time_figure(recording)
+    return posterior_figures.run_bands(predicted, title=recording.meta["title"])
 
 
 def _posterior(path: Path, muscle: str, law: str | None, draws: int) -> Posterior:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...batch.predictive import CHANNELS
 from ...identification.posterior import Posterior
 from ...muscles.laws import law_type
 from ...quantities import declared, from_si, shown_unit
@@ -114,7 +113,7 @@ def run_bands(predicted: PredictedRun, *, title: str) -> Figure:
     for i, (channel, word) in enumerate(names.items()):
         ax = fig.add_subplot(grid[i])
         quantity = "length" if channel == "span" else channel
-        unit = CHANNELS[channel]
+        unit = predicted.unit(channel)
         factor = from_si(1.0, unit, shown_unit(unit))
         low, middle, high = (factor * end for end in predicted.band(channel))
         ax.fill_between(predicted.time, low, high, color=COLOURS[quantity], alpha=0.25, lw=0)
