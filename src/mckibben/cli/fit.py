@@ -38,7 +38,6 @@ from .read import Branch, GearRatio, PressureZero, Sheet, Topic, column_places, 
 
 if TYPE_CHECKING:
     import numpy as np
-    from matplotlib.figure import Figure
 
     from ..bench.rig import Rig
     from ..identification import Ranking
@@ -166,7 +165,7 @@ def fit(
         files.say()
 
 
-def _figure(rankings: list[Ranking], samples: Posterior | None) -> Figure:
+def _figure(rankings: list[Ranking], samples: Posterior | None) -> Any:
     """Bands of the one posterior that was drawn, else the overview of all fits."""
     return fit_figures.overview(rankings) if samples is None else posterior_figures.bands(samples)
 

@@ -48,8 +48,6 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ..batch.predictive import PredictedRun
     from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
@@ -209,7 +207,7 @@ def run_protocol(
         raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
 
 
-def _figure(recording: Recording, predicted: PredictedRun | None) -> Figure:
+def _figure(recording: Recording, predicted: PredictedRun | None) -> Any:
     """Channels of a recording over time, or the bands of the same run by the samples of a posterior."""
     if predicted is None:
         return recording_figures.time_figure(recording)
