@@ -26,7 +26,9 @@ def record(observer, seed=0, **faults):
     chance = np.random.default_rng(seed)
     empty = Section(TIME, SPAN, COMMAND, np.ones(len(TIME)), {})
     rows = observer.predict(empty, [faults])[0]
-    channels = {"span": mk.Channel(SPAN, "m", "measured", "span")}
+    # the encoder counts the way of the frame too
+    deflection = rows[observer.channels.index("tension")] / float(observer.rig.frame.stiffness)
+    channels = {"span": mk.Channel(SPAN + deflection, "m", "measured", "span")}
     channels["valve.command"] = mk.Channel(COMMAND, "Pa", "command", "pressure asked of the valve")
     for name, row in zip(observer.channels, rows, strict=True):
         noise = float(observer.rig.sensors[name].noise) * chance.standard_normal(len(row))
