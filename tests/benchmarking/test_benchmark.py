@@ -19,7 +19,7 @@ from mckibben.benchmarking import (
     run_task,
     task,
 )
-from mckibben.benchmarking.models.columns import Columns, held_back
+from mckibben.benchmarking.models.columns import RecordColumns, held_back
 from mckibben.benchmarking.models.gaussian_process import likelihood
 from mckibben.benchmarking.moving import VENTING
 from mckibben.benchmarking.page import page
@@ -140,7 +140,7 @@ def test_the_kernel_is_chosen_by_the_slope_of_its_likelihood():
 
 def test_a_first_value_is_scaled_by_the_spread_of_its_output():
     records = [replace(sine_record(str(first)), initial={"y": first}) for first in (0.0, 1e-3)]
-    columns = Columns.of(records, most=100)
+    columns = RecordColumns.of(records, most=100)
     # Of equal outputs the pooled spread is that of one: rounding only.
     assert columns.size[1] == columns.target_size[0] == pytest.approx(np.std(records[0].outputs["y"]), rel=1e-12)
 

@@ -6,7 +6,7 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.studies.diagnosis.fault_fit import SIZES, THRESHOLD, diagnose, known_faults, observer_of, sections_of
-from mckibben.studies.diagnosis.observer import Section, mean_reading
+from mckibben.studies.diagnosis.observer import RecordedSection, mean_reading
 
 PERIOD = 1e-3
 TIME = 0.5 + PERIOD * np.arange(1600)
@@ -24,7 +24,7 @@ def observer():
 def record(observer, seed=0, **faults):
     """A recording of the rig with faults, as its sensors show it."""
     chance = np.random.default_rng(seed)
-    empty = Section(TIME, SPAN, COMMAND, np.ones(len(TIME)), {})
+    empty = RecordedSection(TIME, SPAN, COMMAND, np.ones(len(TIME)), {})
     rows = observer.predict(empty, [faults])[0]
     # the encoder counts the way of the frame too
     deflection = rows[observer.channels.index("tension")] / float(observer.rig.frame.stiffness)

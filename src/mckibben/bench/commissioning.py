@@ -140,7 +140,8 @@ class _Samples(NamedTuple):
     stopped: str
 
     def of(self, name: str, phase: str) -> np.ndarray:
-        return self.readings[name][self.phase == phase]
+        readings: np.ndarray = self.readings[name][self.phase == phase]
+        return readings
 
 
 def check_machine(

@@ -18,7 +18,7 @@ from ...experiments.amounts import CHANNELS
 from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ..session import MachineSession
-from ..session.continued import LOOK, SETTLE, Approach
+from ..session.continued import LOOK, SETTLE, Arrival
 from .context import ChannelBackend, DeviceContext
 from .flyer import ProtocolFlyer
 
@@ -137,7 +137,7 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
 
     async def _go(self, to: float, ended: asyncio.Future[None]) -> None:
         """Wait until it is there, or until the move was ended."""
-        session, approach = self.context.session, Approach(self.context.session, **{self.axis: to})
+        session, arrival = self.context.session, Arrival(self.context.session, **{self.axis: to})
         try:
             while not ended.done():
                 await asyncio.to_thread(session.wait, LOOK)
@@ -145,10 +145,10 @@ class SetPoint(ChannelDevice, Locatable[float], Checkable[float | str], Stoppabl
                     break
                 if session.why or session.gone:
                     raise MckibbenError(f"{self.name}: on the way to {self._worded(to)}: {session.why or session.gone}")
-                if approach.arrived():
+                if arrival.arrived():
                     await asyncio.to_thread(session.wait, self.settle)
                     return
-                if approach.stuck:
+                if arrival.stuck:
                     at = session.latest()
                     asked, measured = (self._worded(at.get(n, to)) for n in (self.channel, self.axis))
                     problem = f"{asked} is asked for and {measured} measured"

@@ -29,7 +29,7 @@ SETTLE = 0.2  # time between the way and the run [s]
 LOOK = 0.05  # time between two looks at the way [s]
 
 
-class Approach:
+class Arrival:
     """The way of set-points, and of what is measured of them, to the requested values.
 
     Args:
@@ -136,14 +136,14 @@ class ContinuedMachine:
     def _reach(self, pressure: float, span: float | None) -> None:
         session, goals = self.session, {"pressure": pressure, **({} if span is None else {"span": span})}
         session.ask_for(**goals)
-        approach = Approach(session, **goals)
-        while not approach.stuck:
+        arrival = Arrival(session, **goals)
+        while not arrival.stuck:
             session.wait(LOOK)
             if session.why:
                 raise InputError("run", self.prepared.protocol.name, f"on the way to its beginning: {session.why}")
-            if approach.arrived():
+            if arrival.arrived():
                 return
-        name = next(iter(approach.apart), "pressure")
+        name = next(iter(arrival.apart), "pressure")
         goal, measured = (with_unit(value, CHANNELS[name]) for value in (goals[name], session.latest()[name]))
         raise InputError(name, measured, f"the protocol begins at {goal}, which was not reached")
 

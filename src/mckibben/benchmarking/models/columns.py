@@ -14,7 +14,7 @@ SHARE, SEED = 0.2, 1  # of static points that are held back
 
 
 @dataclass(frozen=True)
-class Columns:
+class RecordColumns:
     """Standardised inputs and outputs of records.
 
     Attributes:
@@ -36,7 +36,7 @@ class Columns:
     target_size: np.ndarray
 
     @classmethod
-    def of(cls, train: Sequence[BenchmarkRecord], *, most: int, lags: tuple[int, ...] | None = None) -> Columns:
+    def of(cls, train: Sequence[BenchmarkRecord], *, most: int, lags: tuple[int, ...] | None = None) -> RecordColumns:
         """Columns for records, of which those in time are thinned to at most `most` samples each."""
         step = max(1, *(-(-len(record) // most) for record in train if not record.is_static), 1)
         outputs = tuple(sorted(train[0].outputs))
@@ -133,7 +133,7 @@ class Points:
     held: np.ndarray
 
     @classmethod
-    def of(cls, columns: Columns, train: Sequence[BenchmarkRecord], *, most: int) -> Points:
+    def of(cls, columns: RecordColumns, train: Sequence[BenchmarkRecord], *, most: int) -> Points:
         """The shown samples of records, at most `most` of them, drawn where there are more."""
         held = np.concatenate([h[:: columns.step] for h in held_back(train)])
         inputs = np.concatenate([columns.inputs(record)[:: columns.step] for record in train])

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..records import BenchmarkRecord
-from .columns import LAGS, Columns, Points
+from .columns import LAGS, Points, RecordColumns
 
 TUNED, MOST, ROWS = 500, 1500, 4000  # points to choose the kernel by, to predict from, and predicted at once
 STARTS = ((0.0, 0.0), (1.0, -2.0))  # logarithm of the lengths, and of the variance of the linear kernel
@@ -25,7 +25,7 @@ class GaussianProcess:
         """Choose the kernel by the marginal likelihood of the training samples, and condition on them."""
         from scipy import optimize
 
-        self.columns = Columns.of(train, most=MOST, lags=LAGS)
+        self.columns = RecordColumns.of(train, most=MOST, lags=LAGS)
         points = Points.of(self.columns, train, most=MOST)
         some = np.random.default_rng(0).permutation(len(points.inputs))[:TUNED]
         inputs, targets = points.inputs[some], points.targets[some]

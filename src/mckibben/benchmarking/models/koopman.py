@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..records import BenchmarkRecord
-from .columns import Columns, held_back
+from .columns import RecordColumns, held_back
 
 MOST = 750  # samples of a record that are learned from
 CHOICES = tuple(itertools.product((1, 2), (1e-6, 1e-4, 1e-2)))  # degree of the lifting, and ridge
@@ -31,7 +31,7 @@ class ExtendedDMD:
         """
         if any(record.is_static for record in train):
             raise InputError("task", None, "must be of records in time: a model of steps knows no static points")
-        self.columns = Columns.of(train, most=MOST)
+        self.columns = RecordColumns.of(train, most=MOST)
         step, aside = self.columns.step, held_back(train)
         runs = [
             (self.columns.inputs(r)[::step], self.columns.targets(r)[::step], h[::step], self.columns.initial(r))

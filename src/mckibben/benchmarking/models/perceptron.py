@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._jax import jax, jnp
 from ..records import BenchmarkRecord
-from .columns import LAGS, Columns, Points
+from .columns import LAGS, Points, RecordColumns
 from .training import adam
 
 WIDTH, STEPS, RATE = 32, 1000, 1e-2
@@ -27,7 +27,7 @@ class Perceptron:
 
     def fit(self, train: Sequence[BenchmarkRecord]) -> None:
         """Choose the weight decay on what is held back, then learn from all training samples."""
-        self.columns = Columns.of(train, most=MOST, lags=LAGS)
+        self.columns = RecordColumns.of(train, most=MOST, lags=LAGS)
         points = Points.of(self.columns, train, most=MOST)
         shapes = points.inputs.shape[1], points.targets.shape[1]
         start = _weights(np.random.default_rng(0), *shapes)

@@ -17,7 +17,7 @@ import numpy as np
 from ..._jax import jax, jnp
 from ...errors import InputError
 from ..records import BenchmarkRecord
-from .columns import Columns, held_back
+from .columns import RecordColumns, held_back
 from .training import adam
 
 MOST = 750  # samples of a record that are learned from
@@ -42,7 +42,7 @@ class _Recurrent:
         """
         if any(record.is_static for record in train):
             raise InputError("task", None, "must be of records in time: a model with a memory knows no static points")
-        self.columns = columns = Columns.of(train, most=MOST)
+        self.columns = columns = RecordColumns.of(train, most=MOST)
         step, held = columns.step, held_back(train)
         length = max(-(-len(record) // step) for record in train)
         inputs = np.stack([_filled(columns.inputs(record)[::step], length) for record in train])

@@ -36,7 +36,7 @@ from ...quantities import declared, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen, muscle_specimen
-from .observer import CHANNELS, START_GAS, Observer, Section
+from .observer import CHANNELS, START_GAS, Observer, RecordedSection
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
 THRESHOLD = 30.0
@@ -250,7 +250,7 @@ def _sound_unit(record: Recording, muscle: str | Specimen | Muscle | MuscleUnit 
     return unit_from_specimen(named if isinstance(named, Specimen) else muscle_specimen(str(named)))
 
 
-def sections_of(record: Recording, channels: Sequence[str], *, shut_off: bool = False) -> list[Section]:
+def sections_of(record: Recording, channels: Sequence[str], *, shut_off: bool = False) -> list[RecordedSection]:
     """Cut a recording at its gaps into sections of one length.
 
     Raises:
@@ -272,7 +272,7 @@ def sections_of(record: Recording, channels: Sequence[str], *, shut_off: bool = 
         raise InputError("recording", None, f"must have {FEWEST_BLOCKS * BLOCK / (1.0 - SKIPPED):.2g} s or more")
     places = [slice(a, a + size) for a, _ in pieces]
     return [
-        Section(
+        RecordedSection(
             time[at],
             record["span"][at],
             record["valve.command"][at],
@@ -302,7 +302,7 @@ def known_faults(observer: Observer, measured: Sequence[str]) -> tuple[str, ...]
 class _Comparison:
     """Measured and predicted blocks of all sections, in units of their standard deviation."""
 
-    def __init__(self, observer: Observer, sections: Sequence[Section]) -> None:
+    def __init__(self, observer: Observer, sections: Sequence[RecordedSection]) -> None:
         self.observer, self.sections = observer, sections
         self.channels = [name for name in observer.channels if name in sections[0].measured]
         self.rows = [observer.channels.index(name) for name in self.channels]
@@ -337,7 +337,7 @@ class _Comparison:
         return rows - (rows @ start)[..., None] * (start / strength) if strength > LEAST_EFFECT else rows
 
 
-def diagnose_sections(observer: Observer, sections: Sequence[Section]) -> Diagnosis:
+def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -> Diagnosis:
     """Diagnose a rig from sections of a recording; see `diagnose`."""
     compare = _Comparison(observer, sections)
     names = known_faults(observer, compare.channels)

@@ -46,7 +46,7 @@ LEAST_NOISE, COUNTS, COUNTS_BESIDE = (
 MOST_PARTS = 16  # of the usual step, before a run is given up
 
 
-class Section(NamedTuple):
+class RecordedSection(NamedTuple):
     """Samples without a gap: times since the start of the run [s], recorded commands and measured channels (n,) [SI]."""
 
     time: np.ndarray
@@ -76,7 +76,7 @@ class Observer(NamedTuple):
         """Measured channels that are predicted."""
         return tuple(name for name in CHANNELS if name in self.rig.sensors)
 
-    def predict(self, section: Section, values: Sequence[Mapping[str, float]]) -> np.ndarray:
+    def predict(self, section: RecordedSection, values: Sequence[Mapping[str, float]]) -> np.ndarray:
         """Predict the measured channels for several sets of faults at once.
 
         Args:
@@ -110,7 +110,7 @@ class Observer(NamedTuple):
         )
 
     def _read(
-        self, done: Mapping[str, np.ndarray], section: Section, values: Sequence[Mapping[str, float]]
+        self, done: Mapping[str, np.ndarray], section: RecordedSection, values: Sequence[Mapping[str, float]]
     ) -> np.ndarray:
         """Delay each channel by its sensor's filter, less the skew of its converter; add its drift, and count."""
         time = section.time
@@ -127,7 +127,7 @@ class Observer(NamedTuple):
             )
         return np.moveaxis(np.array(rows), 0, 1)
 
-    def _start(self, section: Section, name: str) -> float:
+    def _start(self, section: RecordedSection, name: str) -> float:
         """Absolute pressure at the start [Pa]: as measured, at the valve where only that is."""
         room = float(self.rig.environment.pressure_abs)
         values = section.measured.get(name, section.measured.get("pressure", section.valve))
