@@ -1,6 +1,6 @@
 """Choice of points on a measured map: how well the whole map is predicted from some of its plateaus.
 
-    MCKIBBEN_DATA=../shared/data python benchmarks/replay.py --out replay.json --figure replay.svg
+    MCKIBBEN_DATA=../shared/data python benchmarks/replay.py --out replay.json
 
 The plateaus of a 10 mm muscle at rising pressure (AARL) are hidden; a method asks for some of them, and the posterior of one
 law predicts the others. All methods begin with the same plateaus. `next` asks for those that lower the expected uncertainty
