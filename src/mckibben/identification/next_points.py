@@ -116,7 +116,12 @@ def _step(label: str, *content: str) -> list[str]:
 
 
 def candidates_of(
-    posterior: Posterior, length: np.ndarray, pressure: np.ndarray, *, noise: float | None = None
+    posterior: Posterior,
+    length: np.ndarray,
+    pressure: np.ndarray,
+    *,
+    noise: float | None = None,
+    correlated: bool = False,
 ) -> Candidates:
     """What a posterior says of points that could be measured, (m,) each.
 
@@ -125,8 +130,12 @@ def candidates_of(
         length: [m].
         pressure: gauge [Pa].
         noise: standard deviation of a reading [N]; that of the posterior by default.
+        correlated: count that the data so far tie the discrepancy to the parameters, so that the tension is known better
+            than either; the choice does without, and what is expected of it counts it.
     """
     tension = posterior.signed_tensions(length, pressure)
+    if correlated:
+        tension = tension + posterior.mean_discrepancy(length, pressure)
     centred = tension - tension.mean(axis=0)
     values = np.stack(list(posterior.samples.values()), axis=1)
     return Candidates(
@@ -246,6 +255,7 @@ def next_experiment(
         noise=every.noise,
     )
     chosen = ordered(reachable, choose(reachable, budget=budget, wait=wait, about=about))
+    every = candidates_of(posterior, length, pressure, noise=noise, correlated=True)
     whole = every.law + every.discrepancy
     noisy = whole[np.ix_(chosen, chosen)] + every.noise**2 * np.eye(len(chosen))
     across = every.parameters[chosen]

@@ -309,6 +309,12 @@ class Posterior:
         ]
         return np.concatenate([mean for mean, _ in both]), np.concatenate([deviation for _, deviation in both])
 
+    def mean_discrepancy(self, length: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Mean of the discrepancy at points (q,), given the data, of every sample (d, q) [N]."""
+        if not self.amplitude.any():
+            return np.zeros((len(self), len(length)))
+        return self._discrepancy(length, pressure, None)[0]
+
     def discrepancy_covariance(self, length: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """Covariance of the discrepancy between points (q,), given the data, for its median amplitude (q, q) [N^2]."""
         if not self.amplitude.any():
