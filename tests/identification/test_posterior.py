@@ -109,9 +109,9 @@ def test_a_posterior_of_a_file_gives_the_same_bands(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[]", "mckibben fit --posterior"),
+        ("[]", "must be the file of a fit with its posterior"),
         ('{"fits": [{"law": "ideal"}]}', "has none"),
-        ('{"fits": [{"law": "ideal", "posterior": {"law": "ideal"}}]}', "must be one of mckibben fit --posterior"),
+        ('{"fits": [{"law": "ideal", "posterior": {"law": "ideal"}}]}', "must be a posterior as"),
     ],
 )
 def test_a_file_without_a_posterior_is_refused_by_its_name(tmp_path, content, words):

@@ -413,7 +413,7 @@ class Posterior:
                 divergences=int(values["divergences"]),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError("posterior", None, f"must be one of mckibben fit --posterior: {error!r}") from None
+            raise InputError("posterior", None, f"must be a posterior as `Fit.posterior` draws it: {error!r}") from None
         shapes = {len(made.noise), len(made.amplitude), *map(len, samples.values())}
         if len(shapes) != 1 or len(made.errors.noise) != len(made.points) or not len(made):
             raise InputError("posterior", None, "must have as many values of each parameter as samples")
@@ -516,9 +516,9 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
         fits = [f for one in content.get("maps", [content]) for f in one["fits"]]
         having = {str(f["law"]): f["posterior"] for f in reversed(fits) if f.get("posterior")}
     except (KeyError, TypeError, AttributeError, ValueError):
-        raise InputError("posterior", where, "must be what mckibben fit --posterior --out fit.json writes") from None
+        raise InputError("posterior", where, "must be the file of a fit with its posterior") from None
     if not having:
-        raise InputError("posterior", where, "has none: run mckibben fit --posterior --out fit.json")
+        raise InputError("posterior", where, "must be the file of a fit with its posterior; this one has none")
     name = law or list(having)[-1]
     if name not in having:
         raise InputError("posterior.law", name, known=sorted(having), where=where)
