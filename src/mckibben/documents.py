@@ -87,6 +87,18 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonV
     )
 
 
+def editable_toml(text: str, *, where: str, field: str = "file") -> Any:
+    """The same tables as a document whose comments and order stay when values are replaced and it is written again.
+
+    Raises:
+        InputError: as of `parse_toml`.
+    """
+    import tomlkit
+
+    parse_toml(text, where=where, field=field)
+    return tomlkit.parse(text)
+
+
 def parse_json(text: str | bytes, **options: Any) -> JsonValue:
     """The value of a text of JSON.
 

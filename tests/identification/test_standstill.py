@@ -89,7 +89,7 @@ def test_a_law_whose_derivatives_lead_nowhere_is_refused_and_passed_over_among_a
 
     def turned(self):
         force, slopes = right(self)
-        return force, lambda x: -slopes(x)
+        return force, lambda *at: -slopes(*at)
 
     monkeypatch.setattr(Problem, "functions", turned)
     with pytest.raises(ConvergenceError, match=f"map by the law gas_spring ended where it began, and {STANDSTILL}"):

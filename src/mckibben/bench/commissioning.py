@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..documents import read_text, write_text
+from ..documents import editable_toml, read_text, write_text
 from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import Channel, Recording, provenance
@@ -557,7 +557,7 @@ def write_measured_rig(path: str | os.PathLike[str], check: MachineCheck, rig: R
             whole[key] = value
         whole["changes"] = dict(check.measured)
     else:
-        whole = tomlkit.parse(read_text(source, field="rig"))
+        whole = editable_toml(read_text(source, field="rig"), where=source, field="rig")
         if "base" in whole:
             whole.setdefault("changes", tomlkit.table()).update(check.measured)
         else:

@@ -45,7 +45,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
     "next": (
         "next_experiment:choose_next",
-        "Choose the points of length and pressure that teach most about a fitted muscle, as a protocol.",
+        "Choose the points of length and pressure that teach most next, and write them as a protocol.",
     ),
     "check": (
         "check:check_law",
@@ -61,7 +61,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "device": ("", "Check a test machine before its first run, or serve a simulated one on a virtual serial port."),
     "device check": (
         "device:check",
-        "Check that each sensor answers valve and motor, and that the machine vents.",
+        "Check that each sensor answers valve and motor: sign, scale, noise, range, delay; and that the machine vents.",
     ),
     "device serve": ("device:serve", "Serve a simulated test machine on a virtual serial port."),
     "energy": ("energy:energy", "Compute input, output and efficiency of a muscle's working cycles."),
