@@ -67,8 +67,11 @@ bench: $(VENV)/.test ## Measure speeds against C and other programs, a quarter o
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py
 
-firmware: ## Build the firmware for an Arduino Uno, and its emulator (Debian: gcc-avr avr-libc libsimavr-dev)
-	$(MAKE) -C firmware uno emulator
+firmware: ## Build the firmware for Arduino Uno and STM32F405, and its emulators (Debian: gcc-avr avr-libc libsimavr-dev, gcc-arm-none-eabi)
+	@if command -v avr-gcc >/dev/null; then $(MAKE) -C firmware uno emulator; \
+	  else echo "No avr-gcc: the Arduino Uno is left out (Debian: gcc-avr avr-libc libsimavr-dev)."; fi
+	@if command -v arm-none-eabi-gcc >/dev/null; then $(MAKE) -C firmware stm32f405 emulator-stm32f405; \
+	  else echo "No arm-none-eabi-gcc: the STM32F405 is left out (Debian: gcc-arm-none-eabi libnewlib-arm-none-eabi)."; fi
 
 lock: $(VENV)/.test ## Pin the versions anew
 	$(RUN) pip install --quiet uv

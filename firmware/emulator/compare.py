@@ -1,13 +1,16 @@
-"""Compare a protocol on the simulated rig, Python's device and the emulated Uno, sample by sample; then let things fail.
+"""Compare a protocol on the simulated rig, Python's device and an emulated board, sample by sample; then let things fail.
 
 make uno emulator && python emulator/compare.py
+make emulator-stm32f405 && python emulator/compare.py stm32f405
 """
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import emulated_board as uno
+import emulated_stm32f405 as stm32f405
 import numpy as np
-from emulated_board import FREQUENCY, MOTOR_REST, emulated
 
 import mckibben as mk
 from mckibben.bench.hardware.connect import connected
@@ -18,11 +21,17 @@ from mckibben.bench.rig_file import rig
 from mckibben.bench.segment import SegmentMachine, timing_of
 
 RATE = 250.0  # [1/s]
-FAULTS = (
-    "power", "brown-out", "hang", "converter-stopped", "converter-stuck", "encoder-skips", "line",
-)  # fmt: skip
-TEN = {
-    f"{channel}.bits": "10"
+BOARD = sys.argv[1] if len(sys.argv) > 1 else "uno"
+FAULTS = {
+    "uno": ("power", "brown-out", "hang", "converter-stopped", "converter-stuck", "encoder-skips", "line"),
+    "stm32f405": ("converter-stopped", "converter-stuck"),
+}[BOARD]
+emulated, motor_rest = {
+    "uno": (uno.emulated, uno.MOTOR_REST),
+    "stm32f405": (stm32f405.emulated, stm32f405.MOTOR_REST),
+}[BOARD]
+BITS = {
+    f"{channel}.bits": "10" if BOARD == "uno" else "12"
     for channel in (
         "sensors.pressure.converter",
         "sensors.tension.converter",
@@ -34,7 +43,7 @@ TEN = {
 
 
 def prepared(name: str, **values: object):
-    return mk.prepare(name, muscle="nylon", rig=rig("paper", TEN), sample_rate=f"{RATE:g} Hz", **values)
+    return mk.prepare(name, muscle="nylon", rig=rig("paper", BITS), sample_rate=f"{RATE:g} Hz", **values)
 
 
 def machine_of(bench):
@@ -50,6 +59,11 @@ def on_board(bench, fault: str = "") -> Iterator[tuple[Hardware, object]]:
         yield hardware, board
 
 
+def measured(board) -> dict[str, int]:
+    """What the emulator counted: cycles of the Uno, instructions of the STM32F405."""
+    return dict(board.report) if BOARD == "uno" else {"instructions of a sample": max(board.instructions)}
+
+
 def main() -> None:
     for name, values in (
         ("isometric-step", {"cycles": 1, "range": "full"}),
@@ -57,7 +71,7 @@ def main() -> None:
     ):
         bench = prepared(name, **values)
         here = mk.run(bench)
-        with in_thread(machine_of(bench), about=About(motor_rest=MOTOR_REST)) as device:
+        with in_thread(machine_of(bench), about=About(motor_rest=motor_rest)) as device:
             with connected(f"serial:{device.port}", bench.rig, 1.0 / RATE, lock_step=True) as hardware:
                 there = mk.run(bench, hardware=hardware)
         with on_board(bench) as (hardware, board):
@@ -66,7 +80,7 @@ def main() -> None:
             a, b, c = (np.asarray(r[channel]) for r in (here, there, emulation))
             same = [int((a[: len(x)] != x[: len(a)]).sum()) + abs(len(a) - len(x)) for x in (b, c)]
             print(f"{name} {channel}: {len(a)} samples; other in Python's device {same[0]}, on the board {same[1]}")
-        print({n: v for n, v in board.report.items()})
+        print(measured(board))
     bench = prepared("isometric-step", cycles=1, range="full")
     for fault in FAULTS:
         with on_board(bench, f"{fault}@200") as (hardware, board):
@@ -75,8 +89,11 @@ def main() -> None:
                 said = str(recording.meta["result"])
             except Exception as error:
                 said = f"{type(error).__name__}: {error}"
-        after = board.report.get("vented_after", 0) / FREQUENCY * 1e3
-        print(f"{fault}: at rest after {after:.1f} ms; last outputs {board.outputs[-1]}; {said}")
+        if BOARD == "uno":
+            after = board.report.get("vented_after", 0) / uno.FREQUENCY * 1e3
+            print(f"{fault}: at rest after {after:.1f} ms; last outputs {board.outputs[-1]}; {said}")
+        else:
+            print(f"{fault}: last outputs {board.puts[-1]}; {said}")
 
 
 if __name__ == "__main__":

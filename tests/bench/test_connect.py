@@ -62,3 +62,31 @@ def test_no_words_and_simulated_stand_for_no_hardware():
 def test_words_that_name_no_backend_are_refused_with_those_that_there_are(desk, words):
     with pytest.raises(InputError, match="must be serial:PORT.* or daq, .* or desk"):
         check_connection(words)
+
+
+@pytest.mark.parametrize(
+    ("place", "port", "speed"),
+    [
+        ("/dev/ttyUSB0@3000000", "/dev/ttyUSB0", {"baud": 3_000_000}),
+        ("/dev/ttyACM0", "/dev/ttyACM0", {}),
+        ("/dev/by-id/a@b", "/dev/by-id/a@b", {}),  # a port whose name has such a character
+    ],
+)
+def test_the_speed_of_a_serial_port_stands_behind_its_name(monkeypatch, place, port, speed):
+    opened = []
+
+    def open_port(at, *arguments, **options):
+        opened.append((at, {name: value for name, value in options.items() if name == "baud"}))
+        return Desk(HardwareRequest(at, rig("paper"), 1e-3))
+
+    monkeypatch.setattr("mckibben.bench.hardware.serial_line.SerialHardware", open_port)
+    with connected(f"serial:{place}", rig("paper"), 1e-3):
+        assert opened == [(port, speed)]
+
+
+def test_a_serial_port_without_speed_is_refused():
+    with (
+        pytest.raises(InputError, match="must state 1 bit per second or more"),
+        connected("serial:x@0", rig("paper"), 1e-3),
+    ):
+        pass

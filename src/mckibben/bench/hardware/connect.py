@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 GROUP = "mckibben.hardware"
 SILENCE = 0.02  # after which a device vents by itself [s]; a program on a shared computer may pause so long
-USAGE = {"serial": "serial:PORT, such as serial:/dev/ttyACM0", "daq": "daq, with the table [daq] in the rig's file"}
+USAGE = {
+    "serial": "serial:PORT or serial:PORT@BITS_PER_SECOND, such as serial:/dev/ttyACM0",
+    "daq": "daq, with the table [daq] in the rig's file",
+}
 
 
 class HardwareRequest(NamedTuple):
@@ -112,18 +115,30 @@ def _backend(name: str) -> Backend:
     return backend
 
 
+def _port_and_speed(place: str) -> tuple[str, dict[str, int]]:
+    """Split ``/dev/ttyUSB0@3000000`` into the port and its bits per second, if these are stated."""
+    port, _, speed = place.rpartition("@")
+    if not (port and speed.isascii() and speed.isdigit() and len(speed) < 10):
+        return place, {}
+    if int(speed) == 0:
+        raise InputError("--on", f"serial:{place}", "must state 1 bit per second or more after @")
+    return port, {"baud": int(speed)}
+
+
 def _open_serial(request: HardwareRequest) -> Hardware:
     from .serial_line import SerialHardware
 
+    port, speed = _port_and_speed(request.place)
     converters = request.rig.converters(0.0)
     return SerialHardware(
-        request.place,
+        port,
         converters.names,
         bits={n: c.bits for n, c in converters.analog.items()},
         encoder=converters.encoder is not None,
         motor=converters.motor is not None,
         lock_step=request.lock_step,
         watchdog=max(3, math.ceil(request.silence / request.period)),
+        **speed,
     )
 
 

@@ -1,0 +1,123 @@
+"""An STM32F405 in QEMU behind a pseudo-terminal, its converters and outputs connected to a machine of counts.
+
+The program is that of the board (`make stm32f405`) except for the peripherals that QEMU has no model of
+(`make emulator-stm32f405`): processor, interrupts, timer of the samples and serial port are QEMU's.
+"""
+
+import contextlib
+import os
+import subprocess
+import threading
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from emulated_board import FIRMWARE, EmulatedBoard, Outputs
+
+IMAGE = FIRMWARE / "build" / "emulator-stm32f405.elf"
+QEMU = "qemu-system-arm"
+MACHINE = "netduinoplus2"  # the board of QEMU 7.2 that has an STM32F405; newer ones also have olimex-stm32-h405
+MOTOR_REST = 2048
+REFERENCE = 1502  # 1.21 V in counts of 3.3 V
+
+
+class EmulatedSTM32F405(EmulatedBoard):
+    """What stands behind the port of an emulated STM32F405.
+
+    Attributes:
+        puts: counts of valve and motor, and whether the shut-off was open, whenever they changed.
+        intervals: between the ticks of samples, of the board's time [ns].
+        idle: time that the processor slept in each [ns].
+        instructions: of `bench_tick` and `bench_receive` in each.
+    """
+
+    def __init__(self, machine: Any, port: str, fault: str) -> None:
+        super().__init__(machine, port)
+        kind, _, number = fault.partition("@")
+        self._fault, self._fault_at = kind, int(number or 0)
+        self._samples = 0
+        self.puts: list[Outputs] = []
+        self.intervals: list[int] = []
+        self.idle: list[int] = []
+        self.instructions: list[int] = []
+
+    def answer(self, words: list[str]) -> str:
+        """Advance the machine as the emulator says, and return the counts of channels, reference and encoder."""
+        if words[0] == "outputs":
+            valve, motor, opened = map(int, words[1:])
+            self.puts.append((valve, motor, bool(opened)))
+            return ""
+        if words[0] == "step":
+            for measured, word in zip((self.intervals, self.idle, self.instructions), words[4:], strict=True):
+                measured.append(int(word))
+        *pins, encoder = super().answer(words[:4]).split()
+        failed = self._fault if self._fault and self._samples >= self._fault_at else ""
+        self._samples += 1
+        if failed == "converter-stopped":
+            return "\n"
+        reference = 0 if failed == "converter-stuck" else REFERENCE
+        return f"{' '.join(pins)} {reference} {encoder}\n"
+
+
+def command_line(image: Path, line: int, *words: str) -> list[str]:
+    """QEMU with a program, the serial port at an open file, and the words that the program reads."""
+    semihosting = ",".join(f"arg={word}" for word in words)
+    arguments = [QEMU, "-M", MACHINE, "-kernel", str(image), "-display", "none", "-monitor", "none"]
+    arguments += ["-icount", "shift=0", "-add-fd", f"fd={line},set=1", "-chardev", "serial,id=line,path=/dev/fdset/1"]
+    arguments += ["-serial", "null", "-serial", "null", "-serial", "chardev:line"]
+    if words:
+        arguments += ["-semihosting-config", f"enable=on,target=native,{semihosting}"]
+    return arguments
+
+
+@contextlib.contextmanager
+def emulated(
+    machine: Any, *, fault: str = "", patience: float = 2.0, image: Path = IMAGE
+) -> Iterator[EmulatedSTM32F405]:
+    """Run a board with a machine behind its pins.
+
+    Args:
+        machine: a `device.DeviceMachine` with converters of 12 bits.
+        fault: what fails and from which sample on, such as ``converter-stuck@100`` or ``converter-stopped@100``.
+        patience: time for which the board's time stands still while the host computes [s]; 0: it never does, and
+            is that of the instructions alone.
+        image: program of the board.
+    """
+    line, other = os.openpty()
+    tty.setraw(other)
+    answers, answer = os.pipe()
+    request, requests = os.pipe()
+    words = ("board", f"/dev/fd/{answers}", f"/dev/fd/{requests}", str(round(patience * 100)))
+    process = subprocess.Popen(
+        command_line(image, line, *words), stdin=subprocess.DEVNULL, pass_fds=[line, answers, requests]
+    )
+    for end in (answers, requests, line):
+        os.close(end)
+    board = EmulatedSTM32F405(machine, os.ttyname(other), fault)
+
+    def serve() -> None:
+        with open(request, encoding="ascii") as ask:
+            for words in ask:
+                try:
+                    reply = board.answer(words.split())
+                    os.write(answer, reply.encode())
+                except BrokenPipeError:
+                    return
+                except Exception as error:  # told to whoever waits for the board
+                    board.failed = error
+                    process.kill()
+                    return
+
+    thread = threading.Thread(target=serve, name="emulated board", daemon=True)
+    thread.start()
+    try:
+        yield board
+    finally:
+        process.kill()
+        process.wait()
+        thread.join(10.0)
+        os.close(answer)
+        os.close(other)
+    if board.failed is not None:
+        raise board.failed
