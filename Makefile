@@ -67,7 +67,7 @@ bench: $(VENV)/.test ## Measure speeds against C and other programs, a quarter o
 docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py
 
-firmware: ## Build the firmware for Arduino Uno and STM32F405, and its emulators (Debian: gcc-avr avr-libc libsimavr-dev, gcc-arm-none-eabi)
+firmware: ## Build the firmware for Arduino Uno and STM32F405, and their emulators (the Debian packages: CONTRIBUTING.md)
 	@if command -v avr-gcc >/dev/null; then $(MAKE) -C firmware uno emulator; \
 	  else echo "No avr-gcc: the Arduino Uno is left out (Debian: gcc-avr avr-libc libsimavr-dev)."; fi
 	@if command -v arm-none-eabi-gcc >/dev/null; then $(MAKE) -C firmware stm32f405 emulator-stm32f405; \
