@@ -238,7 +238,7 @@ COMMANDS = {
         "--out": "report",
     }),
     "next": ("next --from @fit:fit.json --budget 20s", {
-        "--rig": "rig", "--law": "name", "--budget": "time", "--wait": "time", "--out": "saved",
+        "--rig": "rig", "--law": "name", "--laws": "name", "--budget": "time", "--wait": "time", "--out": "saved",
     }),
     "protocols": ("protocols @protocol:protocol.toml", {"--set": "pair"}),
     "run": ("run @protocol:protocol.toml --muscle @specimen:nylon --dry-run", RUN),

@@ -5,6 +5,7 @@ fails after the first bytes, as it does there (EFBIG for ENOSPC).
 """
 
 import contextlib
+import json
 import os
 import re
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_broken_input import POSTERIOR
 
 import mckibben
 from lanewise import ArgumentError, Program, cache
@@ -89,6 +91,14 @@ def test_a_report_is_written_whole_or_not_at_all(said, record, full):
     assert "r.html': it cannot be written (File too large)" in said(
         "record", "report", record, "--out", full / "r.html"
     )
+
+
+@pytest.mark.parametrize("ending", ["toml", "json", "csv"])
+def test_the_next_experiment_is_written_whole_or_not_at_all(said, full, tmp_path, ending):
+    fit = tmp_path / "fit.json"
+    fit.write_text(json.dumps({"fits": [{"law": "gas_spring", "posterior": POSTERIOR}]}))
+    err = said("next", "--from", fit, "--budget", "30 s", "--out", full / f"next.{ending}", size=40)
+    assert f"next.{ending}': it cannot be written (File too large)" in err
 
 
 def test_files_are_written_through_the_two_functions_that_leave_no_half():

@@ -1,5 +1,7 @@
 """The next points to measure: what a reading tells, optimal designs, budget and order."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from test_posterior import LENGTHS, PRESSURES, posterior
@@ -8,9 +10,11 @@ from mckibben.errors import InputError
 from mckibben.experiments import read
 from mckibben.identification.next_points import (
     Candidates,
+    LawContrast,
     candidates_of,
     choose,
     continuous_optimum,
+    law_test,
     next_experiment,
 )
 
@@ -21,9 +25,10 @@ def line(places, noise=1.0, discrepancy=0.0):
     return Candidates(
         length=places,
         pressure=np.zeros_like(places),
-        law=slopes @ slopes.T,
+        predicted=slopes @ slopes.T,
         discrepancy=discrepancy**2 * np.eye(len(places)),
         parameters=slopes,
+        spread=np.eye(2),
         noise=noise,
     )
 
@@ -55,6 +60,65 @@ def test_a_reading_under_a_discrepancy_tells_less():
     sure, unsure = line(places), line(places, discrepancy=2.0)
     assert unsure.information([0, 4]) < sure.information([0, 4])
     assert sure.left([0, 4], np.arange(5)) < sure.left([], np.arange(5))
+
+
+def test_information_does_not_depend_on_the_units_of_the_parameters():
+    plain, scaled = (line(np.linspace(-1.0, 1.0, 5)) for _ in range(2))
+    factor = np.array([1e-3, 1e7])
+    scaled = dataclasses.replace(
+        scaled, parameters=scaled.parameters * factor, spread=scaled.spread * np.outer(factor, factor)
+    )
+    # exact but for the rounding of solving and scaling
+    assert scaled.information([0, 4]) == pytest.approx(plain.information([0, 4]), rel=1e-9)
+    assert scaled.widths([0, 4]) == pytest.approx(plain.widths([0, 4]), rel=1e-9)
+
+
+def test_a_parameter_that_the_discrepancy_makes_up_for_is_not_learned():
+    # a discrepancy that the data tie to the offset, so that every sample predicts the same tension there
+    places = np.linspace(-1.0, 1.0, 5)
+    slopes = np.stack([np.zeros(5), places], axis=1)
+    tied = dataclasses.replace(line(places), predicted=slopes @ slopes.T, parameters=slopes)
+    # readings at both ends: 1 + 1/noise^2 * 2 times the information about the slope, none about the offset
+    assert tied.widths([0, 4]) == pytest.approx([1.0, 3.0**-0.5], rel=1e-12)
+    assert tied.information([0, 4]) == pytest.approx(0.5 * np.log(3.0), rel=1e-12)
+
+
+def test_where_no_parameter_becomes_narrower_the_tension_over_the_map_decides():
+    # a discrepancy far beyond what the parameters do, which therefore says nothing of them
+    plan = next_experiment(posterior(50.0, spread=1e-5), budget=40.0)
+    assert not plan.narrows and plan.deviation[1] < plan.deviation[0]
+
+
+def test_the_distance_of_two_laws_is_that_of_their_readings():
+    contrast = LawContrast(
+        length=np.arange(3.0),
+        pressure=np.zeros(3),
+        tensions=np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 4.0]]),
+        open=np.zeros((3, 3)),
+        noise=0.5,
+    )
+    # independent errors: squares add, (3^2 + 4^2) / 0.5^2; a point at which the laws agree adds nothing
+    assert contrast.distance([0, 1, 2]) == pytest.approx(100.0, rel=1e-12)
+    # an offset that all readings share leaves only their differences: (4 - 3)^2 / (2 noise^2)
+    shared = dataclasses.replace(contrast, open=np.full((3, 3), 1e9))
+    assert shared.distance([0, 2]) == pytest.approx(2.0, rel=1e-4)  # to the share of the noise in the offset
+
+
+def test_two_laws_are_told_apart_where_they_differ():
+    near, far = posterior(0.0, spread=0.01), posterior(0.0, spread=0.01)
+    # the other law is the same spring with a stiffness 10 % larger, so that it differs most where it pulls most
+    stiffer = {**far.samples, "stiffness_per_pressure": 1.1 * far.samples["stiffness_per_pressure"]}
+    test = law_test([near, dataclasses.replace(far, samples=stiffer)], budget=60.0)
+    assert test.duration <= 60.0 and 0.95 < test.recognised <= 1.0
+    assert np.all(test.deviations > 0.0) and test.length.max() == LENGTHS.max()
+    same = law_test([near, near], budget=30.0)
+    assert same.distance == 0.0 and same.recognised == 0.5
+
+
+def test_two_laws_of_different_measurements_are_refused():
+    other = posterior(0.0, points=np.full(len(LENGTHS), 20.0))
+    with pytest.raises(InputError, match="laws must be fitted to the same points"):
+        law_test([posterior(0.0), other], budget=30.0)
 
 
 def test_points_stay_within_budget_map_and_what_the_rig_bears(tmp_path):

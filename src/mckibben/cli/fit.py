@@ -102,7 +102,8 @@ def fit(
         bool,
         typer.Option(
             "--posterior",
-            help="Draw from the posterior of the best law: joint intervals, and bands that allow for a law that is wrong.",
+            help="Draw from the posterior of the best law, or of each of several --law: joint intervals, "
+            "and bands that allow for a law that is wrong.",
         ),
     ] = False,
     draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
@@ -143,16 +144,20 @@ def fit(
             tables, law, rest_length, like, change, column, unit, branch, pressure_zero, train_below, slack=slack,
             length_error=length_error, **format_options(sheet, topic, gear_ratio),
         )  # fmt: skip
-        samples = [_posterior(ranking, rig, draws) for ranking in rankings] if posterior else []
+        samples = (
+            [_posteriors(ranking, rig, draws, every=len(law or ()) > 1) for ranking in rankings] if posterior else []
+        )
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
-        one = samples[0] if len(samples) == 1 else None
+        one = samples[0][rankings[0].best.law] if len(samples) == 1 else None
         files.write("figure", lambda path: style.save(_figure(rankings, one), path))
         files.write("specimen", rankings[0].save)
         if files["table"]:
             files.write_rows(_rows(rankings), {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"})
         results: list[dict[str, Any]] = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
         for result, of in zip(results, samples, strict=False):
-            result["fits"][0]["posterior"] = of.to_dict()
+            for fit in result["fits"]:
+                if fit["law"] in of:
+                    fit["posterior"] = of[fit["law"]].to_dict()
         content = results[0] if len(results) == 1 else {"maps": results}
         files.write_result(content)
         if as_json:
@@ -160,8 +165,8 @@ def fit(
             return
         for i, ranking in enumerate(rankings):
             show_ranking(ranking)
-            if samples:
-                show_posterior(samples[i])
+            for one in samples[i].values() if samples else ():
+                show_posterior(one)
         files.say()
 
 
@@ -170,11 +175,12 @@ def _figure(rankings: list[Ranking], samples: Posterior | None) -> Any:
     return fit_figures.overview(rankings) if samples is None else posterior_figures.bands(samples)
 
 
-def _posterior(ranking: Ranking, rig: str | None, draws: int) -> Posterior:
-    """Samples of the best law of a table, with the noise of a rig's sensors where one is named."""
+def _posteriors(ranking: Ranking, rig: str | None, draws: int, *, every: bool) -> dict[str, Posterior]:
+    """Samples of the best law of a table, or of every law that converged, with the noise of a named rig's sensors."""
     sensors = None if rig is None else map_sensors(rig_file.rig(rig))
     slack = ranking.points.select(ranking.points.informative_slack)
-    return ranking.best.posterior(sensors=sensors, slack=slack if len(slack) else None, draws=draws)
+    fits = [f for f in ranking.fits if f.converged or f is ranking.best] if every else [ranking.best]
+    return {f.law: f.posterior(sensors=sensors, slack=slack if len(slack) else None, draws=draws) for f in fits}
 
 
 def map_sensors(rig: Rig) -> identification.posterior.MapSensors:

@@ -1,19 +1,25 @@
 """The points of length and pressure at which a further measurement teaches most, and the protocol that visits them.
 
-A posterior says how far its samples disagree about the tension at every point that could be measured. From the covariance
-of the law's tension and of the discrepancy over all candidates follows what a set of measurements would leave, in the linear
+A posterior says how far its samples disagree about the tension at every point that could be measured. The data tie the
+discrepancy to the parameters, so each sample predicts the tension of its law together with its discrepancy; what the data
+leave open of the discrepancy is a covariance beside. From both follows what a set of measurements would leave, in the linear
 approximation: of the parameters (the mutual information of parameters and measurements is largest), or of the tension at
-stated points (the mean variance is smallest). Points are taken one after the other, each the one that gains most per second
-of machine time, until the budget is spent.
+stated points (the mean variance is smallest). Two laws are told apart by the distance of their predictions, in standard
+deviations of what both leave open and of the noise. Points are taken one after the other, each the one that gains most per
+second of machine time, until the budget is spent.
 Every point is reached with rising pressure after the muscle was vented at its length, so that all lie on one branch of the
 hysteresis, and is held before it counts, so that creep has passed.
 Range: the linear approximation is that of the posterior's samples; no point lies outside of the measured range of
 contraction and pressure, because a muscle that has survived one pressure need not survive a higher one.
-Source: V. V. Fedorov, Theory of Optimal Experiments, Academic Press 1972; D. V. Lindley, Ann. Math. Stat. 27(4), 1956.
+Source: V. V. Fedorov, Theory of Optimal Experiments, Academic Press 1972; D. V. Lindley, Ann. Math. Stat. 27(4), 1956;
+of two laws W. G. Hunter and A. M. Reiner, Technometrics 7(3), 1965.
 """
 
 from __future__ import annotations
 
+import functools
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +30,7 @@ from .uncertainty import Estimate
 
 GRID = (7, 9)  # lengths and pressures of the candidates
 MOVE, VENT, READ = 2.0, 3.0, 1.0  # time to a point, to an empty muscle at another length, and of a reading [s]
+UNCHANGED = 0.95  # of the width of an interval: what is left of one that measurements do not narrow
 
 
 @dataclass(frozen=True)
@@ -33,33 +40,93 @@ class Candidates:
     Attributes:
         length: (m,) [m].
         pressure: gauge (m,) [Pa].
-        law: covariance of the law's tension between them (m, m) [N^2].
-        discrepancy: covariance of the discrepancy given the data (m, m) [N^2].
-        parameters: covariance of the tension with each parameter (m, p).
+        predicted: covariance between them of the tension that the samples predict (m, m) [N^2].
+        discrepancy: covariance of what the data leave open of the discrepancy (m, m) [N^2].
+        parameters: covariance of the predicted tension with each parameter (m, p).
+        spread: covariance of the parameters (p, p).
         noise: standard deviation of a reading [N].
     """
 
     length: np.ndarray
     pressure: np.ndarray
-    law: np.ndarray
+    predicted: np.ndarray
     discrepancy: np.ndarray
     parameters: np.ndarray
+    spread: np.ndarray
     noise: float
+
+    def readings(self, chosen: list[int]) -> np.ndarray:
+        """Covariance of readings at some points [N^2]."""
+        some = np.ix_(chosen, chosen)
+        return np.asarray(self.predicted[some] + self.discrepancy[some] + self.noise**2 * np.eye(len(chosen)))
 
     def information(self, chosen: list[int]) -> float:
         """Mutual information of the parameters and readings at some points [nat]."""
-        nuisance = self.discrepancy[np.ix_(chosen, chosen)] + self.noise**2 * np.eye(len(chosen))
-        whole = nuisance + self.law[np.ix_(chosen, chosen)]
-        return float(0.5 * (np.linalg.slogdet(whole)[1] - np.linalg.slogdet(nuisance)[1]))
+        if not chosen:
+            return 0.0
+        left = np.eye(len(self._directions.T)) - self._explained(chosen, self.parameters @ self._directions)
+        return float(-0.5 * np.log(np.maximum(np.linalg.eigvalsh(left), 1e-300)).sum())
+
+    def widths(self, chosen: list[int]) -> np.ndarray:
+        """Share of the width of each parameter's interval that readings at some points leave (p,)."""
+        explained = np.diag(self._explained(chosen, self.parameters)) if chosen else np.zeros(len(self.spread))
+        variance = np.diag(self.spread)
+        known = np.divide(explained, variance, out=np.zeros(len(variance)), where=variance > 0.0)
+        return np.sqrt(np.maximum(1.0 - known, 0.0))
+
+    def _explained(self, chosen: list[int], by: np.ndarray) -> np.ndarray:
+        """What readings at some points take from the covariance of quantities whose covariance with the tension is given."""
+        return np.asarray(by[chosen].T @ np.linalg.solve(self.readings(chosen), by[chosen]))
+
+    @functools.cached_property
+    def _directions(self) -> np.ndarray:
+        """Combinations of the parameters with unit variance, independent of each other (p, at most p)."""
+        scale = np.sqrt(np.diag(self.spread))
+        scale = np.where(scale > 0.0, scale, np.inf)
+        values, vectors = np.linalg.eigh(self.spread / np.outer(scale, scale))
+        kept = values > 1e-12
+        return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None])
 
     def left(self, chosen: list[int], at: np.ndarray) -> float:
         """Mean variance of the tension at some points, after readings at others [N^2]."""
-        whole = self.law + self.discrepancy
+        whole = self.predicted + self.discrepancy
         if not chosen:
             return float(np.diag(whole)[at].mean())
-        noisy = whole[np.ix_(chosen, chosen)] + self.noise**2 * np.eye(len(chosen))
         across = whole[at][:, chosen]
-        return float((np.diag(whole)[at] - np.einsum("ij,ji->i", across, np.linalg.solve(noisy, across.T))).mean())
+        known = np.einsum("ij,ji->i", across, np.linalg.solve(self.readings(chosen), across.T))
+        return float((np.diag(whole)[at] - known).mean())
+
+
+@dataclass(frozen=True)
+class LawContrast:
+    """Tension that two laws expect at points that could be measured.
+
+    Attributes:
+        length: (m,) [m].
+        pressure: gauge (m,) [Pa].
+        tensions: by each law, with its discrepancy (2, m) [N].
+        open: covariance between the points of what a law leaves open of the tension, mean of both laws (m, m) [N^2].
+        noise: standard deviation of a reading [N].
+    """
+
+    length: np.ndarray
+    pressure: np.ndarray
+    tensions: np.ndarray
+    open: np.ndarray
+    noise: float
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Expected difference of one reading at each point, in its standard deviations (m,)."""
+        return np.asarray((self.tensions[1] - self.tensions[0]) / np.sqrt(np.diag(self.open) + self.noise**2))
+
+    def distance(self, chosen: list[int]) -> float:
+        """Squared distance of the readings that the laws expect at some points, in standard deviations."""
+        if not chosen:
+            return 0.0
+        difference = (self.tensions[1] - self.tensions[0])[chosen]
+        covariance = self.open[np.ix_(chosen, chosen)] + self.noise**2 * np.eye(len(chosen))
+        return float(difference @ np.linalg.solve(covariance, difference))
 
 
 @dataclass(frozen=True)
@@ -89,26 +156,79 @@ class NextExperiment:
     def __len__(self) -> int:
         return len(self.length)
 
+    @property
+    def narrows(self) -> bool:
+        """Whether the interval of a parameter is expected to become narrower at all."""
+        return min(self.expected.values()) < UNCHANGED
+
     def protocol(self) -> str:
         """The protocol as a TOML file that ``mckibben run`` takes."""
-        lines = [
-            "schema = 1",
-            'name = "next"',
-            f'title = "The next {len(self)} points"',
-            'needs = ["pressure sensor", "span sensor", "tension sensor"]',
-        ]
-        before = float("nan")
-        for i, (length, pressure) in enumerate(zip(self.length, self.pressure, strict=True), 1):
-            if length != before:
-                lines += _step("vent", f'span = {{ to = "{length:.6g} m", in = "{VENT:g} s" }}',
-                               f'pressure = {{ to = "0 bar", in = "{VENT / 3.0:g} s" }}')  # fmt: skip
-            lines += _step("approach", f'pressure = {{ to = "{pressure:.6g} Pa", in = "{MOVE:g} s" }}')
-            if self.wait > 0.0:
-                lines += _step("wait", f'for = "{self.wait:g} s"')
-            lines += ["", "[[steps]]", f'label = "point {i}"', f'for = "{READ:g} s"']
-            before = length
-        lines += ["", "[[last]]", 'label = "vent"', 'pressure = { to = "0 bar", in = "1 s" }', "record = false"]
-        return "\n".join(lines) + "\n"
+        return protocol_of_points(self.length, self.pressure, self.wait)
+
+
+@dataclass(frozen=True)
+class LawTest:
+    """Points that tell two laws apart, in the order in which the protocol visits them.
+
+    Attributes:
+        laws: names of both.
+        length: (k,) [m].
+        pressure: gauge (k,) [Pa].
+        tensions: expected by each law (2, k) [N].
+        deviations: difference of them in standard deviations of one reading (k,).
+        distance: of all readings together, in standard deviations.
+        duration: machine time [s].
+        wait: hold of each point before its reading [s].
+    """
+
+    laws: tuple[str, str]
+    length: np.ndarray
+    pressure: np.ndarray
+    tensions: np.ndarray
+    deviations: np.ndarray
+    distance: float
+    duration: float
+    wait: float
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    @property
+    def recognised(self) -> float:
+        """Probability that the readings speak for the right law, if one of both is right: 0.5 for a guess."""
+        return 0.5 * math.erfc(-0.5 * self.distance / math.sqrt(2.0))
+
+    def protocol(self) -> str:
+        """The protocol as a TOML file that ``mckibben run`` takes."""
+        return protocol_of_points(self.length, self.pressure, self.wait)
+
+
+def protocol_of_points(lengths: np.ndarray, pressures: np.ndarray, wait: float) -> str:
+    """Protocol that visits points in their order, as a TOML file.
+
+    Args:
+        lengths: (k,) [m].
+        pressures: gauge (k,) [Pa].
+        wait: hold of each point before its reading [s].
+    """
+    lines = [
+        "schema = 1",
+        'name = "next"',
+        f'title = "The next {len(lengths)} points"',
+        'needs = ["pressure sensor", "span sensor", "tension sensor"]',
+    ]
+    before = float("nan")
+    for i, (length, pressure) in enumerate(zip(lengths, pressures, strict=True), 1):
+        if length != before:
+            lines += _step("vent", f'span = {{ to = "{length:.6g} m", in = "{VENT:g} s" }}',
+                           f'pressure = {{ to = "0 bar", in = "{VENT / 3.0:g} s" }}')  # fmt: skip
+        lines += _step("approach", f'pressure = {{ to = "{pressure:.6g} Pa", in = "{MOVE:g} s" }}')
+        if wait > 0.0:
+            lines += _step("wait", f'for = "{wait:g} s"')
+        lines += ["", "[[steps]]", f'label = "point {i}"', f'for = "{READ:g} s"']
+        before = length
+    lines += ["", "[[last]]", 'label = "vent"', 'pressure = { to = "0 bar", in = "1 s" }', "record = false"]
+    return "\n".join(lines) + "\n"
 
 
 def _step(label: str, *content: str) -> list[str]:
@@ -116,12 +236,7 @@ def _step(label: str, *content: str) -> list[str]:
 
 
 def candidates_of(
-    posterior: Posterior,
-    length: np.ndarray,
-    pressure: np.ndarray,
-    *,
-    noise: float | None = None,
-    correlated: bool = False,
+    posterior: Posterior, length: np.ndarray, pressure: np.ndarray, *, noise: float | None = None
 ) -> Candidates:
     """What a posterior says of points that could be measured, (m,) each.
 
@@ -130,22 +245,51 @@ def candidates_of(
         length: [m].
         pressure: gauge [Pa].
         noise: standard deviation of a reading [N]; that of the posterior by default.
-        correlated: count that the data so far tie the discrepancy to the parameters, so that the tension is known better
-            than either; the choice does without, and what is expected of it counts it.
     """
-    tension = posterior.signed_tensions(length, pressure)
-    if correlated:
-        tension = tension + posterior.mean_discrepancy(length, pressure)
+    tension = posterior.signed_tensions(length, pressure) + posterior.mean_discrepancy(length, pressure)
     centred = tension - tension.mean(axis=0)
     values = np.stack(list(posterior.samples.values()), axis=1)
+    values = values - values.mean(axis=0)
     return Candidates(
         length=length,
         pressure=pressure,
-        law=centred.T @ centred / len(centred),
+        predicted=centred.T @ centred / len(centred),
         discrepancy=posterior.discrepancy_covariance(length, pressure),
-        parameters=centred.T @ (values - values.mean(axis=0)) / len(centred),
-        noise=noise or float(np.median(posterior.noise) * posterior.sensor_noise),
+        parameters=centred.T @ values / len(centred),
+        spread=values.T @ values / len(values),
+        noise=noise or _noise(posterior),
     )
+
+
+def contrast_of(
+    posteriors: Sequence[Posterior], length: np.ndarray, pressure: np.ndarray, *, noise: float | None = None
+) -> LawContrast:
+    """What the posteriors of two laws say of points that could be measured, (m,) each.
+
+    Args:
+        posteriors: of two laws, from the same measurements.
+        length: [m].
+        pressure: gauge [Pa].
+        noise: standard deviation of a reading [N]; the larger one of the posteriors by default.
+    """
+    means, spreads = [], []
+    for one in posteriors:
+        tension = one.signed_tensions(length, pressure) + one.mean_discrepancy(length, pressure)
+        centred = tension - tension.mean(axis=0)
+        means.append(tension.mean(axis=0))
+        spreads.append(centred.T @ centred / len(centred) + one.discrepancy_covariance(length, pressure))
+    return LawContrast(
+        length=length,
+        pressure=pressure,
+        tensions=np.stack(means),
+        open=np.mean(spreads, axis=0),
+        noise=noise or max(_noise(one) for one in posteriors),
+    )
+
+
+def _noise(posterior: Posterior) -> float:
+    """Standard deviation of a reading [N]."""
+    return float(np.median(posterior.noise) * posterior.sensor_noise)
 
 
 def choose(
@@ -163,19 +307,29 @@ def choose(
     Raises:
         InputError: the budget is too short for one point.
     """
+
+    def gain(chosen: list[int]) -> float:
+        return candidates.information(chosen) if about is None else -candidates.left(chosen, about)
+
+    return _greedy(gain, candidates.length, budget=budget, wait=wait, every=every)
+
+
+def _greedy(
+    gain: Callable[[list[int]], float], length: np.ndarray, *, budget: float, wait: float, every: bool = False
+) -> list[int]:
+    """Places of points with these lengths, each the one that raises `gain` most per second, until the budget is spent."""
     chosen: list[int] = []
     spent = 0.0
     while True:
-        now = candidates.information(chosen) if about is None else -candidates.left(chosen, about)
+        now = gain(chosen)
         best: tuple[float, int, float] | None = None
-        for i in range(len(candidates.length)):
+        for i in range(len(length)):
             if every and i in chosen:
                 continue
-            cost = duration(candidates, [*chosen, i], wait) - spent
+            cost = duration(length[[*chosen, i]], wait) - spent
             if spent + cost > budget:
                 continue
-            after = candidates.information([*chosen, i]) if about is None else -candidates.left([*chosen, i], about)
-            rate = (after - now) / cost
+            rate = (gain([*chosen, i]) - now) / cost
             if best is None or rate > best[0]:
                 best = (rate, i, cost)
         if best is None:
@@ -188,15 +342,45 @@ def choose(
     return chosen
 
 
-def duration(candidates: Candidates, chosen: list[int], wait: float) -> float:
-    """Machine time of some points in the order of `ordered` [s]."""
-    lengths = len({float(candidates.length[i]) for i in chosen})
-    return lengths * VENT + len(chosen) * (MOVE + wait + READ) + 1.0
+def duration(lengths: np.ndarray, wait: float) -> float:
+    """Machine time of points with these lengths (k,) [m], each length in one go [s]."""
+    return len(np.unique(lengths)) * VENT + len(lengths) * (MOVE + wait + READ) + 1.0
 
 
-def ordered(candidates: Candidates, chosen: list[int]) -> list[int]:
+def ordered(length: np.ndarray, pressure: np.ndarray, chosen: list[int]) -> list[int]:
     """Points from the longest length to the shortest, at each with rising pressure."""
-    return sorted(chosen, key=lambda i: (-candidates.length[i], candidates.pressure[i]))
+    return sorted(chosen, key=lambda i: (-length[i], pressure[i]))
+
+
+def _reachable(
+    posteriors: Sequence[Posterior],
+    lengths: tuple[float, float] | None,
+    highest_pressure: float | None,
+    highest_tension: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Length and pressure of a grid of points within a map at which the muscle pulls and the machine bears it, (m,) each.
+
+    Raises:
+        InputError: the machine can reach no point.
+    """
+    points = posteriors[0].points
+    low, high = float(points.length.min()), float(points.length.max())
+    if lengths is not None:
+        low, high = max(low, lengths[0]), min(high, lengths[1])
+    top = min(float(points.pressure.max()), highest_pressure or np.inf)
+    bottom = float(points.pressure.min())
+    if low > high or bottom > top:
+        raise InputError("rig", None, "must reach a length and a pressure of the map")
+    length, pressure = (
+        x.ravel() for x in np.meshgrid(np.linspace(low, high, GRID[0]), np.linspace(bottom, top, GRID[1]))
+    )
+    safe = np.ones(len(length), bool)
+    for posterior in posteriors:
+        band = posterior.tension(length, pressure)
+        safe &= (band.high < highest_tension) & (band.median > 0.0)
+    if not safe.any():
+        raise InputError("rig", None, "must bear the tension of a point of the map")
+    return length[safe], pressure[safe]
 
 
 def next_experiment(
@@ -212,6 +396,8 @@ def next_experiment(
 ) -> NextExperiment:
     """The measurement that teaches most within a budget of machine time.
 
+    Where no point narrows the interval of a parameter, those are taken that leave least of the map's uncertainty.
+
     Args:
         posterior: samples from the measurements so far.
         budget: machine time [s].
@@ -225,52 +411,72 @@ def next_experiment(
     Raises:
         InputError: the budget is too short, or the machine can reach no point.
     """
-    points = posterior.points
-    low, high = float(points.length.min()), float(points.length.max())
-    if lengths is not None:
-        low, high = max(low, lengths[0]), min(high, lengths[1])
-    top = min(float(points.pressure.max()), highest_pressure or np.inf)
-    bottom = float(points.pressure.min())
-    if low > high or bottom > top:
-        raise InputError("rig", None, "must reach a length and a pressure of the map")
-    length, pressure = (
-        x.ravel() for x in np.meshgrid(np.linspace(low, high, GRID[0]), np.linspace(bottom, top, GRID[1]))
-    )
-    band = posterior.tension(length, pressure)
-    safe = (band.high < highest_tension) & (band.median > 0.0)
-    if not safe.any():
-        raise InputError("rig", None, "must bear the tension of a point of the map")
-    length, pressure = length[safe], pressure[safe]
-    about = None
+    length, pressure = _reachable([posterior], lengths, highest_pressure, highest_tension)
+    count = len(length)
     if question is not None:
         length, pressure = np.append(length, question[0]), np.append(pressure, question[1])
-        about = np.array([len(length) - 1])
     every = candidates_of(posterior, length, pressure, noise=noise)
-    reachable = Candidates(
-        length=every.length[: safe.sum()],
-        pressure=every.pressure[: safe.sum()],
-        law=every.law,
-        discrepancy=every.discrepancy,
-        parameters=every.parameters,
-        noise=every.noise,
-    )
-    chosen = ordered(reachable, choose(reachable, budget=budget, wait=wait, about=about))
-    every = candidates_of(posterior, length, pressure, noise=noise, correlated=True)
-    whole = every.law + every.discrepancy
-    noisy = whole[np.ix_(chosen, chosen)] + every.noise**2 * np.eye(len(chosen))
-    across = every.parameters[chosen]
-    variance = np.array([values.var() for values in posterior.samples.values()])
-    left = variance - np.einsum("ij,ij->j", across, np.linalg.solve(noisy, across))
-    all_points = np.arange(len(length)) if about is None else about
+    asked = np.arange(count, len(length)) if question is not None else np.arange(count)
+    places = length[:count]
+    chosen = _greedy(every.information, places, budget=budget, wait=wait) if question is None else []
+    if question is not None or every.widths(chosen).min() >= UNCHANGED:
+        chosen = _greedy(lambda some: -every.left(some, asked), places, budget=budget, wait=wait)
+    chosen = ordered(length, pressure, chosen)
     return NextExperiment(
-        length=every.length[chosen],
-        pressure=every.pressure[chosen],
-        duration=duration(every, chosen, wait),
+        length=length[chosen],
+        pressure=pressure[chosen],
+        duration=duration(length[chosen], wait),
         wait=wait,
         information=every.information(chosen),
         intervals=posterior.intervals(),
-        expected=dict(zip(posterior.samples, np.sqrt(np.maximum(left, 0.0) / variance).tolist(), strict=True)),
-        deviation=(float(np.sqrt(every.left([], all_points))), float(np.sqrt(every.left(chosen, all_points)))),
+        expected=dict(zip(posterior.samples, every.widths(chosen).tolist(), strict=True)),
+        deviation=(float(np.sqrt(every.left([], asked))), float(np.sqrt(every.left(chosen, asked)))),
+    )
+
+
+def law_test(
+    posteriors: Sequence[Posterior],
+    *,
+    budget: float,
+    wait: float = 3.0,
+    lengths: tuple[float, float] | None = None,
+    highest_pressure: float | None = None,
+    highest_tension: float = np.inf,
+    noise: float | None = None,
+) -> LawTest:
+    """The measurement that tells two laws apart best within a budget of machine time.
+
+    Args:
+        posteriors: of two laws, from the same measurements.
+        budget: machine time [s].
+        wait: hold of each point before its reading, for creep [s].
+        lengths: shortest and longest that the machine can set [m].
+        highest_pressure: of the machine [Pa].
+        highest_tension: of the machine [N]; no point whose tension may be higher by one of the laws is chosen.
+        noise: standard deviation of a reading [N].
+
+    Raises:
+        InputError: the laws were not fitted to the same points, the budget is too short, or the machine can reach no point.
+    """
+    first, second = posteriors
+    same = [
+        np.array_equal(getattr(first.points, name), getattr(second.points, name))
+        for name in ("length", "pressure", "tension")
+    ]
+    if not all(same):
+        raise InputError("laws", f"{first.law},{second.law}", "must be fitted to the same points")
+    length, pressure = _reachable(posteriors, lengths, highest_pressure, highest_tension)
+    every = contrast_of(posteriors, length, pressure, noise=noise)
+    chosen = ordered(length, pressure, _greedy(every.distance, length, budget=budget, wait=wait))
+    return LawTest(
+        laws=(first.law, second.law),
+        length=length[chosen],
+        pressure=pressure[chosen],
+        tensions=every.tensions[:, chosen],
+        deviations=every.deviations[chosen],
+        distance=math.sqrt(every.distance(chosen)),
+        duration=duration(length[chosen], wait),
+        wait=wait,
     )
 
 

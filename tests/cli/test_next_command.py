@@ -1,0 +1,91 @@
+"""``mckibben next``: points and what they teach, two laws told apart, its files, and one line for what is wrong."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_broken_input import POSTERIOR
+
+from mckibben.cli import fit as fit_command
+from mckibben.cli import main
+from mckibben.identification.next_points import LawTest
+
+# the spring's own numbers, with a threshold of which the spring has none, at the same points
+OTHER = POSTERIOR | {
+    "law": "linear_threshold",
+    "samples": POSTERIOR["samples"]
+    | {"threshold_pressure": [2e4, 3e4, 1e4], "passive_stiffness": [100.0, 90.0, 110.0]},
+}
+
+
+@pytest.fixture
+def fit(tmp_path):
+    path = tmp_path / "fit.json"
+    fits = [{"law": one["law"], "posterior": one} for one in (POSTERIOR, OTHER)]
+    path.write_text(json.dumps({"fits": fits}))
+    return str(path)
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stop:
+            main(["next", *words])
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+def test_two_laws_of_a_fit_are_told_apart_in_words_and_numbers(run, fit, tmp_path):
+    laws = ("--from", fit, "--laws", "gas_spring,linear_threshold", "--budget", "40 s")
+    code, out, _ = run(*laws)
+    sentence = " ".join(out.split())
+    assert code == 0 and "gas_spring and linear_threshold expect them" in sentence
+    assert "speak for it with a probability of" in sentence
+    code, out, _ = run(*laws, "--json", "--out", str(tmp_path / "next.csv"), "--out", str(tmp_path / "next.toml"))
+    found = json.loads(out)
+    assert code == 0 and found["laws"] == ["gas_spring", "linear_threshold"] and found["duration"] <= 40.0
+    assert 0.5 <= found["recognised"] <= 1.0 and found["distance"] >= abs(found["points"][0]["deviations"])
+    head = (tmp_path / "next.csv").read_text().splitlines()[0]
+    assert "tension_gas_spring" in head and "deviations" in head
+    assert (tmp_path / "next.toml").read_text().count('label = "point') == len(found["points"])
+
+
+def test_the_first_law_of_a_fit_is_the_one_that_is_asked_about(run, fit):
+    code, out, _ = run("--from", fit, "--budget", "30 s", "--json")
+    assert code == 0 and set(json.loads(out)["expected"]) == set(POSTERIOR["samples"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--laws", "gas_spring"), "--laws must be two laws, such as gas_spring,linear_threshold"),
+        (("--laws", "gas_spring,gas_spring"), "--laws must be two laws"),
+        (("--laws", "gas_spring,linear_threshold", "--law", "gas_spring"), "--law is allowed only without --laws"),
+        (("--laws", "gas_spring,ideal"), "Known are gas_spring, linear_threshold"),
+    ],
+)
+def test_wrong_laws_are_refused_in_one_line(run, fit, words, said):
+    code, _, err = run("--from", fit, *words)
+    assert code == 2 and err.count("\n") == 1 and said in err
+
+
+def test_readings_find_the_right_law_as_often_as_two_normal_distributions_are_parted():
+    test = LawTest(
+        ("a", "b"), *(np.zeros(1),) * 2, np.zeros((2, 1)), np.zeros(1), distance=3.29, duration=0.0, wait=0.0
+    )
+    # half the distance lies between each law and the middle; 1.645 standard deviations are 95 %, to three digits
+    assert test.recognised == pytest.approx(0.95, abs=5e-4)
+
+
+def test_each_of_several_named_laws_has_samples_of_its_own():
+    def fitted(law, *, converged=True):
+        return SimpleNamespace(law=law, converged=converged, posterior=lambda **_: law)
+
+    fits = (fitted("b"), fitted("a"), fitted("c", converged=False))
+    points = SimpleNamespace(informative_slack=[], select=lambda _: [])
+    ranking = SimpleNamespace(best=fits[0], fits=fits, points=points)
+    assert fit_command._posteriors(ranking, None, 100, every=False) == {"b": "b"}
+    assert fit_command._posteriors(ranking, None, 100, every=True) == {"b": "b", "a": "a"}
