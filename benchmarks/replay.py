@@ -1,12 +1,14 @@
 """Choice of points on a measured map: how well the whole map is predicted from some of its plateaus.
 
     MCKIBBEN_DATA=../shared/data python benchmarks/replay.py --out replay.json
+    python benchmarks/replay.py --draw replay.json
 
 The plateaus of a 10 mm muscle at rising pressure (AARL) are hidden; a method asks for some of them, and the posterior of one
 law predicts the others. All methods begin with the same plateaus. `next` asks for those that lower the expected uncertainty
 of the map, and fits anew after each stage; a Latin hypercube (ten seeds) and an even grid ask for the plateaus nearest to
 their points. Beside it the D-efficiency of points that are chosen for the parameters alone, relative to the continuous
-optimum, which no design of any program exceeds.
+optimum, which no design of any program exceeds; pydex designs for the same slopes, in an environment of its own.
+`--draw` writes the learning curves and the tables of the documentation.
 """
 
 from __future__ import annotations
@@ -15,19 +17,26 @@ import argparse
 import csv
 import json
 import os
+import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import mckibben as mk
-from mckibben.identification.next_points import Candidates, candidates_of, choose, continuous_optimum
+from mckibben.identification.next_points import MOVE, READ, VENT, Candidates, candidates_of, choose, continuous_optimum
 from mckibben.identification.posterior import posterior_of_fit
 from mckibben.identification.problem import Problem, latin_hypercube
 
 LAW = "linear_threshold"
-FIRST, STAGES, SEEDS = 8, (12, 16, 20, 24), 10
+ERRORS = "errors [N]: posterior, law alone; coverage"
+FIRST, STAGES, SEEDS = 8, (12, 16, 20, 24, 32, 40, 48), 10
+PRIOR = 1e6  # variance of the parameters before any reading, of a design that goes by the readings alone
 DRAWS, WARM_UP = 400, 400
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+BEGIN, END = "<!-- written by benchmarks/replay.py; do not edit -->", "<!-- end -->"
+ERROR_TICKS = (1, 2, 5, 10, 20, 50, 100)  # of the figure [N]
 
 
 def plateaus(cut: str) -> mk.ForceMap:
@@ -115,9 +124,9 @@ def greedy(every: Candidates, chosen: list[int], count: int, about: np.ndarray) 
     return chosen + new
 
 
-def efficiency(points: mk.ForceMap) -> dict[str, float]:
+def efficiency(points: mk.ForceMap) -> dict[str, float | str]:
     """D-efficiency of a quarter of the plateaus chosen for the parameters, and of other choices."""
-    fit, posterior = posterior_from(points, list(range(len(points))))
+    fit = mk.fit(points, law=LAW, schemes=())
     problem = Problem(LAW, tuple(fit.parameters), {k: float(np.max(v)) for k, v in fit.known.items()}, points)
     slopes = problem.functions()[1](np.array([e.value for e in fit.parameters.values()]) / problem.scale)
     weights = continuous_optimum(slopes)
@@ -129,30 +138,101 @@ def efficiency(points: mk.ForceMap) -> dict[str, float]:
         return float(np.exp((np.linalg.slogdet(some.T @ some / len(chosen))[1] - best) / width))
 
     plain = Candidates(
-        length=np.zeros(len(points)), pressure=points.pressure, law=1e6 * slopes @ slopes.T,
-        discrepancy=np.zeros((len(points), len(points))), parameters=slopes, noise=1.0,
+        length=np.zeros(len(points)), pressure=points.pressure, predicted=PRIOR * slopes @ slopes.T,
+        discrepancy=np.zeros((len(points), len(points))), parameters=PRIOR * slopes, spread=PRIOR * np.eye(width), noise=1.0,
     )  # fmt: skip
     quarter = len(points) // 4
-    budget = 3.0 + 1.0 + quarter * 3.0
+    budget = VENT + 1.0 + quarter * (MOVE + READ)
     ours = choose(plain, budget=budget, wait=0.0)
+    sys.path.insert(0, str(Path(__file__).parent / "peers"))
+    import environments
+
+    theirs: dict[str, float | str] = {}
+    try:
+        design = environments.run("pydex", json.dumps({"slopes": slopes.tolist(), "count": quarter}))
+        weighed = slopes.T @ (np.array(design["weights"])[:, None] * slopes) / sum(design["weights"])
+        theirs["pydex"] = of([i for i, count in enumerate(design["readings"]) for _ in range(count)])
+        theirs["pydex, continuous"] = float(np.exp((np.linalg.slogdet(weighed)[1] - best) / width))
+    except environments.LeftOutError as reason:
+        theirs["pydex"] = f"left out: {reason}"
     random = [of(nearest(points, latin_hypercube(quarter, 2, seed), [])) for seed in range(1, SEEDS + 1)]
     return {
         "next": of(ours),
         "next, each plateau once": of(choose(plain, budget=budget, wait=0.0, every=True)),
+        **theirs,
         "Latin hypercube": float(np.mean(random)),
         "all plateaus": of(list(range(len(points)))),
         "continuous optimum": 1.0,
     }
 
 
+def draw(result: dict[str, Any]) -> None:
+    """Write the learning curves, and the tables between the marks of the documentation's page."""
+    from matplotlib.ticker import NullLocator
+
+    from mckibben.report.figures import style
+
+    curves = {name: {int(count): row[0] for count, row in curve.items()} for name, curve in result[ERRORS].items()}
+    with style.styled():
+        fig = style.figure(style.MIDDLE, 3.4)
+        ax = fig.add_axes((0.07, 0.14, 0.72, 0.68))
+        ax.set_yscale("log")
+        first = curves["next"][FIRST]
+        ends = []
+        for (name, curve), dash in zip(curves.items(), style.RECORDING_DASHES, strict=True):
+            points = {FIRST: first} | curve
+            shade = style.COLOURS["tension"] if name == "next" else style.INK_2
+            ax.plot(list(points), list(points.values()), ls=dash, color=shade, lw=style.LINE, marker="o", ms=3.5)
+            ends.append((max(points), points[max(points)], name))
+        ax.set_xlim(FIRST - 1, max(curves["next"]) + 1)
+        ax.set_xticks(sorted({FIRST, *curves["next"]}))
+        style.quantity_axes(
+            ax, x=(f"Measured plateaus, of {result['plateaus']}", None), y=("Error of the hidden plateaus, N rms", None)
+        )
+        ax.set_xticks(sorted({FIRST, *curves["next"]}))
+        lowest, highest = ax.get_ylim()
+        ax.set_yticks([error for error in ERROR_TICKS if lowest < error < highest])
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_locator(NullLocator())
+        style.end_labels(ax, ends, quantity=None)
+        style.heading(ax, "Error over measured plateaus", above=24.0)
+        mk.save_figure(fig, DOCS / "assets" / "replay.svg")
+    page = DOCS / "explanation" / "uncertainty.md"
+    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    page.write_text(f"{head}{BEGIN}\n\n{tables(result)}\n\n{END}{tail}", encoding="utf-8")
+
+
+def tables(result: dict[str, Any]) -> str:
+    """Errors by method and number of plateaus, and D-efficiencies of designs."""
+    curves = result[ERRORS]
+    lines = [
+        "| plateaus | next | grid | Latin hypercube, mean of ten | next: plateaus inside the 95 % band |",
+        "|---" * 5 + "|",
+    ]
+    for count, (error, _, inside) in curves["next"].items():
+        others = [
+            f"{curves[name][count][0]:.1f} N" if count in curves[name] else "" for name in ("grid", "Latin hypercube")
+        ]
+        lines.append(f"| {count} | {error:.1f} N | {others[0]} | {others[1]} | {100.0 * inside:.0f} % |")
+    lines += ["", "| design for the parameters | D-efficiency |", "|---|---|"]
+    for name, value in result["efficiency"].items():
+        lines.append(f"| {name} | {value if isinstance(value, str) else f'{100.0 * value:.1f} %'} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--draw", type=Path, metavar="FILE", help="draw the figure of results, and measure nothing")
     options.add_argument("--cut", default="300")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
+    if given.draw:
+        draw(json.loads(given.draw.read_text(encoding="utf-8")))
+        return
     began, points = time.process_time(), plateaus(given.cut)
     result = {"map": points.name, "plateaus": len(points), "largest": points.largest, "efficiency": efficiency(points),
-              "errors [N]: posterior, law alone; coverage": replay(points), "seconds": 0.0}  # fmt: skip
+              ERRORS: replay(points), "seconds": 0.0}  # fmt: skip
     result["seconds"] = round(time.process_time() - began, 1)
     text = json.dumps(result, indent=1)
     print(text)

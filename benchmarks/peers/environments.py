@@ -19,6 +19,9 @@ PEERS: dict[str, tuple[list[str], Path]] = {
     "diffrax": (["diffrax"], HERE / "diffrax_s1.py"),
     "FONSim": (["fonsim", str(ROOT)], ROOT / "benchmarks" / "fonsim_tank.py"),
 }
+# the same for programs that are not measured for their speed
+DESIGNERS: dict[str, tuple[list[str], Path]] = {"pydex": (["pydex"], HERE / "pydex_design.py")}
+PROGRAMS = PEERS | DESIGNERS
 PATIENCE = 900.0  # [s] for an installation, and for a run
 
 
@@ -37,7 +40,7 @@ def python_of(name: str) -> Path:
         except (OSError, subprocess.CalledProcessError) as problem:
             raise LeftOutError(f"could not make an environment for {name}: {problem}") from None
         _called(
-            [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PEERS[name][0]],
+            [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PROGRAMS[name][0]],
             f"install {name}",
         )
         ready.touch()
@@ -50,7 +53,7 @@ def run(name: str, *arguments: str) -> dict[str, Any]:
     Raises:
         LeftOutError: if it cannot be installed or run.
     """
-    done = _called([str(python_of(name)), str(PEERS[name][1]), *arguments], f"run {name}")
+    done = _called([str(python_of(name)), str(PROGRAMS[name][1]), *arguments], f"run {name}")
     try:
         found: dict[str, Any] = json.loads(done.splitlines()[-1])
     except (ValueError, IndexError):
