@@ -80,7 +80,7 @@ def main() -> None:
             a, b, c = (np.asarray(r[channel]) for r in (here, there, emulation))
             same = [int((a[: len(x)] != x[: len(a)]).sum()) + abs(len(a) - len(x)) for x in (b, c)]
             print(f"{name} {channel}: {len(a)} samples; other in Python's device {same[0]}, on the board {same[1]}")
-        print(measured(board))
+        print(f"answers that came too late for the board: {hardware.statistics.answers_late}; {measured(board)}")
     bench = prepared("isometric-step", cycles=1, range="full")
     for fault in FAULTS:
         with on_board(bench, f"{fault}@200") as (hardware, board):

@@ -73,7 +73,7 @@ def command_line(image: Path, line: int, *words: str) -> list[str]:
 
 @contextlib.contextmanager
 def emulated(
-    machine: Any, *, fault: str = "", patience: float = 2.0, image: Path = IMAGE
+    machine: Any, *, fault: str = "", patience: float = 10.0, image: Path = IMAGE
 ) -> Iterator[EmulatedSTM32F405]:
     """Run a board with a machine behind its pins.
 
