@@ -21,6 +21,7 @@ from mckibben.bench.rig_file import rig
 from mckibben.bench.segment import SegmentMachine, timing_of
 
 RATE = 250.0  # [1/s]
+MOTOR_RATE = 1000.0  # of protocols that move the motor [1/s]
 BOARD = sys.argv[1] if len(sys.argv) > 1 else "uno"
 FAULTS = {
     "uno": ("power", "brown-out", "hang", "converter-stopped", "converter-stuck", "encoder-skips", "line"),
@@ -42,8 +43,8 @@ BITS = {
 }
 
 
-def prepared(name: str, **values: object):
-    return mk.prepare(name, muscle="nylon", rig=rig("paper", BITS), sample_rate=f"{RATE:g} Hz", **values)
+def prepared(name: str, rate: float = RATE, **values: object):
+    return mk.prepare(name, muscle="nylon", rig=rig("paper", BITS), sample_rate=f"{rate:g} Hz", **values)
 
 
 def machine_of(bench):
@@ -51,10 +52,10 @@ def machine_of(bench):
 
 
 @contextmanager
-def on_board(bench, fault: str = "") -> Iterator[tuple[Hardware, object]]:
+def on_board(bench, fault: str = "", rate: float = RATE) -> Iterator[tuple[Hardware, object]]:
     with (
         emulated(machine_of(bench), fault=fault) as board,
-        connected(f"serial:{board.port}", bench.rig, 1.0 / RATE, silence=5.0 / RATE) as hardware,
+        connected(f"serial:{board.port}", bench.rig, 1.0 / rate, silence=5.0 / rate) as hardware,
     ):
         yield hardware, board
 
@@ -65,21 +66,29 @@ def measured(board) -> dict[str, int]:
 
 
 def main() -> None:
-    for name, values in (
-        ("isometric-step", {"cycles": 1, "range": "full"}),
-        ("isometric-step", {"cycles": 1, "range": "half"}),
-    ):
-        bench = prepared(name, **values)
+    protocols = [
+        ("isometric-step", RATE, {"cycles": 1, "range": "full"}),
+        ("isometric-step", RATE, {"cycles": 1, "range": "half"}),
+    ]
+    if BOARD != "uno":
+        protocols.append(("sinusoids", MOTOR_RATE, {"frequency": "10 Hz", "cycles": 2, "precondition": 1}))
+    for name, rate, values in protocols:
+        bench = prepared(name, rate, **values)
         here = mk.run(bench)
         with in_thread(machine_of(bench), about=About(motor_rest=motor_rest)) as device:
-            with connected(f"serial:{device.port}", bench.rig, 1.0 / RATE, lock_step=True) as hardware:
+            with connected(f"serial:{device.port}", bench.rig, 1.0 / rate, lock_step=True) as hardware:
                 there = mk.run(bench, hardware=hardware)
-        with on_board(bench) as (hardware, board):
+        with on_board(bench, rate=rate) as (hardware, board):
             emulation = mk.run(bench, hardware=hardware)
         for channel in ("pressure", "tension", "span"):
             a, b, c = (np.asarray(r[channel]) for r in (here, there, emulation))
-            same = [int((a[: len(x)] != x[: len(a)]).sum()) + abs(len(a) - len(x)) for x in (b, c)]
-            print(f"{name} {channel}: {len(a)} samples; other in Python's device {same[0]}, on the board {same[1]}")
+            other = [
+                int((x[: len(y)] != y[: len(x)]).sum()) + abs(len(x) - len(y)) for x, y in ((a, b), (a, c), (b, c))
+            ]
+            print(
+                f"{name} {channel}: {len(a)} samples; other than simulated in Python's device {other[0]}, "
+                f"on the board {other[1]}; other on the board than in Python's device {other[2]}"
+            )
         print(f"answers that came too late for the board: {hardware.statistics.answers_late}; {measured(board)}")
     bench = prepared("isometric-step", cycles=1, range="full")
     for fault in FAULTS:
