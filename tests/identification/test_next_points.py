@@ -73,6 +73,18 @@ def test_information_does_not_depend_on_the_units_of_the_parameters():
     assert scaled.widths([0, 4]) == pytest.approx(plain.widths([0, 4]), rel=1e-9)
 
 
+def test_information_is_exact_however_much_readings_tell():
+    places = np.linspace(-1.0, 1.0, 5)
+    slopes = np.stack([np.ones(5), places], axis=1)
+    known = line(places)
+    wide = dataclasses.replace(
+        known, predicted=1e8 * known.predicted, parameters=1e8 * known.parameters, spread=1e8 * known.spread
+    )
+    exact = 0.5 * np.linalg.slogdet(np.eye(2) + 1e8 * slopes.T @ slopes)[1]
+    # a difference of covariances 1e8 times the noise keeps eight of sixteen digits
+    assert wide.information([0, 1, 2, 3, 4]) == pytest.approx(exact, abs=1e-6)
+
+
 def test_a_parameter_that_the_discrepancy_makes_up_for_is_not_learned():
     # a discrepancy that the data tie to the offset, so that every sample predicts the same tension there
     places = np.linspace(-1.0, 1.0, 5)
