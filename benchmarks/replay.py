@@ -135,6 +135,9 @@ def efficiency(points: mk.ForceMap) -> dict[str, float | str]:
     fit = mk.fit(points, law=LAW, schemes=())
     problem = Problem(LAW, tuple(fit.parameters), {k: float(np.max(v)) for k, v in fit.known.items()}, points)
     slopes = problem.functions()[1](np.array([e.value for e in fit.parameters.values()]) / problem.scale)
+    slopes = slopes / np.sqrt(
+        np.mean(slopes**2, axis=0)
+    )  # of parameters in units in which all change the tension alike
     weights = continuous_optimum(slopes)
     best = np.linalg.slogdet(slopes.T @ (weights[:, None] * slopes))[1]
     width = slopes.shape[1]

@@ -48,6 +48,17 @@ def test_a_line_is_measured_at_its_ends():
     assert sorted(chosen) == [0, 0, 4, 4]
 
 
+def test_points_of_a_parabola_come_to_the_optimum_by_exchanges():
+    places = np.linspace(-1.0, 1.0, 9)
+    slopes = np.stack([np.ones(9), places, places**2], axis=1)
+    some = Candidates(
+        length=np.zeros(9), pressure=places, predicted=1e6 * slopes @ slopes.T, discrepancy=np.zeros((9, 9)),
+        parameters=1e6 * slopes, spread=1e6 * np.eye(3), noise=1.0,
+    )  # fmt: skip
+    chosen = choose(some, budget=3.0 + 6 * 3.0 + 1.0, wait=0.0)
+    assert sorted(chosen) == [0, 0, 4, 4, 8, 8]  # the known optimum: a third each at -1, 0 and 1
+
+
 def test_the_continuous_optimum_of_a_parabola_has_three_equal_points():
     places = np.linspace(-1.0, 1.0, 9)
     weights = continuous_optimum(np.stack([np.ones(9), places, places**2], axis=1))

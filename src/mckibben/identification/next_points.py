@@ -6,7 +6,7 @@ leave open of the discrepancy is a covariance beside. From both follows what a s
 approximation: of the parameters (the mutual information of parameters and measurements is largest), or of the tension at
 stated points (the mean variance is smallest). Two laws are told apart by the distance of their predictions, in standard
 deviations of what both leave open and of the noise. Points are taken one after the other, each the one that gains most per
-second of machine time, until the budget is spent.
+second of machine time, until the budget is spent; then single points are exchanged as long as that gains.
 Every point is reached with rising pressure after the muscle was vented at its length, so that all lie on one branch of the
 hysteresis, and is held before it counts, so that creep has passed.
 Range: the linear approximation is that of the posterior's samples; no point lies outside of the measured range of
@@ -30,6 +30,7 @@ from .uncertainty import Estimate
 
 GRID = (7, 9)  # lengths and pressures of the candidates
 MOVE, VENT, READ = 2.0, 3.0, 1.0  # time to a point, to an empty muscle at another length, and of a reading [s]
+SWEEPS = 3  # exchanges of every point, at most
 UNCHANGED = 0.95  # of the width of an interval: what is left of one that measurements do not narrow
 
 
@@ -337,6 +338,32 @@ def _greedy(
     if not chosen:
         least = VENT + MOVE + wait + READ + 1.0
         raise InputError("budget", f"{budget:g} s", f"must be {least:g} s or more, the time of one point")
+    return _exchanged(gain, length, chosen, budget=budget, wait=wait, every=every)
+
+
+def _exchanged(
+    gain: Callable[[list[int]], float],
+    length: np.ndarray,
+    chosen: list[int],
+    *,
+    budget: float,
+    wait: float,
+    every: bool,
+) -> list[int]:
+    """The same count of points after exchanges of single ones, each to the one that gains most."""
+    now = gain(chosen)
+    for _ in range(SWEEPS):
+        before = now
+        for place in range(len(chosen)):
+            for i in range(len(length)):
+                trial = [*chosen[:place], i, *chosen[place + 1 :]]
+                if i in chosen and (every or i == chosen[place]) or duration(length[trial], wait) > budget:
+                    continue
+                value = gain(trial)
+                if value > now:
+                    chosen, now = trial, value
+        if now - before <= 1e-6 * abs(now):
+            break
     return chosen
 
 
