@@ -216,7 +216,7 @@ def tables(result: dict[str, Any]) -> str:
     """Errors by method and number of plateaus, and D-efficiencies of designs."""
     curves = result[ERRORS]
     lines = [
-        "| plateaus | next | grid | Latin hypercube, mean of ten | next: plateaus inside the 95 % band |",
+        "| plateaus | next | grid | Latin hypercube, mean of five | next: hidden plateaus inside the 95 % band |",
         "|---" * 5 + "|",
     ]
     for count, (error, _, inside) in curves["next"].items():
