@@ -75,7 +75,7 @@ class Candidates:
         explained = np.einsum("ij,ij->j", across, np.linalg.solve(self.readings(chosen), across))
         variance = np.diag(self.spread)
         known = np.divide(explained, variance, out=np.zeros(len(variance)), where=variance > 0.0)
-        return np.sqrt(np.maximum(1.0 - known, 0.0))
+        return np.asarray(np.sqrt(np.maximum(1.0 - known, 0.0)))
 
     @functools.cached_property
     def _directions(self) -> np.ndarray:

@@ -519,7 +519,7 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
         raise InputError("posterior", where, "must be the file of a fit with its posterior") from None
     if not having:
         raise InputError("posterior", where, "must be the file of a fit with its posterior; this one has none")
-    name = law or list(having)[-1]
+    name = list(having)[-1] if law is None else law
     if name not in having:
         raise InputError("posterior.law", name, known=sorted(having), where=where)
     try:
