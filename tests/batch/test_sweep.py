@@ -77,6 +77,7 @@ def stop_after(blocks):
     return tell
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_interrupted_goes_on_and_runs_nothing_twice(tmp_path):
     sweep, whole = at_once()
     out = tmp_path / "out"

@@ -64,6 +64,7 @@ def pushed(friction):
 # ---- the map
 
 
+@pytest.mark.slow
 def test_the_map_is_the_inverse_of_balance_and_stiffness():
     """Points solved anew halfway between its rows: where it is furthest from them."""
     made, machine = stand().control.pair, stand().machine

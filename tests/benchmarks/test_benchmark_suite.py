@@ -121,6 +121,7 @@ def test_plain_python_is_the_same_muscle(suite, kernels):
     np.testing.assert_allclose((run.state[:, 0] - start) / 2e-6, rates, rtol=5e-3, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_s1_reaches_the_printed_end(suite):
     yardstick = suite("yardstick")
     # the table prints 432507.497 Pa and 0.07225138 m; Radau at 1e-10 agrees to what is printed

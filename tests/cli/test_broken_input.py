@@ -279,7 +279,7 @@ COMMANDS = {
         {"--shore": "number", "--out": "saved"},
     ),
     "export": ("export @specimen:nylon --out part", {
-        "--for": "name", "--name": "name", "--supply": "pressure", "--valve": "name", "--span": "length",
+        "--for": "name", "--name": "identifier", "--supply": "pressure", "--valve": "name", "--span": "length",
         "--substep": "time",
     }),
     "check": ("check @name:ideal", {"--set": "pair", "--lowest": "pressure"}),
@@ -370,6 +370,7 @@ def cases(command):
             yield [*right, option, value], option, value
 
 
+WRONG["identifier"] = [name for name in WRONG["name"] if name != "nosuch"]  # a name that the user gives
 WRONG["folder"] = ["none", "words.txt", "none/deeper", LONG]
 WRONG["robot"] = ["missing.csv", "folder.csv", "empty.csv", "noise.csv", "words.csv"]
 

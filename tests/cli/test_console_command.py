@@ -73,12 +73,14 @@ def test_what_is_piped_stops_at_the_first_line_that_is_wrong_with_its_number(con
     assert len(err.strip().splitlines()) == 1 and "> pressure 3 bar" not in out
 
 
+@pytest.mark.slow
 def test_a_machine_that_stops_by_itself_ends_a_script_with_its_reason(console):
     lines = "pressure 5.5 bar\nspan 15.5 cm\nwait 4 s\npressure 1 bar\n"
     code, out, err = console(*FAST, piped=lines)
     assert code == 1 and "line 3: lost tension" in err and "> pressure 1 bar" not in out
 
 
+@pytest.mark.slow
 def test_stop_reset_and_quit_are_no_errors(console):
     code, out, err = console(*FAST, piped="pressure 1 bar\nwait 0.5 s\nstop\nreset\nquit\npresure\n")
     assert (code, err) == (0, "") and "stopped and vented" in out and "presure" not in out

@@ -130,6 +130,7 @@ def assert_found(found: CircuitFit, truth: dict[str, float], within: float) -> N
     assert found.warnings == ()
 
 
+@pytest.mark.slow
 def test_the_friction_of_a_tube_is_found_and_predicts_another_vessel(plan):
     path = "elements.tube.friction_scale"
     truth = {name: plan(TANK.format(name="tank", volume=v), TUBE.format(scale=1.4)) for name, v in VESSELS.items()}
@@ -170,6 +171,7 @@ def test_two_like_holes_a_leak_and_a_volume_are_found_at_once(plan):
     assert found.rms(channel="other.pressure_abs") == pytest.approx(NOISE, rel=0.28)
 
 
+@pytest.mark.slow
 def test_the_dead_time_of_a_valve_and_the_delay_of_an_input_are_found(plan):
     """The regulator of the supply obeyed 3 ms late; the valve's own dead time is 2.4 ms. Neither is a whole step."""
     tank = TANK.format(name="tank", volume="50 ml")
@@ -238,6 +240,7 @@ def test_a_chain_of_three_volumes_is_found_by_the_stiff_method():
     assert_found(fit_circuit([trial], [path], step=4e-4), {path: 1e-8}, within=0.05)
 
 
+@pytest.mark.slow
 def test_intervals_of_95_percent_hold_the_truth_in_95_percent_of_records():
     """White noise of 1 kPa on 60 samples of a tank that leaks; the count is binomial, and its bounds hold in 99.8 %."""
     records, period = 80, 5e-3

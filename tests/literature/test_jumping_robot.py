@@ -31,6 +31,7 @@ def test_a_trial_is_read_with_its_valves_and_angles() -> None:
         assert record[f"angle_{m}"].max() > 2.0
 
 
+@pytest.mark.slow
 def test_a_jump_that_was_not_fitted_is_predicted_from_one_that_was() -> None:
     # Four parameters and one jump, where the study has twenty and three.
     free = ("nodes.tank.size", "nodes.muscle_*_*.swept", "elements.*.drive.opening_dead_time", "signals.vent.delay")

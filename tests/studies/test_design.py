@@ -45,6 +45,7 @@ def test_a_longer_tube_and_a_smaller_valve_answer_later_and_a_longer_tube_takes_
         assert found[muscle, 1.0, 300].response < found[muscle, 1.0, 100].response
 
 
+@pytest.mark.slow
 def test_a_step_that_is_too_short_is_run_again_until_the_tension_settles(monkeypatch):
     """After 20 ms the tension has not settled; 80 ms later it has, within 1 % of the step: some 4 % of the time to 90 %."""
     runs = []

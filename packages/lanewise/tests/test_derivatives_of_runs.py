@@ -143,6 +143,7 @@ def orbit_places():
     return [next(k for k, n in enumerate(names) if n.endswith(w)) for w in wanted]
 
 
+@pytest.mark.slow
 def test_tangents_of_an_orbit_are_differences_of_the_strict_kernel():
     program, values, places = orbit_program(), orbit_values(), orbit_places()
     seeds = [np.eye(4)[k] for k in range(4)]

@@ -52,6 +52,7 @@ def test_every_start_zeroes_the_encoder_and_the_machine_goes_on() -> None:
         hardware.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "block"), [(2000, 1), (1000, 8)])
 def test_by_its_own_clock_no_sample_is_lost_or_repeated(
     count: int, block: int, record_property: Callable[[str, object], None]

@@ -57,7 +57,7 @@ class Noise:
         return bytes(line)
 
 
-@pytest.mark.parametrize("greeted", [True, False])
+@pytest.mark.parametrize("greeted", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_thousand_noisy_conversations_end_well_or_in_one_sentence(greeted: bool) -> None:
     ended: dict[str, int] = {}
     begun = time.perf_counter()
