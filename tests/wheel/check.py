@@ -364,7 +364,7 @@ def example_runs(python: Path, place: Path) -> list[str]:
     alone = "import importlib.util, lanewise\nassert importlib.util.find_spec('mckibben') is None\n"
     env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "LANEWISE"))}
     done = subprocess.run(
-        [python, "-c", alone + example[1]], cwd=place, env=env | {"LANEWISE_CACHE": str(place / "cache")},
+        [python, "-P", "-c", alone + example[1]], cwd=place, env=env | {"LANEWISE_CACHE": str(place / "cache")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     return [f"the example of the compiler's README: {done.stderr[-300:]}"] if done.returncode else []

@@ -510,9 +510,9 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
     Raises:
         InputError: it is no such file, or has no posterior of that law.
     """
-    where = os.fspath(path)
+    where, text = os.fspath(path), read_text(path)
     try:
-        content: Any = parse_json(read_text(path, field="posterior"))
+        content: Any = parse_json(text)
         fits = [f for one in content.get("maps", [content]) for f in one["fits"]]
         having = {str(f["law"]): f["posterior"] for f in reversed(fits) if f.get("posterior")}
     except (KeyError, TypeError, AttributeError, ValueError):
