@@ -56,7 +56,7 @@ def uniform_period(record: Recording) -> float:
 
 
 def positive(name: str, value: Scalar, unit: str, *, zero: bool = False) -> float:
-    """A finite number above zero, or at least zero."""
+    """Check that a number is finite and above zero, or not below zero where zero is allowed."""
     number = float(value)
     if not np.isfinite(number) or number < 0.0 or (number == 0.0 and not zero):
         raise InputError(name, number, f"must be a number [{unit}] {'of 0 or more' if zero else 'above 0'}")

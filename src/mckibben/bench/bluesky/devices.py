@@ -64,7 +64,7 @@ class ChannelDevice(StandardReadable, Triggerable, Subscribable[Any]):
         await asyncio.to_thread(self.context.after, until)
 
     def subscribe_reading(self, function: Callback[dict[str, Reading[float]]]) -> None:
-        """Tell a function of the newest reading and of new ones, some 20 a second; a flyer has every sample."""
+        """Call a function with the newest reading and with later ones, about 20 a second; a flyer has every sample."""
         self.value.subscribe_reading(function)
 
     subscribe = subscribe_reading

@@ -110,7 +110,7 @@ class Search:
         return jnp.concatenate(parts)
 
     def residuals(self, u: Scalar) -> np.ndarray:
-        """Residuals of all curves; huge where a point has no solution."""
+        """Residuals of all curves; a very large value where a point has no solution, so that the search avoids it."""
         residuals: np.ndarray = np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
         return residuals
 
