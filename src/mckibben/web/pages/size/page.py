@@ -122,6 +122,8 @@ class SizePage:
         typed.on_value("entered", lambda value: self._enter(one.name, str(value)[:200]))
 
     def _take(self, name: str, words: str) -> None:
+        if words.strip() == getattr(self.question, name):
+            return  # the browser says "change" after Enter, too: a message that stands by now must not go
         self.question = replace(self.question, **{name: words.strip()})
         self._refuse("", "")
 
