@@ -100,7 +100,7 @@ def editable_toml(text: str, *, where: str, field: str = "file") -> Any:
 
 
 def parse_json(text: str | bytes, **options: Any) -> JsonValue:
-    """The value of a text of JSON.
+    """Parse a text of JSON, unless it is nested too deeply.
 
     Args:
         text: text of any length; a caller that takes it from outside limits that.

@@ -31,7 +31,7 @@ class BenchmarkResult:
     absent: dict[str, str] = field(default_factory=dict)
 
     def of(self, name: str) -> list[TaskScore]:
-        """Results on one task, best first."""
+        """Scores on one task, best first."""
         done = [s for s in self.scores if s.task == name and s.records]
         return sorted(done, key=lambda s: s.rms())
 

@@ -195,7 +195,7 @@ class MessageSchema(NamedTuple):
 
 
 def read_topic(body: memoryview) -> Topic | None:
-    """A channel record, or None of one that cannot be."""
+    """Topic of a channel record, or None where the record is damaged."""
     from mcap.records import Channel
 
     channel = _parsed(Channel, body)

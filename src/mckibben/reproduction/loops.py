@@ -387,13 +387,13 @@ def fit_kg() -> ComputedValue:
 
 @reproduces("static.fit_Pa", "Pa")
 def fit_pa() -> ComputedValue:
-    """Pa of the fit."""
+    """Offset pressure Pa of the fit."""
     return _found("offset_pressure", "bar", 1e5, 3)
 
 
 @reproduces("static.fit_Lmin", "m")
 def fit_lmin() -> ComputedValue:
-    """Lmin of the fit."""
+    """Shortest length Lmin of the fit."""
     return _found("shortest_length", "cm", 1e-2, 2)
 
 

@@ -150,7 +150,7 @@ def muscle() -> BiologicalMuscle:
 
 @reproduces("biology.stiffness_intensity", "N/m^2", "with the ends of the range as printed, 0.64 and 1.12")
 def stiffness_intensity() -> float:
-    """Maximum intensity over the dynamic range."""
+    """Largest stiffness intensity over the dynamic range."""
     return characteristics.stiffness_intensity(
         INTENSITY, characteristics.dynamic_range(muscle().active_curve).rounded()
     )

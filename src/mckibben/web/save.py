@@ -111,7 +111,7 @@ def part_of(view: object) -> dict[str, list[float]] | None:
 
 
 def sent_figure(body: bytes) -> tuple[str, bytes]:
-    """Draw the chart that a script of a page sends with a wish, see `figure_file`, as JSON.
+    """Draw a chart that a page sends as JSON, in the format, width and style that it asks for; see `figure_file`.
 
     Raises:
         InputError: if it is no chart, or there is no such format, width or style.

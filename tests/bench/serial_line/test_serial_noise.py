@@ -12,7 +12,7 @@ from serial_devices import Direct
 from serial_machines import Tiny, over_the_line, straight
 
 from mckibben.bench.hardware.serial_line import SerialHardware, messages
-from mckibben.bench.hardware.serial_line.line import DRIFT, GRACE, Arrivals, EndedError, Taken
+from mckibben.bench.hardware.serial_line.line import DRIFT, GRACE, Arrivals, EndedError, ReceivedSample
 from mckibben.bench.hardware.serial_line.messages import SampleMessage
 from mckibben.errors import InputError, LineLostError
 
@@ -150,7 +150,7 @@ def test_lateness_is_that_of_the_first_sample_until_one_comes_earlier() -> None:
 
 def test_a_gap_is_taken_sample_by_sample_or_ends_the_run_at_once() -> None:
     arrivals = after(0, [0.0])
-    assert arrivals.take(0) == Taken(frame(0), 0.0)
+    assert arrivals.take(0) == ReceivedSample(frame(0), 0.0)
     assert arrivals.take(1) is None
     arrivals.put(3.0 * T, frame(3))
     assert [arrivals.take(k).message for k in (1, 2, 3)] == [None, None, frame(3)]
@@ -167,7 +167,7 @@ def test_damage_is_taken_for_the_sample_that_is_due_but_noise_is_not() -> None:
     arrivals.damage(0.1 * T)  # noise, long before the next sample
     assert arrivals.given_up(1) == pytest.approx((1.0 + GRACE) * T)
     arrivals.put(1.0 * T, frame(1))
-    assert arrivals.take(1) == Taken(frame(1), pytest.approx(0.0))
+    assert arrivals.take(1) == ReceivedSample(frame(1), pytest.approx(0.0))
     assert arrivals.given_up(2) is None
     arrivals.damage(2.0 * T)
     given_up = arrivals.given_up(2)
@@ -176,7 +176,7 @@ def test_damage_is_taken_for_the_sample_that_is_due_but_noise_is_not() -> None:
     # Where it comes after all, it is dropped, and nothing else is lost for it.
     arrivals.put(2.5 * T, frame(2))
     arrivals.put(3.0 * T, frame(3))
-    assert arrivals.take(3) == Taken(frame(3), pytest.approx(0.0))
+    assert arrivals.take(3) == ReceivedSample(frame(3), pytest.approx(0.0))
     assert (arrivals.lost, arrivals.late, arrivals.repeated) == (1, 1, 0)
 
 

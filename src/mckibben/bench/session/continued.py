@@ -30,7 +30,7 @@ LOOK = 0.05  # time between two looks at the way [s]
 
 
 class Arrival:
-    """The way of set-points, and of what is measured of them, to the requested values.
+    """Whether the set-points of a machine, and what is measured of them, have reached the requested values.
 
     Args:
         session: the machine.

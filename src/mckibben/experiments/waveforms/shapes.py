@@ -47,7 +47,7 @@ class Constant(Waveform):
     value: float = schema.number(VALUE)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The value."""
+        """The constant value at some times [s]."""
         return np.full(np.shape(times), float(self.value))
 
     def sentence(self, unit: str) -> str:
@@ -70,7 +70,7 @@ class Staircase(Waveform):
         check_rising(self.times, self.values)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The last value that has begun."""
+        """At each time [s] the last value that has begun."""
         begun = np.searchsorted(np.asarray(self.times), np.asarray(times, float) + JUMP, side="right") - 1
         return np.asarray(self.values, float)[np.maximum(begun, 0)]
 
@@ -95,7 +95,7 @@ class Pulse(Waveform):
     high: float = schema.number(VALUE)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """Low, high, low."""
+        """Low, high, low, at some times [s]."""
         t = np.asarray(times, float) + JUMP
         return np.where((t >= self.start) & (t < self.start + self.width), float(self.high), float(self.low))
 
@@ -117,7 +117,7 @@ class Square(Waveform):
     duty: float = schema.number("1", (0.0, 1.0), default=0.5)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """High from 0 s on."""
+        """High from 0 s on, at some times [s]."""
         phase = np.mod((np.asarray(times, float) + JUMP) * self.frequency, 1.0)
         return np.where(phase < self.duty, float(self.high), float(self.low))
 
@@ -147,7 +147,7 @@ class PulseWidth(Waveform):
     high: float = schema.number(VALUE, default=1.0)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """High first in every cycle."""
+        """High first in every cycle, at some times [s]."""
         place = (np.asarray(times, float) + JUMP) * self.frequency
         cycle = np.floor(place)
         return np.where(place - cycle < self.duty.at(cycle / self.frequency), float(self.high), float(self.low))
@@ -217,7 +217,7 @@ class Ramp(Waveform):
     duration: float = schema.number("s", (1e-9, math.inf))
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The line between its ends."""
+        """The line between its ends, at some times [s]."""
         share = np.clip((np.asarray(times, float) - self.start) / self.duration, 0.0, 1.0)
         return self.begin + (self.end - self.begin) * share
 
@@ -269,7 +269,7 @@ class Sine(Waveform):
     phase: float = schema.number("rad", default=0.0)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The sine."""
+        """The sine at some times [s]."""
         return self.mean + self.amplitude * np.sin(2.0 * np.pi * self.frequency * np.asarray(times, float) + self.phase)
 
     def sentence(self, unit: str) -> str:
@@ -302,7 +302,7 @@ class Chirp(Waveform):
             raise InputError("sweep", self.sweep, "must be linear or log")
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The sine of the frequency's integral."""
+        """The sine of the frequency's integral, at some times [s]."""
         t = np.asarray(times, float)
         inside, after = np.minimum(t, self.duration), np.maximum(t - self.duration, 0.0)
         ratio = math.log(self.last / self.first)
@@ -346,7 +346,7 @@ class MultiSine(Waveform):
             raise InputError("phases", len(self.phases), f"must be {len(self.frequencies)}, one per frequency")
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The sum."""
+        """The sum at some times [s]."""
         t, n = np.asarray(times, float), len(self.frequencies)
         phases = self.phases or tuple(-math.pi * k * (k + 1) / n for k in range(n))
         waves = (np.sin(2.0 * np.pi * f * t + phase) for f, phase in zip(self.frequencies, phases, strict=True))
@@ -473,7 +473,7 @@ class Sum(Waveform):
         return any(p.straight for p in self.parts)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """The sum."""
+        """The sum at some times [s]."""
         return sum((p.at(times) for p in self.parts), np.zeros(np.shape(times)))
 
     def sentence(self, unit: str) -> str:
@@ -512,7 +512,7 @@ class Sequence(Waveform):
         return any(p.straight for p in self.parts)
 
     def at(self, times: Scalar) -> np.ndarray:
-        """Each in its turn."""
+        """Each part in its turn, at some times [s]."""
         t = np.asarray(times, float)
         starts = np.concatenate([[0.0], np.cumsum(self.lasting[:-1])])
         turn = np.maximum(np.searchsorted(starts, t + JUMP, side="right") - 1, 0)

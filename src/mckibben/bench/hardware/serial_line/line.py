@@ -245,8 +245,8 @@ class EndedError(Exception):
     """The run has ended and no more samples come; the message states why."""
 
 
-class Taken(NamedTuple):
-    """A sample: its message, or None if it is missing; and its lateness [s]."""
+class ReceivedSample(NamedTuple):
+    """Sample of a device, or its absence: its message, None where it is missing, and how late it came [s]."""
 
     message: SampleMessage | None
     lateness: float
@@ -284,7 +284,7 @@ class Arrivals:
         """Note damaged bytes, and their time [s]."""
         self._damaged = at
 
-    def take(self, sample: int) -> Taken | None:
+    def take(self, sample: int) -> ReceivedSample | None:
         """Take a sample, or None if it can still arrive.
 
         Raises:
@@ -314,7 +314,7 @@ class Arrivals:
             return self._damaged + GRACE_IN_LOCK_STEP
         return max(self._damaged, self._origin + (sample + GRACE) * self.period)
 
-    def without(self, sample: int, at: float, ahead: int = 1) -> Taken:
+    def without(self, sample: int, at: float, ahead: int = 1) -> ReceivedSample:
         """Give up a missing sample, the first of `ahead`, at a time [s].
 
         Raises:
@@ -327,9 +327,9 @@ class Arrivals:
         self._missing += 1
         self.lost += 1
         self._damaged = None  # this was it
-        return Taken(None, 0.0 if self.lock_step else max(at - self._origin - sample * self.period, 0.0))
+        return ReceivedSample(None, 0.0 if self.lock_step else max(at - self._origin - sample * self.period, 0.0))
 
-    def _with(self, message: SampleMessage, at: float) -> Taken:
+    def _with(self, message: SampleMessage, at: float) -> ReceivedSample:
         if message.flags & BY_ITSELF:
             raise EndedError("the device vented by itself, for it had no command for too many samples")
         if message.flags:
@@ -338,7 +338,7 @@ class Arrivals:
         self._missing, self._newest = 0, message.sequence
         if self._damaged is not None and at > self._damaged:
             self._damaged = None
-        return Taken(message, 0.0 if self.lock_step else self._late(message.sequence, at))
+        return ReceivedSample(message, 0.0 if self.lock_step else self._late(message.sequence, at))
 
     def _late(self, sample: int, at: float) -> float:
         """Lateness of a sample [s]; the expected time of later ones follows the device's clock."""

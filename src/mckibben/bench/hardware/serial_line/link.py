@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from ....errors import InputError, LineLostError
 from ..interface import Hardware
-from .line import BITS_PER_SECOND, Arrivals, EndedError, SerialLine, Taken, fit, greet, places, reason
+from .line import BITS_PER_SECOND, Arrivals, EndedError, ReceivedSample, SerialLine, fit, greet, places, reason
 from .messages import FREE, LOCK_STEP, CommandMessage, Fault, SampleMessage, Start, Stop, Vent, Welcome
 
 SILENT = 3.0  # periods for which nothing may come at least
@@ -187,7 +187,7 @@ class SerialHardware(Hardware):
             self._closed = True
             self._line.close()
 
-    def _wait(self, sample: int) -> Taken:
+    def _wait(self, sample: int) -> ReceivedSample:
         arrivals, silence = self._arrivals, max(self.timeout, SILENT * self._arrivals.period)
         until = time.perf_counter() + silence
         while (taken := arrivals.take(sample)) is None:

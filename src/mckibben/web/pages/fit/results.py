@@ -209,7 +209,7 @@ GRID = (13, 17)  # pressures and lengths of the surface
 
 
 def rests(points: ForceMap) -> list[float]:
-    """The rest lengths of the muscles of a table [m]; none if it has none."""
+    """Rest lengths of the muscles in a table [m]; empty if it names none."""
     return [] if points.rest_length is None else [float(r) for r in np.unique(points.rest_length[points.taut])]
 
 
