@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,7 +17,7 @@ from ..report import document_pdf
 from ..report import reproduction_report as papers
 from ..report import words as words_module
 from ..report.figures import style
-from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputKinds, Paths
+from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputFiles, OutputKinds, Paths
 from ._progress import progress
 from ._terminal import FigureLook, FigureWidth, Json, print_json
 
@@ -74,31 +74,28 @@ def reproduce_papers(
     $ mckibben reproduce --part IV --no-recordings --out energy.html
     """
     reproduction.rows.select(part, row)  # refuses a wrong word before anything is loaded
-    ending = f".{format_}"
-    if ending not in FIGURE:
-        raise InputError("--format", format_, known=[one[1:] for one in FIGURE])
+    _check_format(format_)
     with OUT.files(out, folder=True) as files:
         folder = _folder(files["folder"])
         places = _places(files["report"], folder, pdf=pdf, figures_only=bool(figure))
-        pictures = _pictures(figure, part, row, recordings) if figure or places else []
-        rows = _rows(row, pictures) if figure else row
-        outcomes, drawn = _done(part, rows, pictures, recordings)
-        written = [str(p) for p in _write(places, outcomes, drawn, recordings)]
+        pictures: list[PaperFigure] = []
+        if figure or places:
+            pictures = papers.chosen_figures(figure, part=part, rows=row, recordings=recordings)
+        outcomes, drawn = _done(part, _rows(row, pictures) if figure else row, pictures, recordings)
+        written = _write(places, outcomes, drawn, recordings)
         if figure:
-            written += _save(drawn, folder or Path(), ending)
-        files.write_rows([_as_json(o) for o in papers.predictions_first(outcomes)])
-        failed = sum(o.ok is False for o in outcomes)
-        content = _document(outcomes, failed)
-        files.write_result(content)
-        written += [str(path) for kind in ("table", "result") for path in files[kind] if path in files.named()]
-        if as_json:
-            print_json(content | ({"files": written} if written else {}))
-        else:
-            _print(outcomes)
-            for path in written:
-                typer.echo(f"Written: {path}")
-    if failed:
+            written += _save(drawn, folder or Path(), format_)
+        _say(files, outcomes, written, as_json=as_json)
+    if any(o.ok is False for o in outcomes):
         raise typer.Exit(1)
+
+
+# ---- arguments
+
+
+def _check_format(name: str) -> None:
+    if f".{name}" not in FIGURE:
+        raise InputError("--format", name, known=[one[1:] for one in FIGURE])
 
 
 def _folder(folders: list[Path]) -> Path | None:
@@ -121,11 +118,6 @@ def _places(report: list[Path], out: Path | None, *, pdf: bool, figures_only: bo
             raise not_found(out.absolute().parent, "folder")
         out.mkdir(exist_ok=True)
     return named + [document_module.checked_place(out / name, field="--out") for name in names if out is not None]
-
-
-def _pictures(figure: list[str] | None, part: str | None, row: list[str] | None, recordings: bool) -> list[PaperFigure]:
-
-    return papers.chosen_figures(figure, part=part, rows=row, recordings=recordings)
 
 
 def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | None:
@@ -158,29 +150,48 @@ def _done(
             return outcomes, papers.draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
 
 
-def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], recordings: bool) -> list[Path]:
+# ---- output
+
+
+def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], recordings: bool) -> list[str]:
+    """Write the reports, and return their paths."""
     if not places:
         return []
-
     left = "" if recordings else "Rows that need recordings of the simulated test machine were left out."
     document = papers.reproduction_report(outcomes, drawn, left_out=left)
-    return [document.write(place) for place in places]
+    return [str(document.write(place)) for place in places]
 
 
 def _save(drawn: list[Drawn], folder: Path, ending: str) -> list[str]:
-    files = [folder / f"figure-{one.of.id}{ending}" for one in drawn]
-    for path, one in zip(files, drawn, strict=True):
+    """Save the figures, and return their paths."""
+    paths = [folder / f"figure-{one.of.id}.{ending}" for one in drawn]
+    for path, one in zip(paths, drawn, strict=True):
         style.save(one.picture, path)
-    return [str(path) for path in files]
+    return [str(path) for path in paths]
 
 
-def _document(outcomes: list[RowOutcome], failed: int) -> dict[str, JsonValue]:
+def _say(files: OutputFiles, outcomes: list[RowOutcome], written: list[str], *, as_json: bool) -> None:
+    """Write table and result, and print the verdicts and which files were written."""
+    content = _document(outcomes)
+    files.write_rows(content["rows"])
+    files.write_result(content)
+    written = written + [str(path) for kind in ("table", "result") for path in files[kind] if path in files.named()]
+    if as_json:
+        print_json(content | ({"files": written} if written else {}))
+        return
+    _print(outcomes)
+    for path in written:
+        typer.echo(f"Written: {path}")
 
+
+def _document(outcomes: list[RowOutcome]) -> dict[str, Any]:
+    """What ``--json`` prints."""
     kinds = {
         t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest}
         for t in reproduction.rows.tallies(outcomes)
     }
     rows = [_as_json(o) for o in papers.predictions_first(outcomes)]
+    failed = sum(o.ok is False for o in outcomes)
     return {"headline": reproduction.rows.headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
 
 

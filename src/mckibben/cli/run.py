@@ -27,7 +27,7 @@ from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
 from ..report.figures import posterior_figures, recording_figures, style
 from ..specimens import muscle_specimen
-from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
+from ._outputs import FIGURE, OBJECT, RECORDING, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import INTERRUPTED, progress
 from ._terminal import (
     FigureLook,
@@ -135,76 +135,106 @@ def run_protocol(
 
     $ mckibben run work-loop --muscle nylon --set cycles=2 --out loop.nc --out loop.svg
     """
+    _check_machine(machine, log, lock_step=lock_step)
+    biological = biological_run.biological_subject(muscle, law=law)
+    if biological is not None:
+        _check_biological(
+            muscle,
+            from_posterior=from_posterior,
+            plumbing=plumbing,
+            on=machine,
+            calibration=calibration,
+            log=log,
+            real_time=real_time,
+            accept_saturation=accept_saturation,
+            fault=fault,
+        )
+        _run_biological(protocol, biological, change, out, dry=dry, as_json=as_json)
+        return
+    posterior = None if from_posterior is None else _posterior(from_posterior, muscle, law, draws)
+    changes = [*(change or []), *_faults(fault, machine)]
+    with OUT.files(out) as files:
+        bench = prepared(
+            protocol,
+            muscle,
+            rig,
+            changes,
+            calibration,
+            law=law,
+            plumbing=plumbing,
+            seed=seed,
+            step=_step(step),
+            accept_saturation=accept_saturation,
+        )
+        if bench.findings or dry:
+            _tell(bench, dry, as_json)
+            return
+        log = log or _log_beside(files, clocked=real_time or machine is not None)
+        recording = _recorded(bench, machine, lock_step=lock_step, real_time=real_time, log=log)
+        files.write("recording", lambda path: write_recording(recording, path))
+        predicted = None
+        if posterior is not None:
+            predicted = _predicted(posterior, draws, protocol, muscle, rig, law, change, plumbing, seed, step)
+        _say(files, recording, predicted, draws=draws, log=log, as_json=as_json)
+    if recording.meta["result"] != "done":
+        raise typer.Exit(INTERRUPTED if recording.meta["result"] == "interrupted" else 1)
+
+
+# ---- arguments
+
+
+def _check_machine(machine: str | None, log: Path | None, *, lock_step: bool) -> None:
+    """Refuse a log or a machine that cannot be used, before anything is loaded."""
     writable("--log", log, ".mcap")
     if log is not None and log.exists():
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
     hardware_package.connect.check_connection(machine)
-    biological = biological_run.biological_subject(muscle, law=law)
-    if biological is not None:
-        of_machine = {
-            "--from-posterior": from_posterior,
-            "--plumbing": plumbing,
-            "--on": machine,
-            "--calibration": calibration,
-            "--log": log,
-            "--real-time": real_time,
-            "--accept-saturation": accept_saturation,
-            "--fault": fault,
-        }
-        for option, value in of_machine.items():
-            if value:
-                raise InputError(option, None, f"is of a test machine; {muscle} is biological and runs without one")
-        _run_biological(protocol, biological, change, out, dry=dry, as_json=as_json)
-        return
-    posterior = None if from_posterior is None else _posterior(from_posterior, muscle, law, draws)
-    if fault and machine is not None:
-        raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
-    faults = _faults(fault)
-    with OUT.files(out) as files:
-        bench = prepared(
-            protocol,
-            muscle,
-            rig,
-            [*(change or []), *faults],
-            calibration,
-            law=law,
-            plumbing=plumbing,
-            seed=seed,
-            step=_step(parse(step, "s", field="--step")),
-            accept_saturation=accept_saturation,
-        )
-        if bench.findings or dry:
-            _tell(bench, dry, as_json)
-            return
-        for caution in bench.cautions:
-            typer.echo(f"mckibben: {caution}", err=True)
-        kept = files.first("recording")
-        if log is None and kept is not None and (real_time or machine is not None):
-            log = _unused(kept.with_suffix(".mcap"))
-        recording = _recorded(bench, machine, lock_step=lock_step, real_time=real_time, log=log)
-        files.write("recording", lambda path: write_recording(recording, path))
-        # what became of the run is told before it is drawn, so that no drawing can hide it
-        result = _result(recording, kept, log)
-        predicted = None
-        if posterior is not None:
-            predicted = _predicted(posterior, draws, protocol, muscle, rig, law, change, plumbing, seed, step)
-            result["posterior"] = {"draws": draws, "bands": predicted.summary(), "failed": list(predicted.failed)}
-        files.write_result(result)
-        if as_json:
-            print_json(result)
-        else:
-            _print(recording)
-            if predicted is not None:
-                _print_bands(predicted, draws)
-        files.write("figure", lambda path: style.save(_figure(recording, predicted), path))
-        if not as_json:
-            if log is not None:
-                typer.echo(f"Written: {log}")
-            files.say()
-    if recording.meta["result"] != "done":
-        raise typer.Exit(130 if recording.meta["result"] == "interrupted" else 1)
+
+
+def _check_biological(muscle: str, **options: object) -> None:
+    """Refuse options of a test machine, which a biological muscle runs without."""
+    for name, value in options.items():
+        if value:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(option, None, f"is of a test machine; {muscle} is biological and runs without one")
+
+
+def _log_beside(files: OutputFiles, *, clocked: bool) -> Path | None:
+    """Path of the log beside the recording, for a run in real time."""
+    place = files.first("recording")
+    return _unused(place.with_suffix(".mcap")) if clocked and place is not None else None
+
+
+# ---- output
+
+
+def _say(
+    files: OutputFiles,
+    recording: Recording,
+    predicted: PredictedRun | None,
+    *,
+    draws: int,
+    log: Path | None,
+    as_json: bool,
+) -> None:
+    """Print what became of a run before it is drawn, so that no drawing can hide it."""
+    result = _result(recording, files.first("recording"), log)
+    if predicted is not None:
+        result["posterior"] = {"draws": draws, "bands": predicted.summary(), "failed": list(predicted.failed)}
+    files.write_result(result)
+    if as_json:
+        print_json(result)
+    else:
+        _print(recording)
+        if predicted is not None:
+            _print_bands(predicted, draws)
+    files.write("figure", lambda path: style.save(_figure(recording, predicted), path))
+    if not as_json:
+        if log is not None:
+            typer.echo(f"Written: {log}")
+        files.say()
 
 
 def _figure(recording: Recording, predicted: PredictedRun | None) -> Any:
@@ -269,8 +299,10 @@ def _print_bands(predicted: PredictedRun, draws: int) -> None:
         typer.echo(f"note: a sample was left out: {sentence}")
 
 
-def _faults(words: list[str] | None) -> list[str]:
-    """Convert values of ``--fault`` to those of ``--set``."""
+def _faults(words: list[str] | None, machine: str | None) -> list[str]:
+    """Convert values of ``--fault`` to those of ``--set``; a real machine takes none."""
+    if words and machine is not None:
+        raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
     named = pairs(words, "--fault", "leak='0.2 l/min/bar'")
     for name in named:
         if name not in rig_faults.NAMES:
@@ -364,6 +396,8 @@ def _recorded(
     bench: PreparedRun, machine: str | None, *, lock_step: bool, real_time: bool, log: Path | None
 ) -> Recording:
     """Run a prepared protocol with a progress bar; Ctrl-C vents and keeps the samples so far."""
+    for caution in bench.cautions:
+        typer.echo(f"mckibben: {caution}", err=True)
     button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
         progress("running", bench.plan.duration, guarded=False) as bar,
@@ -429,7 +463,8 @@ def ask_person(task: str) -> None:
     typer.prompt(f"Please {task}, then press Enter", default="", show_default=False, err=True)
 
 
-def _step(value: float) -> float:
+def _step(words: str) -> float:
+    value = parse(words, "s", field="--step")
     if not 1e-7 <= value <= 1e-3:
         raise InputError("--step", None, f"must be between 0.1 us and 1 ms, got {value:g} s")
     return value
