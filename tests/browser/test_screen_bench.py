@@ -214,6 +214,39 @@ def test_a_number_of_the_sentence_is_its_field_and_says_beside_itself_what_is_wr
     until(lambda: 'value = "3 bar"' in page.evaluate("window.lab.lab.parts.protocol?.text ?? ''"))
 
 
+def test_a_dry_run_that_comes_while_somebody_types_changes_nothing_that_is_typed(bench, until):
+    low = '[parameters.low]\nunit = "Pa"\nvalue = "0 bar"\n[[steps]]\nlabel = "wait"\n'
+    low += 'pressure = { to = "$low", in = "0.1 s" }\n'
+    page = bench(SHORT.replace("[[steps]]", f"{low}[[steps]]", 1))
+
+    def checked_again():
+        page.evaluate("() => { window.before = window.lab.lab.parts.dry; window.lab.act('dry_run') }")
+        until(lambda: page.evaluate("(d => d !== window.before && !d.pending)(window.lab.lab.parts.dry)"))
+
+    page.click("[data-face=form]")
+    page.focus("#f-low")
+    page.keyboard.press("ControlOrMeta+A")
+    page.keyboard.type("0.2")
+    checked_again()
+    assert page.input_value("#f-low") == "0.2"
+    page.keyboard.press("Tab")
+    until(lambda: page.evaluate("window.lab.lab.parts.protocol.form.find(f => f.name === 'low').value") == "0.2")
+    page.click("#save")
+    page.fill("#save-as", "mine")
+    checked_again()
+    page.click("#save")
+    says(page, "#ed-said", "Saved as mine.")
+    checked_again()
+    says(page, "#ed-said", "Saved as mine.")
+    page.click("#ed-close")
+    page.click("#sent button[data-name=high]")
+    page.keyboard.type("3")
+    checked_again()
+    assert page.locator("#sent input").input_value() == "3"
+    page.keyboard.press("Enter")
+    until(lambda: page.evaluate("window.lab.lab.parts.protocol.form.find(f => f.name === 'high').value") == "3")
+
+
 def test_nothing_starts_before_the_dry_run_has_passed_and_it_offers_the_cure(bench, until):
     page = bench()
     page.click("#faces [data-face=form]")

@@ -72,6 +72,47 @@ def test_the_cycle_has_the_numbers_of_the_command(visit):
     assert float(beside) == theirs["beside"]["potential"]["input"]
 
 
+@pytest.fixture(scope="module")
+def braid(tmp_path_factory):
+    """A specimen file of one's own, of a braid of which nothing is measured."""
+    path = tmp_path_factory.mktemp("own") / "my sleeve.toml"
+    words = [
+        "--length",
+        "22 cm",
+        "--angle",
+        "24 deg",
+        "--diameter",
+        "11 mm",
+        "--thread",
+        "0.3 mm",
+        "--bladder",
+        "0.8 mm",
+    ]
+    assert CliRunner().invoke(app, ["braid", *words, "--out", str(path)]).exit_code == 0
+    return path
+
+
+def test_a_specimen_file_of_ones_own_has_the_numbers_of_the_command(visit, braid, until, tmp_path):
+    (theirs,) = command("energy", str(braid), "--pressure", "5 bar", "--cycle", "maximal")["cycles"]
+    page = open_page(visit)
+    page.fill(".supply .field input", "5 furlong")
+    page.keyboard.press("Tab")
+    says(page, ".supply .said", "The old value, 5, stays in use.")
+    (tmp_path / "no.toml").write_text("kind = 'mckibben'\n", encoding="utf-8")
+    page.click("text=Add muscle")
+    page.set_input_files("dialog input[type=file]", tmp_path / "no.toml")
+    says(page, "dialog", "no.toml: ", "is missing")
+    page.set_input_files("dialog input[type=file]", braid)
+    in_link(page, "muscle=my+sleeve.toml")
+    assert page.get_by_label("Muscle", exact=True).input_value() == "my sleeve.toml"
+    until(lambda: number(page, "In") == theirs["input"])
+    assert number(page, "Out") == theirs["output"]
+    says(page, ".supply .said", "The old value, 5, stays in use.")  # another muscle does not undo an answer
+    assert page.input_value(".supply .field input") == "5 furlong"
+    other = open_page(visit, page.url[page.url.index("?") :])
+    assert number(other, "Out") == theirs["output"]
+
+
 def test_choices_stand_in_the_link_and_a_link_brings_them_back(visit, until):
     page = open_page(visit)
     page.click("text=Isotonic >> nth=0")

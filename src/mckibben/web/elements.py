@@ -154,12 +154,14 @@ class Element:
         self._inside = None
         self.document.record("clear", self)
 
-    def delete(self) -> None:
-        """Remove the element from the page."""
-        if self.parent is not None and self in self.parent.children:
-            self.parent.children.remove(self)
-            self.document.record("remove", self)
-            self.forget()
+    def delete(self) -> bool:
+        """Remove the element from the page; False if it was gone already."""
+        if self.parent is None or self not in self.parent.children:
+            return False
+        self.parent.children.remove(self)
+        self.document.record("remove", self)
+        self.forget()
+        return True
 
     def forget(self) -> None:
         """Unregister the element and its content from events."""

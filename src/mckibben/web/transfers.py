@@ -24,20 +24,22 @@ AWAY = 5.0  # time for which a page may lose its line before what it reads is st
 async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *arguments: Any) -> Any:
     """Run slow work in another thread; `place` keeps its size and shows a label.
 
+    Work that ends late leaves what was put into the place meanwhile.
+
     Returns:
         What `work` returns; None if it was refused, with the sentence in the place.
     """
     place.clear()
-    with place, loading(words):
+    with place, loading(words) as label:
         pass
     try:
         result = await asyncio.to_thread(work, *arguments)
     except MckibbenError as error:
-        place.clear()
-        with place:
-            refused(str(error))
+        if label.delete():
+            with place:
+                refused(str(error))
         return None
-    place.clear()
+    label.delete()
     return result
 
 
@@ -46,7 +48,8 @@ async def read_with_progress(
 ) -> Any:
     """Read a file, in a separate process if it is large; `place` shows the progress, and a button to stop.
 
-    A page that is left for longer than `AWAY` stops it too.
+    A page that is left for longer than `AWAY` stops it too. A file that is read late leaves what was put into the place
+    meanwhile.
 
     Args:
         place: keeps its size; empty afterwards.
@@ -61,14 +64,14 @@ async def read_with_progress(
     """
     place.clear()
     if is_small(path):
-        with place, loading(words):
+        with place, loading(words) as label:
             pass
         try:
             return await asyncio.to_thread(work, path, *arguments)
         finally:
-            place.clear()
+            label.delete()
     reader, document = ReaderProcess(work, path, *arguments, passes=passes), page_document()
-    with place, box("div", "reading").set(role="status"):
+    with place, box("div", "reading").set(role="status") as label:
         progress = text("span", words)
         line = raw("<i></i>", "div", "line")
         button("Stop reading", reader.stop, small=True)
@@ -86,7 +89,7 @@ async def read_with_progress(
         return done.result()
     finally:
         reader.stop()
-        place.clear()
+        label.delete()
 
 
 class IncomingFile:

@@ -41,6 +41,7 @@ class CircuitPage:
     def __init__(self, workspace: Workspace, shelf: Shelf, document: Document, view: dict[str, str]) -> None:
         self.workspace, self.shelf = workspace, shelf
         self.desk = CircuitState(document, view.get("part", ""))
+        self.heads: object = None  # on what the shown inputs depend
         named = {k: [w for w in view[k].split(",") if w] for k in ("sensors", "flows", "models") if k in view}
         self.desk.sensors = response.shown_nodes(self.desk.plan, named.get("sensors", ()))
         self.desk.flows = [n for n in named.get("flows", ()) if n in self.desk.plan.circuit.elements] or self.desk.flows
@@ -240,9 +241,13 @@ class CircuitPage:
 
     def _heads(self) -> None:
         desk = self.desk
-        self.inputs.clear()
         full = edit.top(desk.document, desk.plan)
         now = edit.input_of(desk.document, desk.plan)
+        shown = full, now, tuple(desk.models), str(desk.document.get("signals"))
+        if shown == self.heads:
+            return  # what somebody types there stays
+        self.heads = shown
+        self.inputs.clear()
         names = {"up": f"0 to {full}", "down": f"{full} to 0", "waveform": "Waveform"}
         with self.inputs, box("div", "seg s").set(role="group", aria_label="Input"):
             for value, words in names.items():
@@ -267,6 +272,7 @@ class CircuitPage:
             with self.waveform:
                 dialogs.waveform(self)
             return
+        self.heads = None  # the waveform is put away
         self.change_whole(lambda d: edit.stepped(d, self.desk.plan, value == "up"))
 
     def _model(self, kind: str) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import MckibbenError
 from ....specimens import specimens
+from ...specimen_files import specimen_place
 from ...widgets import Dialog, box, button, empty, raw, refused, text
 from . import drawings, jobs
 
@@ -45,6 +46,8 @@ def add(face: ComparePage) -> None:
             text("h3", "Your own")
             for name in own_files:
                 button(name.removesuffix(".toml"), lambda n=name: take(n), quiet=True)
+        if face.values == "laws":
+            specimen_place(face.workspace.specimens, take)
     dialog.open()
 
 

@@ -42,6 +42,7 @@ class ComparePage:
         self.recordings = _words(view["recordings"])[: jobs.MOST] if "recordings" in view else self._newest()
         self.pressure, self.said = FULL_PRESSURE, ""
         self.cancelled, self.number, self.gone = False, 0, False
+        self.typed_pressures = 0  # count of the pressures that were typed
         self.subjects: dict[str, ComparedMuscle] = {}
         if "pressure" in view:
             try:
@@ -100,6 +101,8 @@ class ComparePage:
     # ---- what a person does
 
     async def _drive(self, words: str) -> None:
+        self.typed_pressures += 1
+        number = self.typed_pressures
         accepted = forms.accept("pressure", words, PRESSURE, self.pressure)
         why = accepted.said
         if not why:
@@ -107,6 +110,8 @@ class ComparePage:
                 await asyncio.to_thread(self._subjects, accepted.value)
             except MckibbenError as error:
                 why = f"{error}. The old value, {forms.shown(self.pressure, PRESSURE)}, stays in use."
+        if number != self.typed_pressures:
+            return  # another one was typed meanwhile
         self.edge.classed("bad", bool(why))
         self.typed.set(aria_invalid="true" if why else "false")
         self.refusal.clear()

@@ -84,7 +84,6 @@ class StimulationPanel:
             with panel("Stimulation", sub="biological muscles"):
                 self.choice = box("div", "stimulation-choice")
                 self.values = box("div", "form")
-                self.said = box("div")
                 self.run_button = button("Stimulate", self.run)
                 self.result = box("div", "stimulation-result")
         self.whole.set(hidden=True)
@@ -113,7 +112,6 @@ class StimulationPanel:
 
     def _fields(self) -> None:
         self.values.clear()
-        self.said.clear()
         with self.values:
             for one in form(self.protocol):
                 self._field(str(one["name"]), str(one["label"]), str(one["value"]), str(one["unit"]), str(one["about"]))
@@ -125,16 +123,17 @@ class StimulationPanel:
                 typed = box("input").set(id=f"s-{row.number}", value=value, title=about, autocomplete="off")
                 if unit and unit != "1":
                     text("span", unit, "u")
-        typed.on_value("change", lambda words: self._change(name, str(words)[:2000], typed))
+            said = box("div").style(display="contents")
+        typed.on_value("change", lambda words: self._change(name, str(words)[:2000], typed, said))
 
-    def _change(self, name: str, words: str, typed: Element) -> None:
-        """Take a value, or show why it was refused; the old one stays in use."""
-        self.said.clear()
+    def _change(self, name: str, words: str, typed: Element, said: Element) -> None:
+        """Take a value, or show beside it why it was refused; the old one stays in use."""
+        said.clear()
         try:
             self.protocol = changed(self.protocol, name, words)
         except InputError as error:
             typed.set(aria_invalid="true")
-            with self.said:
+            with said:
                 refused(f"{error}. The old value stays in use.")
             return
         typed.set(aria_invalid="false")

@@ -7,6 +7,7 @@ import contextlib
 import functools
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....analysis.energy import READINGS
@@ -18,12 +19,14 @@ from ....report.figures.energy_figures import energy_flow_figure
 from ...elements import Element, page_document
 from ...forms import accept, field
 from ...save import saveable
+from ...shelf import Shelf
+from ...specimen_files import specimen_place
 from ...transfers import IncomingFile, UploadPlace, download, run_in_thread
-from ...widgets import box, button, empty, link, panel, raw, refused, segments, select, text
+from ...widgets import Dialog, box, button, empty, link, panel, raw, refused, segments, select, text
 from ...workspace import Workspace
 from .cycles import TITLES, curves, curves_key, cycle_document, cycle_report, efficiency_picture, loops_picture
 from .flow import account, cycle_names, flow_document, stretch
-from .state import LINKED, EnergyChoice, conditions, described, from_link, muscles, to_link
+from .state import LINKED, EnergyChoice, conditions, described, from_link, muscles, to_link, with_muscle
 
 if TYPE_CHECKING:
     from ....report.figures.page_charts import Figure
@@ -31,15 +34,15 @@ if TYPE_CHECKING:
 
 async def begin(workspace: Workspace, words: dict[str, str], bar: Element, place: Element) -> None:
     """Load the computing modules, then build the page."""
-    loaded = await run_in_thread(place, "Loading the muscles", _loaded, words)
+    loaded = await run_in_thread(place, "Loading the muscles", _loaded, words, workspace.specimens)
     if loaded is not None:
         await EnergyPage(workspace, words, bar, place, *loaded).show()
 
 
-def _loaded(words: dict[str, str]) -> tuple[EnergyChoice, list[str], dict[str, str]]:
+def _loaded(words: dict[str, str], own: Shelf) -> tuple[EnergyChoice, list[str], dict[str, str]]:
 
-    choice, said = from_link({k: v for k, v in words.items() if k in LINKED})
-    return choice, said, muscles()
+    choice, said = from_link({k: v for k, v in words.items() if k in LINKED}, own)
+    return choice, said, muscles(own)
 
 
 class EnergyPage:
@@ -72,7 +75,9 @@ class EnergyPage:
     async def show(self) -> None:
         """Build the page, and compute for the first time."""
         with self.bar:
-            select(self.muscles, self.choice.muscle, lambda m: self.changed(muscle=m, law=""), "Muscle")
+            self.list = box("div", "row")
+            self.offer()
+            button("Add muscle", self.add)
             button("Report", self.report)
         with self.place:
             self.controls = CycleControls(self)
@@ -98,6 +103,39 @@ class EnergyPage:
             self.controls.refuse(" ".join(self.said))
         self.recorded.begin()
         await self.draw()
+
+    def offer(self) -> None:
+        """List the muscles; the chosen one is among them."""
+        self.list.clear()
+        names = self.muscles
+        if self.choice.muscle not in names:
+            names = {self.choice.muscle: self.choice.muscle} | names
+        with self.list:
+            select(names, self.choice.muscle, self.choose, "Muscle")
+
+    def choose(self, name: str) -> None:
+        """Take another muscle; one that is not there any more is refused."""
+        try:
+            self.choice = with_muscle(self.choice, name, self.workspace.specimens)
+        except MckibbenError as error:
+            self.controls.refuse(f"{error}. The previous choice stays in use.")
+            self.offer()
+            return
+        self.changed()
+
+    def add(self) -> None:
+        """Ask for a specimen file, and choose it."""
+
+        async def take(name: str) -> None:
+            dialog.close()
+            self.muscles = await asyncio.to_thread(muscles, self.workspace.specimens)
+            with self.bar:
+                self.choose(name)
+                self.offer()
+
+        with (dialog := Dialog("Add a muscle", once=True)):
+            specimen_place(self.workspace.specimens, take)
+        dialog.open()
 
     def changed(self, **what: JsonValue) -> None:
         """Take a changed choice, and compute and show it in a task."""
@@ -128,7 +166,8 @@ class EnergyPage:
         except MckibbenError as error:
             if choice == self.choice:
                 self.choice = self.good
-                self.controls.rebuild()
+                self.offer()
+                self.controls.restore()
                 self.controls.refuse(f"{error}. The previous choice stays in use.")
             return
         self.good, muscle = choice, choice.muscle != self.good.muscle or choice.law != self.good.law
@@ -148,7 +187,7 @@ class EnergyPage:
         """Download the report of the shown cycle."""
         page = await run_in_thread(self.controls.under, "Writing the report", cycle_report, self.good)
         if page is not None:
-            download(f"energy-{self.good.muscle}-{self.good.cycle}.html", page)
+            download(f"energy-{Path(self.good.muscle).stem}-{self.good.cycle}.html", page)
 
 
 LOW, HIGH, STEP = 1.0, 10.0, 0.1  # of the slider [bar]
@@ -165,21 +204,33 @@ class CycleControls:
 
     def __init__(self, view: EnergyPage) -> None:
         self.view, self.again = view, False
-        self.bar = box("section", "panel supply").set(aria_label="Cycle")
+        self.refused = ""  # pressure that was typed and refused
+        with box("section", "panel supply").set(aria_label="Cycle"):
+            self._pressure()
+            self.choices = box("div").style(display="contents")
         self.more = box("details", "panel conditions")
         self.under = box("div", "e-under")
         self.rebuild()
 
     def rebuild(self) -> None:
-        """Rebuild the controls from the choice."""
-        self.again = self.refused = False
-        self.bar.clear()
+        """Rebuild the controls from the choice; a pressure that is being typed stays."""
+        self.again = False
+        self.choices.clear()
         self.more.clear()
-        with self.bar:
-            self._pressure()
+        with self.choices:
             self._choices()
         with self.more:
             self._conditions()
+        if self.refused:
+            self.entered(self.refused)  # by the muscle of now
+
+    def restore(self) -> None:
+        """Show the previous choice again."""
+        self.rebuild()
+        if not self.refused:
+            pressure = from_si(self.view.choice.pressure, "Pa", "bar")
+            self.track.set(data_spec=json.dumps(pressure))
+            self.typed.set(value=f"{pressure:.6g}")
 
     def refuse(self, sentence: str) -> None:
         """Show why an action was refused."""
@@ -252,7 +303,7 @@ class CycleControls:
     def refusal(self, why: str, words: str) -> None:
         """Show below a number why it was refused, and keep the text for correction."""
         self.said.clear()
-        self.refused = bool(why)
+        self.refused = words if why else ""
         self.typed.set(value=words)
         self.edge.classed("bad", bool(why))
         self.typed.set(aria_invalid="true" if why else "false")
@@ -446,7 +497,7 @@ class RecordedFlow:
             except InputError as error:
                 if error.field != "muscle":
                     raise
-                return account(path, kind, self.view.good.muscle)  # the page's muscle, where the recording names none
+                return account(path, kind, self.view.good.source)  # the page's muscle, where the recording names none
         except (ArithmeticError, LookupError, OSError, RuntimeError, TypeError) as error:  # what others wrote into it
             why = f"{type(error).__name__}: {error}"[:200]
             raise InputError("file", name, f"no account can be made of what is in it ({why})") from None

@@ -13,6 +13,8 @@ from ....errors import InputError, MckibbenError
 from ....muscles.build import muscle as built_muscle
 from ....quantities import from_si, parse, shown_unit
 from ....specimens import specimen, specimen_ids
+from ...shelf import Shelf
+from ...specimen_files import SpecimenFile, own_titles, specimen_file
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class EnergyChoice:
     """Choices of a visitor; None stands for the muscle's own value.
 
     Attributes:
-        muscle: id of a specimen.
+        muscle: id of a specimen, or the name of a visitor's file.
         law: where it states several.
         cycle: cycle of `CYCLES`.
         pressure: gauge pressure of the supply [Pa].
@@ -30,6 +32,7 @@ class EnergyChoice:
         stretched_length: where cycles begin [m].
         volume: volume of `VOLUMES`; the paper's where the law has it, if empty.
         reading: reading of `READINGS`.
+        file: file of the muscle, if it is the visitor's.
     """
 
     muscle: str = "nylon"
@@ -42,14 +45,25 @@ class EnergyChoice:
     stretched_length: float | None = None
     volume: str = ""
     reading: str = "printed"
+    file: SpecimenFile | None = None
+
+    @property
+    def source(self) -> str:
+        """Id of the specimen, or path of the visitor's file."""
+        return self.muscle if self.file is None else self.file.path
 
 
 WORDS = {"cycle": CYCLES, "exchange": ("atmosphere", "accumulator"), "reading": READINGS}
 LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
 
 
-def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
-    """Read a choice from a link, with a sentence for each refused value, which gets its default."""
+def from_link(words: Mapping[str, str], own: Shelf) -> tuple[EnergyChoice, list[str]]:
+    """Read a choice from a link, with a sentence for each refused value, which gets its default.
+
+    Args:
+        words: of the link.
+        own: specimen files of the visitor.
+    """
     choice, said = EnergyChoice(), []
     for name, text in words.items():
         try:
@@ -57,11 +71,9 @@ def from_link(words: Mapping[str, str]) -> tuple[EnergyChoice, list[str]]:
             if name in SETTINGS:
                 value = parse(text, SETTINGS[name].unit, field=name, bare=True)
                 SETTINGS[name].check(name, value)
-            elif name == "muscle" and text not in specimen_ids():
-                raise InputError("specimen", text, known=specimen_ids())  # a path is no name
             elif name in WORDS and text not in WORDS[name]:
                 raise InputError(name, text, known=WORDS[name])
-            tried = replace(choice, **{name: value})
+            tried = with_muscle(choice, text, own) if name == "muscle" else replace(choice, **{name: value})
             described(tried) if name in ("muscle", "law", "volume") else None
             choice = tried
         except MckibbenError as error:
@@ -86,9 +98,34 @@ def to_link(choice: EnergyChoice) -> dict[str, str | None]:
     return parameters
 
 
-def muscles() -> dict[str, str]:
-    """Specimens with a volume: id and title."""
-    return {one: specimen(one).title for one in specimen_ids("mckibben") if built_muscle(one).law.has_volume()}
+def with_muscle(choice: EnergyChoice, name: str, own: Shelf) -> EnergyChoice:
+    """The choice with another muscle, its usual law and its usual volume.
+
+    Args:
+        choice: the present choice.
+        name: id of a specimen, or the name of a visitor's file; a path is neither.
+        own: specimen files of the visitor.
+
+    Raises:
+        InputError: there is no such muscle.
+    """
+    files = own.names()
+    if name not in files and name not in specimen_ids():
+        raise InputError("specimen", name, known=[*specimen_ids(), *files])
+    file = specimen_file(own, name) if name in files else None
+    return replace(choice, muscle=name, file=file, law="", volume="")
+
+
+def muscles(own: Shelf) -> dict[str, str]:
+    """Muscles with a volume, those of the visitor first: id or name of the file, and title."""
+    titles = own_titles(own, lambda path: _has_volume(str(path), path.stat().st_mtime_ns))
+    return titles | {one: specimen(one).title for one in specimen_ids("mckibben") if _has_volume(one, 0)}
+
+
+@functools.lru_cache(maxsize=64)
+def _has_volume(source: str, changed: int) -> bool:
+    muscle = built_muscle(source)
+    return not muscle.is_biological and muscle.law.has_volume()
 
 
 def described(choice: EnergyChoice) -> WorkingCycles:
@@ -98,7 +135,7 @@ def described(choice: EnergyChoice) -> WorkingCycles:
         InputError: there is none, or it is of another kind.
         NoVolumeError: the law does not say how large the volume is.
     """
-    return _computed(EnergyChoice(choice.muscle, choice.law, volume=choice.volume), False)
+    return _computed(EnergyChoice(choice.muscle, choice.law, volume=choice.volume, file=choice.file), False)
 
 
 def conditions(choice: EnergyChoice, exchange: str | None = None) -> Conditions:
@@ -115,7 +152,7 @@ def working_cycle(choice: EnergyChoice, exchange: str | None = None) -> WorkingC
 def _computed(choice: EnergyChoice, cycles: bool) -> WorkingCycles:
     accumulated, pressure = choice.exchange == "accumulator", choice.accumulator_pressure
     return energy(
-        choice.muscle,
+        choice.source,
         pressure=choice.pressure,
         cycles=choice.cycle if cycles else (),
         law=choice.law or None,

@@ -26,12 +26,13 @@ export function machine () {
   const key = JSON.stringify([s.muscle, s.muscles.length, s.rig, free, lab.parts.dry?.plumbing, lab.parts.laws?.title])
   if (key === drawn) return
   drawn = key
-  const box = $('#muscle'); const scrolled = box.querySelector('.muscles')?.scrollTop ?? 0
+  const box = $('#muscle'); const scrolled = box.querySelector('.muscles')?.scrollTop ?? 0; const chose = box.contains(document.activeElement)
   if (free) {
     box.innerHTML = `<h2>Muscle <span class="faint plain">all drawn to one scale, at rest</span></h2><div role="radiogroup" aria-label="Muscle" class="muscles">${s.muscles.map(m => `<label class="sp"><input type="radio" name="muscle" value="${escape(m.id)}" ${m.id === s.muscle ? 'checked' : ''}><b title="${escape(m.title)}">${escape(brief(m))}</b><canvas aria-hidden="true"></canvas><span class="faint">${fmt(m.rest_length * 100, 1)}${TS}cm</span></label>`).join('')}</div>${s.biological.length ? `<p class="small faint living">Biological muscles are <a href="${escape(living(s.biological))}">on Compare</a>.</p>` : ''}`
     const longest = Math.max(...s.muscles.map(m => m.rest_length * 100))
     box.querySelectorAll('canvas').forEach((c, i) => small(c, s.muscles[i], 50 / longest, 68))
     uncover(box.querySelector('.muscles'), scrolled)
+    if (chose) box.querySelector(':checked')?.focus({ preventScroll: true }) // the arrow keys go on
     box.querySelectorAll('input').forEach(i => { i.onchange = async () => { const a = await asks('muscle', { name: i.value }); if (!a.ok) { drawn = ''; machine() } } })
   } else {
     const m = s.muscles.find(m => m.id === s.muscle); const b = m.braid
@@ -62,7 +63,7 @@ export function protocol () {
   if (!p) return
   const free = idle(); const dry = lab.parts.dry ?? {}; const wrong = dry.cure?.name; const paths = new Set((dry.findings ?? []).map(f => f.path))
   const key = JSON.stringify([p.name, p.text, free, wrong, [...paths], p.known.length])
-  if (key !== said) {
+  if (key !== said && !$('#sent input')) { // what somebody types stays
     said = key
     const at = p.known.findIndex(k => k.name === p.name)
     $('#which').innerHTML = free ? `<div class="field s"><select aria-label="Protocol">${at < 0 ? `<option selected>${escape(p.title)}</option>` : ''}${p.known.map((k, i) => `<option value="${escape(k.name)}" ${i === at ? 'selected' : ''}>${escape(k.title)}</option>`).join('')}</select><span class="faint" style="white-space:nowrap">${at < 0 ? 'own' : `${at + 1} of ${p.known.length}`}</span></div>` : ''
@@ -84,7 +85,7 @@ export function sentence (list, free, wrong, paths) {
     for (const piece of c.pieces) {
       if (!piece.name) { li.append(say(piece.text)); continue }
       const b = document.createElement('button')
-      b.type = 'button'; b.textContent = say(piece.text); b.className = piece.colour
+      b.type = 'button'; b.dataset.name = piece.name; b.textContent = say(piece.text); b.className = piece.colour
       if (!free) b.setAttribute('aria-disabled', 'true')
       b.classList.toggle('wrong', piece.name === wrong)
       b.title = field(piece.name)?.about || piece.name
@@ -105,7 +106,7 @@ function edit (button, piece) {
   input.style.width = `${Math.max(6, input.value.length + 2)}ch`
   button.replaceWith(input); input.focus(); input.select()
   let over = false
-  const end = async keep => {
+  const end = async (keep, back = false) => {
     if (over) return
     over = true
     if (keep && input.value !== button.textContent) {
@@ -113,9 +114,11 @@ function edit (button, piece) {
       $('#refused').innerHTML = a.ok ? '' : `<div class="err">${SIGN}<span>${escape(say(a.said))}. The old value, ${escape(say(f ? `${f.value} ${f.unit}` : piece.text))}, stays in use.</span></div>`
     }
     if (input.isConnected) input.replaceWith(button)
-    button.focus()
+    const list = button.closest('.sent')
+    events.dispatchEvent(new CustomEvent('part', { detail: 'protocol' })) // draws what came meanwhile
+    if (back) (button.isConnected ? button : list?.querySelector(`[data-name="${CSS.escape(piece.name)}"]`))?.focus()
   }
-  input.onkeydown = e => { if (e.key === 'Enter') end(true); if (e.key === 'Escape') end(false) }
+  input.onkeydown = e => { if (e.key === 'Enter') end(true, true); if (e.key === 'Escape') end(false, true) }
   input.onblur = () => end(true)
 }
 
@@ -183,7 +186,7 @@ function slider (box, q, [low, high]) {
     due ??= setTimeout(() => { due = null; ask(`${range.value} ${unit}`) }, 60)
   }
   range.onpointerdown = () => { held = true }
-  range.onchange = () => { held = false }
+  range.onchange = range.onpointerup = range.onpointercancel = () => { held = false } // a click on the thumb changes nothing
   range.onkeydown = e => {
     const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[e.key]
     if (by && e.shiftKey) { e.preventDefault(); range.value = String(clamp(+range.value + by * 10 * step, low, high)); range.oninput() }
