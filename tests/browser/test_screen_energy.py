@@ -100,9 +100,9 @@ def test_a_specimen_file_of_ones_own_has_the_numbers_of_the_command(visit, braid
     says(page, ".supply .said", "The old value, 5, stays in use.")
     (tmp_path / "no.toml").write_text("kind = 'mckibben'\n", encoding="utf-8")
     page.click("text=Add muscle")
-    page.set_input_files("dialog input[type=file]", tmp_path / "no.toml")
-    says(page, "dialog", "no.toml: ", "is missing")
-    page.set_input_files("dialog input[type=file]", braid)
+    page.set_input_files("dialog.ask input[type=file]", tmp_path / "no.toml")
+    says(page, "dialog.ask", "no.toml: ", "is missing")
+    page.set_input_files("dialog.ask input[type=file]", braid)
     in_link(page, "muscle=my+sleeve.toml")
     assert page.get_by_label("Muscle", exact=True).input_value() == "my sleeve.toml"
     until(lambda: number(page, "In") == theirs["input"])

@@ -385,6 +385,7 @@ ENDINGS = (".nc", ".csv", ".mcap")
 MOST = 200  # recordings in the list
 TRIED = 6  # newest ones among which an account is sought
 EMPTY = "No recordings yet. Start a run on the bench, or drop a file here."
+NO_AIR = "The newest recordings show no use of air. Choose another one, start a run on the bench, or drop a file here."
 
 
 class RecordedFlow:
@@ -423,7 +424,7 @@ class RecordedFlow:
         """Say that there is nothing to show, and take a file."""
         self.place.clear()
         with self.place:
-            empty(EMPTY, "To the bench", "/")
+            empty(NO_AIR if self.names() else EMPTY, "To the bench", "/")
             UploadPlace("A recording of mckibben: .nc, .csv or .mcap", self.dropped, ENDINGS)
 
     async def newest(self, names: list[str]) -> None:

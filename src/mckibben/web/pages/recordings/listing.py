@@ -16,7 +16,7 @@ from .state import RecordingEntry
 
 LETTERS = "AB"
 MOST_SHARED = 6  # conditions that all share, that the page lists
-ORIGINS = {"": "Simulated and measured", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
+ORIGINS = {"": "Origin: any", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
 CHECK = (
     '<svg width="13" height="11" viewBox="0 0 13 11" aria-hidden="true"><path d="M1 6l3.500 3.500L12 1" fill="none" '
     'stroke="var(--ink-2)" stroke-width="1.7"/></svg>'

@@ -106,6 +106,7 @@ function labels (u, spec) {
     ctx.fillStyle = token(m.stop ? '--stop-ink' : '--ink-2')
     const x = m.x === null ? bbox.left + 6 * px : u.valToPos(m.x, 'x', true) + 4 * px
     const y = m.y === null ? bbox.top + 8 * px : u.valToPos(m.y, 'y', true) - 8 * px
+    ctx.strokeStyle = token('--panel'); ctx.lineWidth = 3 * px; ctx.lineJoin = 'round'; ctx.strokeText(m.text, x, y) // over lines
     ctx.fillText(m.text, x, y)
   }
   ctx.restore()

@@ -34,7 +34,8 @@ function piston (place, d, w) {
     const x = l.at + 0.07 * (first[0] - l.at)
     const y = l.other && d.exchange === 'atmosphere' ? Math.min(...l.other.y) + 0.12 * (Y - low) : low + 0.22 * (Y - low)
     p.text(x, y, joules(l.w01), { k: 'val', dx: 4 })
-    if (d.exchange === 'atmosphere') p.text(x, y, w < 420 ? 'lost' : 'lost when exhaling', { dx: 4, dy: 14 })
+    const room = Math.max(...l.x.filter((_, i) => p.Y(l.y[i]) < p.Y(y) + 2).map(v => p.X(v))) - p.X(x) // to the line, above the words
+    if (d.exchange === 'atmosphere') p.text(x, y, room < 124 ? 'lost' : 'lost when exhaling', { dx: 4, dy: 14 })
   } else {
     p.text(0.5 * X, low + 0.72 * (Y - low), `${joules(l.input)} in`, { k: 'val' })
     if (l.throttled) p.text(0.5 * X, low + 0.72 * (Y - low), `${joules(l.throttled)} of it throttled`, { dy: 14 })

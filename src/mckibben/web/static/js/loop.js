@@ -72,7 +72,14 @@ export class LoopPlot {
     ctx.save()
     ctx.font = `${size(11) * px}px ${token('--font')}`; ctx.textBaseline = 'middle'; ctx.textAlign = 'left'; ctx.fillStyle = token(this.old ? '--ink-3' : '--q-pressure')
     const { left, top, width, height } = bbox
-    ends.forEach(([x, y, text], i) => (!this.part || (x >= left && x <= left + width && y >= top && y <= top + height)) && ctx.fillText(i === ends.length - 1 ? text.replace(' ', TS) : text.split(' ')[0], x + 4 * px, y))
+    let taken = Infinity // where the label of the next line to the right begins
+    for (const [i, [x, y, text]] of [...ends.entries()].sort(([, a], [, b]) => b[0] - a[0])) {
+      if (this.part && !(x >= left && x <= left + width && y >= top && y <= top + height)) continue
+      const said = i === ends.length - 1 ? text.replace(' ', TS) : text.split(' ')[0]
+      const wide = ctx.measureText(said).width; const beside = x + 4 * px + wide + 3 * px < taken || y > top + 2 * size(11) * px
+      ctx.fillText(said, beside ? x + 4 * px : x - 5 * px - wide, y)
+      taken = beside ? x : x - 5 * px - wide
+    }
     const rest = this.rest
     if (rest && X(rest) >= bbox.left && X(rest) <= bbox.left + bbox.width) { ctx.fillStyle = token('--ink-3'); ctx.textAlign = 'center'; ctx.fillText('L\u2080', X(rest), bbox.top + bbox.height + 27 * px) }
     ctx.restore()

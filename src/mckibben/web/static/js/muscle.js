@@ -114,7 +114,8 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     g.moveTo(tx, y - 0.42 * k); g.lineTo(tx, y - 46); g.quadraticCurveTo(tx, y - 54, tx - 8, y - 54); g.lineTo(left, y - 54); g.stroke(); g.globalAlpha = 1
   }
   if (!phone) {
-    words(g, 'valve', 42, y - 50, { align: 'right' })
+    if (projected(1) > 1) words(g, 'valve', 69, y - 25, { align: 'center' }) // beside its box there is no room
+    else words(g, 'valve', 42, y - 50, { align: 'right' })
     g.fillStyle = token('--panel'); g.strokeStyle = token('--q-valve'); g.lineWidth = 1.5; g.beginPath(); g.roundRect(46, y - 68, 46, 28, 2); g.fill(); g.stroke()
     words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
   }
@@ -135,7 +136,9 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
   g.fillStyle = token('--ink'); g.beginPath(); g.moveTo(dx, y - r); g.lineTo(dx - 3, y - r - 6); g.lineTo(dx + 3, y - r - 6); g.moveTo(dx, y + r); g.lineTo(dx - 3, y + r + 6); g.lineTo(dx + 3, y + r + 6); g.fill()
   const wide = `D${TS}${fmt(braid(muscle, L).diameter, 2)}${TS}cm`; g.font = `600 ${projected(12)}px ${token('--font')}`
   const fits = dx + 7 + g.measureText(wide).width < x0 + L * k * 0.64 - (phone ? 24 : 34) || phone // beside the lens
-  words(g, wide, fits ? dx + 7 : dx - 7, y - r - 8, { size: 12, weight: 600, colour: '--ink', align: fits ? 'left' : 'right' })
+  const before = dx - 7 - g.measureText(wide).width > tx + 8 // beside the tube
+  const [at, align] = fits ? [dx + 7, 'left'] : before ? [dx - 7, 'right'] : [dx, 'center']
+  words(g, wide, at, fits || before ? y - r - 8 : y + r + 28, { size: 12, weight: 600, colour: '--ink', align })
   ruler(g, { x0, yr, xe, y, k, far, rest, L: Number.isFinite(told.length) ? told.length : rest, range, phone })
   if (!phone) {
     const ratio = scale === 1 ? `1${TS}:${TS}1` : `1${TS}:${TS}${fmt(1 / scale, (1 / scale) % 1 > 0.01 ? 2 : 0)}`
