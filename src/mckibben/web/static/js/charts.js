@@ -76,6 +76,14 @@ function draw (u, spec) {
   labels(u, spec)
 }
 const outside = (u, x, y) => (x !== null && (x < u.scales.x.min || x > u.scales.x.max)) || (y !== null && (y < u.scales.y.min || y > u.scales.y.max))
+/** Words that lines and points leave readable. */
+function above (ctx, words, x, y) {
+  ctx.save()
+  ctx.strokeStyle = token('--panel'); ctx.lineWidth = 3 * devicePixelRatio; ctx.lineJoin = 'round'
+  ctx.strokeText(words, x, y)
+  ctx.restore()
+  ctx.fillText(words, x, y)
+}
 // Words at the ends of the lines, pushed apart where they would cover each other.
 function labels (u, spec) {
   const { ctx, bbox } = u; const px = devicePixelRatio; const put = []
@@ -99,15 +107,14 @@ function labels (u, spec) {
   for (const p of put) {
     ctx.fillStyle = p.colour
     const over = p.x + ctx.measureText(p.text).width - u.ctx.canvas.width
-    ctx.fillText(p.text, over > 0 ? p.x - over - 2 * px : p.x, p.y)
+    above(ctx, p.text, over > 0 ? p.x - over - 2 * px : p.x, p.y)
   }
   for (const m of spec.marks) {
     if (!m.text || outside(u, m.x, m.y)) continue
     ctx.fillStyle = token(m.stop ? '--stop-ink' : '--ink-2')
     const x = m.x === null ? bbox.left + 6 * px : u.valToPos(m.x, 'x', true) + 4 * px
     const y = m.y === null ? bbox.top + 8 * px : u.valToPos(m.y, 'y', true) - 8 * px
-    ctx.strokeStyle = token('--panel'); ctx.lineWidth = 3 * px; ctx.lineJoin = 'round'; ctx.strokeText(m.text, x, y) // over lines
-    ctx.fillText(m.text, x, y)
+    above(ctx, m.text, x, y)
   }
   ctx.restore()
 }
