@@ -418,7 +418,8 @@ def conformance(_: Path) -> str:
     from mckibben.hosts.scenarios import SCENARIOS, STEPS
 
     known = {path.stem: read_certificate(path) for path in sorted((DOCS / CERTIFICATES).glob("*.json"))}
-    of = lambda key: {host: one.content[key] for host, one in known.items()}  # noqa: E731
+    of = lambda key: {host: one.content.get(key, {}) for host, one in known.items()}  # noqa: E731
+    titles = {name: one["title"] for scenarios in of("scenarios").values() for name, one in scenarios.items()}
     hosts = [
         [f"`{host}`", c.content["title"], c.content["version"], "staggered" if c.content["staggered"] else "synchronous"]
         for host, c in known.items()
@@ -428,17 +429,16 @@ def conformance(_: Path) -> str:
     judged = [
         [what, _limit(v), *(_judged(measured[host].get(what)) for host in known)] for what, v in limits.items()
     ]
-    states = [[name, *("same" if s[name] else "**differ**" for s in of("states").values())] for name in STATE_CHECKS]
-    moving = [name for name in SCENARIOS if name in ("hang", "slack", "leak", "joint")]
+    words = {True: "same", False: "**differ**", None: "not tested"}
+    states = [[name, *(words[s.get(name)] for s in of("states").values())] for name in STATE_CHECKS]
     errors = []
-    for name in moving:
+    for name in (name for name in SCENARIOS if name in ("hang", "slack", "leak", "joint", "tank")):
+        rows = [scenarios.get(name) for scenarios in of("scenarios").values()]
+        rotary = any(row["rotary"] for row in rows if row)
         for h in STEPS:
-            rows = [c["scenarios"][name] for c in (one.content for one in known.values())]
-            cells = [
-                f"{row['steps'][f'{h:g}']['position_error'] * (57.29577951308232 if row['rotary'] else 1e3):.3f}"
-                for row in rows
-            ]
-            errors.append([name, f"{1e3 * h:g} ms", "deg" if rows[0]["rotary"] else "mm", *cells])
+            factor = 57.29577951308232 if rotary else 1e3
+            cells = [f"{factor * row['steps'][f'{h:g}']['position_error']:.3f}" if row else "" for row in rows]
+            errors.append([name, f"{1e3 * h:g} ms", "deg" if rotary else "mm", *cells])
     masses = [
         [
             f"{1e3 * h:g} ms",
@@ -450,14 +450,16 @@ def conformance(_: Path) -> str:
     speeds = [["steps of 1 ms in a second", *(f"{speed:,.0f}" for speed in of("steps_per_s").values())]]
     caveats = [f"- `{host}`: {sentence}" for host, said in of("caveats").items() for sentence in said]
     names = [f"`{host}`" for host in known]
-    about = _table(
-        ["scenario", "what happens"],
-        [[name, next(iter(of("scenarios").values()))[name]["title"]] for name in SCENARIOS],
-    )
+    about = _table(["scenario", "what happens"], [[name, titles[name]] for name in SCENARIOS if name in titles])
+    beside = [
+        [f"{own['title']}, at {1e3 * own['span']:g} mm", f"{own['own_tension']:.1f} N", f"{own['tension']:.1f} N"]
+        for own in of("own_actuator").values()
+        if own
+    ]
     return _page(
         "Conformance of hosts",
         "A host is a program that steps a mechanism with a muscle in it ([Use a muscle in another "
-        "program](../../how-to/use-a-muscle-in-another-program.md)). `mckibben conform HOST` runs six scenarios in a host and "
+        "program](../../how-to/use-a-muscle-in-another-program.md)). `mckibben conform HOST` runs seven scenarios in a host and "
         "compares them with the same systems integrated as one. These tables come from the certificates that it wrote, which "
         f"lie in `docs/{CERTIFICATES}`; to make one anew:",
         f"```sh\n$ mckibben conform c --out docs/{CERTIFICATES}/c.json\n```",
@@ -465,7 +467,9 @@ def conformance(_: Path) -> str:
         about,
         "## Limits",
         "The order is that of the largest error of the position between steps of 1 and 2 ms. The gap is the difference between "
-        "the work of the host on the muscles and the part's account of it, over the work that went to and fro, at 1 ms.",
+        "the work of the host on the muscles and the part's account of it, over the work that went to and fro, at 1 ms. The tension "
+        "when slack is the largest of the host's at moments where the same system integrated as one is slack. The gas of the two "
+        "muscles on one tank neither comes in nor goes out: what is gained or lost is over the mass at the start.",
         _table(["", "limit", *names], judged, right=range(1, 2 + len(known))),
         "## Largest errors of the position",
         _table(["scenario", "step", "unit", *names], errors, right=range(3, 3 + len(known))),
@@ -479,6 +483,15 @@ def conformance(_: Path) -> str:
         "## Speed",
         "With one muscle, on the machine that wrote the certificate, which did other things meanwhile.",
         _table(["", *names], speeds, right=range(1, 1 + len(known))),
+        *(
+            [
+                "## Slack beside actuators of the hosts",
+                "A host that brings an actuator for McKibben muscles along, where the braid is slack; below zero it pushes.",
+                _table(["actuator", "its force", "this package"], beside, right=(1, 2)),
+            ]
+            if beside
+            else []
+        ),
         *(["## What was not tested", "\n".join(caveats)] if caveats else []),
     )
 

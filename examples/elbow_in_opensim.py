@@ -19,7 +19,7 @@ import opensim
 
 import mckibben as mk
 from mckibben.hosts import Part
-from mckibben.hosts.opensim import CoSimulation
+from mckibben.hosts.opensim import CoSimulation, actuator_tensions
 
 PERIOD, COUNT, LIFT = 1e-3, 2500, 1.0  # step [s], steps, and the moment at which the elbow is asked to go up [s]
 LOW, HIGH = np.radians(45.0), np.radians(90.0)
@@ -103,31 +103,6 @@ def lift(part: Part, pressure: float) -> ElbowRun:
     return ElbowRun(*np.array(rows).T)
 
 
-def own_actuator(lengths: np.ndarray, pressure: float) -> np.ndarray:
-    """Forces of OpenSim's McKibben actuator with the braid of the nylon muscle [N], positive where it pulls."""
-    model = opensim.Model()
-    body = opensim.Body("end", 1.0, opensim.Vec3(0.0), opensim.Inertia(1.0, 1.0, 1.0))
-    model.addBody(body)
-    slider = opensim.SliderJoint("slider", model.getGround(), body)
-    model.addJoint(slider)
-    actuator = opensim.McKibbenActuator("own", NYLON["number_of_turns"], NYLON["thread_length"])
-    actuator.addNewPathPoint("a", model.getGround(), opensim.Vec3(0.0))
-    actuator.addNewPathPoint("b", body, opensim.Vec3(0.0))
-    model.addForce(actuator)
-    controller = opensim.PrescribedController()
-    controller.addActuator(actuator)
-    controller.prescribeControlForActuator("own", opensim.Constant(pressure))
-    model.addController(controller)
-    model.finalizeConnections()
-    state = model.initSystem()
-    forces = []
-    for length in lengths:
-        state.setQ(opensim.Vector(1, float(length)))
-        model.realizeDynamics(state)
-        forces.append(actuator.getActuation(state))
-    return np.array(forces)
-
-
 def draw(runs: dict[float, ElbowRun], lengths: np.ndarray, theirs: np.ndarray, ours: np.ndarray, folder: Path) -> None:
     """Write the figure: angle, brachialis and pneumatic muscle over time, and forces of both actuators over length."""
     import matplotlib.pyplot as plt
@@ -165,7 +140,11 @@ def main(folder: Path) -> None:
             f"{run.tension[low].mean():20.0f} N {run.tension[high].mean():16.0f} N {run.excitation.max():15.2f}"
         )
     lengths = np.linspace(0.06, 0.15, 46)
-    theirs = own_actuator(lengths, HELD)
+    theirs = np.array(
+        actuator_tensions(
+            lengths, thread_length=NYLON["thread_length"], turns=NYLON["number_of_turns"], pressure=HELD
+        )
+    )
     filled = Part("nylon", mk.Air(supply="6 bar"), span=0.139, pressure=HELD)
     ours = np.array([filled.observe(filled.rest(span), span=span).tension for span in lengths])
     for place in (0, 15, 25, 40):

@@ -16,6 +16,7 @@ LIBRARIES = {
     "distributed": ("sweep", "distributed"),
     "gymnasium": ("gym", "gymnasium"),
     "fmpy": ("fmi", "fmpy"),
+    "libcosimpy": ("libcosim", "libcosimpy"),
     "grpc": ("daq", "nidaqmx[grpc]"),
     "mujoco": ("mujoco", "mujoco"),
     "mujoco_warp": ("warp", "mujoco-warp"),

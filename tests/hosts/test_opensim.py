@@ -1,5 +1,6 @@
 """Muscles beside those of OpenSim: the same motion as a loop of ours, equal bits in saved states, and what is refused."""
 
+import numpy as np
 import pytest
 
 from mckibben.errors import InputError
@@ -35,6 +36,14 @@ def test_opensim_moves_a_weight_as_a_loop_with_mean_accelerations_does(host):
 
 def test_states_of_opensim_keep_their_bits_when_saved_copied_and_reset(host):
     assert {name: check(host) for name, check in STATE_CHECKS.items()} == dict.fromkeys(STATE_CHECKS, True)
+
+
+def test_a_slack_muscle_gives_no_force_where_opensims_own_actuator_pushes(host):
+    """p b^2 (3 L^2/b^2 - 1) / (4 pi n^2) of the ideal law, which that actuator has without an end at zero."""
+    own, b, n = host.own_actuator(), 0.30, 1.5
+    ideal = 5e5 * b**2 / (4.0 * np.pi * n**2) * (3.0 * (own.span / b) ** 2 - 1.0)
+    assert own.own_tension == pytest.approx(ideal, rel=1e-9)  # rounding; -397.9 N
+    assert own.own_tension < -397.0 and own.tension == 0.0
 
 
 def test_a_muscle_without_a_path_is_refused():

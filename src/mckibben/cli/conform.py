@@ -20,14 +20,14 @@ def conform_host(
     host: Annotated[
         str,
         typer.Argument(
-            metavar="HOST", help="Host to test: python, c, mujoco, mujoco-python, warp, drake, opensim, fmi3 or fmi2."
+            metavar="HOST", help="Host to test: python, c, mujoco, mujoco-python, warp, newton, drake, opensim, fmi3, fmi2 or libcosim."
         ),
     ],
     scenario: Annotated[
         list[str] | None,
         typer.Option(
             metavar="SCENARIO",
-            help="Scenario to run instead of all: isometric, hang, slack, loop, leak or joint; may be given several times.",
+            help="Scenario to run instead of all: isometric, hang, slack, loop, leak, joint or tank; may be given several times.",
         ),
     ] = None,
     out: Annotated[Paths, OUT.option()] = None,

@@ -21,6 +21,8 @@ from .compiler import build_library, compiler_version
 from .part import Part
 from .scenarios import HostMoment, Scenario
 
+MASSES = "physics.circuit.mass."  # beginning of the paths of the masses of gas in a part's state
+
 
 class PartReadings(NamedTuple):
     """What a part in a host has returned of its last step.
@@ -29,11 +31,23 @@ class PartReadings(NamedTuple):
         tension: mean over the step, by muscle [N].
         pressure: gauge, at its end, by muscle [Pa].
         work: of the host on all muscles since the start, as the part accounts for it [J].
+        gas: in all volumes of the part at the end of the step [kg]; None where the host does not know it.
     """
 
     tension: dict[str, float]
     pressure: dict[str, float]
     work: float
+    gas: float | None = None
+
+    @classmethod
+    def of(cls, part: Part, state: np.ndarray, outputs: Any) -> PartReadings:
+        """What a part has returned in Python: its state after the step, and its outputs as `Part.step` returns them."""
+        values, alone = outputs._asdict(), len(part.muscles) == 1
+        tension, pressure, work = (
+            {n: values[name if alone else f"{n}_{name}"] for n in part.muscles}
+            for name in ("tension", "pressure", "work")
+        )
+        return cls(tension, pressure, sum(work.values()), part.gas_mass(state))
 
 
 class PartInstance(abc.ABC):
@@ -103,6 +117,22 @@ class HostedMechanism(abc.ABC):
         """Evaluate without going on."""
 
 
+class OwnActuator(NamedTuple):
+    """An actuator for McKibben muscles that a host brings along, and a part with the same braid, where the braid is slack.
+
+    Attributes:
+        title: the actuator, its braid and pressure, as a phrase.
+        span: shorter than the free length of the braid [m].
+        own_tension: of the host's actuator, negative where it pushes [N].
+        tension: of the part [N].
+    """
+
+    title: str
+    span: float
+    own_tension: float
+    tension: float
+
+
 class HostAdapter(abc.ABC):
     """A host into which parts can be built.
 
@@ -111,12 +141,14 @@ class HostAdapter(abc.ABC):
         title: what it is, in a phrase.
         staggered: whether its rates are half a step older than its positions.
         caveats: what could not be tested here, as sentences.
+        untested: tests of states that the host has no means for, by their names in `conformance.STATE_CHECKS`.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     staggered: ClassVar[bool]
     caveats: ClassVar[tuple[str, ...]] = ()
+    untested: ClassVar[tuple[str, ...]] = ()
 
     @abc.abstractmethod
     def version(self) -> str:
@@ -129,6 +161,10 @@ class HostAdapter(abc.ABC):
     @abc.abstractmethod
     def close(self) -> None:
         """Remove what was built."""
+
+    def own_actuator(self) -> OwnActuator | None:
+        """The host's own actuator beside a part; None where it brings none along."""
+        return None
 
 
 class LoopMechanism(HostedMechanism):
@@ -226,13 +262,7 @@ class _PythonInstance(PartInstance):
         self.state, readings = self.part.step(
             self.state, period=period, span=span, rate=rate, staggered=self.staggered, **commands
         )
-        values = readings._asdict()
-        alone = len(self.part.muscles) == 1
-        tension, pressure, work = (
-            {n: values[name if alone else f"{n}_{name}"] for n in self.part.muscles}
-            for name in ("tension", "pressure", "work")
-        )
-        return PartReadings(tension, pressure, sum(work.values()))
+        return PartReadings.of(self.part, self.state, readings)
 
     def save(self) -> Any:
         """The state."""
@@ -275,6 +305,7 @@ class _CompiledPart:
         self.library = ctypes.CDLL(str(library))
         self.sizes = {g: _size(source, g) for g in ("parameters", "state", "inputs", "outputs")}
         self.inputs, self.outputs = (_places(source, group) for group in ("inputs", "outputs"))
+        self.masses = [at for path, at in _places(source, "state").items() if path.startswith(MASSES)]
         call = self.library[f"{source.name}_step"]
         call.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_int, ctypes.c_void_p]
         call.restype = None
@@ -334,6 +365,7 @@ class _CInstance(PartInstance):
             {n: float(values[places[f"tension.{n}"]]) for n in self.muscles},
             {n: float(values[places[f"muscle.{n}.pressure"]]) for n in self.muscles},
             float(sum(values[places[f"work.{n}"]] for n in self.muscles)),
+            float(self.numbers[1][self.compiled.masses].sum()),
         )
 
     def save(self) -> Any:

@@ -94,6 +94,10 @@ class MuscleSystem(LeafSystem):  # type: ignore[misc] # a class of an optional l
         at = self._size + SHOWN.index(name) * len(self.muscles)
         return np.array(context.get_discrete_state(self._state).value()[at : at + len(self.muscles)])
 
+    def part_state(self, context: Any) -> np.ndarray:
+        """State of the part, as `Part.step` takes it; the system's own context."""
+        return np.array(context.get_discrete_state(self._state).value()[: self._size])
+
     def _calc(self, context: Any, out: Any) -> None:
         """The state after the step from this moment, with the outputs of the step."""
         numbers = context.get_discrete_state(self._state).value()

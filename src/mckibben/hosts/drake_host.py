@@ -89,7 +89,7 @@ class DrakeMechanism(HostedMechanism):
             dict(zip(muscles.muscles, muscles.shown(context, name).tolist(), strict=True))
             for name in ("tension", "pressure", "work")
         )
-        return PartReadings(tension, pressure, sum(work.values()))
+        return PartReadings(tension, pressure, sum(work.values()), muscles.part.gas_mass(muscles.part_state(context)))
 
     def save(self) -> Any:
         """A copy of the context."""

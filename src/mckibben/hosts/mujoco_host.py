@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..extras import library
-from .actuators import actuator_roles
+from .actuators import actuator_roles, state_sizes
 from .adapters import HostAdapter, HostedMechanism, PartReadings
 from .c_source import c_source
 from .mujoco_callbacks import MuscleCallbacks, act_size
 from .mujoco_export import SENSED, config_key, export_mujoco, plugin_name
 from .mujoco_model import model_text, pulled_ends
 from .part import Part
-from .scenarios import HostMoment, Scenario, pair_part, single_part
+from .scenarios import HostMoment, Scenario, part_with
 
 
 def _mujoco() -> Any:
@@ -30,7 +30,7 @@ def _mujoco() -> Any:
 @functools.cache
 def _plugin(fingerprint: str) -> str:
     """Build and load the plugin of a part of the scenarios, once per process; its name."""
-    part = next(part for part in (single_part(), pair_part()) if part.fingerprint == fingerprint)
+    part = part_with(fingerprint)
     name = f"conform_{fingerprint[:8]}"
     folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -76,7 +76,7 @@ class MujocoMechanism(HostedMechanism):
     def __init__(self, scenario: Scenario, model: Any, data: Any) -> None:
         self.scenario, self.model, self.data, self.mujoco = scenario, model, data, _mujoco()
         self.names = scenario.part.muscles
-        self._roles = actuator_roles(scenario.part)
+        self._roles, self._sizes = actuator_roles(scenario.part), state_sizes(scenario.part)
         self._kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
 
     @property
@@ -101,7 +101,11 @@ class MujocoMechanism(HostedMechanism):
         self.mujoco.mj_step(self.model, self.data)
         tensions = dict(zip(self.names, (-self.data.actuator_force).tolist(), strict=True))
         pressures, work = self.seen()
-        return PartReadings(tensions, pressures, work)
+        return PartReadings(tensions, pressures, work, self._gas())
+
+    def _gas(self) -> float:
+        """Mass of the gas [kg], from the activations, which begin with the state of the part."""
+        return self.scenario.part.gas_mass(self.data.act[: self._sizes.size] * self._sizes)
 
     @abc.abstractmethod
     def seen(self) -> tuple[dict[str, float], float]:

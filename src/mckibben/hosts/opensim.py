@@ -12,7 +12,7 @@ by its own integrator.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,39 @@ from ..extras import library
 from .part import Part
 
 ACCURACY = 1e-6  # of OpenSim's integrator
+
+
+def actuator_tensions(
+    lengths: Iterable[float], *, thread_length: float, turns: float, pressure: float
+) -> list[float]:
+    """Forces of OpenSim's own ``McKibbenActuator`` at some lengths [N], negative where it pushes.
+
+    Args:
+        lengths: of its path [m].
+        thread_length: of its threads [m].
+        turns: of each thread.
+        pressure: gauge, its control [Pa].
+    """
+    osim = library("opensim", "Forces of a McKibbenActuator need")
+    model, zero = osim.Model(), osim.Vec3(0.0)
+    body = osim.Body("end", 1.0, zero, osim.Inertia(1.0))
+    model.addBody(body)
+    model.addJoint(osim.SliderJoint("slider", model.getGround(), body))
+    actuator = osim.McKibbenActuator("own", turns, thread_length)
+    actuator.addNewPathPoint("a", model.getGround(), zero)
+    actuator.addNewPathPoint("b", body, zero)
+    model.addForce(actuator)
+    controller = osim.PrescribedController()
+    controller.addActuator(actuator)
+    controller.prescribeControlForActuator("own", osim.Constant(pressure))
+    model.addController(controller)
+    model.finalizeConnections()
+    state, forces = model.initSystem(), []
+    for length in lengths:
+        state.setQ(osim.Vector(1, float(length)))
+        model.realizeDynamics(state)
+        forces.append(float(actuator.getActuation(state)))
+    return forces
 
 
 class CoSimulationState(NamedTuple):
@@ -99,6 +132,11 @@ class CoSimulation:
     def time(self) -> float:
         """Of the model [s]."""
         return float(self.state.getTime())
+
+    @property
+    def part_state(self) -> np.ndarray | None:
+        """State of the part, as `Part.step` takes it; None before the first step."""
+        return self._part_state
 
     def span(self) -> dict[str, float]:
         """Span of each muscle [m]."""

@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 
 from ..extras import library
-from .adapters import HostAdapter, HostedMechanism, PartReadings
-from .opensim import CoSimulation
+from ..muscles import Muscle
+from ..muscles.laws.ideal import Ideal
+from .adapters import HostAdapter, HostedMechanism, OwnActuator, PartReadings
+from .opensim import CoSimulation, actuator_tensions
+from .part import Part
 from .scenarios import HostMoment, Scenario
 
 ACCURACY = 1e-9  # of OpenSim's integrator, so that the errors are those of the coupling
+SLACK_SPAN, SLACK_PRESSURE = 0.15, 5e5  # where a braid that is free at 17.3 cm is slack [m], [Pa]
 TO_LARGER_POSITIONS = "outside"  # name of the actuator by which load and force act
 
 
@@ -92,13 +96,10 @@ class OpensimMechanism(HostedMechanism):
     def step(self, moment: HostMoment) -> PartReadings:
         """Go on by one period."""
         self._put(moment)
-        values = self.coupled.step(**moment.commands)._asdict()
-        muscles = self.coupled.part.muscles
-        tension, pressure, work = (
-            {n: values[name if len(muscles) == 1 else f"{n}_{name}"] for n in muscles}
-            for name in ("tension", "pressure", "work")
-        )
-        return PartReadings(tension, pressure, sum(work.values()))
+        outputs = self.coupled.step(**moment.commands)
+        state = self.coupled.part_state
+        assert state is not None  # after a step
+        return PartReadings.of(self.coupled.part, state, outputs)
 
     def save(self) -> Any:
         """Numbers of the model and of the part."""
@@ -140,6 +141,18 @@ class OpensimHost(HostAdapter):
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The model of a scenario at its start."""
         return OpensimMechanism(scenario, period)
+
+    def own_actuator(self) -> OwnActuator:
+        """OpenSim's McKibbenActuator beside a part with the same ideal law."""
+        braid = {"thread_length": 0.30, "turns": 1.5}
+        (own,) = actuator_tensions([SLACK_SPAN], pressure=SLACK_PRESSURE, **braid)
+        part = Part(Muscle(Ideal(**braid)), span=SLACK_SPAN, pressure=SLACK_PRESSURE)
+        return OwnActuator(
+            "OpenSim's McKibbenActuator, threads of 30 cm with 1.5 turns, 5 bar",
+            SLACK_SPAN,
+            own,
+            float(part.observe(part.rest(), span=SLACK_SPAN).tension),
+        )
 
     def close(self) -> None:
         """Nothing was built; OpenSim stays quiet, because it prints a line when it is let speak again."""

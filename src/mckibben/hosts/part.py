@@ -189,6 +189,7 @@ class Part:
         numbered = self.layouts.state.unpack(np.arange(float(self.layouts.state.size)))
         self._commands_in_state = np.array([int(numbered.command[n]) for n in sorted(self.commands)], int)
         self._reach_in_state = np.array([int(numbered.reach[n]) for n in sorted(self.muscles)], int)
+        self._masses_in_state = np.array([int(at) for at in numbered.physics["circuit"]["mass"].values()], int)
         names = _output_names(self.muscles)
         self.outputs = tuple(names)
         self._Outputs: Any = _observation_type(names)
@@ -281,6 +282,10 @@ class Part:
         """Spans at which the last step ended, by the sorted names of the muscles [m]."""
         spans: np.ndarray = state[self._reach_in_state]
         return spans
+
+    def gas_mass(self, state: np.ndarray) -> float:
+        """Mass of the gas in all volumes of the part [kg]."""
+        return float(state[self._masses_in_state].sum())
 
     def observe_vector(self, state: np.ndarray, inputs: np.ndarray) -> Any:
         """Outputs at a moment as a named tuple, without going on; inputs as for `step_vector`."""

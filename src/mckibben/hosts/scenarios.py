@@ -9,6 +9,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -129,6 +131,7 @@ class Scenario:
         commands: by name, one value per interval of the grid.
         forces: from outside, one mean per interval of the grid; none if empty.
         parameters: of the part that differ, by dotted path.
+        closed: whether no gas comes into the part or leaves it.
     """
 
     name: str
@@ -138,6 +141,7 @@ class Scenario:
     commands: Mapping[str, tuple[float, ...]]
     forces: tuple[float, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    closed: bool = False
 
     @property
     def duration(self) -> float:
@@ -260,17 +264,38 @@ def pair_part() -> Part:
 
 
 @functools.cache
-def _carried() -> float:
-    """Weight that the muscle carries at rest [N]: nothing moves at first, so that a rate half a step old is none."""
-    part = single_part()
-    return float(part.observe(part.rest(), span=START).tension)
+def tank_part() -> Part:
+    """Two nylon muscles on a tank that is not filled again."""
+    return Part.from_circuit(Path(str(resources.files(__package__) / "shared_tank.toml")), span=START)
 
 
-def hanging(mass: float | None = None, weight: float | None = None) -> HostMechanism:
-    """A mass [kg] with a weight [N] at the end of the muscle; by default the ones that it carries at rest."""
-    weight = _carried() if weight is None else weight
+def part_with(fingerprint: str) -> Part:
+    """The part of the scenarios that has a fingerprint."""
+    return next(part for part in (single_part(), pair_part(), tank_part()) if part.fingerprint == fingerprint)
+
+
+@functools.cache
+def _carried(fingerprint: str) -> float:
+    """Weight that muscles carry at rest [N]: nothing moves at first, so that a rate half a step old is none."""
+    part = part_with(fingerprint)
+    values = part.observe(part.rest(), span=START)._asdict()
+    return float(sum(values["tension" if len(part.muscles) == 1 else f"{name}_tension"] for name in part.muscles))
+
+
+def hanging(mass: float | None = None, weight: float | None = None, part: Part | None = None) -> HostMechanism:
+    """A mass [kg] with a weight [N] at the ends of muscles side by side; by default the ones that they carry at rest.
+
+    Args:
+        mass: the mass [kg].
+        weight: the weight [N].
+        part: one of those of the scenarios; the single muscle by default.
+    """
+    part = part or single_part()
+    weight = _carried(part.fingerprint) if weight is None else weight
     mass = weight / GRAVITY if mass is None else mass
-    return HostMechanism(mass, {"muscle": -1.0}, {"muscle": 0.0}, load=weight, start=START)
+    return HostMechanism(
+        mass, dict.fromkeys(part.muscles, -1.0), dict.fromkeys(part.muscles, 0.0), load=weight, start=START
+    )
 
 
 def _given(path: Any) -> HostMechanism:
@@ -338,6 +363,22 @@ def _joint() -> Scenario:
     )
 
 
+def _tank() -> Scenario:
+    part = tank_part()
+    left = _series((0.0, 3), (-0.03, 10), (0.0, 12), (0.03, 10), (0.0, 40))
+    right = _series((0.0, 3), (0.04, 10), (0.0, 12), (-0.03, 10), (0.0, 40))
+    pushes = _series((0.0, 45), (-60.0, 5), (0.0, 25))
+    return Scenario(
+        "tank",
+        "a weight on two muscles with one tank, handed over, thrown up and caught",
+        part,
+        hanging(part=part),
+        {"left": left, "right": right},
+        pushes,
+        closed=True,
+    )
+
+
 SCENARIOS: dict[str, Callable[[], Scenario]] = {
     "isometric": _isometric,
     "hang": _hang,
@@ -345,6 +386,7 @@ SCENARIOS: dict[str, Callable[[], Scenario]] = {
     "loop": _loop,
     "leak": _leak,
     "joint": _joint,
+    "tank": _tank,
 }
 
 

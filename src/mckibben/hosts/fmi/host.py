@@ -13,6 +13,8 @@ from ..adapters import LoopHost, PartInstance, PartReadings
 from ..part import Part
 from .archive import export_fmu
 
+MASSES = "state.circuit.mass."  # beginning of the names of the masses of gas
+
 
 class _Fmu:
     """The FMU of a part, unpacked."""
@@ -54,6 +56,7 @@ class _FmuInstance(PartInstance):
         muscles, of = fmu.part.muscles, fmu.references
         self.spans, self.rates = ([of[fmu.name(m, what)] for m in muscles] for what in ("span", "rate"))
         self.read = [of[fmu.name(m, what)] for what in ("tension", "pressure", "work") for m in muscles]
+        self.masses = [reference for name, reference in of.items() if name.startswith(MASSES)]
         self.time, self.started = 0.0, False
 
     def _give(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
@@ -84,10 +87,11 @@ class _FmuInstance(PartInstance):
         except self.fmu.fmpy.fmi1.FMICallException:
             raise ConvergenceError(f"The FMU refuses a step of {period:g} s at {self.time:g} s.") from None
         self.time += period
-        values, muscles = list(self.get(self.read)), self.fmu.part.muscles
+        values, muscles = list(self.get(self.read + self.masses)), self.fmu.part.muscles
         count = len(muscles)
         tension, pressure = (dict(zip(muscles, values[k * count :], strict=False)) for k in (0, 1))
-        return PartReadings(tension, pressure, float(sum(values[2 * count :])))
+        gas = float(sum(values[3 * count :])) if self.masses else None  # states are variables of model exchange only
+        return PartReadings(tension, pressure, float(sum(values[2 * count : 3 * count])), gas)
 
     def save(self) -> Any:
         """The time and the state as bytes; None before the first step."""

@@ -18,23 +18,29 @@ from ..actuators import actuator_roles
 from ..adapters import HostAdapter, HostedMechanism, PartReadings
 from ..c_source import c_source
 from ..mujoco_model import model_text, pulled_ends
-from ..scenarios import HostMoment, Scenario, pair_part, single_part
+from ..scenarios import HostMoment, Scenario, part_with
 from .export import export_warp
 
 DEVICE = "cpu"
 KEPT = ("qpos", "qvel", "qacc_warmstart", "time", "act")  # of the data, by which a moment is saved
 
 
-def _mujoco_warp() -> Any:
-    warp: Any = library("warp", "The host warp needs")
+def quiet_warp(purpose: str) -> Any:
+    """Warp, which says nothing of the kernels that it compiles."""
+    warp: Any = library("warp", purpose)
     warp.config.log_level = warp.LOG_WARNING
+    return warp
+
+
+def _mujoco_warp() -> Any:
+    quiet_warp("The host warp needs")
     return library("mujoco_warp", "The host warp needs")
 
 
 @functools.cache
-def _module(fingerprint: str) -> ModuleType:
+def exported_module(fingerprint: str) -> ModuleType:
     """Export a part of the scenarios and import what was written, once per process."""
-    part = next(part for part in (single_part(), pair_part()) if part.fingerprint == fingerprint)
+    part = part_with(fingerprint)
     folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     (path,) = export_warp(c_source(part, f"conform_{fingerprint[:8]}"), folder)
@@ -50,7 +56,7 @@ class WarpMechanism(HostedMechanism):
 
     def __init__(self, scenario: Scenario, period: float) -> None:
         self.scenario, self.period = scenario, period
-        self._warp, self.module = _mujoco_warp(), _module(scenario.part.fingerprint)
+        self._warp, self.module = _mujoco_warp(), exported_module(scenario.part.fingerprint)
         mujoco: Any = library("mujoco", "The host warp needs")
         self.names, self._roles = scenario.part.muscles, actuator_roles(scenario.part)
         actuators = "".join(
@@ -94,6 +100,7 @@ class WarpMechanism(HostedMechanism):
             {name: seen[f"tension.{name}"] for name in self.names},
             {name: seen[f"muscle.{name}.pressure"] for name in self.names},
             sum(seen[f"work.{name}"] for name in self.names),
+            self.scenario.part.gas_mass(self.muscles.following.numpy()[0]),
         )
 
     def save(self) -> Any:
