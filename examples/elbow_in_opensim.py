@@ -141,9 +141,7 @@ def main(folder: Path) -> None:
         )
     lengths = np.linspace(0.06, 0.15, 46)
     theirs = np.array(
-        actuator_tensions(
-            lengths, thread_length=NYLON["thread_length"], turns=NYLON["number_of_turns"], pressure=HELD
-        )
+        actuator_tensions(lengths, thread_length=NYLON["thread_length"], turns=NYLON["number_of_turns"], pressure=HELD)
     )
     filled = Part("nylon", mk.Air(supply="6 bar"), span=0.139, pressure=HELD)
     ours = np.array([filled.observe(filled.rest(span), span=span).tension for span in lengths])

@@ -1,5 +1,6 @@
 """Conformance of hosts: the hosts of the package meet the limits, and a host that couples wrongly does not."""
 
+import copy
 import json
 import shutil
 from collections.abc import Mapping
@@ -10,7 +11,7 @@ from mckibben.cli import main
 from mckibben.errors import InputError
 from mckibben.hosts import Part, conform
 from mckibben.hosts.adapters import CHost, LoopHost, PartInstance, PythonHost, _PythonInstance
-from mckibben.hosts.conformance import STATE_CHECKS, is_stable, read_certificate
+from mckibben.hosts.conformance import STATE_CHECKS, _verdicts, is_stable, read_certificate
 
 STEPS = (1e-3, 2e-3)
 
@@ -37,7 +38,8 @@ def certificate():
 
 def test_a_loop_in_python_meets_the_limits_and_its_certificate_can_be_read_again(certificate, tmp_path):
     assert certificate.holds
-    assert {v.what for v in certificate.verdicts} == {"hang: error at 1 ms", "hang: order", "hang: gap at the border"}
+    judged = ("error at 1 ms", "order", "gap at the border", "tension when slack")
+    assert {v.what for v in certificate.verdicts} == {f"hang: {what}" for what in judged}
     assert read_certificate(certificate.save(tmp_path / "python.json")).document() == certificate.document()
 
 
@@ -46,6 +48,22 @@ def test_a_host_that_couples_wrongly_misses_the_limits(certificate):
     assert not hasty.holds
     wrong, right = (c.content["scenarios"]["hang"]["steps"]["0.001"] for c in (hasty, certificate))
     assert wrong["position_error"] > 10.0 * right["position_error"]
+
+
+@pytest.mark.slow  # two programs of a part with two muscles, some seconds to compile
+def test_two_muscles_on_a_tank_hand_over_a_weight_without_losing_gas_and_do_not_pull_when_slack():
+    tank = conform(PythonHost(), scenarios=["tank"], steps=STEPS, states=False)
+    assert tank.holds and len(tank.verdicts) == 5
+    assert tank.content["scenarios"]["tank"]["range"] > 0.04  # thrown up by several centimetres
+
+
+def test_lost_gas_and_a_slack_muscle_that_pulls_miss_their_limits(certificate):
+    content = copy.deepcopy(certificate.content)
+    row = content["scenarios"]["hang"]["steps"]["0.001"]
+    assert row["slack_tension"] == 0.0
+    row |= {"slack_tension": 0.1, "gas_change": 1e-6}
+    missed = {v.what for v in _verdicts(content) if not v.holds}
+    assert missed == {"hang: tension when slack", "hang: gas gained or lost"}
 
 
 @pytest.mark.skipif(not (shutil.which("gcc") or shutil.which("cc")), reason="no C compiler here")

@@ -241,7 +241,9 @@ def test_dead_time_leaves_co_simulation_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("host", ["fmi3", "fmi2"])
+@pytest.mark.parametrize("host", ["fmi3", "fmi2", "libcosim"])
 def test_importers_meet_the_limits_of_conformance(host: str) -> None:
+    if host == "libcosim":
+        pytest.importorskip("libcosimpy", reason="libcosim is not installed")
     certificate = conform(host, scenarios=["hang"], steps=(1e-3, 2e-3), states=False)
     assert certificate.holds, certificate.verdicts

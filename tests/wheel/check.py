@@ -151,7 +151,9 @@ CALLS: dict[str, list[Call]] = {
         needs("mujoco", "mujoco-python"),
         needs("warp", "warp"),
         needs("drake", "drake"),
+        needs("warp", "newton"),
         needs("opensim", "opensim"),
+        needs("libcosim", "libcosim"),
     ],
     "export": [
         Call((MUSCLE, "--out", "nylon_c"), ["nylon_c/muscle_part.c", "nylon_c/muscle_part.json"]),

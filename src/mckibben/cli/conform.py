@@ -20,7 +20,8 @@ def conform_host(
     host: Annotated[
         str,
         typer.Argument(
-            metavar="HOST", help="Host to test: python, c, mujoco, mujoco-python, warp, newton, drake, opensim, fmi3, fmi2 or libcosim."
+            metavar="HOST",
+            help="Host to test: python, c, mujoco, mujoco-python, warp, newton, drake, opensim, fmi3, fmi2 or libcosim.",
         ),
     ],
     scenario: Annotated[

@@ -36,7 +36,9 @@ ORDERED = ("hang", "slack", "joint", "tank")  # scenarios whose order is judged
 LEAST_ORDER = 1.7  # between 1 and 2 ms
 LARGEST_GAP = 5e-3  # work at the border over turnover, at 1 ms
 LARGEST_SLACK = 0.0  # tension while the same system integrated as one is slack [N]
-LARGEST_GAS_CHANGE = 1e-9  # of the mass of gas in a closed part, over the mass at the start: rounding of some hundred steps
+LARGEST_GAS_CHANGE = (
+    1e-9  # of the mass of gas in a closed part, over the mass at the start: rounding of some hundred steps
+)
 CHECKED = 40  # steps after a restored state that are compared
 THREADS = 4
 LIGHT_LOAD = 40.0  # force on the mass whose smallest value is sought [N]

@@ -24,9 +24,7 @@ from .part import Part
 ACCURACY = 1e-6  # of OpenSim's integrator
 
 
-def actuator_tensions(
-    lengths: Iterable[float], *, thread_length: float, turns: float, pressure: float
-) -> list[float]:
+def actuator_tensions(lengths: Iterable[float], *, thread_length: float, turns: float, pressure: float) -> list[float]:
     """Forces of OpenSim's own ``McKibbenActuator`` at some lengths [N], negative where it pushes.
 
     Args:
