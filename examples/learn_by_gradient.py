@@ -1,6 +1,6 @@
 """Train policies by the gradient of whole episodes on environments of muscles, beside proximal policy optimisation (PPO).
 
-    python examples/learn_by_gradient.py [Lift Joint Reach Pressure] [--iterations 100] [--seed 0] [--no-ppo] [--out FOLDER]
+    python examples/learn_by_gradient.py [Lift Joint Reach Pressure] [--iterations 100] [--rate 4e-3] [--seed 0] [--no-ppo]
 
 The policy is the network of `learn_by_ppo.py`, and it sees what the environments show. Each iteration runs 32 episodes as
 lanes of one kernel, differentiates their cost by all weights of the network, and takes a step of Adam; an iteration of PPO
@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import learn_by_ppo as ppo  # noqa: E402
 
 LANES = 32  # episodes of an iteration
-RATE, LEAST_RATE, LARGEST_SLOPE = 4e-3, 2e-4, 1.0
+RATE, LEAST_RATE, LARGEST_SLOPE = 4e-3, 2e-4, 1.0  # of Adam at the start and at the end, and limit of the slope
 SMOOTH = 0.05  # error over the tolerance below which the cost is a parabola
 SEEN = 64  # episodes by which the learning curve is drawn
 
@@ -59,7 +59,9 @@ def act(layers: list, shown: jax.Array) -> jax.Array:
     return jnp.tanh(ppo.network(layers, shown))
 
 
-def train(name: str, iterations: int, seed: int) -> tuple[list, list[tuple[int, float, float]]]:
+def train(
+    name: str, iterations: int, seed: int, first_rate: float = RATE
+) -> tuple[list, list[tuple[int, float, float]]]:
     """Network of the trained policy, and rows of the learning curve: control steps, seconds, mean error."""
     task, random = TASKS[f"mckibben/{name}-v0"], np.random.default_rng(seed)
     layers = ppo.begin(random, len(task.senses), len(task.actions))["policy"]
@@ -77,7 +79,7 @@ def train(name: str, iterations: int, seed: int) -> tuple[list, list[tuple[int, 
         mean = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, moments[0], slope)
         square = jax.tree.map(lambda s, g: 0.99 * s + 0.01 * g * g, moments[1], slope)
         a, b = 1.0 - 0.9**count, 1.0 - 0.99**count
-        rate = LEAST_RATE + (RATE - LEAST_RATE) * 0.5 * (1.0 + jnp.cos(jnp.pi * (count - 1) / iterations))
+        rate = LEAST_RATE + (first_rate - LEAST_RATE) * 0.5 * (1.0 + jnp.cos(jnp.pi * (count - 1) / iterations))
         step = lambda w, m, s: w - rate * (m / a) / (jnp.sqrt(s / b) + 1e-8)  # noqa: E731
         return value, jax.tree.map(step, layers, mean, square), (mean, square)
 
@@ -126,13 +128,19 @@ def draw(curves: dict[str, dict[str, list]], shut: dict[str, tuple[float, str]],
 
 
 def main(
-    folder: Path, tasks: Sequence[str] = ("Lift",), iterations: int = 60, seed: int = 0, *, with_ppo: bool = False
+    folder: Path,
+    tasks: Sequence[str] = ("Lift",),
+    iterations: int = 60,
+    seed: int = 0,
+    *,
+    rate: float = RATE,
+    with_ppo: bool = False,
 ) -> None:
     """Train policies, print their errors, and draw the learning curves."""
     curves, shut = {}, {}
     for name in tasks:
         print(f"{name}, by gradient:")
-        layers, curve = train(name, iterations, seed)
+        layers, curve = train(name, iterations, seed, rate)
         error, unit = ppo.evaluate(name, lambda shown, now=layers: act(now, shown))
         shut[name] = ppo.evaluate(name, lambda shown, width=layers[-1][1].size: np.zeros((len(shown), width)))
         print(f"  mean error over 256 new episodes {error:.4g} {unit}; with valves shut {shut[name][0]:.4g} {unit}")
@@ -152,9 +160,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Train policies by gradients of episodes on environments of muscles.")
     parser.add_argument("task", nargs="*", default=["Lift"], choices=known, help="Tasks to train on")
     parser.add_argument("--iterations", type=int, default=100, help="Iterations of 6,400 control steps each")
+    parser.add_argument("--rate", type=float, default=RATE, help="Rate of Adam at the start; Reach needs 2e-3")
     parser.add_argument("--seed", type=int, default=0, help="Random seed of networks and goals")
     parser.add_argument("--no-ppo", action="store_true", help="Leave out PPO")
     parser.add_argument("--out", type=Path, default=Path("out"), help="Folder of the figure")
     options = parser.parse_args()
     options.out.mkdir(exist_ok=True)
-    main(options.out, options.task, options.iterations, options.seed, with_ppo=not options.no_ppo)
+    main(options.out, options.task, options.iterations, options.seed, rate=options.rate, with_ppo=not options.no_ppo)

@@ -1,4 +1,4 @@
-"""libcosim as `mckibben conform` sees it: FMUs of parts as slaves of executions, whose inputs are overridden at every step."""
+"""libcosim as `mckibben conform` sees it: FMUs of parts as slaves of executions, whose inputs are overridden."""
 
 from __future__ import annotations
 
