@@ -28,7 +28,7 @@ def conform_host(
         list[str] | None,
         typer.Option(
             metavar="SCENARIO",
-            help="Scenario to run instead of all: isometric, hang, slack, loop, leak, joint or tank; repeatable.",
+            help="Scenario to run instead of all: isometric, hang, slack, loop, leak, joint or tank.",
         ),
     ] = None,
     out: Annotated[Paths, OUT.option()] = None,
