@@ -266,7 +266,7 @@ COMMANDS = {
     }),
     "size": ("size --force @force:100_N --stroke @length:2_cm --pressure @pressure:5_bar", {
         "--space": "length", "--speed": "number", "--cycles": "number", "--tube": "length", "--law": "name",
-        "--top": "whole", "--out": "picture",
+        "--top": "whole", "--out": "picture", "--from-posterior": "toml",
     }),
     "parts": ("parts valves", {"--min-flow": "number", "--max-mass": "number", "--out": "picture"}),
     "sweep": ("sweep @toml:sweep.toml --dry-run --out results", {"--scheduler": "name", "--workers": "whole"}),

@@ -110,6 +110,8 @@ def test_valves_and_a_figure(run, tmp_path):
         ({"--working-time": "8 h"}, "--working-time needs a frequency"),
         ({"--battery": "100 W"}, "--battery"),
         ({"--tank": "2 l"}, "--tank must be a volume and a gauge pressure"),
+        ({"--from-posterior": "none.json"}, "--from-posterior is allowed only with --muscle"),
+        ({"--from-posterior": "none.json", "--muscle": "nylon"}, "File not found: none.json"),
         ({"--out": "size.gif"}, "--out"),
     ],
 )

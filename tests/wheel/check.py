@@ -214,6 +214,10 @@ CALLS: dict[str, list[Call]] = {
             ),
             ["muscle.toml"],
         ),
+        Call(
+            ("--force", "50 N", "--stroke", "3 cm", "--muscle", "nylon", "--from-posterior", "no.json", "--pressure", "5 bar"),
+            says=("File not found: no.json",),
+        ),
     ],
     "sweep": [
         Call((str(ROOT / "examples" / "sweeps" / "tube-and-threshold.toml"), "--out", "sweep", "--dry-run")),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import __version__, muscles
+from .. import __version__, identification, muscles
 from ..documents import write_text
 from ..errors import InputError
 from ..quantities import parse
@@ -16,7 +16,7 @@ from ..specimens import save_specimen
 from ..studies import sizing as sizing_package
 from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._progress import told
-from ._terminal import FigureLook, FigureWidth, Json, caution, print_json, table, writable
+from ._terminal import FigureLook, FigureWidth, FromPosterior, Json, caution, print_json, table, writable
 
 if TYPE_CHECKING:
     from ..studies.sizing import Sizing
@@ -83,6 +83,7 @@ def size_muscle(
             help="Candidate, or .toml file of a muscle, for which valves and gas sources are sought.",
         ),
     ] = None,
+    from_posterior: FromPosterior = None,
     law: Annotated[
         str, typer.Option(metavar="LAW", help="Law of the braids: linear_threshold, thick_wall or ideal.")
     ] = "linear_threshold",
@@ -113,6 +114,9 @@ def size_muscle(
             raise InputError(
                 option, None, f"is allowed only without --no-lines: a {option[2:]} takes a valve and a tube"
             )
+    if from_posterior is not None and muscle is None:
+        raise InputError("--from-posterior", None, "is allowed only with --muscle, whose law was fitted")
+    samples = None if from_posterior is None else identification.read_posterior(from_posterior)
     warnings = caution(muscles.plausible.pressure_caution(parse(pressure, "Pa", field="--pressure"), text=pressure))
     with OUT.files(out) as files:
         try:
@@ -130,6 +134,7 @@ def size_muscle(
                     valve=valve,
                     battery=battery,
                     tank=tank,
+                    posterior=samples,
                     law=law,
                     muscle=muscle,
                     lines=not no_lines,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, ClassVar
@@ -11,6 +12,7 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...extras import library
+from ...identification.posterior import Posterior, read_posterior
 from ...quantities import in_si, with_unit
 from ...specimens import Specimen, specimen_ids
 from ...specimens.parts import parts
@@ -19,6 +21,7 @@ from .as_files import circuit_of, specimen_of
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Judged, judged, ranked
+from .from_posterior import PosteriorAnswer, answer_of_posterior
 from .lines import LENGTHS, LineResult, dead_volume, lines_for, time_range
 from .own_parts import battery_of, tank_of, valve_of
 from .requirements import ALLOWED, Requirements, Shortfall, parse_space
@@ -78,6 +81,7 @@ class Sizing:
         time_range: shortest and longest time of the best line to the force, within its inferred numbers [s].
         daily: what a day takes; None without a frequency and a working time.
         valves: specimens of the valves of the user's own, by the names in `lines`.
+        samples: force and stroke of the chosen muscle by the posterior of its law; None if none was given.
     """
 
     wish: Requirements
@@ -93,6 +97,7 @@ class Sizing:
     time_range: tuple[float, float] | None = None
     daily: DailyUse | None = None
     valves: Mapping[str, Specimen] = field(default_factory=dict)
+    samples: PosteriorAnswer | None = None
 
     plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
 
@@ -163,6 +168,7 @@ class Sizing:
             "piston": {k: None if v is None else {"input": v[0], "output": v[1]} for k, v in self.piston.items()},
             "ranges": None if self.spread is None else self.spread._asdict() | {"to_force": self.time_range},
             "daily": None if self.daily is None else asdict(self.daily),
+            "posterior": None if self.samples is None else self.samples.to_dict(),
             "sentence": None if self.reached else self.sentence(),
         }
 
@@ -212,6 +218,7 @@ def size(
     valve: str | Sequence[str] | None = None,
     battery: float | str | None = None,
     tank: str | None = None,
+    posterior: Posterior | str | os.PathLike[str] | None = None,
     lines: bool = True,
     progress: Progress | None = None,
 ) -> Sizing:
@@ -236,6 +243,7 @@ def size(
             ``"Cv=0.3, switching_time=8 ms"`` (`own_parts.valve_of`).
         battery: energy of a battery of one's own that feeds a small compressor [J], such as ``"100 Wh"``.
         tank: tank of air of one's own, such as ``"2 l at 200 bar"``.
+        posterior: samples of the law of `muscle`, or the file of a fit with them, for intervals of its force and stroke.
         lines: look for valves and tubes.
         progress: called with a description of the next stage.
 
@@ -264,6 +272,9 @@ def size(
     if law not in BRAID_LAWS:
         raise InputError("law", law, known=BRAID_LAWS)
     _check_muscle(muscle)
+    if posterior is not None and muscle is None:
+        raise InputError("posterior", None, "is allowed only with a muscle, whose law was fitted")
+    drawn = posterior if posterior is None or isinstance(posterior, Posterior) else read_posterior(posterior)
     own_valves = None if valve is None else [valve_of(one) for one in ([valve] if isinstance(valve, str) else valve)]
     own_sources = [battery_of(battery)] if battery is not None else []
     own_sources += [tank_of(tank, wish.environment)] if tank is not None else []
@@ -320,6 +331,7 @@ def size(
         times,
         None if spread is None else daily_use(wish, air, spread.air, line),
         {one.id: one for one in own_valves or ()},
+        None if drawn is None else answer_of_posterior(drawn, chosen.muscle, wish),
     )
 
 

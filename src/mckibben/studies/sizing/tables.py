@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ...identification.posterior import Band
 from ...quantities import from_si, with_unit
 from .candidate import Judged
 from .lines import LineResult
@@ -65,6 +66,7 @@ def muscle_table(sizing: Sizing, top: int) -> SizingTable:
     ]  # fmt: skip
     notes = [_braid_words(one) for one in sizing.muscles[:top] if one.muscle.kind == "braid"][:1]
     notes += range_words(sizing)
+    notes += posterior_words(sizing)
     if not sizing.reached:
         notes += [
             f"What would do: {m.sentence()}" if m.reachable else f"Not by itself: {m.part}" for m in sizing.misses
@@ -128,6 +130,29 @@ def range_words(sizing: Sizing) -> list[str]:
         shortest, longest = (ms(t) if t < float("inf") else "never" for t in sizing.time_range)
         words.append(f"{sizing.line.valve} with {sizing.line.tube}: to the force in {shortest} to {longest} ms.")
     return words
+
+
+def posterior_words(sizing: Sizing) -> list[str]:
+    """Force and stroke by the posterior of the chosen muscle's law, as sentences."""
+    answer = sizing.samples
+    if answer is None:
+        return []
+    force, stroke = (
+        f"{with_unit(float(band.median), unit, 3)} ({_ends(band.low, band.high)} with 95 %)"
+        for band, unit in ((answer.force, "N"), (_scaled(answer.stroke), "cm"))
+    )
+    words = [
+        f"{sizing.chosen.muscle.id}, by the posterior of {answer.law}: force at the end of the stroke {force}, "
+        f"stroke to the force {stroke}; enough in {100.0 * answer.reached:.3g} % of the samples."
+    ]
+    if not answer.within:
+        words.append("The stroke or the pressure reaches beyond the measured map, where the intervals are a guess.")
+    return words
+
+
+def _scaled(band: Band) -> Band:
+    """A band of lengths in centimetres."""
+    return Band(*(100.0 * float(end) for end in band))
 
 
 def _ends(low: float, high: float) -> str:
