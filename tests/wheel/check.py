@@ -168,6 +168,7 @@ CALLS: dict[str, list[Call]] = {
         Call(("DMSP-20-300", "--law", "ideal", "--length-error", "0.5 mm")),
         needs("report", "DMSP-20-300", "--out", "fit.pdf"),
         needs("posterior", "DMSP-20-300", "--law", "ideal", "--posterior"),
+        Call(("no.csv", "--friction", "dahl"), says=("File not found: no.csv",)),
     ],
     "next": [Call(("--from", "no.json"), says=("File not found: no.json",))],
     "check": [Call(("own.py:Spring",)), Call(("nowhere.py:Law",), says=("File not found: nowhere.py",))],
@@ -215,7 +216,10 @@ CALLS: dict[str, list[Call]] = {
             ["muscle.toml"],
         ),
         Call(
-            ("--force", "50 N", "--stroke", "3 cm", "--muscle", "nylon", "--from-posterior", "no.json", "--pressure", "5 bar"),
+            (
+                "--force", "50 N", "--stroke", "3 cm", "--pressure", "5 bar", "--muscle", "nylon", "--from-posterior",
+                "no.json",
+            ),
             says=("File not found: no.json",),
         ),
     ],
@@ -235,7 +239,10 @@ CALLS: dict[str, list[Call]] = {
             ["bode.svg"],
         )
     ],
-    "circuit fit": [Call(("tank.toml", "tank.nc", "--out", "fit.svg"), ["fit.svg"])],
+    "circuit fit": [
+        Call(("tank.toml", "tank.nc", "--out", "fit.svg"), ["fit.svg"]),
+        needs("posterior", "tank.toml", "tank.nc", "--posterior"),
+    ],
     "record show": [Call(("loop.nc",))],
     "record plot": [
         Call(("loop.nc", "--out", "plot.svg"), ["plot.svg"]),

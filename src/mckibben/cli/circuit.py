@@ -21,6 +21,7 @@ from ..quantities import from_si, parse, shown_unit, with_unit
 from ..report.figures import circuit_diagram, circuit_figures, frequency_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, TABLE, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import progress, told
+from ._samples import checked_draws, show_samples
 from ._terminal import FigureLook, FigureWidth, Json, caution, options_named, pairs, print_json, table
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 SHOWN = OutputKinds(figure=FIGURE, result=OBJECT)
 RUN = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
+DRAWS = 1000
 FIT = RESPONSE = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
 File = Annotated[Path, typer.Argument(metavar="CIRCUIT", help="Circuit file with its signals and its run.")]
 Change = Annotated[
@@ -261,6 +263,13 @@ def fit(
         typer.Option(metavar="NAME=UNIT", help="Unit of a column whose header has none, such as tank.pressure=kPa."),
     ] = None,
     change: Change = None,
+    posterior: Annotated[
+        bool,
+        typer.Option(
+            "--posterior", help="Draw from the posterior of the parameters, with a discrepancy of the circuit."
+        ),
+    ] = False,
+    draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     out: Annotated[Paths, FIT.option()] = None,
@@ -269,17 +278,27 @@ def fit(
     """Fit a circuit's parameters to records of its pressures, and predict other records.
 
     $ mckibben circuit fit bench.toml measured.csv --free elements.tube.friction_scale --out fit.svg
+    $ mckibben circuit fit bench.toml measured.csv --free elements.valve.conductance --posterior --out fit.json
     """
+    if posterior:
+        checked_draws(draws)
     with FIT.files(out) as files:
         result, used, title = _fitted(file, records, free, predict, start, column, unit, change)
+        samples = (
+            result.posterior(used[: len(records)], step=planned(file, change).step, draws=draws) if posterior else None
+        )
         files.write("figure", lambda path: style.save(circuit_figures.overview(result, used, title=title), path))
         content = circuit_fit_json(result)
+        if samples is not None:
+            content["posterior"] = samples.to_dict()
         files.write_rows([{"parameter": name} | e._asdict() for name, e in result.parameters.items()])
         files.write_result(content)
         if as_json:
             print_json(content)
         else:
             show_circuit_fit(result, title)
+            if samples is not None:
+                show_samples(samples, "the circuit")
             files.say()
 
 

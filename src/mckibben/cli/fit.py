@@ -14,13 +14,14 @@ from .._lazy import LazyModule
 from ..bench import rig_file
 from ..documents import JsonValue, read_toml
 from ..errors import InputError
-from ..extras import library
 from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
 from ..report.figures import fit_figures, posterior_figures, style
 from ..specimens import Specimen
+from . import _fit_loop
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._progress import progress
+from ._samples import HEADS, checked_draws, interval_rows
 from ._terminal import (
     FigureLook,
     FigureWidth,
@@ -107,6 +108,13 @@ def fit(
         ),
     ] = False,
     draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Fit a friction with memory to a loop of pressure and stroke instead: bouc_wen, dahl, maxwell_slip or all.",
+        ),
+    ] = None,
     length_error: Annotated[
         str | None,
         typer.Option(
@@ -123,19 +131,34 @@ def fit(
 
     $ mckibben fit measured.csv --rest-length '300 mm' --out report.html --out my-muscle.toml
     $ mckibben fit measured.csv --rest-length '300 mm' --law linear_threshold --posterior --out fit.json
+    $ mckibben fit loop.csv --friction bouc_wen --posterior --out loop.svg
     """
-    if posterior and not 100 <= draws <= 100_000:
-        raise InputError("--draws", draws, "must be between 100 and 100000")
+    if posterior:
+        checked_draws(draws)
     if rig is not None and not posterior:
         raise InputError("--rig", rig, "is allowed only with --posterior")
-    if posterior:
-        library("numpyro", "Samples of a posterior need", where="--posterior")
     if any(f.endswith(".toml") for f in tables):
         if out:
             raise InputError("--out", str(out[0]), "is allowed only with tables: printed constraints are not drawn")
         _constraints(tables, as_json)
         return
     with OUT.files(out) as files:
+        if friction is not None:
+            zero = 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero")
+            units = pairs(unit, "--unit", "pressure=kPa")
+            _fit_loop.fit_friction(
+                tables,
+                friction,
+                {"columns": column_places(column), "units": units, "pressure_zero": zero},
+                like=like,
+                law=law,
+                change=change,
+                posterior=posterior,
+                draws=draws,
+                files=files,
+                as_json=as_json,
+            )
+            return
         for place in files["report"]:
             document.checked_place(place, field="--out")
         if files["specimen"] and len(tables) > 1:
@@ -199,13 +222,8 @@ def map_sensors(rig: Rig) -> identification.posterior.MapSensors:
 
 def show_posterior(samples: Posterior) -> None:
     """Print median and intervals of a posterior's parameters, its discrepancy, and cautions."""
-    joint = samples.joint_intervals()
-    rows = []
-    for name, e in samples.intervals().items():
-        ends = (e.low, e.high, joint[name].low, joint[name].high)
-        rows.append([name, with_unit(e.value, e.unit), *(with_unit(v, e.unit) for v in ends)])
-    heads = ["parameter", "median", "95 %: from", "to", "95 % of all at once: from", "to"]
-    table(f"posterior of {samples.law}, {len(samples)} samples", heads, rows, right=range(1, 6))
+    rows = interval_rows(samples.intervals(), samples.joint_intervals())
+    table(f"posterior of {samples.law}, {len(samples)} samples", HEADS, rows, right=range(1, 6))
     size, noise = float(np.median(samples.amplitude)), float(np.median(samples.noise * samples.sensor_noise))
     largest = samples.points.largest
     typer.echo(

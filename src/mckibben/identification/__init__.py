@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from . import constraints as constraints
     from . import hysteresis_fit as hysteresis_fit
     from . import next_points as next_points
+    from . import path_record as path_record
+    from . import record_posterior as record_posterior
     from . import trial as trial
     from .circuit_fit import CircuitFit as CircuitFit
     from .circuit_fit import fit_circuit as fit_circuit

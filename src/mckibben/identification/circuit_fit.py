@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,12 @@ from ..engine.rates import RK4_LIMIT
 from ..errors import ConvergenceError, InputError
 from ..quantities import Quantity
 from ._checks import require_influence, require_progress
+from .sampler import HostModel
 from .trial import Trial, expand
 from .uncertainty import Estimate, uncertainty, widening
+
+if TYPE_CHECKING:
+    from .record_posterior import RecordPosterior, RecordProblem
 
 DELAY = Quantity("s", (0.0, 1.0), "delay of the signal", "", (1e-4, 2e-2))
 
@@ -212,6 +216,20 @@ class CircuitFit:
         """The fitted values by full dotted path [SI]."""
         return {path: self.parameters[p].value for p, many in self.paths.items() for path in many}
 
+    def posterior(
+        self,
+        trials: Sequence[Trial],
+        *,
+        noise: float | None = None,
+        step: float = STEP,
+        draws: int = 1000,
+        seed: int = 0,
+    ) -> RecordPosterior:
+        """Draw from the posterior of the parameters; see `record_posterior.posterior_of_circuit`."""
+        from .record_posterior import posterior_of_circuit
+
+        return posterior_of_circuit(self, trials, noise=noise, step=step, draws=draws, seed=seed)
+
     def rms(self, *, fitted: bool = True, channel: str | None = None) -> float:
         """Root mean square error of the records that were fitted, or of those that were predicted [SI]."""
         some = [e.rms for e in self.errors if e.fitted == fitted and channel in (None, e.channel)]
@@ -292,6 +310,36 @@ def fit_circuit(
         message=str(solution.message).replace("`", "").strip(" ."),
         evaluations=int(solution.nfev),
         warnings=tuple(warnings),
+    )
+
+
+def record_problem(fit: CircuitFit, trials: Sequence[Trial], *, step: float = STEP) -> RecordProblem:
+    """What was fitted, for a posterior: scaled parameters with their bounds, and the prediction of the pressures.
+
+    Args:
+        fit: of the circuit.
+        trials: records to which it was fitted.
+        step: step of the integration [s].
+    """
+    from .record_posterior import RecordProblem
+
+    names = tuple(fit.parameters)
+    problem = CircuitProblem.of(trials, names, {n: e.value for n, e in fit.parameters.items()}, step)
+    measured = np.concatenate([values for trial in trials for values in trial.measured.values()])
+    low, high = problem.bounds
+    return RecordProblem(
+        names=names,
+        units=tuple(q.unit for q in problem.quantities),
+        low=low,
+        high=high,
+        start=problem.start,
+        log=np.array([problem.logarithmic(i) for i in range(len(names))]),
+        size=problem.size,
+        model=HostModel(lambda x: problem.residual(x) + measured, problem.jacobian),
+        measured=measured,
+        group=np.concatenate([np.full(len(part), i) for i, part in enumerate(problem.split(measured))]),
+        used=np.ones(len(measured), bool),
+        unit="Pa",
     )
 
 

@@ -29,10 +29,12 @@ from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
 from ._checks import require_influence, require_progress
 from .path_record import PathRecord
+from .sampler import HostModel
 from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
 if TYPE_CHECKING:
     from ..engine.prediction import Prediction
+    from .record_posterior import RecordPosterior, RecordProblem
 
 
 class Free(NamedTuple):
@@ -102,6 +104,38 @@ class LoopFit(PartialFit):
     predicted: np.ndarray  # stroke along the whole record (n,) [m]
     converged: bool
     warnings: tuple[str, ...]
+    muscle: TensionLaw | None = None  # the law of the balance, where it is no curve
+    knots: int = 6  # of the curve
+
+    def problem(self) -> RecordProblem:
+        """What was fitted, for a posterior: scaled parameters with their bounds, and the prediction of the stroke."""
+        from .record_posterior import RecordProblem
+
+        free, _ = _parameters(self.record, self.model, self.muscle, dict(self.known), self.knots)
+        values = {n: e.value for n, e in self.parameters.items()}
+        values |= {f"rise_{i}": float(v) for i, v in enumerate(np.diff(self.curve, prepend=0.0))}
+        of = _predictor(self.record, self.model, self.muscle, dict(self.known), tuple(free.items()), self.knots)
+        log = np.array([f.log for f in free.values()])
+        return RecordProblem(
+            names=tuple(free),
+            units=tuple(f.unit for f in free.values()),
+            low=np.array([_scaled(f, f.low) for f in free.values()]),
+            high=np.array([_scaled(f, f.high) for f in free.values()]),
+            start=np.array([_scaled(f, values[n]) for n, f in free.items()]),
+            log=log,
+            size=np.where(log, 1.0, [_size(f) for f in free.values()]),
+            model=HostModel(*of),
+            measured=self.record.stroke,
+            group=np.zeros(len(self.record.stroke), int),
+            used=self.train,
+            unit="m",
+        )
+
+    def posterior(self, *, noise: float | None = None, draws: int = 1000, seed: int = 0) -> RecordPosterior:
+        """Draw from the posterior of the parameters; see `record_posterior.posterior_of_loop`."""
+        from .record_posterior import posterior_of_loop
+
+        return posterior_of_loop(self, noise=noise, draws=draws, seed=seed)
 
     @property
     def error(self) -> np.ndarray:
@@ -221,6 +255,8 @@ def fit_loop(
         predict(best.x),
         best.status > 0,
         (*lost, *spread.warnings, *bound),
+        law,
+        knots,
     )
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from .._jax import Scalar
 from ..errors import InputError, choice
+from ..quantities import to_si
+from ..recordings.columns import column_numbers, parse_header, quantity_of, table_labels
+from ..recordings.force_map import table_of
 
 # A reversal smaller than this share of the range is noise and no turning point.
 NOISE = 0.05
@@ -126,3 +131,68 @@ class PathRecord:
             raise InputError("train", how, f"must be {choice(SPLITS)}", where=self.name)
         samples: np.ndarray = kinds[how]
         return samples
+
+
+STROKES = ("stroke", "displacement", "travel", "shortening", "hub", "weg")  # labels of a column of strokes
+LENGTHS = ("span", "length")  # of one of lengths, which the stroke shortens
+MOST = 400  # samples of a path; a longer record is thinned, for quasi-static friction knows no time
+
+
+def read_path(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    pressure_zero: float = 0.0,
+) -> PathRecord:
+    """Read a loop of pressure and stroke, or of pressure and length, from a file of any format.
+
+    Args:
+        path: a table, or a recording; of a long one evenly `MOST` samples are read.
+        columns: label or number of the column of ``pressure``, and of ``stroke`` or ``length``, where they have other names.
+        units: unit of such a column whose header has none.
+        pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
+
+    Raises:
+        InputError: names file, column and what is allowed.
+    """
+    where, table = str(path), table_of(Path(path))
+    labels = table_labels(table)
+    names = [parse_header(0, label)[0].rpartition(".")[2] for label in labels]
+    places = {
+        "pressure": [i for i, name in enumerate(names) if quantity_of(name) == "pressure"],
+        "stroke": [i for i, name in enumerate(names) if name in STROKES],
+        "length": [i for i, name in enumerate(names) if name in LENGTHS],
+    }
+    for quantity, column in (columns or {}).items():
+        if quantity not in places:
+            raise InputError("column", quantity, known=places, where=where)
+        places[quantity] = [_column(column, labels, where)]
+    moved = "stroke" if places["stroke"] or not places["length"] else "length"
+    values = {}
+    for quantity, unit in (("pressure", "Pa"), (moved, "m")):
+        if len(places[quantity]) != 1:
+            problem = f"must be one column; the file has {', '.join(labels)}"
+            raise InputError(quantity, None, problem, where=where, remedy=f"column {quantity}")
+        place = places[quantity][0]
+        source = parse_header(0, labels[place])[1]
+        stated = (units or {}).get(quantity, source.unit)
+        if stated is None:
+            raise InputError(labels[place], None, "has no unit", where=where, remedy=f"unit {quantity}")
+        numbers = column_numbers(table.columns[place], table.rows, where)
+        values[quantity] = to_si(1.0, stated, unit, field=labels[place], where=where) * numbers
+    every = -(-len(values["pressure"]) // MOST)
+    stroke = values["stroke"] if moved == "stroke" else values["length"].max() - values["length"]
+    return PathRecord((values["pressure"] - pressure_zero)[::every], stroke[::every], where)
+
+
+def _column(column: str | int, labels: list[str], where: str) -> int:
+    """Place of a column by its label, its label without unit, or its number from 1."""
+    if isinstance(column, int):
+        if not 1 <= column <= len(labels):
+            raise InputError("column", column, f"must be between 1 and {len(labels)}", where=where)
+        return column - 1
+    alike = [i for i, label in enumerate(labels) if column in (label, label.partition(" [")[0])]
+    if len(alike) != 1:
+        raise InputError("column", column, "the file has", known=labels, where=where)
+    return alike[0]

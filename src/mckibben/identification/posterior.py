@@ -27,6 +27,7 @@ from ..muscles.laws import law_type
 from ..quantities import declared
 from ..recordings import ForceMap
 from . import sampler
+from ._samples import interval_ends, joint_interval_ends, mixing_warnings
 from .problem import Problem, tension_at
 from .uncertainty import Estimate
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 DISCREPANCY = 0.02
 # Standard deviation of the tension where no sensor is known, as a share of the largest tension; its size is then fitted.
 UNKNOWN_SENSOR = 2e-3
-MIXED, FEW = 1.05, 200  # largest R-hat, and fewest independent samples, of chains that are said to have mixed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,32 +172,22 @@ class Posterior:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What speaks against the use of the samples, as text; empty if nothing does."""
-        said = []
-        if self.r_hat > MIXED:
-            said.append(f"the chains disagree (R-hat {self.r_hat:.2f}): draw more samples, or fix a parameter")
-        if self.effective < FEW:
-            said.append(f"only {self.effective:.0f} samples are independent: draw more")
-        if self.divergences > 0.01 * len(self):
-            said.append(f"the sampler lost its path at {self.divergences} of {len(self)} samples")
-        return tuple(said)
+        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self))
 
     def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
         """Median of each parameter with its interval between equal tails [SI]."""
-        units, tail = declared(law_type(self.law)), 0.5 - 0.5 * confidence
-        quantiles = {n: np.quantile(v, (0.5, tail, 1.0 - tail)) for n, v in self.samples.items()}
-        return {n: Estimate(float(q[0]), float(q[1]), float(q[2]), units[n].unit) for n, q in quantiles.items()}
+        return interval_ends(self.samples, self._units, confidence)
 
     def joint_intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
         """Intervals that hold all parameters of a sample at once, for a share `confidence` of the samples [SI].
 
         Each is wider than that of `intervals`: the ends lie at the same rank in all parameters.
         """
-        units = declared(law_type(self.law))
-        values = np.stack(list(self.samples.values()))
-        rank = np.argsort(np.argsort(values, axis=1), axis=1) / max(values.shape[1] - 1, 1)
-        tail = float(np.quantile(np.minimum(rank, 1.0 - rank).min(axis=0), 1.0 - confidence))
-        ends = {n: np.quantile(v, (0.5, tail, 1.0 - tail)) for n, v in self.samples.items()}
-        return {n: Estimate(float(q[0]), float(q[1]), float(q[2]), units[n].unit) for n, q in ends.items()}
+        return joint_interval_ends(self.samples, self._units, confidence)
+
+    @property
+    def _units(self) -> dict[str, str]:
+        return {name: field.unit for name, field in declared(law_type(self.law)).items()}
 
     @property
     def correlation(self) -> np.ndarray:
@@ -340,13 +330,10 @@ class Posterior:
             ForceMap("", length, pressure, np.ones(len(length)), rest_length=_rests(self.points, len(length), rest)),
             scale,
         )
-        values, directions = self._modes
+        directions = self._modes.directions
         onto = sampler.matern(there, here, self.length) @ directions.T  # (q, n)
-        noise, size = self.noise[some, None] ** 2, self.amplitude[some, None] ** 2
-        variance = noise + size * values  # (d, n)
-        mean = size * ((self._residuals[some] @ directions.T) / variance) @ onto.T
-        left = size - size**2 * (1.0 / variance) @ (onto**2).T
-        return mean, np.sqrt(np.maximum(left, 0.0))
+        residuals = self._residuals[some] @ directions.T
+        return sampler.discrepancy_given(self._modes, onto, residuals, self.noise[some], self.amplitude[some])
 
     @functools.cached_property
     def _modes(self) -> sampler.ErrorModes:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -131,18 +131,44 @@ def marginal(values: np.ndarray, coefficients: np.ndarray, noise: Any, amplitude
     return -0.5 * (coefficients**2 / variance + np.log(variance)).sum()
 
 
-def correlation_length(residual: np.ndarray, coordinates: np.ndarray, covariance: np.ndarray, top: float) -> float:
-    """The correlation length of `LENGTHS` under which the residuals of the least squares are the most probable.
+def discrepancy_given(
+    modes: ErrorModes, onto: np.ndarray, residuals: np.ndarray, noise: np.ndarray, amplitude: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of the discrepancy at places, given the data, of samples (d, q).
+
+    Args:
+        modes: errors of the measured values.
+        onto: correlation of the places with the modes (q, n).
+        residuals: measurement less prediction of each sample, as modes (d, n).
+        noise: factor on the noise of each sample (d,).
+        amplitude: of the discrepancy of each sample (d,).
+    """
+    size = amplitude[:, None] ** 2
+    variance = noise[:, None] ** 2 + size * modes.values
+    mean = size * (residuals / variance) @ onto.T
+    left = size - size**2 * (1.0 / variance) @ (onto**2).T
+    return mean, np.sqrt(np.maximum(left, 0.0))
+
+
+def correlation_length(
+    residual: np.ndarray,
+    coordinates: np.ndarray,
+    covariance: np.ndarray,
+    top: float,
+    tried: Sequence[float] = LENGTHS,
+) -> float:
+    """The correlation length under which the residuals of the least squares are the most probable.
 
     Args:
         residual: measurement less prediction (n,).
         coordinates: of the points (n, c), each scaled to its range.
         covariance: of the sensors (n, n).
         top: largest amplitude to try [unit of the residual].
+        tried: correlation lengths, of the range of each coordinate.
     """
-    noises, best = np.geomspace(0.3, 30.0, 9), (-np.inf, LENGTHS[1])
+    noises, best = np.geomspace(0.3, 30.0, 9), (-np.inf, tried[1])
     size = np.sqrt(np.diag(covariance).mean())
-    for length in LENGTHS:
+    for length in tried:
         values, directions = ErrorModes.of(covariance, matern(coordinates, coordinates, length))
         z = directions @ residual
         scores = [marginal(values, z, k, s) for k in noises for s in np.geomspace(0.1 * size, max(top, size), 9)]

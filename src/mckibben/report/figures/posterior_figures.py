@@ -11,6 +11,7 @@ from ...muscles.laws import law_type
 from ...quantities import declared, from_si, shown_unit
 from . import style
 from .fit_figures import levels_of
+from .loop_figures import NAMES
 from .style import COLOURS, INK, INK_3, PANEL
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...batch.predictive import PredictedRun
+    from ...identification.hysteresis_fit import LoopFit
+    from ...identification.record_posterior import RecordPosterior
 
 KEY = "▲ measured\N{EM SPACE}— median, with 95 % of the samples"
 FINE, MOST_LEVELS, MOST_PAIRED, MOST_DOTS = 41, 8, 5, 400
@@ -122,6 +125,29 @@ def run_bands(predicted: PredictedRun, *, title: str) -> Figure:
         style.quantity_axes(ax, x=("Time, s" if last else "", None), y=(f"{word}, {shown_unit(unit)}", quantity))
         if i == 0:
             style.heading(ax, title, "median, with 95 % of the samples of the posterior", above=28.0)
+    return fig
+
+
+@style.styled()
+def loop_bands(fit: LoopFit, samples: RecordPosterior | None) -> Figure:
+    """Draw a measured loop of stroke over pressure with the fitted one, or with the 95 % band of its posterior."""
+    record, branch = fit.record, fit.record.branch
+    bar, mm = from_si(1.0, "Pa", "bar"), from_si(1.0, "m", "mm")
+    fig = style.figure(style.MIDDLE, 4.7)
+    ax = fig.add_axes((0.09, 0.11, 0.87, 0.74))
+    ax.plot(record.pressure * bar, record.stroke * mm, "o", ms=2.6, mfc=INK, mec="none", zorder=2)
+    band = None if samples is None else samples.band()
+    middle = fit.predicted if band is None else band.median
+    if band is not None:
+        for way in (1, -1):
+            some = np.flatnonzero(branch == way)
+            some = some[np.argsort(record.pressure[some])]
+            at = record.pressure[some] * bar
+            ax.fill_between(at, band.low[some] * mm, band.high[some] * mm, color=COLOURS["length"], alpha=0.25, lw=0)
+    ax.plot(record.pressure * bar, middle * mm, color=COLOURS["length"], lw=style.LINE, zorder=3)
+    style.quantity_axes(ax, x=("Gauge pressure, bar", "pressure"), y=("Stroke, mm", "length"))
+    key = "● measured\N{EM SPACE}— " + ("fitted" if band is None else "median, with 95 % of the samples")
+    style.heading(ax, f"Loop with friction of {NAMES[fit.model]}", key, above=24.0)
     return fig
 
 

@@ -1,0 +1,54 @@
+"""``mckibben fit --friction``: a loop of a file, its output, and one line for what is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mckibben.cli import main
+
+WAY = np.concatenate([np.linspace(0.0, 4.0, 13), np.linspace(4.0, 0.0, 13)[1:]])
+STROKE = 10.0 * WAY + np.where(np.arange(25) > 12, 3.0, 0.0) * np.sin(np.pi * WAY / 4.0)
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = "\n".join(f"{p:.4f},{s:.4f}" for p, s in zip(WAY, STROKE, strict=True))
+    (tmp_path / "loop.csv").write_text(f"pressure [bar],stroke [mm]\n{rows}\n")
+    (tmp_path / "map.csv").write_text("length [mm],pressure [bar],force [N]\n" + "120,3,20\n130,3,35\n" * 8)
+
+    def call(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stop:
+            main(["fit", *words])
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+@pytest.mark.slow
+def test_a_loop_is_fitted_printed_and_drawn(run, tmp_path):
+    code, out, err = run("loop.csv", "--friction", "dahl", "--set", "per_pressure=0", "--out", "loop.svg", "--json")
+    found = json.loads(out)
+    assert (code, err) == (0, "") and found["friction"] == "dahl" and found["n"] == 25
+    assert set(found["parameters"]) == {"constant", "stiffness"} and found["posterior"] is None
+    assert found["rmse"] < 1e-3  # [m]: the loop is 3 mm wide
+    assert (tmp_path / "loop.svg").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("loop.csv", "--friction", "coulomb"), "Known are maxwell_slip, dahl, bouc_wen"),
+        (("loop.csv", "--friction", "dahl", "--law", "ideal"), "--law is allowed beside --friction only with --like"),
+        (("loop.csv", "--friction", "dahl", "--set", "mass=1"), "--set mass"),
+        (("loop.csv", "loop.csv", "--friction", "dahl"), "must be one loop, alone"),
+        (("loop.csv", "--friction", "dahl", "--out", "fit.html"), "--out is allowed only without --friction"),
+        (("map.csv", "--friction", "dahl"), "has no turning point"),
+        (("none.csv", "--friction", "dahl"), "File not found: none.csv"),
+    ],
+)
+def test_wrong_words_are_one_line(run, words, said):
+    code, _, err = run(*words)
+    assert code == 2 and err.count("\n") == 1 and said in err
