@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from mckibben.cli import main
+from mckibben.cli import _values, main
+from mckibben.identification.hysteresis_fit import MODELS
 
 WAY = np.concatenate([np.linspace(0.0, 4.0, 13), np.linspace(4.0, 0.0, 13)[1:]])
 STROKE = 10.0 * WAY + np.where(np.arange(25) > 12, 3.0, 0.0) * np.sin(np.pi * WAY / 4.0)
@@ -52,3 +53,7 @@ def test_a_loop_is_fitted_printed_and_drawn(run, tmp_path):
 def test_wrong_words_are_one_line(run, words, said):
     code, _, err = run(*words)
     assert code == 2 and err.count("\n") == 1 and said in err
+
+
+def test_the_shell_completes_the_frictions_that_can_be_fitted():
+    assert {name for name, _ in _values.frictions()} == {*MODELS, "all"}

@@ -65,6 +65,11 @@ def specimens(*kinds: str) -> Iterator[tuple[str, str]]:
             yield table["id"], str(table.get("title", ""))
 
 
+def frictions() -> Iterator[tuple[str, str]]:
+    """Models of friction that a loop can identify, and the word for the best of those without kinks."""
+    yield from (("bouc_wen", "Bouc and Wen"), ("dahl", "Dahl"), ("maxwell_slip", "Maxwell slip"), ("all", "the best"))
+
+
 def valves() -> Iterator[tuple[str, str]]:
     """Ids and titles of the valves."""
     yield from specimens("valve")
@@ -215,6 +220,7 @@ KINDS: dict[str, ValueKind] = {
     "SPECIMEN": ValueKind(names=specimens, suffixes=(".toml",)),
     "SPECIMEN|LAW": ValueKind(names=muscles_and_laws, suffixes=(".toml",)),
     "LAW": ValueKind(names=laws),
+    "FRICTION": ValueKind(names=frictions),
     "LAWS": ValueKind(names=laws, listed=True),
     "LAW|FILE.py:CLASS": ValueKind(names=laws, suffixes=(".py",)),
     "VALVE": ValueKind(names=valves),
