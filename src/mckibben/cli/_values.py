@@ -220,7 +220,7 @@ KINDS: dict[str, ValueKind] = {
     "SPECIMEN": ValueKind(names=specimens, suffixes=(".toml",)),
     "SPECIMEN|LAW": ValueKind(names=muscles_and_laws, suffixes=(".toml",)),
     "LAW": ValueKind(names=laws),
-    "FRICTION": ValueKind(names=frictions),
+    "MODEL": ValueKind(names=frictions),
     "LAWS": ValueKind(names=laws, listed=True),
     "LAW|FILE.py:CLASS": ValueKind(names=laws, suffixes=(".py",)),
     "VALVE": ValueKind(names=valves),

@@ -111,7 +111,7 @@ def fit(
     friction: Annotated[
         str | None,
         typer.Option(
-            metavar="FRICTION",
+            metavar="MODEL",
             help="Fit a friction with memory to a loop of pressure and stroke instead: bouc_wen, dahl, maxwell_slip or all.",
         ),
     ] = None,
