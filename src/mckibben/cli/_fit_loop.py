@@ -11,6 +11,7 @@ from .. import identification, muscles
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..report.figures import posterior_figures, style
+from ..specimens import muscle_specimen
 from ._outputs import OutputFiles
 from ._samples import show_samples
 from ._terminal import assignments, print_json, table
@@ -82,7 +83,7 @@ def _law(like: str | None, law: list[str] | None) -> TensionLaw | None:
         return None
     if law is not None and len(law) > 1:
         raise InputError("--law", ", ".join(law), "must be one law beside --friction")
-    spec = muscles.muscle_specimen(like)
+    spec = muscle_specimen(like)
     return muscles.build.law_from_specimen(spec, law[0] if law else None)
 
 

@@ -34,7 +34,9 @@ def joint_interval_ends(
 
 def _ends(samples: Mapping[str, np.ndarray], units: Mapping[str, str], tail: float) -> dict[str, Estimate]:
     quantiles = {name: np.quantile(column, (0.5, tail, 1.0 - tail)) for name, column in samples.items()}
-    return {name: Estimate(*(float(end) for end in ends), units[name]) for name, ends in quantiles.items()}
+    return {
+        name: Estimate(float(ends[0]), float(ends[1]), float(ends[2]), units[name]) for name, ends in quantiles.items()
+    }
 
 
 def mixing_warnings(r_hat: float, effective: float, divergences: int, count: int) -> SampleWarnings:

@@ -137,10 +137,7 @@ def posterior_words(sizing: Sizing) -> list[str]:
     answer = sizing.samples
     if answer is None:
         return []
-    force, stroke = (
-        f"{with_unit(float(band.median), unit, 3)} ({_ends(band.low, band.high)} with 95 %)"
-        for band, unit in ((answer.force, "N"), (_scaled(answer.stroke), "cm"))
-    )
+    force, stroke = _with_ends(answer.force, 1.0, "N"), _with_ends(answer.stroke, 100.0, "cm")
     words = [
         f"{sizing.chosen.muscle.id}, by the posterior of {answer.law}: force at the end of the stroke {force}, "
         f"stroke to the force {stroke}; enough in {100.0 * answer.reached:.3g} % of the samples."
@@ -150,9 +147,10 @@ def posterior_words(sizing: Sizing) -> list[str]:
     return words
 
 
-def _scaled(band: Band) -> Band:
-    """A band of lengths in centimetres."""
-    return Band(*(100.0 * float(end) for end in band))
+def _with_ends(band: Band, factor: float, unit: str) -> str:
+    """Median of a band with its ends, as words; the factor converts it to the unit."""
+    low, median, high = (factor * float(end) for end in band)
+    return f"{median:.3g} {unit} ({_ends(low, high)} with 95 %)"
 
 
 def _ends(low: float, high: float) -> str:
