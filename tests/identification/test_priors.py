@@ -1,13 +1,16 @@
 """Priors of parameters and errors of set lengths: what the data say and what they do not."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import mckibben as mk
 from mckibben.components import Scalar
-from mckibben.errors import InputError
+from mckibben.errors import ConvergenceError, InputError
 from mckibben.identification import Fit, fit
+from mckibben.identification.problem import Problem
 from mckibben.muscles.law import TensionLaw
 from mckibben.quantities import quantity
 from mckibben.recordings import ForceMap
@@ -96,3 +99,44 @@ def test_the_errors_are_part_of_what_is_kept_as_plain_values() -> None:
 def test_an_error_of_lengths_that_is_none_is_refused(wrong: str) -> None:
     with pytest.raises(InputError, match="length_error"):
         fit(measured(), SpringInGas, schemes=(), length_error=wrong)
+
+
+def test_a_predicted_interval_holds_the_true_tension_between_and_beside_the_points() -> None:
+    length, pressure = np.linspace(0.108, 0.145, 7)[:, None], np.linspace(0.5e5, 6e5, 5)
+    one = found("0.5 mm").predict(length, pressure)
+    true = (SLOPE * pressure + STIFFNESS) * (length - SHORTEST)
+    assert one.tension.shape == (7, 5)
+    # an interval of 95 % of parameters that all points share: they miss together or, as here, not at all
+    assert ((one.low < true) & (true < one.high)).all()
+
+
+def test_a_predicted_interval_is_as_wide_as_the_error_of_the_set_length_makes_it() -> None:
+    law, length, pressure = found("0.5 mm"), 0.125, 4e5
+    one = law.predict(length, pressure)
+    stiffness = float(law.build().stiffness(length, pressure))
+    sure = law.predict(length, pressure, **{name: e.value for name, e in law.parameters.items()})
+    # Without errors of parameters, the ruler and the noise remain, as independent errors; the law is straight in its length.
+    expected = 1.96 * np.hypot(5e-4 * stiffness, law.rmse)
+    assert 0.5 * (sure.high - sure.low) == pytest.approx(expected, rel=1e-6)
+    assert one.high - one.low > sure.high - sure.low
+
+
+def test_a_fit_that_leaves_a_parameter_open_predicts_no_interval() -> None:
+    law = found("0.5 mm")
+    open_gain = law.parameters["gain"]._replace(low=-np.inf, high=np.inf)
+    for lost in (
+        replace(law, converged=False),
+        replace(law, parameters=law.parameters | {"gain": open_gain}),
+    ):
+        with pytest.raises(ConvergenceError, match="does not determine"):
+            lost.predict(0.13, 3e5)
+
+
+def test_the_error_of_one_ruler_is_fitted_to_one_muscle_only() -> None:
+    one = mk.specimen("DMSP-10-250").force_map().with_rest_length(0.25)
+    half = one.select(one.pressure > 3e5)
+    both = ForceMap.joined([one, replace(half, length=0.5 * half.length).with_rest_length(0.125)])
+    known = {"rest_diameter": 0.01, "wall_thickness": 1.8e-3}
+    single, several = (Problem.of("seated_hyperelastic_braid", points, known=known) for points in (one, both))
+    assert set(single.free) - set(several.free) == {"length_factor"}
+    assert set(several.free) < set(single.free)

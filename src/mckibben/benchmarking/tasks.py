@@ -219,6 +219,11 @@ SMOOTHED = (
     " before the force does."
 )
 ON_ALL = "The form and the priors of `seated_hyperelastic_braid` were chosen after these data had been seen."
+RULED = (
+    "Where muscles differ in rest length, laws with priors are trained with an error of each set length of 0.3 mm, that of a"
+    " ruler read to half millimetres; the muscle that is predicted gets no correction. That this lowers the error of"
+    " `seated_hyperelastic_braid`, and by how much, was known when it was chosen."
+)
 ON_MAPS = f"The exponent and the inactive share of `hyperelastic_braid` were chosen on these two maps. {ON_ALL}"
 
 
@@ -268,7 +273,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "each muscle in turn; trained on the two others",
             (datasets.PLATEAU,),
             _plateaus,
-            note=f"{THREE_MUSCLES} {ON_ALL}",
+            note=f"{THREE_MUSCLES} {ON_ALL} {RULED}",
         ),
         BenchmarkTask(
             "isometric-runs",
@@ -277,7 +282,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "each muscle in turn with its twelve runs; trained on the two others",
             (datasets.RUNS,),
             _runs,
-            note=f"{THREE_MUSCLES} {ON_ALL} {AT_RATE}",
+            note=f"{THREE_MUSCLES} {ON_ALL} {RULED} {AT_RATE}",
         ),
         BenchmarkTask(
             "loop",

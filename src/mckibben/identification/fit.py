@@ -39,6 +39,7 @@ RESOLUTION = 1e-6
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 # A difference of AICc up to this does not tell two models apart (Burnham and Anderson, 2002).
 INDIFFERENT = 2.0
+STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
 class ErrorMeasures:
@@ -70,6 +71,14 @@ class LengthError(NamedTuple):
     high: float
 
 
+class PredictedTension(NamedTuple):
+    """Tension of a muscle by a fitted law, with its 95 % interval [N]; arrays of one shape."""
+
+    tension: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
 @dataclass(frozen=True, repr=False)
 class Fit(ErrorMeasures):
     """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
@@ -91,6 +100,7 @@ class Fit(ErrorMeasures):
         effective: number of parameters and length errors that the data determine rather than their priors; None where
             there are no priors, and every parameter counts.
         length_errors: how far each set length was off, of a fit with such errors.
+        length_error: standard deviation of these errors [m]; zero for none.
 
     Examples:
         >>> import mckibben as mk
@@ -114,6 +124,7 @@ class Fit(ErrorMeasures):
     not_contained: tuple[str, ...] = ()
     effective: float | None = None
     length_errors: tuple[LengthError, ...] = ()
+    length_error: float = 0.0
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -198,6 +209,67 @@ class Fit(ErrorMeasures):
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
         known = {k: (float(np.max(v)) if np.ndim(v) else v) for k, v in self.known.items()}
         return build_law(self.law, known | {n: e.value for n, e in self.parameters.items()} | changes)
+
+    def predict(self, length: Any, pressure: Any, **changes: JsonValue) -> PredictedTension:
+        """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
+
+        The interval sums up three independent errors: of the parameters, linearised at the fit; of the length to which the
+        muscle is set, where the fit had `length_error`; and what the law left of the points, in proportion to the bore where
+        that differs. How far muscles of one make differ in material is not in it: a table does not say that.
+
+        Args:
+            length: of the muscle [m], broadcast with the pressure.
+            pressure: gauge pressure [Pa].
+            **changes: of parameters, as for `build`, such as ``rest_length=0.12``; one that is changed has no error.
+
+        Raises:
+            ConvergenceError: the fit did not converge, or an interval of its parameters is infinite.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> found = mk.fit("DMSP-20-300", law="hyperelastic_braid", schemes=())
+            >>> one = found.predict(0.27, 3e5)
+            >>> bool(one.low < one.tension < one.high)
+            True
+        """
+        names = [n for n in self.parameters if n not in (*changes, *self.not_contained)]
+        spread = np.array([0.5 * (self.parameters[n].high - self.parameters[n].low) for n in names])
+        if not self.converged or not np.isfinite(spread).all():
+            raise ConvergenceError(
+                f"{self.law}: the table does not determine all parameters, so that no interval follows"
+            )
+        at = tuple(np.broadcast_arrays(np.asarray(length, float), np.asarray(pressure, float)))
+
+        def tension(shift: float = 0.0, **moved: float) -> np.ndarray:
+            return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
+
+        columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]
+        index = [list(self.parameters).index(n) for n in names]
+        whole = np.eye(len(self.parameters)) if self.correlation is None else self.correlation
+        shape = (len(names),) + (1,) * at[0].ndim
+        moves = np.reshape(np.array(columns), (len(names), *at[0].shape)) if names else np.zeros(shape)
+        variance = np.einsum("i...,ij,j...->...", moves, whole[np.ix_(index, index)], moves)
+        if self.length_error:
+            reach = NORMAL_QUANTILE * self.length_error
+            variance = variance + (0.5 * (tension(reach) - tension(-reach))) ** 2
+        half = np.sqrt(np.maximum(variance, 0.0) + (NORMAL_QUANTILE * self.rmse * self._area_ratio(changes)) ** 2)
+        most = tension()
+        return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
+
+    def _half_width(self, tension: Callable[..., np.ndarray], name: str, width: float) -> np.ndarray:
+        """Half the change of the tension over the interval of a parameter, from a small step within its bounds [N]."""
+        value, bounds = self.parameters[name].value, declared(law_type(self.law))[name].bounds
+        step = STEP_SHARE * width
+        ends = np.clip([value - step, value + step], *bounds)
+        change: np.ndarray = tension(**{name: float(ends[1])}) - tension(**{name: float(ends[0])})
+        return change * (width / (ends[1] - ends[0])) if ends[1] > ends[0] else 0.0 * change
+
+    def _area_ratio(self, changes: Mapping[str, Any]) -> float:
+        """Bore of a muscle over that of the fitted ones, where the law has a diameter and another is asked for."""
+        own = self.known.get("rest_diameter")
+        if own is None or "rest_diameter" not in changes:
+            return 1.0
+        return float((changes["rest_diameter"] / np.max(own)) ** 2)
 
 
 @dataclass(frozen=True)
@@ -286,6 +358,7 @@ def fit(
         not_contained=none,
         effective=None if posterior is None else posterior.effective,
         length_errors=_length_errors(problem, solution),
+        length_error=problem.length_error,
     )
 
 

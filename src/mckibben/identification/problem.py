@@ -30,6 +30,7 @@ Formula = Callable[..., np.ndarray]
 # Independent points along a curve of tension over pressure at one length, of as many as were measured.
 CURVE_POINTS = 3.0
 FIRST_NOISE, LEAST_NOISE, PASSES = 0.01, 0.002, 3  # noise as a share of the largest tension; descents that estimate it
+SAME_LENGTH = 1e-6  # rest lengths that differ by no more are one [m]
 LENGTH_STEP = 1e-6  # of the difference by which a tension is derived to the length [m]
 
 
@@ -176,10 +177,12 @@ def _freed(kind: type[TensionLaw], parameters: Mapping[str, Scalar], points: For
     """Parameters of a law that are free by default.
 
     A dimension that nobody gave is freed in place of what it would make redundant; a parameter that so few lengths cannot
-    show is not.
+    show is not, nor one that belongs to a single muscle where several were measured.
     """
     lengths = len(np.unique(np.round(points.length[points.taut], 6)))
     free = [name for name in kind.fitted if name not in parameters and lengths >= kind.lengths_needed.get(name, 0)]
+    if points.rest_length is not None and np.ptp(points.rest_length) > SAME_LENGTH:
+        free = [name for name in free if name not in kind.of_one_muscle]
     for name, instead_of in kind.fitted_if_unknown.items():
         if name not in parameters:
             free = [f for f in free if f not in instead_of] + [name]

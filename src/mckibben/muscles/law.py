@@ -67,6 +67,8 @@ class TensionLaw(Module):
     fitted_if_unknown: ClassVar[dict[str, tuple[str, ...]]] = {}
     # Parameters that stay at their default where tension was measured at fewer lengths than this.
     lengths_needed: ClassVar[dict[str, int]] = {}
+    # Parameters of one muscle alone, such as the error of its ruler: at their default where muscles differ in rest length.
+    of_one_muscle: ClassVar[tuple[str, ...]] = ()
     # Gaussian priors of fitted parameters, mean and standard deviation [SI], for what one table cannot tell.
     priors: ClassVar[dict[str, tuple[float, float]]] = {}
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...errors import InputError
-from ...identification.problem import Problem, solve
+from ...identification.problem import SAME_LENGTH, Problem, solve
 from ...muscles.build import build_law
 from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
@@ -15,17 +15,21 @@ from ...quantities import declared
 from ...recordings import ForceMap
 from ..records import BenchmarkRecord
 
+RULER = 3e-4  # standard deviation of a length set to the half millimetre: 0.5 mm over the square root of three [m]
+
 
 class LawModel:
     """A tension law with its own choice of free parameters.
 
     Args:
         law: its name, such as ``seated_braid`` or ``my.py:MyLaw``.
-        length_error: standard deviation of the error of each set length [m]; none by default.
+        length_error: standard deviation of the error of each set length [m], used where muscles of several rest lengths are
+            to train on; by default `RULER` for a law with priors, none for others.
     """
 
-    def __init__(self, law: str, *, length_error: float = 0.0) -> None:
-        self.law, self.length_error = law, length_error
+    def __init__(self, law: str, *, length_error: float | None = None) -> None:
+        default = RULER if law_type(law).priors else 0.0
+        self.law, self.length_error = law, default if length_error is None else length_error
         self._near: dict[tuple[str, ...], np.ndarray] = {}
 
     def fit(self, train: Sequence[BenchmarkRecord]) -> None:
@@ -38,7 +42,9 @@ class LawModel:
         train = thinned(train)
         self.points = joined(train)
         self.known = _known(train)
-        problem = Problem.of(self.law, self.points, known=self.known, length_error=self.length_error)
+        rest = self.points.rest_length
+        errors = self.length_error if rest is not None and np.ptp(rest) > SAME_LENGTH else 0.0
+        problem = Problem.of(self.law, self.points, known=self.known, length_error=errors)
         near = self._near.get(problem.free)
         solution = solve(problem, near=[] if near is None else [near], search=near is None)
         if not solution.converged:
