@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from .simulation import Weight as Weight
     from .specimens import Specimen as Specimen
     from .specimens import specimen as specimen
+    from .studies.characterisation.verb import characterise as characterise
     from .studies.comparison import compare as compare
     from .studies.diagnosis.fault_fit import diagnose as diagnose
     from .studies.parts import part as part
@@ -111,6 +112,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "size": "studies.sizing.size",
         "compare": "studies.comparison",
         "energy": "analysis.energy.working_cycles",
+        "characterise": "studies.characterisation.verb",
         "diagnose": "studies.diagnosis.fault_fit",
         "reproduce": "reproduction",
         "benchmark": "benchmarking",

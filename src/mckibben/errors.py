@@ -205,6 +205,20 @@ class EmptyRunError(MckibbenError):
     """A run ended before its first recorded step; the message states why."""
 
 
+class StageError(MckibbenError):
+    """A stage of a characterisation could not be finished, or its outcome refuses what follows.
+
+    Args:
+        stage: name of the stage.
+        problem: what happened, as the rest of a sentence.
+    """
+
+    def __init__(self, stage: str, problem: str) -> None:
+        """Compose the sentence."""
+        super().__init__(f"stage {stage}: {problem}")
+        self.stage, self.problem = stage, problem
+
+
 class EngineError(MckibbenError):
     """The requested engine cannot run a function: an operation without a kernel, no driver, or no GPU."""
 

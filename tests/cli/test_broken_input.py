@@ -242,6 +242,10 @@ COMMANDS = {
     }),
     "protocols": ("protocols @protocol:protocol.toml", {"--set": "pair"}),
     "run": ("run @protocol:protocol.toml --muscle @specimen:nylon --dry-run", RUN),
+    "characterise": ("characterise --muscle @specimen:nylon --rig @rig:modern --dry-run --out place", {
+        "--rest-length": "length", "--plumbing": "name", "--law": "name", "--max-pressure": "pressure",
+        "--max-tension": "force", "--seed": "whole", "--on": "machine",
+    }),
     "console": ("console --muscle @specimen:nylon --script @script:words.txt", {
         "--rig": "rig", "--on": "machine", "--calibration": "toml", "--span": "length", "--plumbing": "name",
         "--rate": "number", "--seed": "whole",

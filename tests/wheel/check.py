@@ -181,6 +181,7 @@ CALLS: dict[str, list[Call]] = {
         needs("daq", *BENCH, "--on", "daq"),
         Call((*BENCH, "--from-posterior", "no.json"), says=("File not found: no.json",)),
     ],
+    "characterise": [Call(("--muscle", MUSCLE, "--rig", "modern", "--dry-run", "--out", "own"))],
     "console": [
         Call(("--muscle", MUSCLE), piped="quit\n"),
         needs("serial", "--muscle", MUSCLE, "--on", "serial:/dev/ttyACM0"),

@@ -21,7 +21,7 @@ from lanewise.cache import is_private, make_private_folder
 from lanewise.errors import CacheWarning
 
 from .. import __version__
-from ..errors import ConvergenceError, MckibbenError
+from ..errors import ConvergenceError, MckibbenError, StageError
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable
@@ -64,6 +64,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Check that each sensor answers valve and motor: sign, scale, noise, range, delay; and that the machine vents.",
     ),
     "device serve": ("device:serve", "Serve a simulated test machine on a virtual serial port."),
+    "characterise": (
+        "characterise:characterise",
+        "Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.",
+    ),
     "energy": ("energy:energy", "Compute input, output and efficiency of a muscle's working cycles."),
     "compare": (
         "compare:compare_muscles",
@@ -337,7 +341,7 @@ def _execute(arguments: list[str] | None) -> Any:
     except (typer.Abort, KeyboardInterrupt):
         ended()
         code = _complain(sentence(), INTERRUPTED)
-    except ConvergenceError as error:
+    except (ConvergenceError, StageError) as error:
         code = _complain(str(error), 1)
     except MckibbenError as error:
         code = _complain(str(error), 2)

@@ -7,6 +7,8 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
+import numpy as np
+
 from ..accessors import implementation
 from ..components import Hysteresis, MemoryElement
 from ..documents import JsonValue
@@ -15,6 +17,7 @@ from ..quantities import Quantity, declared, in_si, shown_unit
 from ..registry import is_reference
 from ..specimens import Specimen, SpecimenNumber, muscle_specimen
 from .biological import BiologicalMuscle
+from .creep import MaxwellChain
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
 from .laws import LAWS, law_type
@@ -178,7 +181,7 @@ class MuscleFactory:
             fibre = cast(TensionLaw, _biological(spec, chosen, changes))  # it answers the questions of a law
             return Muscle(fibre, _own(friction), creep, specimen=spec)
         built = law_from_specimen(spec, chosen, changes=changes)
-        return Muscle(built, _usual_friction(spec, friction), creep, specimen=spec)
+        return Muscle(built, _usual_friction(spec, friction), creep or _stated_creep(spec), specimen=spec)
 
     def from_braid(self, **dimensions: float | str) -> Muscle:
         """A muscle from the dimensions of its sleeve and bladder, with nothing measured.
@@ -245,6 +248,27 @@ def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hyster
         return _own(chosen)
     built = _stated_friction(spec, chosen)
     return MaxwellSlip.geometric(built.limit) if isinstance(built, Coulomb) and friction is None else built
+
+
+def _stated_creep(spec: Specimen) -> MemoryElement | None:
+    """The Maxwell elements that a specimen states among its properties; None where it states none."""
+    if "creep_stiffness" not in spec.properties:
+        return None
+    where = spec.where or spec.id
+    values = {}
+    for name, unit in (("creep_stiffness", "N/m"), ("creep_time_constants", "s")):
+        if name not in spec.properties:
+            raise InputError(f"properties.{name}", None, "is missing: creep has stiffnesses and times", where=where)
+        value = spec.properties[name].si(unit, field=f"properties.{name}", where=where)
+        values[name] = np.atleast_1d(np.asarray(value, float))
+    stiffness, times = values.values()
+    if stiffness.shape != times.shape:
+        allowed = f"must be as many as creep_stiffness, {len(stiffness)}, got {len(times)}"
+        raise InputError("properties.creep_time_constants", None, allowed, where=where)
+    known = declared(MaxwellChain)
+    for name, value in (("stiffness", stiffness), ("time_constant", times)):
+        known[name].check(f"creep.{name}", value, where=where)
+    return MaxwellChain(stiffness=stiffness, time_constant=times)
 
 
 def from_specimen(

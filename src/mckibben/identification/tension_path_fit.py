@@ -1,0 +1,262 @@
+"""Friction and relaxation of a muscle from its tension along a path of spans that the motor drives.
+
+While the span L(t) is driven at a constant pressure, the tension is
+
+    T = F(L, P') + f(z) + sum k_i z_i,    dz_i/dt = dL/dt - z_i/tau_i
+
+with F the tension law, f a friction with memory and Maxwell elements k_i, tau_i. At one length and pressure F is the same
+whether the muscle lengthens or shortens, so the difference of both branches holds friction and relaxation alone: no law is
+needed. While the span stands still the friction stands still too, and what changes is the relaxation, whose z_i follow from
+the path. Their stiffnesses k_i >= 0 are a linear problem.
+Range: slow paths, so that the pressure is held; an end of the tendon that does not move.
+Source: W. N. Findley, J. S. Lai and K. Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials, North-Holland 1976,
+chapter 5; F. Al-Bender, V. Lampaert and J. Swevers, IEEE Trans. Automatic Control 50(11), 2005.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._jax import Array, Tree, jax, jnp
+from ..errors import InputError
+from ..muscles.creep import MaxwellChain
+from ..muscles.hysteresis import FrictionLimit, MaxwellSlip
+from .uncertainty import Estimate, uncertainty, widening
+
+ELEMENTS = 6  # of the friction
+FEWEST = 12
+AT_PRESSURE = 5e5  # at which the travels of the friction are meant [Pa]
+# Start, least and largest value of the friction's parameters: limit [N] and [m^2], travel [m], ratio of the travels [1].
+_BOUNDS = {
+    "constant": (1.0, 0.0, 1e3, "N"),
+    "per_pressure": (5e-6, 0.0, 1e-3, "m^2"),
+    "shortest": (5e-4, 1e-5, 2e-2, "m"),
+    "spread": (10.0, 1.0, 100.0, "1"),
+}
+_LOG = ("shortest", "spread")
+
+
+class SpanPath(NamedTuple):
+    """A path of spans from rest, (n,): time [s], span [m] and gauge pressure [Pa]."""
+
+    time: np.ndarray
+    span: np.ndarray
+    pressure: np.ndarray
+
+
+@dataclass(frozen=True)
+class RelaxationFit:
+    """Relaxation of the tension after a stretch.
+
+    Attributes:
+        stiffness: of each Maxwell element [N/m].
+        total: their sum with its 95 % interval [N/m].
+        time_constants: of the elements [s].
+        rmse: of the tension while the span stood still [N].
+    """
+
+    stiffness: np.ndarray
+    total: Estimate
+    time_constants: np.ndarray
+    rmse: float
+
+    def chain(self) -> MaxwellChain | None:
+        """The elements that carry anything; None where none does."""
+        used = self.stiffness > 1e-6 * max(self.total.value, 1e-9)
+        if not used.any():
+            return None
+        return MaxwellChain(stiffness=self.stiffness[used], time_constant=self.time_constants[used])
+
+
+@dataclass(frozen=True)
+class BranchFit:
+    """Friction from the difference of the tension between both branches.
+
+    Attributes:
+        parameters: ``constant`` [N], ``per_pressure`` [m^2], ``shortest`` [m] and ``spread`` [1], with 95 % intervals.
+        rmse: of the differences [N].
+        warnings: as text.
+    """
+
+    parameters: dict[str, Estimate]
+    rmse: float
+    warnings: tuple[str, ...]
+
+    def friction(self) -> MaxwellSlip:
+        """The fitted friction."""
+        return _friction({name: e.value for name, e in self.parameters.items()})
+
+
+def fit_relaxation(
+    path: SpanPath, tension: np.ndarray, still: np.ndarray, *, shortest: float = 0.3, longest: float = 30.0
+) -> RelaxationFit:
+    """Fit the relaxation of the tension while the span stands still after a stretch.
+
+    Args:
+        path: from a time at which the muscle was relaxed.
+        tension: (n,) [N].
+        still: samples that are fitted, bool (n,).
+        shortest: time constant of the fastest element [s].
+        longest: time constant of the slowest element [s].
+
+    Raises:
+        InputError: there are too few samples.
+    """
+    from scipy import optimize
+
+    count = 1 + round(2.0 * float(np.log10(longest / shortest)))
+    if int(still.sum()) < count + FEWEST:
+        raise InputError("samples", int(still.sum()), f"must be {count + FEWEST} or more at a span that stands still")
+    unit = MaxwellChain.geometric(stiffness=float(count), shortest=shortest, longest=longest, elements=count)
+    states = np.asarray(_compiled().deflections(unit, *_steps(path)))[still]
+    matrix = np.column_stack([np.ones(len(states)), states])
+    low = np.array([-np.inf] + [0.0] * count)
+    solution = optimize.lsq_linear(matrix, tension[still], bounds=(low, np.inf), method="bvls")
+    error = matrix @ solution.x - tension[still]
+    # The elements trade places; their sum is what the data determine: the fit with the ratios held has it as a parameter.
+    stiffness = solution.x[1:]
+    total = float(stiffness.sum())
+    shape = states @ (stiffness / total if total > 0.0 else np.full(count, 1.0 / count))
+    spread = uncertainty(np.column_stack([np.ones(len(shape)), shape]), error, ("start", "total"))
+    half = float(spread.quantile * spread.standard_error[1] * widening([error]))
+    return RelaxationFit(
+        stiffness,
+        Estimate(total, max(total - half, 0.0), total + half, "N/m"),
+        np.asarray(unit.time_constant),
+        float(np.sqrt(np.mean(error**2))),
+    )
+
+
+def fit_branches(
+    path: SpanPath,
+    rising: np.ndarray,
+    falling: np.ndarray,
+    difference: np.ndarray,
+    *,
+    relaxation: MaxwellChain | None = None,
+) -> BranchFit:
+    """Fit a Maxwell-slip friction to the tension's difference between lengthening and shortening.
+
+    Args:
+        path: the whole path, from rest.
+        rising: samples of the path while lengthening, (k,).
+        falling: samples at the same lengths while shortening, (k,).
+        difference: tension while lengthening less that while shortening (k,) [N].
+        relaxation: what relaxes beside the friction, as `fit_relaxation` found it.
+
+    Raises:
+        InputError: there are too few pairs.
+    """
+    from scipy import optimize
+
+    if len(difference) < FEWEST:
+        raise InputError("pairs", len(difference), f"must be {FEWEST} or more lengths on both branches")
+    steps = _steps(path)
+    known = np.zeros(len(path.time)) if relaxation is None else relaxation_force(path, relaxation)
+    wanted = difference - (known[rising] - known[falling])
+    names = tuple(_BOUNDS)
+    start, low, high = (np.array([np.log(b[i]) if n in _LOG else b[i] for n, b in _BOUNDS.items()]) for i in range(3))
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        force = np.asarray(_compiled().friction(x, *steps))
+        return np.asarray(force[rising] - force[falling] - wanted)
+
+    def slopes(x: np.ndarray) -> np.ndarray:
+        force = np.asarray(_compiled().friction_slopes(x, *steps))
+        return np.asarray(force[rising] - force[falling])
+
+    # half of the friction from its limit without pressure and half from its growth, in the size of the differences
+    half = 0.25 * max(float(np.median(wanted)), 0.1)
+    start[0], start[1] = half, half / max(float(path.pressure.max()), 1.0)
+    tried = [start + shift * np.array([0.0, 0.0, 1.0, 0.0]) for shift in (0.0, 1.0, -1.0)]
+    solutions = [
+        optimize.least_squares(
+            misfit, np.clip(x, low + 1e-9, high - 1e-9), jac=slopes, bounds=(low, high), x_scale="jac", max_nfev=60
+        )
+        for x in tried
+    ]
+    best = min(solutions, key=lambda solution: solution.cost)
+    error = misfit(best.x)
+    spread = uncertainty(slopes(best.x), error, names)
+    width = spread.quantile * spread.standard_error * widening([error])
+    value, lower, upper = (_plain(np.clip(best.x + side * width, low, high)) for side in (0.0, -1.0, 1.0))
+    parameters = {n: Estimate(value[n], lower[n], upper[n], b[3]) for n, b in _BOUNDS.items()}
+    room = np.minimum(best.x - low, high - best.x) / np.maximum(high - low, 1e-30)
+    bound = [f"{n} lies on its bound" for n, share in zip(names, room, strict=True) if share < 1e-4]
+    return BranchFit(parameters, float(np.sqrt(np.mean(error**2))), (*spread.warnings, *bound))
+
+
+def friction_force(path: SpanPath, friction: MaxwellSlip) -> np.ndarray:
+    """Force of a friction along a path from rest (n,) [N]."""
+    return np.asarray(_compiled().force(friction, *_steps(path)))
+
+
+def relaxation_force(path: SpanPath, chain: MaxwellChain) -> np.ndarray:
+    """Force of Maxwell elements along a path from rest (n,) [N]."""
+    forces: np.ndarray = np.asarray(_compiled().deflections(chain, *_steps(path))) @ np.asarray(chain.stiffness)
+    return forces
+
+
+def _steps(path: SpanPath) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Steps of span [m] and time [s], and pressures at their begins and ends [Pa], (n,) each."""
+    ends = np.asarray(path.pressure, float)
+    begins = np.concatenate([ends[:1], ends[:-1]])
+    return np.diff(path.span, prepend=path.span[0]), np.diff(path.time, prepend=path.time[0]), begins, ends
+
+
+def _plain(x: np.ndarray) -> dict[str, float]:
+    """Values of the friction's parameters [SI] from those that are searched."""
+    return {n: float(np.exp(v)) if n in _LOG else float(v) for n, v in zip(_BOUNDS, x, strict=True)}
+
+
+def _friction(p: dict[str, Any]) -> MaxwellSlip:
+    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
+    longest = p["shortest"] * p["spread"]
+    return MaxwellSlip.geometric(
+        limit, elements=ELEMENTS, shortest=p["shortest"], longest=longest, at_pressure=AT_PRESSURE
+    )
+
+
+def _deflections(chain: MaxwellChain, dx: Array, dt: Array, *_: Array) -> Array:
+    """Deflection of every Maxwell element along a path (n, elements) [m]."""
+
+    def step(state: Tree, at: tuple[Array, Array]) -> tuple[Tree, Tree]:
+        after = chain.advance(state, at[0], duration=at[1]).state
+        return after, after
+
+    rows: Array = jax.lax.scan(step, chain.initial(), (dx, dt))[1]
+    return rows
+
+
+def _force(friction: MaxwellSlip, dx: Array, _: Array, begins: Array, ends: Array) -> Array:
+    """Force of a friction along a path (n,) [N]."""
+
+    def step(state: Tree, at: tuple[Array, Array, Array]) -> tuple[Tree, Array]:
+        moved = friction.advance(state, at[0], start_pressure=at[1], end_pressure=at[2], duration=0.0)
+        return moved.state, friction.force(moved.state, pressure=at[2])
+
+    start = friction.initial() + 0.0 * jnp.sum(friction.stiffness)
+    forces: Array = jax.lax.scan(step, start, (dx, begins, ends))[1]
+    return forces
+
+
+def _force_of(x: Array, *steps: Array) -> Array:
+    return _force(_friction({n: jnp.exp(x[i]) if n in _LOG else x[i] for i, n in enumerate(_BOUNDS)}), *steps)
+
+
+class _Functions(NamedTuple):
+    """Compiled functions of a path."""
+
+    deflections: Any
+    force: Any
+    friction: Any
+    friction_slopes: Any
+
+
+@functools.cache
+def _compiled() -> _Functions:
+    return _Functions(jax.jit(_deflections), jax.jit(_force), jax.jit(_force_of), jax.jit(jax.jacfwd(_force_of)))

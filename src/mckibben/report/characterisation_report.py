@@ -1,0 +1,172 @@
+"""Report of a characterisation: what was found, how well it predicts, and how it was measured.
+
+It carries no date: the same recordings give the same file.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from ..muscles.laws import law_type
+from ..quantities import with_unit
+from ..studies.characterisation.stages import STAGES
+from ..studies.characterisation.verb import Characterisation
+from .blocks import (
+    Block,
+    Figure,
+    KeyValues,
+    NoteBox,
+    Paragraph,
+    References,
+    ReportTable,
+    Section,
+    TableColumn,
+    TableRow,
+)
+from .document import Document
+from .figures import characterisation_figures, fit_figures
+from .words import versions_text
+
+__all__ = ["characterisation_document", "write_characterisation_report"]
+
+READING = (
+    ("Law", "fitted to the mean of both branches of the loops, less what friction and relaxation leave in it."),
+    ("Friction", "fitted to the difference of the branches, for which no law is needed."),
+    ("Relaxation", "fitted to the tension after a stretch, while the span stands still."),
+    (
+        "Interval of a tension",
+        "from the errors of the held-out points, which no fit has seen: half its width is Student's t times their root mean "
+        "square. A gain error of a sensor is not in it.",
+    ),
+    ("Intervals", "95 %; those of the law's parameters take errors as independent and the law as right."),
+)
+
+
+def write_characterisation_report(found: Characterisation, path: str | Path) -> Path:
+    """Write the report to an ``.html`` or ``.pdf`` file.
+
+    Args:
+        found: outcome of the characterisation.
+        path: path of the file.
+
+    Returns:
+        The path.
+    """
+    return characterisation_document(found).write(path)
+
+
+def characterisation_document(found: Characterisation) -> Document:
+    """Build the report; arguments as for `write_characterisation_report`."""
+    sections = (
+        Section("Result", tuple(_result(found)), "result"),
+        Section("Prediction", tuple(_prediction(found)), "prediction"),
+        Section("Measurement", tuple(_measurement(found)), "measurement"),
+        Section("How to read this", (KeyValues(READING),), "reading"),
+        Section("Papers this rests on", (References(tuple(_papers(found))),), "papers"),
+        Section("Versions", (Paragraph(versions_text()),), "versions"),
+    )
+    lead = "An unknown muscle, measured on its own in one run: its law, friction, relaxation and leak."
+    return Document(f"Characterisation on the rig {found.rig}", sections, lead)
+
+
+def _words(value: float, unit: str, digits: int = 4) -> str:
+    text = with_unit(value, unit, digits) if math.isfinite(value) else "–"
+    return text.replace("-", "\N{MINUS SIGN}").replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _result(found: Characterisation) -> list[Block]:
+    evaluation = found.evaluation
+    title, half = law_type(found.law).title, _words(evaluation.half_width, "N", 2)
+    share = f"{100.0 * found.held_out_error:.2g}\N{NO-BREAK SPACE}%"
+    words = f"The law {title} with friction predicts {len(evaluation.held_out)} held-out points to {share} rms of the "
+    words += f"largest tension, {_words(evaluation.largest, 'N', 3)}. A predicted tension is known to ±{half} (95 %)."
+    facts = [
+        ("Rest length", _words(found.bounds.rest_length, "m")),
+        ("Taut, vented", _words(evaluation.seat, "m") if math.isfinite(evaluation.seat) else "not up to 2 % longer"),
+        ("Leak", _leak(found)),
+        ("Machine time", f"{found.seconds / 60.0:.1f} min"),
+    ]
+    rows = tuple(
+        TableRow((name, _words(e.value, e.unit), _words(e.low, e.unit), _words(e.high, e.unit)))
+        for name, e in found.estimates.items()
+    )
+    columns = (
+        TableColumn("Parameter"),
+        TableColumn("Value", number=True),
+        TableColumn("95 %: from", number=True),
+        TableColumn("to", number=True),
+    )
+    said = [*evaluation.fits[0].warnings, *evaluation.friction.warnings]
+    return [
+        Paragraph(words, "lead"),
+        *([NoteBox("Not to be used", (found.failure,), "stop")] if found.failure else []),
+        KeyValues(tuple(facts)),
+        ReportTable(columns, rows, "Parameters with 95 % intervals"),
+        *([NoteBox("Caution", tuple(dict.fromkeys(said)))] if said else []),
+    ]
+
+
+def _leak(found: Characterisation) -> str:
+    leak = found.evaluation.leak
+    if leak is None:
+        return "not tested: the plumbing has no shut-off valve"
+    low, high = (f"{100.0 * v:.2g}" for v in (leak.low, leak.high))
+    return f"{100.0 * leak.value:.2g} % of the pressure per second, shut off ({low} to {high} %)".replace("-", "−")
+
+
+def _prediction(found: Characterisation) -> list[Block]:
+    columns = (
+        TableColumn("Length", number=True),
+        TableColumn("Pressure", number=True),
+        TableColumn("Measured", "N", True),
+        TableColumn("Predicted", "N", True),
+    )
+    rows = tuple(
+        TableRow((_words(p.length, "m"), _words(p.pressure, "Pa", 3), f"{p.measured:.2f}", f"{p.predicted:.2f}"))
+        for p in found.evaluation.held_out
+    )
+    return [
+        Figure(
+            characterisation_figures.loops_figure(found),
+            "Tension over the span, six pressures. The lower branch of a loop is that of shortening.",
+            "Loops of tension over span at six pressures, measured and fitted.",
+        ),
+        Figure(
+            characterisation_figures.held_out_figure(found),
+            "Errors of the points that no fit has seen.",
+            "Errors of the held-out points over the measured tension, with the 95 % band.",
+            wide=False,
+        ),
+        Figure(
+            characterisation_figures.relaxation_figure(found),
+            "Tension after the stretch at a span that stands still.",
+            "Tension over time after the stretch, measured and fitted.",
+            wide=False,
+        ),
+        Figure(
+            fit_figures.tension_curves(found.evaluation.fits[0], found.evaluation.points),
+            "Points of the map without friction and relaxation, and the law.",
+            "Tension over length at six pressures, measured and by the law.",
+        ),
+        ReportTable(columns, rows, "Held-out points"),
+    ]
+
+
+def _measurement(found: Characterisation) -> list[Block]:
+    rows = tuple(
+        TableRow((s.stage, STAGES[s.stage], f"{s.seconds:.0f}", "from its recording" if s.resumed else "run"))
+        for s in found.stages
+    )
+    columns = (TableColumn("Stage"), TableColumn("", wide=True), TableColumn("Time", "s", True), TableColumn(""))
+    errors = ", ".join(f"{law_type(f.law).title} {f.rmse:.2f}\N{NO-BREAK SPACE}N" for f in found.evaluation.fits)
+    return [
+        ReportTable(columns, rows, "Stages"),
+        Paragraph(
+            f"Root mean square error of each law on the map, best by Akaike's criterion first: {errors}.", "quiet"
+        ),
+    ]
+
+
+def _papers(found: Characterisation) -> list[str]:
+    return list(dict.fromkeys([*law_type(found.law).cites, "findley1976", "albender2005"]))

@@ -1,0 +1,423 @@
+"""What the recordings of a characterisation's stages say of the muscle.
+
+Zeros of the load cell and the pressure sensor are those of the vented, slack muscle. The law is fitted to the mean of both
+branches of the map's loops, less what friction and relaxation leave in it; friction is fitted to the difference of the
+branches and relaxation to a hold, so that both need no law. The points of the last stage are in none of these fits: their
+errors say how well the whole predicts, and give the 95 % interval of a predicted tension,
+
+    half width = t_(0.975, n) sqrt(sum e_i^2 / n)
+
+for n held-out points of errors e_i. A gain error of a sensor is in neither.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...analysis.loops import TensionPath
+from ...errors import InputError, StageError
+from ...identification.fit import Fit, fit_all, fitted_specimen
+from ...identification.tension_path_fit import (
+    AT_PRESSURE,
+    ELEMENTS,
+    BranchFit,
+    RelaxationFit,
+    SpanPath,
+    fit_branches,
+    fit_relaxation,
+    friction_force,
+    relaxation_force,
+)
+from ...identification.uncertainty import Estimate, uncertainty, widening
+from ...muscles import Muscle
+from ...muscles.laws import LAWS
+from ...quantities import with_unit
+from ...recordings import ForceMap, Recording
+from ...specimens import Specimen, SpecimenNumber
+from .stages import ISOBARS, Bounds, Progression
+
+SAMPLES = 3000  # of a path to which every recording is resampled, so that what is compiled serves all
+PAIRS = 120  # points of the map
+WINDOW = 0.012  # half width in which a branch is read, of the rest length
+ENDS = (0.06, 0.04)  # of a loop's length range that is left out where it is short and where it is long
+TAUT = 0.02  # of the largest tension, above which a point counts
+LEAST_LOOP = 0.02  # length range of a loop that counts, of the rest length
+LEAST_TENSION = 3.0  # largest tension that a muscle must reach [N], and in noise of the cell
+NOISES = 40.0
+MOST_DECAY = 0.03  # share of the pressure that a leak may take in a second [1/s]
+MOST_ERROR = 0.05  # rms error of the held-out points, of the largest tension
+SETTLED = 0.15  # after the stretch, which the pressure needs [s]
+LONGEST = 1.02  # up to which a law is meant, of the rest length
+READ = 1.0  # end of a hold that is averaged [s]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A point that no fit has seen: length [m], gauge pressure [Pa], measured and predicted tension [N]."""
+
+    length: float
+    pressure: float
+    measured: float
+    predicted: float
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What was found.
+
+    Attributes:
+        points: of the map, without friction and relaxation.
+        fits: of the laws, best first.
+        skipped: laws that could not be fitted, and why.
+        friction: from the difference of the branches.
+        relaxation: from the hold.
+        leak: share of the pressure that is lost per second; None where nothing shuts the muscle off.
+        seat: span at which the vented muscle gets taut [m]; NaN beyond the largest one.
+        held_out: points of the last stage.
+        half_width: of the 95 % interval of a predicted tension [N].
+        largest: largest tension [N].
+    """
+
+    points: ForceMap
+    fits: tuple[Fit, ...]
+    skipped: dict[str, str]
+    friction: BranchFit
+    relaxation: RelaxationFit
+    leak: Estimate | None
+    seat: float
+    held_out: tuple[HeldOut, ...]
+    half_width: float
+    largest: float
+
+    @property
+    def error(self) -> np.ndarray:
+        """Errors of the held-out points (n,) [N]."""
+        return np.array([p.predicted - p.measured for p in self.held_out])
+
+
+def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -> Progression:
+    """Add what the next stages need of a stage's recording.
+
+    Args:
+        stage: its name.
+        record: its recording.
+        bounds: of the characterisation.
+        known: found by the stages before.
+
+    Raises:
+        StageError: the muscle cannot be characterised further; says why.
+    """
+    if stage == "seat":
+        rest = _part(record, "zero", stage)["tension"]
+        noise = float(np.std(rest))
+        return dataclasses.replace(known, zero=float(np.mean(rest)), slack=max(known.slack, 6.0 * noise))
+    if stage == "leak":
+        leak = leak_of(record)
+        if leak.low > MOST_DECAY:
+            share = f"{100.0 * leak.value:.2g} % of its pressure per second"
+            raise StageError(
+                stage, f"the shut muscle loses {share}, more than {100.0 * MOST_DECAY:g} %; tighten its fittings"
+            )
+        return known
+    if stage == "ramp":
+        return _ramped(record, bounds, known)
+    if stage == "map":
+        isobars = tuple(_loop_end(record, i, bounds) for i in range(1, ISOBARS + 1))
+        taut = [length for _, length in isobars if length < (1.0 - LEAST_LOOP) * bounds.rest_length]
+        if not taut:
+            share = f"{100.0 * LEAST_LOOP:g} % of its length"
+            raise StageError(
+                stage, f"the muscle pulls along less than {share} at every pressure; check the rest length"
+            )
+        return dataclasses.replace(known, isobars=isobars)
+    return known
+
+
+def _ramped(record: Recording, bounds: Bounds, known: Progression) -> Progression:
+    rise = _part(record, "rise", "ramp")
+    tension, pressure = rise["tension"] - known.zero, rise["pressure"]
+    largest = float(np.mean(tension[-5:]))
+    least = max(LEAST_TENSION, NOISES / 6.0 * (known.slack if known.slack > 1.0 else 0.0) / 6.0)
+    if largest < least:
+        reached = f"{with_unit(largest, 'N', 2)} at {with_unit(float(pressure[-1]), 'Pa', 3)}"
+        raise StageError("ramp", f"the muscle pulls with {reached} only; check its mounting and the rest length")
+    stopped = largest >= 0.98 * bounds.tension
+    top = float(np.mean(pressure[-5:])) * (0.97 if stopped else 1.0)
+    top = min(top, bounds.pressure)
+    return dataclasses.replace(known, top=top, largest=largest, slack=max(known.slack, 0.015 * largest))
+
+
+def _loop_end(record: Recording, i: int, bounds: Bounds) -> tuple[float, float]:
+    """Pressure [Pa] and shortest taut length [m] of a loop of the map; the rest length where it is slack all along."""
+    settled = _part(record, f"settle {i}", "map")
+    shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
+    return float(np.mean(settled["pressure"])), min(shortest, bounds.rest_length)
+
+
+def _part(record: Recording, label: str, stage: str) -> Recording:
+    """The samples of a step."""
+    try:
+        return record.segments(label)[0]
+    except (InputError, IndexError):
+        raise StageError(stage, f"its recording has no samples of the step {label!r}") from None
+
+
+def leak_of(record: Recording) -> Estimate:
+    """Share of the pressure that the shut muscle loses per second [1/s]."""
+    shut = _part(record, "shut", "leak")
+    begin = shut.time[0] + 1.0
+    kept = shut.select(start=begin)
+    zero = 0.0
+    pressure, time = kept["pressure"] - zero, kept.time - kept.time[0]
+    matrix = np.column_stack([np.ones(len(time)), time])
+    solution = np.linalg.lstsq(matrix, pressure, rcond=None)[0]
+    error = matrix @ solution - pressure
+    spread = uncertainty(matrix, error, ("pressure", "slope"))
+    half = float(spread.quantile * spread.standard_error[1] * widening([error]))
+    mean = float(np.mean(pressure))
+    return Estimate(*(float(-(solution[1] + side * half) / mean) for side in (0.0, 1.0, -1.0)), "1/s")
+
+
+def _path(record: Recording, zero_pressure: float) -> tuple[SpanPath, np.ndarray]:
+    """Path of a recording at `SAMPLES` even times from its begin, and the tension as measured (n,)."""
+    time = np.linspace(record.time[0], record.time[-1], SAMPLES)
+    span, pressure, tension = (np.interp(time, record.time, record[n]) for n in ("span", "pressure", "tension"))
+    return SpanPath(time - time[0], span, pressure - zero_pressure), tension
+
+
+def _branches(
+    record: Recording, bounds: Bounds, known: Progression, zero_pressure: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of lengths on both branches: rows of length, pressure and tension up, pressure and tension down, and samples."""
+    rest = bounds.rest_length
+    loops = [i for i in range(1, ISOBARS + 1) if known.isobars[i - 1][1] < (1.0 - LEAST_LOOP) * rest]
+    rows, rising, falling = [], [], []
+    period = (record.time[-1] - record.time[0]) / (SAMPLES - 1)
+    count = PAIRS // len(loops)
+    for i in loops:
+        parts = [_part(record, f"{way} {i}", "map") for way in ("lengthen", "shorten")]
+        spans = [part["span"] for part in parts]
+        low, high = max(float(s.min()) for s in spans), min(float(s.max()) for s in spans)
+        if high - low < LEAST_LOOP * rest:
+            continue
+        lengths = np.linspace(low + ENDS[0] * (high - low), high - ENDS[1] * (high - low), count)
+        read = [[_read(part, name, lengths, rest) for name in ("pressure", "tension")] for part in parts]
+        places = [_times(part, lengths) for part in parts]
+        taut = 0.5 * (read[0][1] + read[1][1]) - known.zero > TAUT * known.largest
+        rows.append(
+            np.column_stack(
+                [
+                    lengths,
+                    *(
+                        column - zero
+                        for each in read
+                        for column, zero in zip(each, (zero_pressure, known.zero), strict=True)
+                    ),
+                ]
+            )[taut]
+        )
+        samples = [np.round((place - record.time[0]) / period).astype(int)[taut] for place in places]
+        rising.append(samples[0])
+        falling.append(samples[1])
+    if not rows:
+        raise StageError("map", "no loop has lengths that both branches reach; check the rest length")
+    return np.concatenate(rows), np.concatenate(rising), np.concatenate(falling)
+
+
+def _read(part: Recording, channel: str, lengths: np.ndarray, rest: float) -> np.ndarray:
+    """A channel of a branch at lengths (k,)."""
+    order = np.argsort(part["span"], kind="stable")
+    branch = TensionPath(part["span"][order], part[channel][order], WINDOW * rest)
+    return np.array([branch.read(float(x))[0] for x in lengths])
+
+
+def _times(part: Recording, lengths: np.ndarray) -> np.ndarray:
+    """Times at which a branch passes lengths (k,) [s]."""
+    order = np.argsort(part["span"], kind="stable")
+    return np.interp(lengths, part["span"][order], part.time[order])
+
+
+def evaluate(
+    records: dict[str, Recording],
+    bounds: Bounds,
+    known: Progression,
+    *,
+    laws: tuple[str, ...] | None = None,
+    name: str = "muscle",
+) -> Evaluation:
+    """Evaluate the recordings of all stages.
+
+    Args:
+        records: by stage.
+        bounds: of the characterisation.
+        known: found by the stages.
+        laws: to fit; all by default.
+        name: of the points.
+
+    Raises:
+        StageError: a fit was not possible; names the stage.
+    """
+    zero_pressure = float(np.mean(_part(records["seat"], "zero", "seat")["pressure"]))
+    path, tension, still = _held_path(records, zero_pressure)
+    relaxation = fit_relaxation(path, tension, still)
+    chain = relaxation.chain()
+    path, _ = _path(records["map"], zero_pressure)
+    rows, rising, falling = _branches(records["map"], bounds, known, zero_pressure)
+    try:
+        friction = fit_branches(path, rising, falling, rows[:, 2] - rows[:, 4], relaxation=chain)
+    except InputError as error:
+        raise StageError("map", f"its friction could not be fitted: {error}") from None
+    beside = _beside(path, friction, relaxation)
+    static = 0.5 * (rows[:, 2] + rows[:, 4]) - 0.5 * (beside[rising] + beside[falling])
+    taut = static > TAUT * known.largest
+    points = ForceMap(name, rows[taut, 0], 0.5 * (rows[taut, 1] + rows[taut, 3]), static[taut])
+    points = points.with_rest_length(bounds.rest_length)
+    skipped: dict[str, str] = {}
+    known_lengths = {"rest_length": bounds.rest_length, "upper_length": LONGEST * bounds.rest_length}
+    fits = fit_all(points, laws=laws or tuple(LAWS), known=known_lengths, schemes=(), skipped=skipped)
+    if not fits or not fits[0].converged:
+        raise StageError("map", "no law could be fitted to its points")
+    held_out = _held_out(records["held-out"], zero_pressure, known.zero, fits[0], friction, relaxation)
+    errors = np.array([p.predicted - p.measured for p in held_out])
+    return Evaluation(
+        points=points,
+        fits=tuple(fits),
+        skipped=skipped,
+        friction=friction,
+        relaxation=relaxation,
+        leak=leak_of(records["leak"]) if "leak" in records else None,
+        seat=_seat(records["seat"], known),
+        held_out=held_out,
+        half_width=half_width(errors),
+        largest=known.largest,
+    )
+
+
+def _held_path(records: dict[str, Recording], zero_pressure: float) -> tuple[SpanPath, np.ndarray, np.ndarray]:
+    """Path of the stage with the stretch, the tension along it [N], and which samples are of the hold, (n,)."""
+    record = records["relaxation"]
+    path, tension = _path(record, zero_pressure)
+    begin = _part(record, "hold", "relaxation").time[0] - record.time[0] + SETTLED
+    return path, tension, path.time >= begin
+
+
+def relaxation_curve(records: dict[str, Recording], found: Evaluation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time since the stretch [s], tension while the span stands still, measured and fitted [N], (n,) each.
+
+    Args:
+        records: by stage.
+        found: by `evaluate`.
+    """
+    path, tension, still = _held_path(records, 0.0)
+    chain = found.relaxation.chain()
+    fitted = np.zeros(SAMPLES) if chain is None else relaxation_force(path, chain)
+    fitted = fitted + np.mean((tension - fitted)[still])
+    return path.time[still] - path.time[still][0], tension[still], fitted[still]
+
+
+def half_width(errors: np.ndarray) -> float:
+    """Half width of the 95 % interval of a prediction, from the errors of points that no fit has seen (n,)."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(len(errors), 0.975) * np.sqrt(np.mean(errors**2)))
+
+
+def _beside(path: SpanPath, friction: BranchFit, relaxation: RelaxationFit) -> np.ndarray:
+    """Friction and relaxation along a path (n,) [N]."""
+    force = friction_force(path, friction.friction())
+    chain = relaxation.chain()
+    return force if chain is None else force + relaxation_force(path, chain)
+
+
+def _seat(record: Recording, known: Progression) -> float:
+    """Span at which the vented muscle gets taut [m]."""
+    pull = _part(record, "pull", "seat")
+    taut = np.flatnonzero(pull["tension"] - known.zero > known.slack)
+    return float(pull["span"][taut[0]]) if len(taut) else float("nan")
+
+
+def _held_out(
+    record: Recording,
+    zero_pressure: float,
+    zero: float,
+    fit: Fit,
+    friction: BranchFit,
+    relaxation: RelaxationFit,
+) -> tuple[HeldOut, ...]:
+    path, _ = _path(record, zero_pressure)
+    beside, law, points = _beside(path, friction, relaxation), fit.build(), []
+    for step in record.meta["steps"]:
+        if not str(step["label"]).startswith("point "):
+            continue
+        part = record.select(start=step["end"] - READ, end=step["end"])
+        length, pressure = float(np.mean(part["span"])), float(np.mean(part["pressure"])) - zero_pressure
+        at = float(np.mean(part.time)) - record.time[0]
+        force = float(law.braid_tension(length, pressure)) + float(np.interp(at, path.time, beside))
+        points.append(HeldOut(length, pressure, float(np.mean(part["tension"])) - zero, max(force, 0.0)))
+    if not points:
+        raise StageError("held-out", "its recording has no held-out points")
+    return tuple(points)
+
+
+def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> Specimen:
+    """The fitted muscle as a specimen: law, friction, relaxation and leak with their intervals.
+
+    Args:
+        found: by `evaluate`.
+        bounds: of the characterisation.
+        name: id of the specimen.
+        title: of the specimen.
+    """
+    spec = fitted_specimen(found.fits[:1], name=name)
+    error = found.half_width
+    properties = {
+        "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note="span at which it was mounted"),
+        "tension_uncertainty": SpecimenNumber(
+            value=error, unit="N", note="half width of the 95 % interval of a predicted tension, from held-out points"
+        ),
+    }
+    chain = found.relaxation.chain()
+    if chain is not None:
+        total = found.relaxation.total
+        note = f"fitted; together {total.low:.4g} to {total.high:.4g} N/m at 95 %"
+        properties["creep_stiffness"] = SpecimenNumber(
+            value=[float(k) for k in np.asarray(chain.stiffness)], unit="N/m", note=note
+        )
+        properties["creep_time_constants"] = SpecimenNumber(
+            value=[float(t) for t in np.asarray(chain.time_constant)], unit="s", note="of the Maxwell elements"
+        )
+    if found.leak is not None:
+        properties["leak_decay"] = SpecimenNumber(
+            value=found.leak.value,
+            unit="1/s",
+            range=(found.leak.low, found.leak.high),
+            note="share of the pressure lost per second, shut off",
+        )
+    return dataclasses.replace(
+        spec, title=title, properties=properties, friction={"maxwell_slip": _friction_numbers(found.friction)}
+    )
+
+
+def _friction_numbers(fit: BranchFit) -> dict[str, SpecimenNumber]:
+    def number(value: float, unit: str, ends: tuple[float, float] | None = None, note: str = "fitted") -> Any:
+        return SpecimenNumber(value=value, unit=unit, range=ends, note=note)
+
+    p = fit.parameters
+    longest = p["shortest"].value * p["spread"].value
+    return {
+        "constant": number(p["constant"].value, "N", (p["constant"].low, p["constant"].high)),
+        "per_pressure": number(p["per_pressure"].value, "m^2", (p["per_pressure"].low, p["per_pressure"].high)),
+        "elements": number(float(ELEMENTS), "1", note="chosen"),
+        "shortest": number(p["shortest"].value, "m", (p["shortest"].low, p["shortest"].high)),
+        "longest": number(longest, "m"),
+        "at_pressure": number(AT_PRESSURE, "Pa", note="at which the travels are meant"),
+    }
+
+
+def muscle_of(found: Evaluation, spec: Specimen) -> Muscle:
+    """The fitted muscle with friction and relaxation."""
+    return Muscle(found.fits[0].build(), found.friction.friction(), found.relaxation.chain(), specimen=spec)

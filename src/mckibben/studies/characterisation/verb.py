@@ -1,0 +1,467 @@
+"""Characterisation of an unknown muscle on a rig, from the first stage to the fitted specimen; resumable by stages."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...accessors import implementation
+from ...assembly.build import unit_from_muscle, unit_from_specimen
+from ...assembly.muscle_unit import MuscleUnit
+from ...bench.hardware.interface import Hardware
+from ...bench.prepare import PreparedRun, prepare, prepare_on_machine
+from ...bench.rig import Rig
+from ...bench.rig_file import rig as rig_of
+from ...bench.session import Session
+from ...bench.session.setup import session_rate
+from ...documents import JsonValue, parse_json, read_text, write_text
+from ...engine import STEP
+from ...errors import EmptyRunError, InputError, StageError
+from ...experiments.protocol import Protocol
+from ...muscles import Muscle
+from ...muscles.build import build_law, rest_length_of
+from ...muscles.laws import law_type
+from ...quantities import in_si, with_unit
+from ...recordings import Recording
+from ...recordings.files import read_recording
+from ...specimens import Specimen, muscle_specimen, save_specimen
+from .evaluation import MOST_ERROR, Evaluation, advance, evaluate, muscle_of, specimen_of
+from .stages import STAGES, Bounds, Progression, planned, protocol_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...identification.uncertainty import Estimate
+
+SETTINGS = "characterisation.json"  # in the folder: what its recordings were made with
+SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
+Progress = Callable[[float, float, str], None]  # machine time done and planned [s], and the stage
+
+
+@dataclass(frozen=True)
+class StageRecord:
+    """A stage that was run: name, machine time [s], and whether it was read from the folder."""
+
+    stage: str
+    seconds: float
+    resumed: bool
+
+
+@dataclass(frozen=True, repr=False)
+class Characterisation:
+    """A muscle that was characterised on a rig.
+
+    Attributes:
+        rig: name of the rig.
+        bounds: that nothing exceeded.
+        stages: as they were run.
+        evaluation: points, fits and held-out errors.
+        specimen: law, friction, relaxation and leak, with their intervals.
+        records: recordings of the stages.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> found = mk.characterise("modern", muscle="nylon")    # doctest: +SKIP
+        >>> found.muscle.tension("12 cm", "4 bar")               # doctest: +SKIP
+    """
+
+    rig: str
+    bounds: Bounds
+    stages: tuple[StageRecord, ...]
+    evaluation: Evaluation
+    specimen: Specimen
+    records: dict[str, Recording]
+
+    def __repr__(self) -> str:
+        state = "passed" if self.passed else "failed"
+        share = 100.0 * self.held_out_error
+        return f"Characterisation({self.specimen.id!r}, {self.law}, held-out error {share:.2g} %, {state})"
+
+    @property
+    def muscle(self) -> Muscle:
+        """The fitted muscle with friction and relaxation."""
+        return muscle_of(self.evaluation, self.specimen)
+
+    @property
+    def law(self) -> str:
+        """Name of the law that describes the map best."""
+        return self.evaluation.fits[0].law
+
+    @property
+    def seconds(self) -> float:
+        """Machine time of all stages [s]."""
+        return sum(s.seconds for s in self.stages)
+
+    @property
+    def held_out_error(self) -> float:
+        """Root mean square error of the held-out points, as a share of the largest tension."""
+        return float(np.sqrt(np.mean(self.evaluation.error**2))) / self.evaluation.largest
+
+    @property
+    def failed_stage(self) -> tuple[str, str]:
+        """The stage whose outcome speaks against the specimen, and why; both empty if nothing does."""
+        if self.held_out_error > MOST_ERROR:
+            share, most = f"{100.0 * self.held_out_error:.2g} %", f"{100.0 * MOST_ERROR:g} %"
+            return (
+                "held-out",
+                f"the predicted tensions are off by {share} rms of the largest tension, more than {most}; the muscle "
+                "changes between the stages, or no law describes it",
+            )
+        return "", ""
+
+    @property
+    def failure(self) -> str:
+        """Why the specimen should not be used, naming the stage; empty if nothing speaks against it."""
+        stage, problem = self.failed_stage
+        return f"stage {stage}: {problem}" if stage else ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the held-out points were predicted."""
+        return not self.failure
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """Parameters of law, friction, relaxation and leak with their 95 % intervals [SI]."""
+        found = self.evaluation
+        named = {f"law.{n}": e for n, e in found.fits[0].parameters.items()}
+        named |= {f"friction.{n}": e for n, e in found.friction.parameters.items()}
+        named["relaxation.stiffness"] = found.relaxation.total
+        return named | ({} if found.leak is None else {"leak.decay": found.leak})
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The outcome as plain values [SI], for JSON."""
+        found = self.evaluation
+        return {
+            "rig": self.rig,
+            "law": self.law,
+            "passed": self.passed,
+            "failure": self.failure,
+            "rest_length": self.bounds.rest_length,
+            "largest_tension": found.largest,
+            "tension_interval": found.half_width,
+            "held_out_error": self.held_out_error,
+            "seat": found.seat if np.isfinite(found.seat) else None,
+            "machine_time": self.seconds,
+            "stages": [dataclasses.asdict(s) for s in self.stages],
+            "estimates": {name: e._asdict() for name, e in self.estimates.items()},
+            "held_out": [dataclasses.asdict(p) for p in found.held_out],
+            "laws": {f.law: f.rmse for f in found.fits},
+            "points": len(found.points),
+        }
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
+        written: Path = implementation("report.characterisation_report:write_characterisation_report")(self, Path(path))
+        return written
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the specimen, a ``.toml`` file that every command takes; returns its path."""
+        heading = f"characterised on the rig {self.rig}, {len(self.evaluation.points)} points"
+        save_specimen(self.specimen, path, heading=heading)
+        return Path(path)
+
+
+@dataclass(frozen=True)
+class CharacterisationPlan:
+    """What will be done: bounds, and the longest time of every stage by name [s]."""
+
+    bounds: Bounds
+    seconds: dict[str, float]
+
+    @property
+    def total(self) -> float:
+        """Machine time at most [s]."""
+        return sum(self.seconds.values())
+
+
+def plan(
+    rig: Rig | str = "paper",
+    *,
+    rest_length: float | str,
+    plumbing: str | None = None,
+    max_pressure: float | str | None = None,
+    max_tension: float | str | None = None,
+) -> CharacterisationPlan:
+    """Plan a characterisation without moving anything; arguments and errors as of `characterise`."""
+    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    layout = _layout(on, plumbing)
+    rest = float(in_si(rest_length, "m", field="rest_length"))
+    pressure, tension = (
+        None if value is None else float(in_si(value, unit, field=name))
+        for name, value, unit in (("max_pressure", max_pressure, "Pa"), ("max_tension", max_tension, "N"))
+    )
+    bounds = Bounds.of(on, layout, rest_length=rest, pressure=pressure, tension=tension)
+    assumed, stand_in = planned(bounds), _stand_in(rest)
+    times = {}
+    for stage in bounds.stages:
+        prepared = prepare(protocol_of(stage, bounds, assumed), muscle=stand_in, rig=on, plumbing=layout)
+        times[stage] = prepared.plan.duration
+    return CharacterisationPlan(bounds, times)
+
+
+def characterise(
+    rig: Rig | str | os.PathLike[str] = "paper",
+    *,
+    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
+    rest_length: float | str | None = None,
+    plumbing: str | None = None,
+    max_pressure: float | str | None = None,
+    max_tension: float | str | None = None,
+    laws: Sequence[str] | None = None,
+    name: str = "characterised",
+    out: str | os.PathLike[str] | None = None,
+    hardware: Hardware | None = None,
+    seed: int = 0,
+    step: float = STEP,
+    progress: Progress | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Characterisation:
+    """Characterise an unknown muscle on a rig: force map, friction, relaxation and leak, with intervals.
+
+    Stages are run one after the other: slack and seat, leak, pressure ramp, loops at constant pressures, a stretch with a
+    hold, and held-out points; then law, friction and relaxation are fitted. Of a simulated muscle nothing is known but what
+    the sensors of the rig read.
+
+    Args:
+        rig: a rig, its name or file; it has a motor, a load cell and a pressure sensor.
+        muscle: muscle of a simulated rig; None on a real machine.
+        rest_length: span at which the muscle is mounted, vented, as text or [m]; that of a simulated muscle by default.
+        plumbing: how the pneumatic parts are joined; one with a shut-off valve by default, if there is one.
+        max_pressure: highest gauge pressure, as text or [Pa]; what the rig bears by default.
+        max_tension: largest tension, as text or [N]; what the rig bears by default.
+        laws: laws that are fitted; all by default.
+        name: id of the specimen.
+        out: folder of the recordings. Stages whose recording is there already are not run again.
+        hardware: a real machine, with the muscle mounted at the rest length; it stays open.
+        seed: of the simulated sensors' noise.
+        step: largest step of the simulated physics [s].
+        progress: told the machine time done and planned [s], and the stage.
+        stop: asked whether to end; the machine is vented then.
+
+    Raises:
+        InputError: an argument is out of its range, or the folder has recordings of another characterisation.
+        StageError: a stage could not be finished; the recordings of the stages before stay in the folder.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> mk.characterise("modern", muscle="nylon", max_pressure="12 bar")
+        Traceback (most recent call last):
+        mckibben.errors.InputError: max_pressure is 12 bar: must be above 0 and at most 9 bar
+    """
+    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    for law in laws or ():
+        law_type(law)
+    if (muscle is None) == (hardware is None):
+        problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
+        raise InputError("muscle", None, problem)
+    unit = None if muscle is None else _unit(muscle)
+    if rest_length is None:
+        if unit is None:
+            raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
+        rest_length = _rest_of(muscle, unit)
+    intended = plan(on, rest_length=rest_length, plumbing=plumbing, max_pressure=max_pressure, max_tension=max_tension)
+    bounds, layout = intended.bounds, _layout(on, plumbing)
+    folder = None if out is None else _folder(out, on, layout, bounds, seed, _title_of(muscle))
+    known, records, done = Progression(), {}, []
+    passed = 0.0
+    with _machine(on, layout, unit, bounds, hardware, seed, step) as machine:
+        for stage in bounds.stages:
+            place = None if folder is None else folder / f"{1 + list(STAGES).index(stage)}-{stage}.nc"
+            resumed = place is not None and place.exists()
+            if resumed and place is not None:
+                record = read_recording(place)
+            else:
+
+                def tell(time: float, _: float, stage: str = stage, before: float = passed) -> None:
+                    if progress is not None:
+                        progress(before + time, intended.total, stage)
+
+                record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
+            _check(stage, record, on)
+            known = advance(stage, record, bounds, known)
+            if place is not None and not resumed:
+                record.save(place)
+            records[stage] = record
+            done.append(StageRecord(stage, _seconds(record), resumed))
+            passed += intended.seconds[stage]
+    found = evaluate(records, bounds, known, laws=None if laws is None else tuple(laws), name=name)
+    spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
+    outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records)
+    if folder is not None:
+        write_text(folder / "result.json", json.dumps(outcome.to_dict(), indent=1) + "\n", field="out")
+        if outcome.passed:
+            outcome.save(folder / f"{name}.toml")
+        else:
+            (folder / f"{name}.toml").unlink(missing_ok=True)
+    return outcome
+
+
+class _Machine:
+    """The machine on which the stages are run, a simulated one with its muscle or a real one in a session."""
+
+    def __init__(
+        self, rig: Rig, layout: str, unit: MuscleUnit | None, bounds: Bounds, session: Session, seed: int, step: float
+    ) -> None:
+        self.rig, self.layout, self.unit, self.session, self.seed, self.step = rig, layout, unit, session, seed, step
+        self.stand_in = _stand_in(bounds.rest_length)
+
+    def prepared(self, stage: str, protocol: Protocol) -> PreparedRun:
+        """Dry run of a stage, which knows nothing of the muscle but its rest length."""
+        if self.unit is None:
+            made = prepare_on_machine(protocol, self.session.setup.rate, **self.session.setup.options)
+        else:
+            seed = self.seed * len(STAGES) + list(STAGES).index(stage)
+            made = prepare(
+                protocol, muscle=self.stand_in, rig=self.rig, plumbing=self.layout, seed=seed, step=self.step
+            )
+            made = dataclasses.replace(made, unit=self.unit, specimen=None)
+        # the tension of an unknown muscle is not foreseen; the load cell's interlock and the tests of the steps watch it
+        findings = tuple(f for f in made.findings if not (f.field == "until" and f.value.startswith("tension")))
+        return dataclasses.replace(made, findings=findings)
+
+    def run(
+        self, stage: str, protocol: Protocol, progress: Callable[[float, float], None], stop: Callable[[], bool] | None
+    ) -> Recording:
+        """Run a stage; keeps the channels that a real machine has."""
+        prepared = self.prepared(stage, protocol)
+        try:
+            record = self.session.run(prepared, new_machine=self.unit is not None, progress=progress, stop=stop)
+        except EmptyRunError as error:
+            raise StageError(stage, str(error)) from None
+        return record.pick([*record.names("measured"), *record.names("command")])
+
+
+@contextlib.contextmanager
+def _machine(
+    rig: Rig, layout: str, unit: MuscleUnit | None, bounds: Bounds, hardware: Hardware | None, seed: int, step: float
+) -> Iterator[_Machine]:
+    """The machine, closed at the end; a real one is vented."""
+    stand_in = _stand_in(bounds.rest_length)
+    session = Session(
+        rig, stand_in if unit is None else unit, hardware, span=bounds.rest_length, plumbing=layout,
+        by_hand=hardware is not None, speed=None if hardware is None else 1.0,
+    )  # fmt: skip
+    try:
+        yield _Machine(rig, layout, unit, bounds, session, seed, step)
+    finally:
+        if hardware is not None:
+            session.close()
+
+
+def _stand_in(rest_length: float) -> MuscleUnit:
+    """A muscle that hardly pulls, in whose place the unknown one is planned."""
+    law = build_law(
+        "linear_threshold",
+        {
+            "stiffness_per_pressure": 1e-6,
+            "shortest_length": 0.5 * rest_length,
+            "threshold_pressure": 0.0,
+            "passive_stiffness": 0.0,
+            "rest_length": rest_length,
+            "upper_length": 1.1 * rest_length,
+            "rest_volume": 1e-5,
+        },
+    )
+    return unit_from_muscle(Muscle(law))
+
+
+def _unit(muscle: str | Specimen | Muscle | MuscleUnit) -> MuscleUnit:
+    if isinstance(muscle, MuscleUnit):
+        return muscle
+    if isinstance(muscle, Muscle):
+        return unit_from_muscle(muscle)
+    return unit_from_specimen(muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle))
+
+
+def _rest_of(muscle: str | Specimen | Muscle | MuscleUnit | None, unit: MuscleUnit) -> float:
+    """Span at which a simulated muscle is mounted [m]."""
+    spec = muscle_specimen(muscle) if isinstance(muscle, str) else muscle
+    stated = spec if isinstance(spec, Specimen) else spec.specimen if isinstance(spec, Muscle) else None
+    return rest_length_of(stated, unit.law)
+
+
+def rest_length_of_muscle(muscle: str | Specimen | Muscle | MuscleUnit) -> float:
+    """Span at which a muscle is mounted on a simulated rig [m]."""
+    return _rest_of(muscle, _unit(muscle))
+
+
+def rate_of(rig: Rig) -> float:
+    """Samples per second of the machine [1/s]."""
+    return session_rate(rig)
+
+
+def _title_of(muscle: str | Specimen | Muscle | MuscleUnit | None) -> str:
+    if muscle is None:
+        return "real"
+    if isinstance(muscle, str):
+        return muscle
+    spec = muscle if isinstance(muscle, Specimen) else getattr(muscle, "specimen", None)
+    return "own" if spec is None else str(spec.id)
+
+
+def _layout(rig: Rig, plumbing: str | None) -> str:
+    if plumbing is not None:
+        if plumbing not in rig.plumbing:
+            raise InputError("plumbing", plumbing, known=list(rig.plumbing), where=rig.where)
+        return plumbing
+    usable = [n for n, p in rig.plumbing.items() if p.has_muscle]
+    return next((n for n in usable if rig.plumbing[n].shut_off is not None), usable[0])
+
+
+def _folder(out: str | os.PathLike[str], rig: Rig, layout: str, bounds: Bounds, seed: int, muscle: str) -> Path:
+    """The folder of the recordings, made if it is not there; refused if its recordings were made otherwise."""
+    folder = Path(out)
+    if folder.exists() and not folder.is_dir():
+        raise InputError("out", str(folder), "must be a folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    settings: dict[str, JsonValue] = {
+        "rig": rig.name,
+        "plumbing": layout,
+        "muscle": muscle,
+        "seed": seed,
+        "rest_length": bounds.rest_length,
+        "max_pressure": bounds.pressure,
+        "max_tension": bounds.tension,
+    }
+    place = folder / SETTINGS
+    if place.exists():
+        stored = parse_json(read_text(place, field="out"))
+        if not isinstance(stored, dict):
+            raise InputError("out", str(place), "must be the settings of a characterisation")
+        for key, value in settings.items():
+            if stored.get(key) != value:
+                said = (
+                    f"{folder} has stages of another characterisation: its {key} is {stored.get(key)!r}, not {value!r}"
+                )
+                raise InputError("out", str(folder), "is of another one", sentence=f"{said}; use another folder")
+    else:
+        write_text(place, json.dumps(settings, indent=1) + "\n", field="out")
+    return folder
+
+
+def _check(stage: str, record: Recording, rig: Rig) -> None:
+    """Refuse a recording that was stopped or whose sensors saturate."""
+    result = record.meta.get("result", "done")
+    if result != "done":
+        raise StageError(stage, str(record.meta.get("message") or result))
+    for name in ("tension", "pressure"):
+        converter = rig.sensors[name].converter
+        top = min(float(converter.top) - SATURATED * float(converter.resolution), float(rig.sensors[name].high))
+        largest = float(np.max(record[name]))
+        if largest >= top:
+            unit = "N" if name == "tension" else "Pa"
+            raise StageError(stage, f"the sensor of the {name} saturates at {with_unit(largest, unit, 4)}")
+
+
+def _seconds(record: Recording) -> float:
+    """Machine time of a stage [s]."""
+    return float(max(step["end"] for step in record.meta["steps"]))

@@ -1,0 +1,70 @@
+"""Friction and relaxation from the tension along a path of spans."""
+
+import numpy as np
+import pytest
+
+from mckibben.errors import InputError
+from mckibben.identification.tension_path_fit import (
+    SpanPath,
+    fit_branches,
+    fit_relaxation,
+    friction_force,
+    relaxation_force,
+)
+from mckibben.muscles.creep import MaxwellChain
+from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
+
+SAMPLES = 1500
+
+
+@pytest.fixture(scope="module")
+def loops():
+    """Two loops of the span at 1 and 4 bar, with the samples of the same lengths on both branches."""
+    way = np.concatenate([np.linspace(0.14, 0.11, 350), np.linspace(0.11, 0.14, 350)])
+    rest = np.full(50, 0.14)
+    span = np.concatenate([rest, way, rest, way])
+    pressure = np.concatenate([np.full(750, 1e5), np.full(750, 4e5)])
+    path = SpanPath(0.05 * np.arange(SAMPLES), span, pressure)
+    falling = np.concatenate([np.arange(60, 390, 10), np.arange(810, 1140, 10)])
+    rising = np.concatenate(
+        [750 - np.arange(60 - 50, 390 - 50, 10) - 1, 1500 - np.arange(810 - 800, 1140 - 800, 10) - 1]
+    )
+    return path, rising, falling
+
+
+def test_the_difference_of_the_branches_gives_the_friction_back(loops):
+    path, rising, falling = loops
+    true = MaxwellSlip.geometric(FrictionLimit(constant=0.8, per_pressure=6e-6), shortest=3e-4, longest=6e-3)
+    force = friction_force(path, true)
+    fit = fit_branches(path, rising, falling, force[rising] - force[falling])
+    for pressure in (1e5, 4e5):
+        # Eight elements are described by six whose travels are spread alike: the limit agrees to 2 %.
+        expected = float(np.sum(true.largest_force(pressure)))
+        assert float(np.sum(fit.friction().largest_force(pressure))) == pytest.approx(expected, rel=0.02)
+    assert fit.rmse < 0.02 * 3.2  # of the largest difference
+
+
+def test_a_relaxation_of_known_stiffness_is_found_after_a_stretch(loops):
+    path, *_ = loops
+    time = np.linspace(0.0, 60.0, SAMPLES)
+    path = SpanPath(time, 0.13 + 0.006 * np.clip((time - 20.0) / 0.4, 0.0, 1.0), np.full(SAMPLES, 3e5))
+    true = MaxwellChain(stiffness=np.array([300.0, 200.0]), time_constant=np.array([1.0, 10.0]))
+    tension = 40.0 + relaxation_force(path, true)
+    fit = fit_relaxation(path, tension, time >= 20.6)
+    # The time constants of the fit lie up to 5 % beside the true ones, which its neighbours make up for to some percent.
+    assert fit.total.value == pytest.approx(500.0, rel=0.04)
+    still = time >= 20.6
+    kept, expected = (relaxation_force(path, chain)[still] for chain in (fit.chain(), true))
+    assert kept - kept.mean() == pytest.approx(expected - expected.mean(), abs=0.01 * 3.0)  # 1 % of the 3 N that relax
+
+
+def test_a_path_without_friction_has_none(loops):
+    path, rising, falling = loops
+    fit = fit_branches(path, rising, falling, np.zeros(len(rising)))
+    assert float(np.sum(fit.friction().largest_force(4e5))) < 1e-3  # N; the solver's tolerance
+
+
+def test_too_few_lengths_are_refused(loops):
+    path, rising, falling = loops
+    with pytest.raises(InputError, match="pairs is 3: must be 12 or more"):
+        fit_branches(path, rising[:3], falling[:3], np.zeros(3))

@@ -1,0 +1,119 @@
+"""Characterisation of an unknown muscle: its plan, its bounds, and the whole of it on a simulated rig."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mckibben as mk
+from mckibben.errors import InputError, StageError
+from mckibben.studies.characterisation.evaluation import half_width, leak_of
+from mckibben.studies.characterisation.stages import MARGIN, Bounds, held_out_points, planned, pressures_of
+from mckibben.studies.characterisation.verb import plan
+
+
+def test_the_plan_takes_less_than_ten_minutes_of_machine_time():
+    for rig in ("paper", "modern"):
+        intended = plan(rig, rest_length="14 cm")
+        assert 60.0 < intended.total < 600.0
+        assert ("leak" in intended.seconds) == intended.bounds.shut_off
+
+
+def test_no_bound_lies_beyond_the_rig():
+    rig = mk.rig("modern")
+    bounds = Bounds.of(rig, "direct", rest_length=0.14)
+    assert bounds.tension <= MARGIN * float(rig.interlocks.most_tension)
+    assert bounds.pressure <= MARGIN * float(rig.interlocks.burst_pressure)
+    assert bounds.shortest >= rig.shortest
+
+
+def test_held_out_points_lie_between_the_pressures_of_the_map():
+    bounds = Bounds.of(mk.rig("modern"), "direct", rest_length=0.14, pressure=6e5)
+    levels = np.array(pressures_of(6e5))
+    for pressure, lengths in held_out_points(bounds, planned(bounds)):
+        assert np.abs(levels - pressure).min() > 0.4e5  # half of the distance of two loops is 0.5 bar
+        assert all(bounds.shortest < x < bounds.rest_length for x in lengths)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"max_pressure": "12 bar"}, "max_pressure is 12 bar: must be above 0 and at most 9 bar"),
+        ({"max_tension": "2 kN"}, "max_tension"),
+        ({"rest_length": "3 m"}, "rest_length"),
+        ({"plumbing": "none"}, "plumbing"),
+        ({"laws": ["nonsense"]}, "nonsense"),
+        ({"muscle": None}, "muscle is missing"),
+    ],
+)
+def test_an_argument_out_of_range_is_refused_before_anything_moves(options, said):
+    with pytest.raises(InputError, match=said):
+        mk.characterise("modern", **{"muscle": "nylon", **options})
+
+
+def test_a_folder_of_another_characterisation_is_refused(tmp_path):
+    (tmp_path / "characterisation.json").write_text(json.dumps({"rig": "paper"}))
+    with pytest.raises(InputError, match="its rig is 'paper', not 'modern'; use another folder"):
+        mk.characterise("modern", muscle="nylon", out=tmp_path)
+
+
+def test_the_leak_is_the_share_of_the_pressure_that_is_lost_per_second():
+    time = np.arange(0.0, 10.0, 0.01)
+    record = mk.Recording(
+        time,
+        {"pressure": mk.Channel(2e5 * np.exp(-0.004 * time), "Pa", "measured")},
+        {
+            "steps": [
+                {
+                    "label": "shut",
+                    "start": 0.0,
+                    "end": 10.0,
+                    "recorded": True,
+                    "case": {},
+                    "path": "steps.1",
+                    "index": 1,
+                }
+            ]
+        },
+    )
+    assert leak_of(record).value == pytest.approx(0.004, rel=1e-3)  # a line instead of the exponential, over 4 %
+
+
+def test_the_interval_of_a_prediction_grows_with_the_errors_that_no_fit_has_seen():
+    assert half_width(np.full(12, 0.5)) == pytest.approx(
+        2.179 * 0.5, rel=1e-3
+    )  # Student's t of 12, printed to 4 digits
+
+
+def test_a_specimen_states_its_creep(tmp_path):
+    text = mk.specimen("nylon")
+    numbers = {"creep_stiffness": ([100.0, 50.0], "N/m"), "creep_time_constants": ([1.0, 10.0], "s")}
+    number = type(text.properties["rest_length"])
+    properties = text.properties | {k: number(value=v, unit=u) for k, (v, u) in numbers.items()}
+    muscle = mk.muscle(type(text)(**{**vars(text), "properties": properties}))
+    assert np.asarray(muscle.creep.stiffness).tolist() == [100.0, 50.0]
+    assert mk.muscle("nylon").creep is None
+
+
+@pytest.mark.slow
+def test_a_muscle_is_characterised_resumed_and_refused_where_it_fails(tmp_path):
+    options = {"muscle": "nylon", "max_pressure": "5 bar", "laws": ["linear_threshold"], "out": tmp_path / "nylon"}
+
+    stages = []
+    with pytest.raises(StageError):
+        mk.characterise("modern", **options, progress=lambda done, total, stage: stages.append(stage),
+                        stop=lambda: "map" in stages)  # fmt: skip
+    found = mk.characterise("modern", **options)
+    assert [s.resumed for s in found.stages] == [True, True, True, False, False, False]
+    assert found.passed and found.seconds < 600.0
+    true = mk.muscle("nylon")
+    lengths = np.linspace(0.115, 0.135, 5)
+    # The cord of the simulated rig stretches by 0.8 mm, which the fit counts as part of the muscle: 4 % of 80 N.
+    assert found.muscle.tension(lengths, 4e5) == pytest.approx(true.tension(lengths, 4e5), abs=0.04 * 80.0)
+    assert float(found.muscle.friction.largest_force(5e5)) == pytest.approx(2.5, rel=0.1)  # relaxation was 3 % of it
+    assert mk.muscle(tmp_path / "nylon" / "characterised.toml").tension("12 cm", "4 bar") == pytest.approx(
+        found.muscle.tension("12 cm", "4 bar"), rel=1e-9
+    )
+    assert "Held-out points" in found.report(tmp_path / "report.html").read_text()
+    with pytest.raises(StageError, match="stage leak: the shut muscle loses"):
+        mk.characterise(mk.rig("modern", {"faults.leak": "1 l/min/bar"}), muscle="nylon", max_pressure="5 bar")
