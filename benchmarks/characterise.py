@@ -8,7 +8,7 @@ Every muscle has dimensions, rubber, friction, relaxation and a leak of its own 
 have noise, zeros and gain errors of their own; the ruler misses its rest length by up to 1 %. Its law is not among those
 that are fitted. Ten of 50 have a fault that nobody told of: a gross leak, a drifting load cell, a slack clamp, a drifting
 pressure sensor. The error is that of the fitted static tension at 40 points of span and pressure between those of the map,
-over the largest true tension there. A muscle that passed although its worst error is above `WRONG` is wrong without saying so.
+over the largest true tension there. A muscle that passed with a worst error above `WRONG` is wrong without saying so.
 """
 
 from __future__ import annotations

@@ -539,6 +539,11 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "bluesky": ("Bluesky", "The test machine as devices for Bluesky.", ["bench.bluesky.**"]),
     "studies": ("studies", "Complete studies of one question each.", ["studies.*"]),
+    "characterisation": (
+        "Characterisation",
+        "An unknown muscle on a rig: stages, evaluation, fitted specimen.",
+        ["studies.characterisation.**"],
+    ),
     "diagnosis": ("Diagnosis", "Faults of a rig from recordings of its normal operation.", ["studies.diagnosis.**"]),
     "sizing": ("Sizing", "Sizing of muscle, valve, tube and gas source from requirements.", ["studies.sizing.**"]),
     "comparison": (

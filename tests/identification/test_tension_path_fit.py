@@ -61,10 +61,10 @@ def test_a_relaxation_of_known_stiffness_is_found_after_a_stretch(loops):
 def test_a_path_without_friction_has_none(loops):
     path, rising, falling = loops
     fit = fit_branches(path, rising, falling, np.zeros(len(rising)))
-    assert float(np.sum(fit.friction().largest_force(4e5))) < 1e-3  # N; the solver's tolerance
+    assert float(np.sum(fit.friction().largest_force(4e5))) < 0.01  # N; twice the least friction that is fitted
 
 
 def test_too_few_lengths_are_refused(loops):
     path, rising, falling = loops
-    with pytest.raises(InputError, match="pairs is 3: must be 12 or more"):
+    with pytest.raises(InputError, match="pairs must be 12 or more"):
         fit_branches(path, rising[:3], falling[:3], np.zeros(3))

@@ -38,7 +38,7 @@ def test_held_out_points_lie_between_the_pressures_of_the_map():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"max_pressure": "12 bar"}, "max_pressure is 12 bar: must be above 0 and at most 9 bar"),
+        ({"max_pressure": "12 bar"}, "max_pressure must be above 0 and at most 9 bar, got 12 bar"),
         ({"max_tension": "2 kN"}, "max_tension"),
         ({"rest_length": "3 m"}, "rest_length"),
         ({"plumbing": "none"}, "plumbing"),

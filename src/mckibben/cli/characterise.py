@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import muscles
 from ..bench import hardware as hardware_package
 from ..bench import rig_file, software
 from ..errors import InputError, StageError
@@ -22,17 +23,14 @@ if TYPE_CHECKING:
 
 
 def characterise(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            metavar="FOLDER",
-            help="Folder of recordings, report and specimen; the same command resumes from it.",
-        ),
-    ],
     muscle: Annotated[
         str | None,
         typer.Option("--muscle", metavar="SPECIMEN", help="Muscle of the simulated rig: id or .toml file."),
+    ] = None,
+    rig: RigName = "paper",
+    law: Annotated[
+        list[str] | None,
+        typer.Option("--law", metavar="LAW", help="Law to fit; all laws by default."),
     ] = None,
     rest_length: Annotated[
         str | None,
@@ -41,12 +39,7 @@ def characterise(
             help="Span at which the vented muscle is mounted, such as '300 mm'; needed with --on.",
         ),
     ] = None,
-    rig: RigName = "paper",
     plumbing: Plumbing = None,
-    law: Annotated[
-        list[str] | None,
-        typer.Option("--law", metavar="LAW", help="Law to fit; all laws by default."),
-    ] = None,
     max_pressure: Annotated[
         str | None,
         typer.Option(
@@ -63,6 +56,14 @@ def characterise(
     dry: Annotated[
         bool, typer.Option("--dry-run", help="Print the stages and their times without moving anything.")
     ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FOLDER",
+            help="Folder of recordings, report and specimen; the same command resumes from it.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.
@@ -79,6 +80,10 @@ def characterise(
         raise InputError("--muscle", None, problem)
     if machine is not None and rest_length is None:
         raise InputError("--rest-length", None, "is missing: the span at which the muscle is mounted")
+    if out is None and not dry:
+        raise InputError("--out", None, "is missing: the folder of recordings, report and specimen")
+    for name in law or ():
+        muscles.laws.law_type(name)
     on = rig_file.rig(rig)
     options: dict[str, Any] = {
         "rest_length": _amount(rest_length, "m", "--rest-length"),
@@ -90,7 +95,7 @@ def characterise(
         options["rest_length"] = characterisation.verb.rest_length_of_muscle(muscle)
     try:
         intended = characterisation.verb.plan(on, **options)
-        if dry:
+        if dry or out is None:
             _tell(intended, as_json)
             return
         if not as_json:

@@ -32,10 +32,10 @@ FEWEST = 12
 AT_PRESSURE = 5e5  # at which the travels of the friction are meant [Pa]
 # Start, least and largest value of the friction's parameters: limit [N] and [m^2], travel [m], ratio of the travels [1].
 _BOUNDS = {
-    "constant": (1.0, 0.0, 1e3, "N"),
+    "constant": (1.0, 5e-3, 1e3, "N"),
     "per_pressure": (5e-6, 0.0, 1e-3, "m^2"),
-    "shortest": (5e-4, 1e-5, 2e-2, "m"),
-    "spread": (10.0, 1.0, 100.0, "1"),
+    "shortest": (5e-4, 1e-5, 5e-3, "m"),
+    "spread": (10.0, 1.0, 50.0, "1"),
 }
 _LOG = ("shortest", "spread")
 
@@ -154,7 +154,7 @@ def fit_branches(
     from scipy import optimize
 
     if len(difference) < FEWEST:
-        raise InputError("pairs", len(difference), f"must be {FEWEST} or more lengths on both branches")
+        raise InputError("pairs", len(difference), f"must be {FEWEST} or more, of lengths on both branches")
     steps = _steps(path)
     known = np.zeros(len(path.time)) if relaxation is None else relaxation_force(path, relaxation)
     wanted = difference - (known[rising] - known[falling])

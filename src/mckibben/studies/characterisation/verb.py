@@ -255,7 +255,7 @@ def characterise(
         >>> import mckibben as mk
         >>> mk.characterise("modern", muscle="nylon", max_pressure="12 bar")
         Traceback (most recent call last):
-        mckibben.errors.InputError: max_pressure is 12 bar: must be above 0 and at most 9 bar
+        mckibben.errors.InputError: max_pressure must be above 0 and at most 9 bar, got 12 bar
     """
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     for law in laws or ():
