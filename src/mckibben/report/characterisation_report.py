@@ -25,7 +25,7 @@ from .blocks import (
     TableRow,
 )
 from .document import Document
-from .figures import characterisation_figures, fit_figures
+from .figures import characterisation_figures
 from .words import versions_text
 
 __all__ = ["characterisation_document", "write_characterisation_report"]
@@ -143,11 +143,6 @@ def _prediction(found: Characterisation) -> list[Block]:
             "Tension after the stretch at a span that stands still.",
             "Tension over time after the stretch, measured and fitted.",
             wide=False,
-        ),
-        Figure(
-            fit_figures.tension_curves(found.evaluation.fits[0], found.evaluation.points),
-            "Points of the map without friction and relaxation, and the law.",
-            "Tension over length at six pressures, measured and by the law.",
         ),
         ReportTable(columns, rows, "Held-out points"),
     ]

@@ -41,7 +41,9 @@ def loops_figure(found: Characterisation) -> Figure:
             ax.plot(lengths * cm, tension, color=colour, lw=style.LINE, zorder=2)
         bar = style.pressure_text(from_si(pressure, "Pa", "bar"), unit=i == ISOBARS)
         ends.append((float(high * cm), float(parts[0]["tension"][0]), bar))
-    ax.margins(x=0.02)
+    room = 0.02 * (found.bounds.rest_length - float(record["span"].min())) * cm
+    ax.set_xlim(float(record["span"].min()) * cm - room, found.bounds.rest_length * cm + room)
+    ax.set_ylim(-0.02 * found.evaluation.largest, 1.08 * float(record["tension"].max()))
     style.quantity_axes(ax, x=("Span, cm", "length"), y=("Tension, N", "tension"))
     style.end_labels(ax, ends, quantity="pressure")
     style.heading(ax, "Loops of the map", "gray: measured\N{EM SPACE}— fitted, full friction either way", above=24.0)
