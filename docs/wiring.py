@@ -1,4 +1,4 @@
-"""Schematics of the wiring of an Arduino Uno: what vents without it, the valve, and the inputs of the sensors."""
+"""Schematics of the wiring of an Arduino Uno and of an STM32F405: what vents without it, the valve, and the sensors."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import schemdraw
 import schemdraw.elements as elm
+from schemdraw import logic
 
 PAPER, INK = "#ffffff", "#1f2933"
 
@@ -118,9 +119,58 @@ def sensor() -> schemdraw.Drawing:
     return d
 
 
+OUTPUTS = (
+    ("PB12 alive", "to C1, as D4"),
+    ("PB13 shut-off", "to R3, as D7"),
+    ("PC8 valve", "to R5, as D9"),
+    ("PC9 motor", "to its R5, as D10"),
+)
+
+
+def stm32_outputs() -> schemdraw.Drawing:
+    """Draw the four outputs of an STM32F405, which a buffer lifts from 3.3 V to 5 V."""
+    with _drawing() as d:
+        for i, (pin, circuit) in enumerate(OUTPUTS):
+            d.add(elm.Dot(open=True).at((0.0, -3.4 * i)).label(pin, "left"))
+            d.add(elm.Line().right(1.0))
+            p = d.add(elm.Dot())
+            d.add(elm.Resistor().at(p.center).down(1.8).label(f"R{12 + i}\n10 kΩ", "bottom"))
+            d.add(elm.Ground())
+            d.add(elm.Line().at(p.center).right(2.0))
+            gate = d.add(logic.Buf().right().label(f"U2{'ABCD'[i]}", "bottom", fontsize=9, ofst=0.35))
+            d.add(elm.Line().at(gate.out).right(1.2))
+            d.add(elm.Dot(open=True).label(circuit, "right"))
+        d.add(elm.Label().at((2.5, 1.2)).label("U2: 74AHCT125, pin 14 at 5 V,\npins 1, 4, 7, 10 and 13 at ground"))
+    return d
+
+
+def stm32_sensor() -> schemdraw.Drawing:
+    """Draw the input of one sensor of 5 V at an STM32F405, of which there are three."""
+    with _drawing() as d:
+        d.add(elm.Dot(open=True).label("sensor,\n0.5 to 4.5 V", "left"))
+        d.add(elm.Resistor().right(2.6).label("R16 10 kΩ"))
+        m = d.add(elm.Dot())
+        d.add(elm.Resistor().at(m.center).down(2.6).label("R17\n20 kΩ", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(m.center).right(2.6))
+        s = d.add(elm.Dot())
+        d.add(elm.Schottky().at(s.center).up(1.9).label("½ BAT54S", "bottom"))
+        d.add(elm.Vdd().label("3.3 V"))
+        d.add(elm.Schottky().at(s.center).down(2.6).reverse().label("½ BAT54S", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(s.center).right(3.0))
+        c = d.add(elm.Dot())
+        d.add(elm.Capacitor().at(c.center).down(2.6).label("C6\n150 nF", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(c.center).right(1.0))
+        d.add(elm.Dot(open=True).label("PC0, PC1, PC2", "right"))
+    return d
+
+
 def save(folder: Path) -> None:
     """Write the schematics to a folder."""
-    for name, draw in (("vent", vent), ("valve", valve), ("sensor", sensor)):
+    for draw in (vent, valve, sensor, stm32_outputs, stm32_sensor):
+        name = draw.__name__.replace("_", "-")
         (folder / f"{name}.svg").write_bytes(draw().get_imagedata("svg"))
 
 

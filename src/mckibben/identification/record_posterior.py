@@ -75,7 +75,8 @@ class RecordProblem(NamedTuple):
     def values(self, x: np.ndarray) -> np.ndarray:
         """Parameters of scaled ones (.., p) [SI]."""
         shares: np.ndarray = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
-        return shares * self.size
+        values: np.ndarray = shares * self.size
+        return values
 
 
 @dataclass(frozen=True, repr=False)
@@ -311,7 +312,8 @@ def posterior_of_records(
 
 def _linear(x: Array, inputs: Any) -> Array:
     """Prediction by its value and derivatives at the fit."""
-    return inputs["value"] + inputs["slopes"] @ (x - inputs["at"])
+    predicted: Array = inputs["value"] + inputs["slopes"] @ (x - inputs["at"])
+    return predicted
 
 
 def _weights(evidence: sampler.Evidence, drawn: sampler.Draws, predicted: np.ndarray) -> np.ndarray:
