@@ -7,8 +7,8 @@ The plateaus of a 10 mm muscle at rising pressure (AARL) are hidden; a method as
 law predicts the others. All methods begin with the same plateaus. `next` asks for those that lower the expected uncertainty
 of the map, and fits anew after each stage; a Latin hypercube (five seeds) and an even grid ask for the plateaus nearest to
 their points. Beside it the D-efficiency of points that are chosen for the parameters alone, relative to the continuous
-optimum, which no design of any program exceeds; pydex designs for the same slopes, in an environment of its own.
-`--draw` writes the learning curves and the tables of the documentation.
+optimum, which no design of any program exceeds; pydex and Pyomo.DoE design for the same slopes, each in an environment of
+its own. `--designs` measures these alone. `--draw` writes the learning curves and the tables of the documentation.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from mckibben.identification.problem import Problem, latin_hypercube
 LAW = "linear_threshold"
 ERRORS = "errors [N]: posterior, law alone; inside the band of a reading, of the true tension; width [N]"
 FIRST, STAGES, SEEDS = 8, (12, 16, 20, 24, 32, 40, 48), 5
+SEARCHED = 8  # readings whose places Pyomo.DoE searches at once; each counts as a sixth of a quarter of the map
 PRIOR = 1e6  # variance of the parameters before any reading, of a design that goes by the readings alone
 DRAWS, WARM_UP = 400, 400
 REDRAWS, MIXED = 4, 1.1  # samples are drawn anew, at most so often, until R-hat is below
@@ -174,6 +175,14 @@ def efficiency(points: mk.ForceMap) -> dict[str, float | str]:
         theirs["pydex, continuous"] = float(np.exp((np.linalg.slogdet(weighed)[1] - best) / width))
     except environments.LeftOutError as reason:
         theirs["pydex"] = f"left out: {reason}"
+    places = np.stack([points.length, points.pressure], axis=1)
+    places = (places - places.min(axis=0)) / np.ptp(places, axis=0)
+    try:
+        given = {"slopes": slopes.tolist(), "places": places.tolist(), "points": SEARCHED}
+        found = np.array(environments.run("Pyomo.DoE", json.dumps(given))["design"])
+        theirs["Pyomo.DoE"] = of([int(((places - place) ** 2).sum(axis=1).argmin()) for place in found])
+    except environments.LeftOutError as reason:
+        theirs["Pyomo.DoE"] = f"left out: {reason}"
     random = [of(nearest(points, latin_hypercube(quarter, 2, seed), [])) for seed in range(1, SEEDS + 1)]
     return {
         "next": of(ours),
@@ -242,11 +251,19 @@ def tables(result: dict[str, Any]) -> str:
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--draw", type=Path, metavar="FILE", help="draw the figure of results, and measure nothing")
+    options.add_argument(
+        "--designs", type=Path, metavar="FILE", help="measure the D-efficiencies of a file of results anew"
+    )
     options.add_argument("--cut", default="300")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
     if given.draw:
         draw(json.loads(given.draw.read_text(encoding="utf-8")))
+        return
+    if given.designs:
+        result = json.loads(given.designs.read_text(encoding="utf-8"))
+        result["efficiency"] = efficiency(plateaus(given.cut))
+        given.designs.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
         return
     began, points = time.process_time(), plateaus(given.cut)
     result = {"map": points.name, "plateaus": len(points), "largest": points.largest, "efficiency": efficiency(points),

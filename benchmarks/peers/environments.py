@@ -20,7 +20,10 @@ PEERS: dict[str, tuple[list[str], Path]] = {
     "FONSim": (["fonsim", str(ROOT)], ROOT / "benchmarks" / "fonsim_tank.py"),
 }
 # the same for programs that are not measured for their speed
-DESIGNERS: dict[str, tuple[list[str], Path]] = {"pydex": (["pydex"], HERE / "pydex_design.py")}
+DESIGNERS: dict[str, tuple[list[str], Path]] = {
+    "pydex": (["pydex"], HERE / "pydex_design.py"),
+    "Pyomo.DoE": (["pyomo", "pyomo-ripopt", "numpy", "scipy", "pandas", "packaging"], HERE / "pyomo_design.py"),
+}
 PROGRAMS = PEERS | DESIGNERS
 PATIENCE = 900.0  # [s] for an installation, and for a run
 

@@ -22,7 +22,7 @@ class PosteriorAnswer(NamedTuple):
         force: at the end of the wished stroke, less friction: low, median and high [N].
         stroke: until the force is the wished one [m], likewise.
         reached: share of the samples in which the muscle meets force and stroke.
-        within: whether the wished pressure and both ends of the stroke lie within the measured map.
+        within: whether the wished pressure and the end of the stroke lie within the measured map.
     """
 
     law: str
@@ -49,7 +49,8 @@ def answer_of_posterior(posterior: Posterior, muscle: Candidate, wish: Requireme
     """
     rows = posterior.rows(min(SAMPLES, len(posterior)))
     low = min(float(posterior.points.length.min()), muscle.longest - 1.5 * wish.stroke)
-    lengths = np.linspace(low, muscle.longest, LENGTHS)
+    # a fitted law ends at the longest measured length, from which on it states nothing
+    lengths = np.linspace(low, min(muscle.longest, float(posterior.points.length.max())), LENGTHS)
     pressures = np.full(LENGTHS, wish.pressure)
     pull = posterior.signed_tensions(lengths, pressures)[rows]
     passive = np.maximum(posterior.signed_tensions(lengths, np.zeros(LENGTHS))[rows], 0.0)
@@ -61,7 +62,7 @@ def answer_of_posterior(posterior: Posterior, muscle: Candidate, wish: Requireme
     strokes = np.array([muscle.longest - _last_below(wish.force, lengths, row) for row in force])
     points = posterior.points
     within = points.pressure.min() <= wish.pressure <= points.pressure.max()
-    within &= points.length.min() <= end and muscle.longest <= points.length.max() * (1.0 + 1e-9)
+    within &= points.length.min() <= end <= points.length.max()
     return PosteriorAnswer(
         law=posterior.law,
         force=_band(forces),

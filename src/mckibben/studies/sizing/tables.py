@@ -143,7 +143,9 @@ def posterior_words(sizing: Sizing) -> list[str]:
         f"stroke to the force {stroke}; enough in {100.0 * answer.reached:.3g} % of the samples."
     ]
     if not answer.within:
-        words.append("The stroke or the pressure reaches beyond the measured map, where the intervals are a guess.")
+        words.append(
+            "The end of the stroke or the pressure lies beyond the measured map, where the intervals are a guess."
+        )
     return words
 
 
