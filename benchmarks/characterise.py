@@ -37,7 +37,8 @@ from mckibben.muscles.laws import LAWS
 
 OUT = Path(__file__).with_suffix(".json")
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "characterise-a-muscle.md"
-STEP = 1e-4  # of the physics [s]; halves the time, and is a third of the period of the end mass on its tendon over 2 pi
+STEP = 2e-4  # of the physics at most [s]; the machine takes smaller ones where its rates ask for them
+LEAST = 10.0  # tension at 5 bar and the rest length, below which dimensions are drawn again [N]
 WRONG = 0.05  # worst error, of the largest tension, above which a result is wrong
 # Law that made the muscle, and laws that are not fitted then: itself, and those of which it is a limit.
 TRUTHS = {
@@ -64,10 +65,8 @@ def log_uniform(chance: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(chance.uniform(math.log(low), math.log(high))))
 
 
-def draw(number: int, seed: int) -> VirtualMuscle:
-    """Draw a muscle and its rig by their number; every fifth has a fault."""
-    chance = np.random.default_rng([seed, number])
-    truth = list(TRUTHS)[number % len(TRUTHS)]
+def drawn_law(truth: str, chance: np.random.Generator) -> tuple[mk.TensionLaw, float]:
+    """A law with drawn dimensions, and its rest length [m]."""
     rest = log_uniform(chance, 0.08, 0.35)
     diameter, angle = log_uniform(chance, 6e-3, 20e-3), chance.uniform(0.37, 0.54)
     wall, modulus = diameter * chance.uniform(0.06, 0.14), log_uniform(chance, 3e5, 2e6)
@@ -89,8 +88,16 @@ def draw(number: int, seed: int) -> VirtualMuscle:
             "thread_compliance": chance.uniform(0.0, 8e-9), "inactive_share": chance.uniform(0.1, 0.6),
             "upper_length": 1.05 * rest,
         }  # fmt: skip
-    law = build_law(truth, parameters)
-    full = float(law.tension(rest, 5e5))
+    return build_law(truth, parameters), rest
+
+
+def draw(number: int, seed: int) -> VirtualMuscle:
+    """Draw a muscle and its rig by their number; every fifth has a fault."""
+    chance = np.random.default_rng([seed, number])
+    truth, full = list(TRUTHS)[number % len(TRUTHS)], 0.0
+    while full < LEAST:
+        law, rest = drawn_law(truth, chance)
+        full = float(law.tension(rest, 5e5))
     limit = FrictionLimit(
         constant=chance.uniform(0.0, 0.005) * full, per_pressure=chance.uniform(0.005, 0.05) * full / 5e5
     )

@@ -1,5 +1,6 @@
 """Characterisation of an unknown muscle: its plan, its bounds, and the whole of it on a simulated rig."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError, StageError
+from mckibben.specimens import save_specimen
 from mckibben.studies.characterisation.evaluation import half_width, leak_of
 from mckibben.studies.characterisation.stages import MARGIN, Bounds, held_out_points, planned, pressures_of
 from mckibben.studies.characterisation.verb import plan
@@ -85,13 +87,19 @@ def test_the_interval_of_a_prediction_grows_with_the_errors_that_no_fit_has_seen
     )  # Student's t of 12, printed to 4 digits
 
 
-def test_a_specimen_states_its_creep(tmp_path):
-    text = mk.specimen("nylon")
-    numbers = {"creep_stiffness": ([100.0, 50.0], "N/m"), "creep_time_constants": ([1.0, 10.0], "s")}
-    number = type(text.properties["rest_length"])
-    properties = text.properties | {k: number(value=v, unit=u) for k, (v, u) in numbers.items()}
-    muscle = mk.muscle(type(text)(**{**vars(text), "properties": properties}))
+def test_a_specimen_file_states_creep_and_leak(tmp_path):
+    spec = mk.specimen("nylon")
+    numbers = {
+        "creep_stiffness": ([100.0, 50.0], "N/m"), "creep_time_constants": ([1.0, 10.0], "s"),
+        "leak_decay": (1e-4, "1/s"), "tension_uncertainty": (0.5, "N"),
+    }  # fmt: skip
+    number = type(spec.properties["rest_length"])
+    stated = {name: number(value=value, unit=unit) for name, (value, unit) in numbers.items()}
+    save_specimen(dataclasses.replace(spec, properties=spec.properties | stated), tmp_path / "own.toml")
+    muscle = mk.muscle(tmp_path / "own.toml")
     assert np.asarray(muscle.creep.stiffness).tolist() == [100.0, 50.0]
+    assert np.asarray(muscle.creep.time_constant).tolist() == [1.0, 10.0]
+    assert muscle.specimen.property_si("leak_decay", "1/s") == 1e-4
     assert mk.muscle("nylon").creep is None
 
 

@@ -15,8 +15,8 @@ from ..quantities import parse, with_unit
 from ..report import characterisation_report
 from ..studies import characterisation
 from ._progress import INTERRUPTED, progress
-from ._terminal import Json, NoiseSeed, Plumbing, RigName, print_json, table
-from .run import LockStep, On
+from ._terminal import Json, LockStep, NoiseSeed, Plumbing, RigName, print_json, table
+from .run import On
 
 if TYPE_CHECKING:
     from ..studies.characterisation.verb import Characterisation, CharacterisationPlan

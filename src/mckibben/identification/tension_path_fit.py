@@ -237,7 +237,8 @@ def _force(friction: MaxwellSlip, dx: Array, _: Array, begins: Array, ends: Arra
 
     def step(state: Tree, at: tuple[Array, Array, Array]) -> tuple[Tree, Array]:
         moved = friction.advance(state, at[0], start_pressure=at[1], end_pressure=at[2], duration=0.0)
-        return moved.state, friction.force(moved.state, pressure=at[2])
+        force: Array = jnp.asarray(friction.force(moved.state, pressure=at[2]))
+        return moved.state, force
 
     start = friction.initial() + 0.0 * jnp.sum(friction.stiffness)
     forces: Array = jax.lax.scan(step, start, (dx, begins, ends))[1]

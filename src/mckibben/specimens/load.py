@@ -34,6 +34,10 @@ KNOWN_PROPERTIES = {
     "burst_pressure": "Pa",
     "rated_pressure": "Pa",
     "coulomb_friction": "N",
+    "creep_stiffness": "N/m",  # of Maxwell elements beside the braid, as many as time constants
+    "creep_time_constants": "s",
+    "leak_decay": "1/s",  # share of the pressure that the shut muscle loses per second
+    "tension_uncertainty": "N",  # half width of the 95 % interval of a predicted tension
     "flow_into_the_room": "m^3/s",
     "flow": "m^3/s",  # the same, in files of before
     "flow_pressure": "Pa",

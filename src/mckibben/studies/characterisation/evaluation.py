@@ -179,7 +179,8 @@ def leak_of(record: Recording) -> Estimate:
     spread = uncertainty(matrix, error, ("pressure", "slope"))
     half = float(spread.quantile * spread.standard_error[1] * widening([error]))
     mean = float(np.mean(pressure))
-    return Estimate(*(float(-(solution[1] + side * half) / mean) for side in (0.0, 1.0, -1.0)), "1/s")
+    value, low, high = (max(float(-(solution[1] + side * half) / mean), 0.0) for side in (0.0, 1.0, -1.0))
+    return Estimate(value, low, high, "1/s")
 
 
 def _path(record: Recording, zero_pressure: float) -> tuple[SpanPath, np.ndarray]:
@@ -238,7 +239,8 @@ def _read(part: Recording, channel: str, lengths: np.ndarray, rest: float) -> np
 def _times(part: Recording, lengths: np.ndarray) -> np.ndarray:
     """Times at which a branch passes lengths (k,) [s]."""
     order = np.argsort(part["span"], kind="stable")
-    return np.interp(lengths, part["span"][order], part.time[order])
+    times: np.ndarray = np.interp(lengths, part["span"][order], part.time[order])
+    return times
 
 
 def evaluate(
