@@ -221,6 +221,15 @@ def test_an_inactive_controller_keeps_the_trim_it_begins_with() -> None:
             assert float(control.step(state, *arguments, DT, off)[0].trim) == pytest.approx(rest, abs=1e-12)
 
 
+def test_control_of_the_span_begins_with_the_tension_of_its_first_sample() -> None:
+    # A simulation that knew the tension without its noise would differ from every machine that has to measure it.
+    span = PositionControl()
+    sample = (0.12, 0.0, 0.0, 0.12, 0.0, 40.0, DT)
+    begun, known = span.step(span.initial(), *sample), span.step(span.initial(40.0), *sample)
+    assert [float(x) for x in (begun[0].trim, begun[1])] == [float(x) for x in (known[0].trim, known[1])]
+    assert float(begun[1]) == pytest.approx(40.0, rel=1e-12)  # it holds the muscle; two products are rounded
+
+
 def test_a_change_of_mode_jumps_by_no_more_than_friction_inertia_and_motion() -> None:
     # The mode before asked for T + m a + friction. The next asks for T, less kd V where it wants to stand still: that is
     # the whole bound, whatever the gains, if it begins where the machine is.

@@ -11,6 +11,7 @@ from short_runs import SHORT, bench, closes, triangle
 
 from mckibben.bench.hardware.clock import Clock
 from mckibben.bench.hardware.simulated import SimulatedHardware
+from mckibben.bench.rig_file import rig
 from mckibben.bench.run import EmergencyStop, run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.errors import InputError, LineLostError
@@ -80,6 +81,17 @@ def test_at_the_border_there_are_counts_only_and_they_give_the_same_run():
     for name in at_once.channels:
         assert np.array_equal(at_once[name], paced[name], equal_nan=True), name
     assert at_once.meta["balance"] == {}  # of a machine that somebody else owns there are no accounts
+
+
+@pytest.mark.slow
+def test_samples_that_come_one_by_one_are_those_of_the_simulation_while_the_motor_moves_with_12_bits():
+    """With counts finer than the noise no state may begin with more than was measured: bit for bit."""
+    places = ("sensors.pressure", "sensors.tension", "sensors.valve_pressure", "outputs.valve", "outputs.motor")
+    bits = {f"{p}{'.converter' if p.startswith('sensors') else ''}.bits": "12" for p in places}
+    prepared = bench("sinusoids", on=rig("paper", bits), **SHORT["sinusoids"])
+    scanned, sampled = run(prepared), run(prepared, hardware=machine(prepared))
+    for name in (*MEASURED, "valve_pressure", "valve.command", "motor.command"):
+        assert np.array_equal(scanned[name], sampled[name]), name
 
 
 def test_an_emergency_stop_vents_at_the_sample_that_sees_it_and_the_muscle_follows():

@@ -154,8 +154,11 @@ class PositionControl(Module):
     mass: Scalar = quantity("kg", (0.0, 1e3), "inertia that is fed forward", default=0.075)
     force_limit: Scalar = quantity("N", (1e-3, 1e6), "largest force asked of the motor", default=264.0)
 
-    def initial(self, tension: Scalar = 0.0) -> TrimState:
-        """Initial integral state, with the share of a tension [N] that is not fed forward, so that it holds the muscle."""
+    def initial(self, tension: Scalar = math.nan) -> TrimState:
+        """Initial integral state, with the share of a tension [N] that is not fed forward, so that it holds the muscle.
+
+        NaN: of the tension that is measured at the first sample, all that a real machine can know.
+        """
         return first_trim((1.0 - self.tension_share) * tension)
 
     def step(
@@ -184,11 +187,12 @@ class PositionControl(Module):
             active: 1 while the span or the velocity is controlled, else 0.
         """
         error = set_point - span
+        rest = (1.0 - self.tension_share) * tension
+        state = TrimState(jnp.where(jnp.isnan(state.trim), rest, state.trim))
         forward = self.tension_share * tension + self.mass * set_acceleration
         wanted = forward + self.kp * error + self.kd * (set_velocity - velocity) + state.trim
         low, high = -self.force_limit, self.force_limit
         growth = self.ki * dt * error
-        rest = (1.0 - self.tension_share) * tension
         after = next_trim(state, growth, active, wanted=wanted, low=low, high=high, limit=self.force_limit, rest=rest)
         return after, bounded(wanted, low, high)
 

@@ -45,7 +45,7 @@ class BenchSoftware(Software):
             ),
             "motion": self.motion.initial(span),
             "pressure": self.pressure.initial(),
-            "position": self.position.initial(measured.get("tension", 0.0)),
+            "position": self.position.initial(),
             "force": self.force.initial(),
             "interlocks": self.interlocks.initial(),
             "driven": jnp.asarray(span, float),
