@@ -20,7 +20,7 @@ import numpy as np
 from .._jax import jnp
 from ..components.module import flatten, unflatten
 from ..engine import sampled
-from ..engine.packed import compile_once
+from ..engine.packed import compile_once, pack
 from ..errors import InputError, LineLostError
 from .hardware.converters import SPAN, Converters
 from .hardware.interface import Hardware, WaitInterrupted
@@ -173,12 +173,14 @@ class SampleLoop:
         counts, shows = np.zeros(len(inputs)), tuple(sorted(set(outputs)))
         names = () if setpoints is None else tuple(setpoints.names)
         self._outputs = frozenset(shows)
-        self._begin = compile_once(_begin, (software, converters, inputs), counts)
-        (begun,) = self._begin(counts)
+        # arguments, as those of a simulation: as constants of the program some would be folded, to another last bit
+        setup = _Setup(software, converters, np.float64(machine.period))
+        self._begin = compile_once(_begin, (inputs,), setup, counts)
+        self._setup = pack(setup)
+        (begun,) = self._begin(self._setup, counts)
         state, rows = self._begin.tree(0, begun), [] if setpoints is None else [np.zeros(len(names))]
-        constants = software, converters, inputs, names, shows, machine.period
-        self._think = compile_once(_think, constants, state, counts, np.zeros(()), *rows)
-        self._think(begun, counts, np.zeros(1), *rows)  # the first call of all is slow
+        self._think = compile_once(_think, (inputs, names, shows), setup, state, counts, np.zeros(()), *rows)
+        self._think(self._setup, begun, counts, np.zeros(1), *rows)  # the first call of all is slow
         leaves, shape = flatten(state)
         self.places: dict[str, Any] = unflatten(shape, range(len(leaves)))
         self._pressed, self._released = np.ones(1), np.zeros(1)
@@ -281,7 +283,7 @@ class SampleLoop:
             state = self._first(counts)
         row = () if self._setpoints is None else (self._setpoints(),)
         pressed = self._pressed if self.stop() else self._released
-        self.state, out, measured, self.held, self.shown = self._think(state, counts, pressed, *row)
+        self.state, out, measured, self.held, self.shown = self._think(self._setup, state, counts, pressed, *row)
         hardware.write(int(out[0]), int(out[1]), opened=out[2] > 0.5)
         self._lateness[self.taken % REMEMBERED] = late
         self.taken += 1
@@ -289,7 +291,7 @@ class SampleLoop:
 
     def _first(self, counts: np.ndarray) -> np.ndarray:
         """State of the software before the first sample, continued from the loop before."""
-        (state,) = self._begin(counts)
+        (state,) = self._begin(self._setup, counts)
         return state if self.before is None else self._carried(self.before, state)
 
     # ---- what others see of it
@@ -405,24 +407,31 @@ def played(loop: SampleLoop) -> Generator[Chunk, None, None]:
         raise loop.lost
 
 
-def _begin(software: BenchSoftware, converters: Converters, inputs: tuple[str, ...], counts: Any) -> tuple[Any]:
+class _Setup(NamedTuple):
+    """The software, what its counts stand for, and the period of the samples [s]."""
+
+    software: BenchSoftware
+    converters: Converters
+    period: Any
+
+
+def _begin(inputs: tuple[str, ...], setup: _Setup, counts: Any) -> tuple[Any]:
     """State of the software at the first sample, for counts of the inputs."""
-    return (software.initial(_measured(converters, inputs, counts)),)
+    return (setup.software.initial(_measured(setup.converters, inputs, counts)),)
 
 
 def _think(
-    software: BenchSoftware,
-    converters: Converters,
     inputs: tuple[str, ...],
     names: tuple[str, ...],
     shows: tuple[str, ...],
-    period: float,
+    setup: _Setup,
     state: Any,
     counts: Any,
     pressed: Any,
     *setpoints: Any,
 ) -> tuple[Any, ...]:
     """Compute the software's step: state, counts of the outputs, measured channels, held outputs, and reported values."""
+    software, converters, period = setup
     measured, row = _measured(converters, inputs, counts), {name: setpoints[0][i] for i, name in enumerate(names)}
     state, commands, shown = software.step(state, measured, {"stop": pressed, **row}, period)
     out = converters.write(commands)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -61,9 +61,14 @@ class SimulatedMachine:
         self._rows = rows
         self._drawn: deque[np.ndarray] = deque()
         physics, row = carry._replace(software=()), map_leaves(lambda x: x[0], self._draw())
-        self._observe = compile_once(_observe, (plant, period, latency), physics, row)
-        self._act = compile_once(_act, (plant, period, inner, latency), physics, np.zeros(3))
-        self._physics = pack(physics)
+        # Arguments, as those of a simulation: as constants of the program some would be folded, to another last bit.
+        setup = _Setup(plant, np.float64(period), np.int64(inner), np.float64(latency))
+        self._observe = compile_once(_observe, (), setup, physics, row)
+        self._act = compile_once(_act, (), setup, physics, np.zeros(3))
+        self._setup, self._physics = pack(setup), pack(physics)
+        # the first call of all makes machine code, for which no host waits at a sample
+        self._observe(self._setup, self._physics, self._drawn[0])
+        self._act(self._setup, self._physics, np.zeros(3))
         self._places = [self._observe.index(0, f"{n}.code") for n in self.names]
         self._span = None if plant.converters.encoder is None else self._observe.index(0, f"{SPAN}.code")
         self.look: np.ndarray | None = None  # what is true at the newest sample
@@ -96,7 +101,7 @@ class SimulatedMachine:
         """
         if not self._drawn:
             self._draw()
-        measured, self.look = self._observe(self._physics, self._drawn.popleft())
+        measured, self.look = self._observe(self._setup, self._physics, self._drawn.popleft())
         if not np.isfinite(measured).all():
             raise LineLostError("simulated machine: its state is not finite any more")
         count = 0 if self._span is None else int(measured[self._span])
@@ -106,7 +111,7 @@ class SimulatedMachine:
 
     def advance(self, valve: int, motor: int, opened: bool) -> None:
         """Compute the physics until the next sample, for counts of the outputs."""
-        (self._physics,) = self._act(self._physics, np.array([valve, motor, opened], float))
+        (self._physics,) = self._act(self._setup, self._physics, np.array([valve, motor, opened], float))
 
     def state(self) -> np.ndarray:
         """Complete state of the machine between two samples, as a constant vector."""
@@ -124,17 +129,23 @@ class SimulatedMachine:
         return observation.outputs
 
 
-def _observe(
-    plant: InstrumentedPlant, period: float, latency: float, carry: sampled.Carry, row: Tree
-) -> tuple[Tree, ...]:
+class _Setup(NamedTuple):
+    """The machine and its timing: period [s], steps of the physics per sample, and latency [s]."""
+
+    plant: InstrumentedPlant
+    period: Any
+    inner: Any
+    latency: Any
+
+
+def _observe(setup: _Setup, carry: sampled.Carry, row: Tree) -> tuple[Tree, ...]:
     """Compute counts of the inputs, and true values at a sample."""
-    return sampled.observe(plant, carry, row, period=period, latency=latency)
+    return sampled.observe(setup.plant, carry, row, period=setup.period, latency=setup.latency)
 
 
-def _act(
-    plant: InstrumentedPlant, period: float, inner: int, latency: float, carry: sampled.Carry, counts: Any
-) -> tuple[sampled.Carry, ...]:
+def _act(setup: _Setup, carry: sampled.Carry, counts: Any) -> tuple[sampled.Carry, ...]:
     """Advance the machine to the next sample, with counts of the outputs ``valve``, ``motor`` and ``open``."""
+    plant, period, inner, latency = setup
     commands = plant.converters.held({"valve": counts[0], "motor": counts[1], "open": counts[2]})
     return sampled.act(plant, carry, commands, period=period, inner=inner, latency=latency, stiff=False)[:1]
 
