@@ -1,12 +1,15 @@
 """How well `mckibben diagnose` does on simulated rigs: false alarms of sound runs, and the confusion matrix of faults.
 
-    python benchmarks/diagnosis.py [--sound N] [--faulty N] [--out FILE]
+    python benchmarks/diagnosis.py [--sound N] [--faulty N] [--seed N] [--out FILE]
     python benchmarks/diagnosis.py --draw FILE
 
 Sound runs differ in the seed of the sensors' noise; each muscle and protocol has its share of them, run in lanes. Faulty
 runs have one fault each, of a size drawn between 1.5 and 15 times what the recording of a sound run can show, by its own
 limit, and within what the rig can still run with. A bound of the rate of false alarms is that of Clopper and Pearson at
 95 %. `--draw` writes figure and tables of the documentation from the results.
+
+The seed chooses noise and sizes of both. The diagnosis was made and mended with seeds 0 to 2; a run that is published
+has one that was never run before.
 """
 
 from __future__ import annotations
@@ -26,7 +29,8 @@ from mckibben.bench.faults import DRIFT
 from mckibben.errors import MckibbenError
 from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of
 
-SEED = 10_001  # of the first sound run; smaller ones were used while the diagnosis was made
+SEED = 3  # of the published run
+SEEDS = 10_000  # by which the seeds of the noise of sound runs differ from one seed to the next
 CHANNELS = ("span", "valve.command", "pressure", "valve_pressure", "tension")
 
 
@@ -88,13 +92,15 @@ def diagnosed(record: mk.Recording) -> Diagnosis:
     return diagnose_sections(observer, sections_of(record, observer.channels))
 
 
-def measure_sound(count: int, tell: Any) -> dict[str, Any]:
+def measure_sound(count: int, seed: int, tell: Any) -> dict[str, Any]:
     """Count false alarms in sound runs, and keep the largest likelihood ratios."""
     rows = []
     for case in CASES:
         begun, alarms, largest, limits = time.perf_counter(), [], [], []
-        for record in sound_runs(case, range(SEED, SEED + count // len(CASES))):
-            found = diagnosed(record)
+        first, observer = SEEDS * seed + 1, None
+        for record in sound_runs(case, range(first, first + count // len(CASES))):
+            observer = observer or observer_of(record)  # all runs of a case state the same rig
+            found = diagnose_sections(observer, sections_of(record, observer.channels))
             largest.append(found.faults[0].ratio)
             limits.append({one.name: one.limit for one in found.faults})
             alarms += [found.fault] if found.fault else []
@@ -118,9 +124,9 @@ def bound(events: int, runs: int) -> float:
     return float(beta.ppf(0.95, events + 1, runs - events))
 
 
-def measure_faulty(count: int, limits: dict[int, dict[str, float]], tell: Any) -> Iterator[dict[str, Any]]:
+def measure_faulty(count: int, seed: int, limits: dict[int, dict[str, float]], tell: Any) -> Iterator[dict[str, Any]]:
     """Run faults of random sizes, and count what was found; yields the results so far after each fault of a case."""
-    chance = np.random.default_rng(20)
+    chance = np.random.default_rng(seed)
     names = list(SIZES)
     matrix = {name: dict.fromkeys([*names, "none"], 0) for name in names}
     runs: list[dict[str, Any]] = []
@@ -134,10 +140,10 @@ def measure_faulty(count: int, limits: dict[int, dict[str, float]], tell: Any) -
                     continue
                 size = float(np.exp(chance.uniform(np.log(low), np.log(high))))
                 size *= -1.0 if name.endswith(DRIFT) and chance.random() < 0.5 else 1.0
-                seed = int(chance.integers(1, 1 << 30))
+                noise = int(chance.integers(1, 1 << 30))
                 rig = mk.rig(case.rig, {f"faults.{name}": _words(name, size)})
                 try:
-                    found = diagnosed(mk.run(case.protocol, rig, muscle=case.muscle, seed=seed, **case.values))
+                    found = diagnosed(mk.run(case.protocol, rig, muscle=case.muscle, seed=noise, **case.values))
                 except MckibbenError as error:
                     runs.append({"case": number, "fault": name, "size": size, "error": str(error)})
                     continue
@@ -198,19 +204,22 @@ def tables(results: dict[str, Any]) -> str:
         case, (half, _, most, largest) = row["case"], row["ratio"]
         words = f"| {case['muscle']} | {case['protocol']} | {case['rig']} | {row['runs']} | {len(row['alarms'])} "
         lines.append(f"{words}| {half:.1f} | {most:.1f} | {largest:.1f} |")
-    lines += ["", "| fault | runs | right | found | error of the value, median | 90 % | inside the interval |"]
-    lines += ["|---|---:|---:|---:|---:|---:|---:|"]
+    head = "right | right or named beside | found | error, median | 90 % | within 10 % | inside the interval"
+    lines += ["", f"| fault | runs | {head} |"]
+    lines += ["|---|" + "---:|" * 8]
     every = [r for r in faulty["runs"] if "error" not in r]
     for name in [*SIZES, ""]:
         some = [r for r in every if name in ("", r["fault"])]
         if not some:
             continue
         right = [r for r in some if r["found"] == r["fault"]]
-        errors = [abs(r["value"] / r["size"] - 1.0) for r in some]
+        named = [r for r in some if r["fault"] in (r["found"], *r["alternatives"])]
+        errors = np.array([abs(r["value"] / r["size"] - 1.0) for r in some])
         cells = [
             SHORT.get(name, "all"), str(len(some)), f"{100 * len(right) / len(some):.0f} %",
-            f"{100 * sum(bool(r['found']) for r in some) / len(some):.0f} %", f"{100 * np.median(errors):.1f} %",
-            f"{100 * np.quantile(errors, 0.9):.1f} %", f"{100 * np.mean([r['inside'] for r in some]):.0f} %",
+            f"{100 * len(named) / len(some):.0f} %", f"{100 * np.mean([bool(r['found']) for r in some]):.0f} %",
+            f"{100 * np.median(errors):.1f} %", f"{100 * np.quantile(errors, 0.9):.1f} %",
+            f"{100 * np.mean(errors <= 0.1):.0f} %", f"{100 * np.mean([r['inside'] for r in some]):.0f} %",
         ]  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")
     stopped = len(faulty["runs"]) - len(every)
@@ -228,6 +237,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sound", type=int, default=3072, help="sound runs in all; 0 keeps those of the file")
     parser.add_argument("--faulty", type=int, default=300, help="faulty runs in all")
+    parser.add_argument("--seed", type=int, default=SEED, help="seed of noise and sizes")
     parser.add_argument("--out", default="diagnosis.json", help="JSON file of the results")
     parser.add_argument("--draw", default="", help="write figure and tables of the documentation from a JSON file")
     options = parser.parse_args()
@@ -240,10 +250,11 @@ def main() -> int:
         print(json.dumps(row), file=sys.stderr, flush=True)
 
     before = json.loads(Path(options.out).read_text(encoding="utf-8")) if options.sound == 0 else {}
-    results = {"sound": before["sound"] if before else measure_sound(options.sound, tell)}
+    sound = before["sound"] if before else measure_sound(options.sound, options.seed, tell)
+    results = {"seed": options.seed, "sound": sound}
     write(results, options.out)
     limits = {i: c["limits"] for i, c in enumerate(results["sound"]["cases"])}
-    for faulty in measure_faulty(options.faulty, limits, tell):
+    for faulty in measure_faulty(options.faulty, options.seed, limits, tell):
         write(results | {"faulty": faulty}, options.out)
     return 0
 

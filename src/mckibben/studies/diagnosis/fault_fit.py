@@ -36,13 +36,16 @@ from ...quantities import declared, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen, muscle_specimen
-from .observer import CHANNELS, START_GAS, Observer, RecordedSection
+from .observer import CHANNELS, START_FRICTION, START_GAS, START_PORT, Observer, RecordedSection
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
 THRESHOLD = 30.0
 TELLING = 6.0  # a likelihood e^3 times smaller: such a fault is not excluded
 BLOCK = 0.02  # readings are averaged over it [s]
-SKIPPED = 0.25  # share of a section in which friction forgets how it began
+# A section is compared from where it has forgotten how friction and pressure at the valve began, which no recording says:
+# starts as different as these are predicted alike, to a share of the noise of a block. It is at most a share of it.
+STARTS = ({START_FRICTION: 0.02, START_PORT: 0.02}, {START_FRICTION: -0.02, START_PORT: -0.02})
+FORGOTTEN, SKIPPED, FEWEST_SKIPPED = 0.1, 0.25, 2
 SHORTEST = 0.2  # of a section [s]
 MOST_SECTIONS, MOST_SAMPLES = 8, 20_000
 ROUNDS, LADDER = 4, 9  # of the search for a fault's value, and values of each
@@ -50,7 +53,7 @@ ROUNDS, LADDER = 4, 9  # of the search for a fault's value, and values of each
 SIZES = {
     "leak": 3e-11,
     "valve_blockage": 0.05,
-    "valve_sticking": 2e3,
+    "valve_sticking": 100.0,
     "pressure_drift": 20.0,
     "valve_pressure_drift": 20.0,
     "tension_drift": 0.02,
@@ -59,6 +62,8 @@ SIZES = {
     "lost_threads": 0.01,
     "rubber_warming": 5.0,
 }
+# The effect of a play is not in proportion to its size: it is predicted at several, in units of that above.
+RUNGS = {"valve_sticking": (1.0, 8.0, 64.0)}
 TITLES = {
     "leak": "leak of the muscle's fitting",
     "valve_blockage": "blocked valve",
@@ -76,6 +81,7 @@ SHOWN = {
     "valve_sticking": "mbar", "clamp_slack": "mm",
 }  # fmt: skip
 FEWEST_BLOCKS, SCALINGS = 20, 5
+NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
 
 
@@ -309,23 +315,46 @@ class _Comparison:
         self.size = max(1, round(BLOCK / float(np.mean(np.diff(sections[0].time)))))
         self.scale = np.ones(len(self.channels))
         self.start = np.zeros((len(self.channels), 0))
-        self.measured = self._blocks([np.array([s.measured[name] for name in self.channels])[None] for s in sections])[
-            0
-        ]
+        self.firsts = [0] * len(sections)
+        self.measured = np.zeros((len(self.channels), 0))
 
-    def _blocks(self, tables: Sequence[np.ndarray]) -> np.ndarray:
-        """Average tables (sets, channels, n) of all sections over blocks: (sets, channels, blocks)."""
-        cut = []
-        for table in tables:
-            first = int(SKIPPED * table.shape[-1])
-            count = (table.shape[-1] - first) // self.size
-            kept = table[..., first : first + count * self.size]
-            cut.append(kept.reshape(*kept.shape[:-1], count, self.size).mean(axis=-1))
-        return np.concatenate(cut, axis=-1)
+    def readings(self, values: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
+        """Readings (sets, channels, n) of each section predicted for sets of faults [SI]."""
+        return [self.observer.predict(s, values)[:, self.rows] for s in self.sections]
+
+    def begin(self, tables: Sequence[np.ndarray]) -> None:
+        """Compare from where the sections have forgotten their start.
+
+        Args:
+            tables: readings (1 + starts, channels, n) of each section for the start that is taken, and for `STARTS`.
+        """
+        least = FORGOTTEN * self.noise()
+        for i, table in enumerate(tables):
+            blocks = self._averaged(table, 0)
+            off = (np.abs(blocks[1:] - blocks[0]) > least[:, None]).any(axis=(0, 1))
+            after = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
+            most = max(int(SKIPPED * table.shape[-1]) // self.size, FEWEST_SKIPPED)
+            self.firsts[i] = self.size * int(np.clip(after, FEWEST_SKIPPED, most))
+        self.measured = self.blocks([np.array([s.measured[name] for name in self.channels]) for s in self.sections])
+
+    def noise(self) -> np.ndarray:
+        """Standard deviation that the noise of each channel's sensor leaves of a block [unit of the channel]."""
+        sensors = [self.observer.rig.sensors[name] for name in self.channels]
+        return np.array([float(max(s.noise, 0.02 * s.resolution)) for s in sensors]) / np.sqrt(self.size)
+
+    def _averaged(self, table: np.ndarray, first: int) -> np.ndarray:
+        count = (table.shape[-1] - first) // self.size
+        kept = table[..., first : first + count * self.size]
+        averaged: np.ndarray = kept.reshape(*kept.shape[:-1], count, self.size).mean(axis=-1)
+        return averaged
+
+    def blocks(self, tables: Sequence[np.ndarray]) -> np.ndarray:
+        """Average tables (.., channels, n) of all sections over blocks: (.., channels, blocks)."""
+        return np.concatenate([self._averaged(t, f) for t, f in zip(tables, self.firsts, strict=True)], axis=-1)
 
     def predict(self, values: Sequence[Mapping[str, float]]) -> np.ndarray:
         """Blocks (sets, channels, blocks) predicted for sets of faults [SI]."""
-        return self._blocks([self.observer.predict(s, values)[:, self.rows] for s in self.sections])
+        return self.blocks(self.readings(values))
 
     def scaled(self, blocks: np.ndarray) -> np.ndarray:
         """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effect."""
@@ -341,19 +370,16 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     """Diagnose a rig from sections of a recording; see `diagnose`."""
     compare = _Comparison(observer, sections)
     names = known_faults(observer, compare.channels)
-    first = compare.predict([{}, *({n: SIZES[n]} for n in names), {START_GAS: START}])
-    compare.start, first = first[-1] - first[0], first[:-1]
-    widened = _set_scale(compare, first, compare.measured - first[0])
-    residual = compare.scaled(compare.measured - first[0])
-    effects = compare.scaled(first[1:] - first[0])
-    strength = np.maximum((effects**2).sum(axis=1), 1e-12)
-    linear = (effects @ residual) / strength  # in units of the sizes
-    linear = np.where([_signed(n) for n in names], linear, np.maximum(linear, 0.0))
-    ratios = linear**2 * strength / widened
-    limits = {n: SIZES[n] * float(np.sqrt(THRESHOLD * widened / s)) for n, s in zip(names, strength, strict=True)}
-    spread = {n: SIZES[n] * float(np.sqrt(widened / s)) for n, s in zip(names, strength, strict=True)}
-    values = {n: SIZES[n] * float(v) for n, v in zip(names, linear, strict=True)}
-    likelihoods = dict(zip(names, map(float, ratios), strict=True))
+    tried = [(n, SIZES[n] * rung) for n in names for rung in RUNGS.get(n, (1.0,))]
+    sets: list[dict[str, float]] = [{}, {START_GAS: START}, *({n: v} for n, v in tried)]
+    tables = compare.readings([*sets, *STARTS])
+    compare.begin([np.concatenate([table[:1], table[len(sets) :]]) for table in tables])
+    predicted = compare.blocks([table[: len(sets)] for table in tables])
+    sound, compare.start, changed = predicted[0], predicted[1] - predicted[0], predicted[2:] - predicted[0]
+    widened = _set_scale(compare, changed, compare.measured - sound)
+    residual = compare.scaled(compare.measured - sound)
+    first = {n: _first_fit(n, tried, compare.scaled(changed), residual, widened) for n in names}
+    values, spread, likelihoods, limits = ({n: first[n][i] for n in names} for i in range(4))
     if max(likelihoods.values()) <= THRESHOLD:
         return _result(compare, names, values, spread, likelihoods, limits, residual, explained=True)
     values, spread, likelihoods = _search(compare, names, values, spread, residual, widened)
@@ -362,16 +388,63 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     return _result(compare, names, values, spread, likelihoods, limits, residual, explained=explained)
 
 
+class _FirstFit(NamedTuple):
+    """A fault fitted by its effect at some sizes: value, standard error [SI], likelihood ratio, and limit [SI]."""
+
+    value: float
+    spread: float
+    ratio: float
+    limit: float
+
+
+def _first_fit(
+    name: str, tried: Sequence[tuple[str, float]], effects: np.ndarray, residual: np.ndarray, widened: float
+) -> _FirstFit:
+    """Fit a fault by its effects (sets, n) at the sizes that were tried.
+
+    Between two sizes the effect is taken in proportion to the nearer one, below the least and above the largest to that.
+    """
+    own = [i for i, (n, _) in enumerate(tried) if n == name]
+    sizes = np.array([tried[i][1] for i in own])
+    effects = effects[own]
+    strength = np.maximum((effects**2).sum(axis=1), 1e-12)
+    projected = effects @ residual
+    share = projected / strength  # of each size
+    edges = np.sqrt(sizes[1:] / sizes[:-1])
+    low = np.concatenate([[-np.inf if _signed(name) else 0.0], 1.0 / edges])
+    share = np.clip(share, low, np.concatenate([edges, [np.inf]]))
+    ratios = (2.0 * share * projected - share**2 * strength) / widened
+    best = int(np.argmax(ratios))
+    ratio, value = max(0.0, float(ratios[best])), float(share[best] * sizes[best])
+    return _FirstFit(
+        value if ratio > 0.0 else 0.0,
+        float(sizes[best] * np.sqrt(widened / strength[best])),
+        ratio,
+        _seen_from(sizes, strength / widened),
+    )
+
+
+def _seen_from(sizes: np.ndarray, strength: np.ndarray) -> float:
+    """Least size whose effect reaches the threshold, by power laws between the sizes and in proportion beyond them."""
+    x, y = np.log(sizes), np.log(strength / THRESHOLD)
+    if y[0] >= 0.0 or len(x) == 1:
+        return float(np.exp(x[0] - 0.5 * y[0]))
+    for a in range(len(x) - 1):
+        if y[a + 1] >= 0.0:
+            return float(np.exp(x[a] - y[a] * (x[a + 1] - x[a]) / (y[a + 1] - y[a])))
+    return float(np.exp(x[-1] - 0.5 * y[-1]))
+
+
 def _signed(name: str) -> bool:
     return name.endswith(DRIFT)
 
 
-def _set_scale(compare: _Comparison, first: np.ndarray, off: np.ndarray) -> float:
+def _set_scale(compare: _Comparison, changed: np.ndarray, off: np.ndarray) -> float:
     """Set the standard deviation of each channel.
 
     Args:
         compare: whose scale is set.
-        first: blocks of the sound rig, and of each fault at its size.
+        changed: change of the blocks by each fault at its sizes.
         off: what was measured less the blocks of the sound rig.
 
     Returns:
@@ -381,14 +454,12 @@ def _set_scale(compare: _Comparison, first: np.ndarray, off: np.ndarray) -> floa
     left = off
     start = compare.start
     for _ in range(SCALINGS):  # each time in the units of the one before
-        effects = np.concatenate([first[1:] - first[0], start[None]])
+        effects = np.concatenate([changed, start[None]])
         compare.start = start[:, :0]
         amounts = np.linalg.lstsq(compare.scaled(effects).T, compare.scaled(off), rcond=1e-9)[0]
         left = off - np.einsum("k,kcb->cb", amounts, effects)
         compare.start = start
-        sensors = [compare.observer.rig.sensors[name] for name in compare.channels]
-        least = [0.2 * float(max(s.noise, 0.02 * s.resolution)) / np.sqrt(compare.size) for s in sensors]
-        compare.scale = np.maximum(left.std(axis=1), least)
+        compare.scale = np.maximum(left.std(axis=1), 0.2 * compare.noise())
     return max(1.0, widening([row / s for row, s in zip(left, compare.scale, strict=True)])) ** 2
 
 
@@ -440,11 +511,16 @@ def _narrowed(tried: Mapping[float, float], bounds: tuple[float, float]) -> np.n
 
 
 def _vertex(tried: Mapping[float, float], widened: float, spread: float) -> tuple[float, float]:
-    """Best value, and the standard error by the curvature of the misfit about it."""
+    """Best value, and the standard error by the curvature of the misfit as far as it matters: within `NEAR` errors of it.
+
+    Closer to the best value the misfit of a play has kinks, which say nothing of the error.
+    """
     values = np.array(sorted(tried))
     misfits = np.array([tried[v] for v in values])
     at = int(np.argmin(misfits))
-    near = np.argsort(np.abs(values - values[at]))[:7]
+    near = np.flatnonzero(misfits - misfits[at] <= NEAR**2 * widened)
+    if len(near) < FEWEST_NEAR:
+        near = np.argsort(np.abs(values - values[at]))[:FEWEST_NEAR]
     x, y = values[near] - values[at], misfits[near] - misfits[at]
     size = float(np.abs(x).max())
     if not (size > 0.0 and np.isfinite(y).all()):

@@ -26,6 +26,7 @@ from ...engine import STEP, held, march, ramped
 from ...engine.native import call_in_lanes
 from ...engine.rates import RK4_LIMIT
 from ...errors import ConvergenceError
+from ...pneumatics.valves import PressureRegulator
 
 CHANNELS = {
     "pressure": f"{MUSCLE}.pressure",
@@ -35,7 +36,11 @@ CHANNELS = {
 SIMULATED = (
     "leak", "valve_blockage", "valve_sticking", "span_drift", "clamp_slack", "lost_threads", "rubber_warming",
 )  # fmt: skip
-START_GAS = "start_gas"  # share by which the muscle holds more gas at first than at room temperature: unknown, no fault
+# What no recording says of its start; none is a fault.
+START_GAS = "start_gas"  # share by which the muscle holds more gas at first than at room temperature
+START_FRICTION = "start_friction"  # way of the braid before the start, after which its friction was relaxed [m]
+START_PORT = "start_port"  # share by which the pressure at the valve is higher than it was measured
+STARTS = (START_GAS, START_FRICTION, START_PORT)
 # Weights of the middle of a parabola fitted to five samples: A. Savitzky and M. J. E. Golay, Anal. Chem. 36(8), 1964.
 PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 LEAST_NOISE, COUNTS, COUNTS_BESIDE = (
@@ -81,7 +86,7 @@ class Observer(NamedTuple):
 
         Args:
             section: recorded inputs.
-            values: of each set, by the name of the fault [SI], and `START_GAS` [1]; others are zero.
+            values: of each set, by the name of the fault [SI], and of `STARTS`; others are zero.
 
         Returns:
             Mean readings (sets, channels, n) [SI].
@@ -90,7 +95,7 @@ class Observer(NamedTuple):
             ConvergenceError: the rig cannot be simulated with these inputs.
         """
         period = float(np.mean(np.diff(section.time)))
-        table = np.array([[float(one.get(name, 0.0)) for name in (*SIMULATED, START_GAS)] for one in values])
+        table = np.array([[float(one.get(name, 0.0)) for name in (*SIMULATED, *STARTS)] for one in values])
         room = self.rig.environment
         start = np.array([self._start(section, name) for name in ("valve_pressure", "pressure")])
         begun = np.float64(section.time[0])
@@ -140,6 +145,7 @@ def _outputs(
 ) -> dict[str, Tree]:  # fmt: skip
     """Compute channels (n,) and the bound of the fastest mode [1/s] for one set of faults."""
     faults = RigFaults(**{name: values[i] for i, name in enumerate(SIMULATED)})
+    unknown = {name: values[len(SIMULATED) + i] for i, name in enumerate(STARTS)}
     faulty, muscle = faults.on_every_part(plumbing, unit)
     machine = Machine.of(faulty.circuit({MUSCLE: muscle}, room), {MUSCLE: muscle}, HostLoad(held=(MUSCLE,)), room)
     signals = {
@@ -149,16 +155,44 @@ def _outputs(
     if plumbing.shut_off is not None:
         signals["open"] = held(opened).delayed(latency)
     now = {n: s.at(0, 0.0, period) for n, s in machine.commands(signals).items()}
-    state, memory = machine.at_rest(
-        {name: start[1] if name == MUSCLE else start[0] for name in machine.circuit.chambers}, now
-    )
+    port = start[0] * (1.0 + unknown[START_PORT])
+    state, memory = machine.at_rest({n: start[1] if n == MUSCLE else port for n in machine.circuit.chambers}, now)
     masses = state["circuit"]["mass"]
-    masses = masses | {MUSCLE: masses[MUSCLE] * (1.0 + values[len(SIMULATED)])}
+    masses = masses | {MUSCLE: masses[MUSCLE] * (1.0 + unknown[START_GAS])}
     state = state | {"circuit": state["circuit"] | {"mass": masses}}
+    memory = _memory_before(machine, state, memory, port, unknown[START_FRICTION])
     _, kept = march(machine, state, memory, signals, period, inner, samples, False, integrals=False)
     channels = {name: kept[2][output] for name, output in CHANNELS.items()}
     rate = jnp.zeros(()) + machine.max_rate_bound(state, memory, now)
     return channels | {"valve_pressure": channels["valve_pressure"] - room.pressure_abs, "rate": rate}
+
+
+def _memory_before(machine: Machine, state: Tree, memory: Tree, port: Scalar, way: Scalar) -> Tree:
+    """Set the memory with which a section begins.
+
+    A regulator that was at rest is shut, so that what it senses is its set-point, as far as its play allows; from the
+    middle of the play it would settle on the wrong side of it.
+
+    Args:
+        machine: the rig.
+        state: state at the start.
+        memory: memory of a machine that was never moved.
+        port: absolute pressure at the valve [Pa].
+        way: of the braid before the start [m].
+    """
+    valve, unit = machine.circuit.elements["valve"], machine.units[MUSCLE]
+    if isinstance(valve, PressureRegulator):
+        asked = state["circuit"]["elements"]["valve"] + machine.environment.pressure_abs
+        memory = memory | {"circuit": memory["circuit"] | {"valve": valve.sensed(asked, port)}}
+    if unit.friction is not None:
+        gauge = machine.gauge(state, MUSCLE)
+        ledgers = memory["muscles"][MUSCLE]
+        moved = unit.friction.advance(
+            ledgers["friction"].state, way, start_pressure=gauge, end_pressure=gauge, duration=0.0
+        )
+        ledgers = ledgers | {"friction": ledgers["friction"]._replace(state=moved.state)}
+        memory = memory | {"muscles": memory["muscles"] | {MUSCLE: ledgers}}
+    return memory
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
