@@ -15,6 +15,7 @@ has one that was never run before.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 import time
@@ -124,40 +125,44 @@ def bound(events: int, runs: int) -> float:
     return float(beta.ppf(0.95, events + 1, runs - events))
 
 
-def measure_faulty(count: int, seed: int, limits: dict[int, dict[str, float]], tell: Any) -> Iterator[dict[str, Any]]:
-    """Run faults of random sizes, and count what was found; yields the results so far after each fault of a case."""
-    chance = np.random.default_rng(seed)
+def measure_faulty(
+    count: int, seed: int, limits: dict[int, dict[str, float]], before: dict[str, Any], tell: Any
+) -> Iterator[dict[str, Any]]:
+    """Run faults of random sizes, and count what was found; yields the results so far after each round of all faults.
+
+    A round has one run of each fault and case, with a size and noise of its own, whatever number of rounds there is; those
+    in the results before are not run again.
+    """
     names = list(SIZES)
-    matrix = {name: dict.fromkeys([*names, "none"], 0) for name in names}
-    runs: list[dict[str, Any]] = []
-    for number, case in enumerate(CASES):
-        share = count // len(CASES) // len(names)
-        for name in names:
-            for _ in range(share):
-                low = 1.5 * limits[number][name]
-                high = min(10.0 * low, LARGEST[name])
-                if not low < high:
-                    continue
-                size = float(np.exp(chance.uniform(np.log(low), np.log(high))))
-                size *= -1.0 if name.endswith(DRIFT) and chance.random() < 0.5 else 1.0
-                noise = int(chance.integers(1, 1 << 30))
-                rig = mk.rig(case.rig, {f"faults.{name}": _words(name, size)})
-                try:
-                    found = diagnosed(mk.run(case.protocol, rig, muscle=case.muscle, seed=noise, **case.values))
-                except MckibbenError as error:
-                    runs.append({"case": number, "fault": name, "size": size, "error": str(error)})
-                    continue
-                matrix[name][found.fault or "none"] += 1
-                value, low95, high95, _ = found[name].estimate
-                runs.append(
-                    {
-                        "case": number, "fault": name, "size": size, "found": found.fault,
-                        "alternatives": list(found.alternatives), "value": value, "inside": bool(low95 <= size <= high95),
-                        "explained": found.explained,
-                    }
-                )  # fmt: skip
-            tell({"case": number, "fault": name, "row": matrix[name]})
-            yield {"matrix": matrix, "runs": runs}
+    matrix = before.get("matrix") or {name: dict.fromkeys([*names, "none"], 0) for name in names}
+    runs: list[dict[str, Any]] = list(before.get("runs", []))
+    for turn in range(before.get("turns", 0), count // len(CASES) // len(names)):
+        for (number, case), (place, name) in itertools.product(enumerate(CASES), enumerate(names)):
+            chance = np.random.default_rng([seed, turn, number, place])
+            low = 1.5 * limits[number][name]
+            high = min(10.0 * low, LARGEST[name])
+            if not low < high:
+                continue
+            size = float(np.exp(chance.uniform(np.log(low), np.log(high))))
+            size *= -1.0 if name.endswith(DRIFT) and chance.random() < 0.5 else 1.0
+            noise = int(chance.integers(1, 1 << 30))
+            rig = mk.rig(case.rig, {f"faults.{name}": _words(name, size)})
+            try:
+                found = diagnosed(mk.run(case.protocol, rig, muscle=case.muscle, seed=noise, **case.values))
+            except MckibbenError as error:
+                runs.append({"case": number, "fault": name, "size": size, "error": str(error)})
+                continue
+            matrix[name][found.fault or "none"] += 1
+            value, low95, high95, _ = found[name].estimate
+            runs.append(
+                {
+                    "case": number, "fault": name, "size": size, "found": found.fault,
+                    "alternatives": list(found.alternatives), "value": value, "inside": bool(low95 <= size <= high95),
+                    "explained": found.explained,
+                }
+            )  # fmt: skip
+        tell({"turn": turn, "runs": len(runs), "right": sum(matrix[name][name] for name in names)})
+        yield {"turns": turn + 1, "matrix": matrix, "runs": runs}
 
 
 def _words(name: str, size: float) -> str:
@@ -196,7 +201,8 @@ def tables(results: dict[str, Any]) -> str:
     """Tables of the page: false alarms by case, faults, and the confusion matrix."""
     sound, faulty = results["sound"], results["faulty"]
     lines = [
-        f"{sound['alarms']} false alarms in {sound['runs']} sound runs: below {sound['bound']:.2g} of the runs at 95 %.", "",
+        f"{sound['alarms']} false alarm{'s' * (sound['alarms'] != 1)} in {sound['runs']} sound runs: "
+        f"below {sound['bound']:.2g} of the runs at 95 %.", "",
         "| muscle | protocol | rig | sound runs | false alarms | ratio, median | 99 % | largest |",
         "|---|---|---|---:|---:|---:|---:|---:|",
     ]  # fmt: skip
@@ -235,7 +241,9 @@ def tables(results: dict[str, Any]) -> str:
 def main() -> int:
     """Measure, and write the results as JSON; or draw results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sound", type=int, default=3072, help="sound runs in all; 0 keeps those of the file")
+    parser.add_argument(
+        "--sound", type=int, default=3072, help="sound runs in all; 0 goes on with the results of the file"
+    )
     parser.add_argument("--faulty", type=int, default=300, help="faulty runs in all")
     parser.add_argument("--seed", type=int, default=SEED, help="seed of noise and sizes")
     parser.add_argument("--out", default="diagnosis.json", help="JSON file of the results")
@@ -252,9 +260,10 @@ def main() -> int:
     before = json.loads(Path(options.out).read_text(encoding="utf-8")) if options.sound == 0 else {}
     sound = before["sound"] if before else measure_sound(options.sound, options.seed, tell)
     results = {"seed": options.seed, "sound": sound}
-    write(results, options.out)
+    if not before:
+        write(results, options.out)
     limits = {i: c["limits"] for i, c in enumerate(results["sound"]["cases"])}
-    for faulty in measure_faulty(options.faulty, options.seed, limits, tell):
+    for faulty in measure_faulty(options.faulty, options.seed, limits, before.get("faulty", {}), tell):
         write(results | {"faulty": faulty}, options.out)
     return 0
 

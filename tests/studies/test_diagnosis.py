@@ -56,7 +56,7 @@ def test_a_leak_is_found_with_its_conductance(observer):
     assert value == pytest.approx(leak, rel=0.1) and low < leak < high and unit == "m^3/(s*Pa)"
 
 
-@pytest.mark.parametrize("name", ["valve_blockage", "clamp_slack", "tension_drift"])
+@pytest.mark.parametrize("name", ["valve_blockage", "valve_sticking", "clamp_slack", "tension_drift"])
 def test_the_fault_that_there_is_is_found(observer, name):
     size = 6.0 * SIZES[name]  # far beyond what this recording can show
     result = found(record(observer, seed=1, **{name: size}))
