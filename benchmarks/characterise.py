@@ -115,7 +115,7 @@ def draw(number: int, seed: int) -> VirtualMuscle:
     fault = FAULTS[number // 5 % len(FAULTS)] if number % 5 == 4 else ""
     sizes = {
         "leak": f"{log_uniform(chance, 2e-10, 1e-9)!r} m^3/(s*Pa)",
-        "tension_drift": f"{chance.choice([-1.0, 1.0]) * log_uniform(chance, 1e-4, 1e-3) * full!r} N/s",
+        "tension_drift": f"{float(chance.choice([-1.0, 1.0])) * log_uniform(chance, 1e-4, 1e-3) * full!r} N/s",
         "clamp_slack": f"{chance.uniform(0.01, 0.03) * rest!r} m",
         "pressure_drift": f"{log_uniform(chance, 20.0, 200.0)!r} Pa/s",
     }
@@ -247,8 +247,14 @@ def main() -> None:
         )
         PAGE.write_text(made, encoding="utf-8")
         return
-    rows, begin = [], time.monotonic()
+    stored = {"seed": asked.seed, "muscles": [], "seconds": 0.0}
+    if asked.out.exists():
+        stored = json.loads(asked.out.read_text(encoding="utf-8"))
+    rows = stored["muscles"] if stored["seed"] == asked.seed else []
+    begin, present = time.monotonic() - (stored["seconds"] if rows else 0.0), {row["number"] for row in rows}
     for number in range(asked.first, asked.first + asked.muscles):
+        if number in present:
+            continue
         rows.append(study(number, asked.seed))
         print({k: v for k, v in rows[-1].items() if k not in ("error",)}, flush=True)
         result = {

@@ -87,6 +87,10 @@ def test_the_interval_of_a_prediction_grows_with_the_errors_that_no_fit_has_seen
     )  # Student's t of 12, printed to 4 digits
 
 
+def test_the_interval_of_a_prediction_allows_for_the_gains_of_two_sensors():
+    assert half_width(np.zeros(12), 0.5) == pytest.approx(2.179 * 0.5 * 2.0**0.5, rel=1e-3)  # t is printed to 4 digits
+
+
 def test_a_specimen_file_states_creep_and_leak(tmp_path):
     spec = mk.specimen("nylon")
     numbers = {

@@ -50,6 +50,13 @@ def characterise(
         str | None,
         typer.Option(metavar="FORCE", help="Largest tension, such as '200 N'; what the rig bears by default."),
     ] = None,
+    gain_error: Annotated[
+        str,
+        typer.Option(
+            metavar="SHARE",
+            help="Standard uncertainty of the gains of load cell and pressure sensor, such as '0.5 %', for the intervals.",
+        ),
+    ] = "0.2 %",
     seed: NoiseSeed = 0,
     machine: On = None,
     lock_step: LockStep = False,
@@ -84,6 +91,9 @@ def characterise(
         raise InputError("--out", None, "is missing: the folder of recordings, report and specimen")
     for name in law or ():
         muscles.laws.law_type(name)
+    gain = parse(gain_error, "1", field="--gain-error")
+    if not 0.0 <= gain <= 0.2:
+        raise InputError("--gain-error", gain_error, "must be between 0 and 20 %")
     on = rig_file.rig(rig)
     options: dict[str, Any] = {
         "rest_length": _amount(rest_length, "m", "--rest-length"),
@@ -100,7 +110,7 @@ def characterise(
             return
         if not as_json:
             _tell(intended, False)
-        outcome = _run(intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step)
+        outcome = _run(intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step, gain=gain)
     except InputError as error:
         raise error.changed(field=_option(error.field)) from None
     characterisation_report.write_characterisation_report(outcome, out / "report.html")
@@ -133,6 +143,7 @@ def _run(
     seed: int,
     *,
     lock_step: bool,
+    gain: float,
 ) -> Characterisation:
     """Run the stages with the time left; Ctrl-C vents and keeps the stages so far."""
     button, period = software.emergency_stop.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
@@ -147,6 +158,7 @@ def _run(
                 rig,
                 muscle=muscle,
                 laws=law or None,
+                gain_error=gain,
                 out=out,
                 hardware=hardware,
                 seed=seed,

@@ -37,7 +37,7 @@ READING = (
     (
         "Interval of a tension",
         "from the errors of the held-out points, which no fit has seen: half its width is Student's t times their root mean "
-        "square. A gain error of a sensor is not in it.",
+        "square, with what the gains of load cell and pressure sensor may be off added to it.",
     ),
     ("Intervals", "95 %; those of the law's parameters take errors as independent and the law as right."),
 )

@@ -5,9 +5,10 @@ branches of the map's loops, less what friction and relaxation leave in it; fric
 branches and relaxation to a hold, so that both need no law. The points of the last stage are in none of these fits: their
 errors say how well the whole predicts, and give the 95 % interval of a predicted tension,
 
-    half width = t_(0.975, n) sqrt(sum e_i^2 / n)
+    half width = t_(0.975, n) sqrt(sum e_i^2 / n + 2 (g F)^2)
 
-for n held-out points of errors e_i. A gain error of a sensor is in neither.
+for n held-out points of errors e_i, a standard uncertainty g of the gains of load cell and pressure sensor, which no
+reading shows, and the largest tension F.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ TAUT = 0.02  # of the largest tension, above which a point counts
 LEAST_LOOP = 0.02  # length range of a loop that counts, of the rest length
 LEAST_TENSION = 3.0  # largest tension that a muscle must reach [N], and in noise of the cell
 NOISES = 40.0
+GAIN_ERROR = 2e-3  # standard uncertainty of the sensors' gains by default, a share
 MOST_DECAY = 0.03  # share of the pressure that a leak may take in a second [1/s]
 MOST_ERROR = 0.05  # rms error of the held-out points, of the largest tension
 SETTLED = 0.15  # after the stretch, which the pressure needs [s]
@@ -249,6 +251,7 @@ def evaluate(
     known: Progression,
     *,
     laws: tuple[str, ...] | None = None,
+    gain_error: float = GAIN_ERROR,
     name: str = "muscle",
 ) -> Evaluation:
     """Evaluate the recordings of all stages.
@@ -258,6 +261,7 @@ def evaluate(
         bounds: of the characterisation.
         known: found by the stages.
         laws: to fit; all by default.
+        gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: of the points.
 
     Raises:
@@ -294,7 +298,7 @@ def evaluate(
         leak=leak_of(records["leak"]) if "leak" in records else None,
         seat=_seat(records["seat"], known),
         held_out=held_out,
-        half_width=half_width(errors),
+        half_width=half_width(errors, gain_error * known.largest),
         largest=known.largest,
     )
 
@@ -321,11 +325,16 @@ def relaxation_curve(records: dict[str, Recording], found: Evaluation) -> tuple[
     return path.time[still] - path.time[still][0], tension[still], fitted[still]
 
 
-def half_width(errors: np.ndarray) -> float:
-    """Half width of the 95 % interval of a prediction, from the errors of points that no fit has seen (n,)."""
+def half_width(errors: np.ndarray, gain_error: float = 0.0) -> float:
+    """Half width of the 95 % interval of a predicted tension [N].
+
+    Args:
+        errors: of points that no fit has seen (n,) [N].
+        gain_error: standard error of the largest tension by the gain of one sensor; there are two [N].
+    """
     from scipy.special import stdtrit
 
-    return float(stdtrit(len(errors), 0.975) * np.sqrt(np.mean(errors**2)))
+    return float(stdtrit(len(errors), 0.975) * np.sqrt(np.mean(errors**2) + 2.0 * gain_error**2))
 
 
 def _beside(path: SpanPath, friction: BranchFit, relaxation: RelaxationFit) -> np.ndarray:

@@ -33,7 +33,7 @@ from ...quantities import in_si, with_unit
 from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from .evaluation import MOST_ERROR, Evaluation, advance, evaluate, muscle_of, specimen_of
+from .evaluation import GAIN_ERROR, MOST_ERROR, Evaluation, advance, evaluate, muscle_of, specimen_of
 from .stages import STAGES, Bounds, Progression, planned, protocol_of
 
 if TYPE_CHECKING:
@@ -217,6 +217,7 @@ def characterise(
     max_pressure: float | str | None = None,
     max_tension: float | str | None = None,
     laws: Sequence[str] | None = None,
+    gain_error: float = GAIN_ERROR,
     name: str = "characterised",
     out: str | os.PathLike[str] | None = None,
     hardware: Hardware | None = None,
@@ -239,6 +240,7 @@ def characterise(
         max_pressure: highest gauge pressure, as text or [Pa]; what the rig bears by default.
         max_tension: largest tension, as text or [N]; what the rig bears by default.
         laws: laws that are fitted; all by default.
+        gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: id of the specimen.
         out: folder of the recordings. Stages whose recording is there already are not run again.
         hardware: a real machine, with the muscle mounted at the rest length; it stays open.
@@ -260,6 +262,8 @@ def characterise(
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     for law in laws or ():
         law_type(law)
+    if not 0.0 <= gain_error <= 0.2:
+        raise InputError("gain_error", gain_error, "must be between 0 and 20 %, as a share")
     if (muscle is None) == (hardware is None):
         problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
         raise InputError("muscle", None, problem)
@@ -293,7 +297,9 @@ def characterise(
             records[stage] = record
             done.append(StageRecord(stage, _seconds(record), resumed))
             passed += intended.seconds[stage]
-    found = evaluate(records, bounds, known, laws=None if laws is None else tuple(laws), name=name)
+    found = evaluate(
+        records, bounds, known, laws=None if laws is None else tuple(laws), gain_error=gain_error, name=name
+    )
     spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
     outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records)
     if folder is not None:
