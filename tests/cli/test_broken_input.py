@@ -266,7 +266,7 @@ COMMANDS = {
         "--recording": "record", "--match": "name", "--rig": "rig", "--out": "report",
     }),
     "reproduce": ("reproduce", {
-        "--part": "name", "--row": "name", "--figure": "name", "--out": "new",
+        "--part": "name", "--row": "name", "--figure": "name", "--out": "new", "--save-recordings": "new",
     }),
     "size": ("size --force @force:100_N --stroke @length:2_cm --pressure @pressure:5_bar", {
         "--space": "length", "--speed": "number", "--cycles": "number", "--tube": "length", "--law": "name",

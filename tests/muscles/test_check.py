@@ -129,3 +129,14 @@ def test_a_law_that_fits_what_it_does_not_declare_is_refused(tmp_path):
     )
     with pytest.raises(InputError, match="fitted names no parameter of it: aera"):
         mk.check(f"{tmp_path}/mine.py:Mine", {"area": 1e-4})
+
+
+def test_a_law_whose_methods_take_other_arguments_is_refused(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import mckibben as mk\nclass Mine(mk.TensionLaw):\n    title, cites, fitted = 'mine', (), ()\n"
+        "    def elastic_tension(self, length, pressure): return 0.0 * length\n"
+        "    def gas_energy(self, length, pressure): return -1e-4 * pressure * length\n"
+        "    def length_range(self): return 0.1, 0.2\n"
+    )
+    with pytest.raises(InputError, match=r"elastic_tension must take \(self, length\)"):
+        mk.check(f"{tmp_path}/mine.py:Mine", {})

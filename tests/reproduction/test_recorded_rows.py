@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mckibben.errors import ConvergenceError
+from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.elements import Tendon
-from mckibben.recordings import Channel, Recording
+from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.reproduction import loops, recorded, reproduce, rows, shortening
 from mckibben.reproduction.rows import ComputedValue, all_rows, reproduce_row
 
@@ -168,3 +168,18 @@ def test_all_rows_from_recordings():
     # what the paper's cell of 100 N could not show is said
     assert "saturated for" in outcomes["friction.bridgestone"].note
     assert loops.treated("WD-40").height < loops.treated("no lubricant").height
+
+
+def test_the_recordings_of_rows_are_saved_under_the_words_that_say_which_they_are(monkeypatch, tmp_path):
+    done = Recording(np.arange(2.0), {}, {"result": "done"})
+    monkeypatch.setattr(recorded, "run", lambda bench, progress: done)
+    with recorded.saved_in(tmp_path / "raw"):
+        recorded.recording("isometric-step", cycles=1, pressure="3 bar")
+        recorded.recording("isometric-step", "fiberglass", cycles=1)
+    recorded.recording("isometric-step", cycles=3)  # outside
+    names = [p.name for p in sorted((tmp_path / "raw").iterdir())]
+    assert names == ["isometric-step-fiberglass-cycles-1.nc", "isometric-step-nylon-cycles-1-pressure-3-bar.nc"]
+    assert np.array_equal(read_recording(tmp_path / "raw" / names[0]).time, done.time)
+    with pytest.raises(InputError, match="must be a folder"), recorded.saved_in(tmp_path / "raw" / names[0]):
+        pass
+    recorded.recording.cache_clear()

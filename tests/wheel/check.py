@@ -194,7 +194,10 @@ CALLS: dict[str, list[Call]] = {
     "energy": [Call((MUSCLE, "--pressure", "5 bar", "--out", "energy.svg"), ["energy.svg"])],
     "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--out", "compare.pdf")],
     "reproduce": [
-        Call(("--row", "valve.festo", "--out", "papers", "--no-pdf"), ["papers/reproduction.html"]),
+        Call(
+            ("--row", "valve.festo", "--out", "papers", "--no-pdf", "--save-recordings", "raw"),
+            ["papers/reproduction.html"],
+        ),
         needs("report", "--out", "papers"),
     ],
     "diagnose": [Call(("faulty.nc", "--out", "faults.csv"), ["faults.csv"])],

@@ -428,8 +428,12 @@ def show_ranking(study: Ranking) -> None:
     for f in study.fits:
         for warning in f.warnings:
             typer.echo(f"note: {f.law}: {warning}")
+    short = [name for name, why in study.skipped.items() if f"law {name} needs the rest length" in why]
+    if short:
+        typer.echo(f"left out without --rest-length, or a column rest_length: {', '.join(short)}")
     for name, why in study.skipped.items():
-        typer.echo(f"left out: {name}: {why}")
+        if name not in short:
+            typer.echo(f"left out: {name}: {why}")
     if study.specimen is not None and "martens2017" in study.specimen.sources:
         typer.echo("data: M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0")
     if len(study.fits) > 1:

@@ -58,6 +58,10 @@ def reproduce_papers(
     recordings: Annotated[
         bool, typer.Option(help="Leave out rows that need recordings of the test machine, which take minutes.")
     ] = True,
+    save_recordings: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder into which the recordings behind the rows are written (.nc)."),
+    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     out: Annotated[Paths, OUT.option(folder="both reports, or with --figure the figures in --format,")] = None,
@@ -75,16 +79,19 @@ def reproduce_papers(
     """
     reproduction.rows.select(part, row)  # refuses a wrong word before anything is loaded
     _check_format(format_)
+    _check_folder(save_recordings, recordings)
     with OUT.files(out, folder=True) as files:
         folder = _folder(files["folder"])
         places = _places(files["report"], folder, pdf=pdf, figures_only=bool(figure))
         pictures: list[PaperFigure] = []
         if figure or places:
             pictures = papers.chosen_figures(figure, part=part, rows=row, recordings=recordings)
-        outcomes, drawn = _done(part, _rows(row, pictures) if figure else row, pictures, recordings)
+        rows = _rows(row, pictures) if figure else row
+        outcomes, drawn = _done(part, rows, pictures, recordings, save_recordings)
         written = _write(places, outcomes, drawn, recordings)
         if figure:
             written += _save(drawn, folder or Path(), format_)
+        written += [] if save_recordings is None else [str(save_recordings)]
         _say(files, outcomes, written, as_json=as_json)
     if any(o.ok is False for o in outcomes):
         raise typer.Exit(1)
@@ -96,6 +103,18 @@ def reproduce_papers(
 def _check_format(name: str) -> None:
     if f".{name}" not in FIGURE:
         raise InputError("--format", name, known=[one[1:] for one in FIGURE])
+
+
+def _check_folder(place: Path | None, recordings: bool) -> None:
+    """Refuse a folder of recordings that cannot be made, before minutes of computation."""
+    if place is None:
+        return
+    if not recordings:
+        raise InputError("--save-recordings", None, "is allowed only without --no-recordings")
+    if not str(place).strip() or (place.exists() and not place.is_dir()):
+        raise InputError("--save-recordings", str(place), "must be a folder")
+    if not place.absolute().parent.is_dir():
+        raise not_found(place.absolute().parent, "folder")
 
 
 def _folder(folders: list[Path]) -> Path | None:
@@ -126,7 +145,7 @@ def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | Non
 
 
 def _done(
-    part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool
+    part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool, save: Path | None
 ) -> tuple[list[RowOutcome], list[Drawn]]:
 
     asked = [] if rows == [] else reproduction.rows.select(part, rows)
@@ -139,6 +158,7 @@ def _done(
                 progress=lambda r: advance(r.id),
                 tell=lambda words: advance(words, 0),
                 recordings=recordings,
+                save=save,
             )
             if asked
             else []

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import inspect
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -253,12 +254,21 @@ def required_of_law(kind: object) -> str | None:
     """What something must be to be a law; None where it is one."""
     if not (isinstance(kind, type) and issubclass(kind, TensionLaw)):
         return "a class derived from mckibben.TensionLaw"
-    missing = [name for name in ("title", "cites", "fitted") if not hasattr(kind, name)]
+    stated = {"title": "title", "cites": "cites (references, () where there are none)", "fitted": "fitted"}
+    missing = [words for name, words in stated.items() if not hasattr(kind, name)]
     missing += sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:
         return f"complete; missing: {', '.join(missing)}"
     unknown = [name for name in kind.fitted if name not in declared(kind)]
-    return f"consistent; fitted names no parameter of it: {', '.join(unknown)}" if unknown else None
+    if unknown:
+        return f"consistent; fitted names no parameter of it: {', '.join(unknown)}"
+    for name in sorted(TensionLaw.__abstractmethods__):
+        arguments = [*inspect.signature(getattr(TensionLaw, name)).parameters]
+        try:
+            inspect.signature(getattr(kind, name)).bind(*arguments)
+        except TypeError:
+            return f"consistent; {name} must take ({', '.join(arguments)})"
+    return None
 
 
 def _together(length: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:

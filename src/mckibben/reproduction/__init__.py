@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_submodules
 from ..errors import MckibbenError
 from . import loops, part1, part2, part4, shortening  # noqa: F401
-from .recorded import Folder, kept_in, told
+from .recorded import Folder, kept_in, saved_in, told
 from .rows import PrintedRow, RowOutcome, needs_recording, reproduce_row, select
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def reproduce(
     progress: Callable[[PrintedRow], None] | None = None,
     tell: Callable[[str], None] | None = None,
     recordings: bool = True,
+    save: str | os.PathLike[str] | None = None,
 ) -> list[RowOutcome]:
     """Compute rows of the papers and judge each.
 
@@ -46,6 +47,10 @@ def reproduce(
         progress: called with each row before it is computed.
         tell: called with words while a recording is made, of which several rows are computed; that takes minutes.
         recordings: off leaves out the rows that need them.
+        save: folder into which the recordings of these rows are written, as ``.nc`` files.
+
+    Raises:
+        InputError: there is no such part or row, or the folder is a file.
 
     Examples:
         >>> import mckibben as mk
@@ -53,8 +58,9 @@ def reproduce(
         ['arithmetic', 'open']
     """
     outcomes = []
-    with told(tell):
-        for row in select(part, rows):
+    wanted = select(part, rows)
+    with told(tell), saved_in(save):
+        for row in wanted:
             if not recordings and needs_recording(row):
                 continue
             if progress:

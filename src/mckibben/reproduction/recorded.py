@@ -9,7 +9,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import itertools
 import os
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,12 +23,13 @@ from ..assembly.build import unit_from_specimen
 from ..bench.rig_file import rig as rig_of
 from ..bench.run import prepare, run
 from ..documents import JsonValue
-from ..errors import ConvergenceError, MckibbenError
+from ..errors import ConvergenceError, InputError, MckibbenError, not_found
 from ..experiments.read import protocol
 from ..muscles.elements import Tendon
 from ..recordings import Recording, read_recording
 from . import rows
 
+LONGEST_NAME = 120  # characters of the name of a saved recording
 PAUSE = 0.05  # between two looks at what the other process has done [s]
 
 
@@ -144,7 +147,51 @@ def recording(
     def make() -> Recording:
         return _made(name, muscle, rig, plumbing, accept_saturation, rigid, values)
 
-    return shared(said, make)
+    record = shared(said, make)
+    others = [w for w in (None if rig == "paper" else rig, plumbing, "rigid" if rigid else None) if w]
+    for folder in _saved_in:
+        _save(
+            record,
+            folder,
+            [name, muscle, *others, *(f"{k} {v}" for k, v in values.items() if not isinstance(v, tuple))],
+        )
+    return record
+
+
+_saved_in: list[Path] = []
+
+
+@contextmanager
+def saved_in(folder: str | os.PathLike[str] | None) -> Iterator[None]:
+    """Save every recording that is made or read within the context as a ``.nc`` file in a folder, which is made if needed.
+
+    Raises:
+        InputError: the place is a file, or its parent folder is missing.
+    """
+    if folder is None:
+        yield
+        return
+    place = Path(folder)
+    if place.exists() and not place.is_dir():
+        raise InputError("folder", str(place), "must be a folder; it is a file")
+    if not place.absolute().parent.is_dir():
+        raise not_found(place.absolute().parent, "folder")
+    place.mkdir(exist_ok=True)
+    _saved_in.append(place)
+    try:
+        yield
+    finally:
+        _saved_in.pop()
+
+
+def _save(record: Recording, folder: Path, words: list[str]) -> None:
+    """Save a recording under the words that say which it is; another one of the same words gets a number."""
+    stem = re.sub(r"[^\w.]+", "-", " ".join(words)).strip("-")[:LONGEST_NAME]
+    numbers = itertools.count(2)
+    path = folder / f"{stem}.nc"
+    while path.exists():
+        path = folder / f"{stem}-{next(numbers)}.nc"
+    record.save(path)
 
 
 def _made(

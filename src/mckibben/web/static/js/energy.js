@@ -1,5 +1,5 @@
 // The page Energy: both loops of a cycle, its numbers, its efficiency over pressure, and the flow of energy of a recording.
-import { say, TS, escape, fmt } from './words.js'
+import { say, TS, escape, fmt, projected, size } from './words.js'
 import { Plot, draws } from './plot.js'
 import { sankey } from './sankey.js'
 
@@ -33,12 +33,12 @@ function piston (place, d, w) {
     if (wide > 44) p.text((l.at + l.rest) / 2, (Y + low) / 2, joules(l.w12), { k: 'val', a: 'middle' })
     const x = l.at + 0.07 * (first[0] - l.at)
     const y = l.other && d.exchange === 'atmosphere' ? Math.min(...l.other.y) + 0.12 * (Y - low) : low + 0.22 * (Y - low)
-    p.text(x, y, joules(l.w01), { k: 'val', dx: 4 })
+    p.text(x, y, joules(l.w01), { k: 'val', dx: 4, dy: 14 - size(14) })
     const room = Math.max(...l.x.filter((_, i) => p.Y(l.y[i]) < p.Y(y) + 2).map(v => p.X(v))) - p.X(x) // to the line, above the words
     if (d.exchange === 'atmosphere') p.text(x, y, room < 124 ? 'lost' : 'lost when exhaling', { dx: 4, dy: 14 })
   } else {
     p.text(0.5 * X, low + 0.72 * (Y - low), `${joules(l.input)} in`, { k: 'val' })
-    if (l.throttled) p.text(0.5 * X, low + 0.72 * (Y - low), `${joules(l.throttled)} of it throttled`, { dy: 14 })
+    if (l.throttled) p.text(0.5 * X, low + 0.72 * (Y - low), `${joules(l.throttled)} of it throttled`, { dy: size(14) })
   }
   p.frame(title('pressure', 'Pressure', 'bar absolute'), `<tspan style="font-weight:600">volume</tspan>, cm\u00b3`)
   p.into(place, 'Pressure against volume', `The cycle ${names.join(' ')} of ${d.title} at ${fmt(d.pressure, 2)} bar; its area is the input, ${fmt(l.input, 2)} J.`, [{ name: 'volume', unit: 'cm\u00b3', places: 1 }, { name: 'pressure', unit: 'bar', places: 2 }])
@@ -58,7 +58,7 @@ function tendon (place, d, w) {
   }
   const mid = maximal ? a + 0.68 * (b - a) : (a + b) / 2
   const at = maximal ? 0.33 * Y : 0.55 * Y
-  p.text(mid, at, joules(l.output), { a: 'middle', k: 'val', f: 'font-size:20px;fill:var(--q-tension)' }).text(mid, at, 'out, as work', { a: 'middle', dy: 16 })
+  p.text(mid, at, joules(l.output), { a: 'middle', k: 'val', f: 'font-size:20px;fill:var(--q-tension)' }).text(mid, at, 'out, as work', { a: 'middle', dy: size(16) })
   p.frame(title('tension', 'Tension', 'N'), title('length', 'length', 'cm'))
   p.into(place, 'Tension against length', `The cycle ${Object.keys(l.corners).join(' ')}; its area is the output, ${fmt(l.output, 2)} J.`, [{ name: 'length', unit: 'cm', places: 2 }, { name: 'tension', unit: 'N', places: 1 }])
 }
@@ -71,7 +71,7 @@ function curve (place, d, w) {
   for (const l of d.lines) {
     const high = p.whole.y[1]; const x = l.x.filter((_, i) => l.y[i] <= high); const y = l.y.filter(v => v <= high)
     if (x.length) p.line(x, y, { w: l.friction ? 2 : 1, d: l.friction ? DASH[l.words] : '2 3', c: l.friction ? 'var(--ink)' : 'var(--ink-2)', name: words(l) })
-    if (l.friction && x.length) p.text(x.at(-1), y.at(-1), l.words, { a: 'end', dx: -2, dy: 16 })
+    if (l.friction && x.length) p.text(x.at(-1), y.at(-1), l.words, { a: 'end', dx: -2, dy: projected() && l.words === 'accumulator' ? -14 : size(16) })
   }
   if (d.pressure <= d.highest) {
     p.add(`<path d="M${p.X(d.pressure).toFixed(1)} ${p.m.t}V${h - p.m.b}" stroke="${P}" stroke-width="1.5"${p.cut}/>`)

@@ -1,6 +1,6 @@
 // The flow of energy as streams whose width is their energy: air is blue, work is orange, every loss grey.
 import { magnify } from './view.js'
-import { TS, escape, fmt, say } from './words.js'
+import { TS, escape, fmt, say, size } from './words.js'
 
 const WORK = ['shaft_work']; const STORED = ['gas', 'muscle', 'tendon']
 const places = v => Math.max(0, Math.min(5, 2 - Math.floor(Math.log10(Math.abs(v) || 1))))
@@ -49,7 +49,7 @@ export function sankey (place, d, w) {
   const y0 = narrow ? 40 : 22
   // sources at the left: the supply first
   let y = y0
-  const label = (X, Y, words, value, c = 'var(--ink)', share = true) => `<text x="${X}" y="${Y.toFixed(1)}" style="font-size:12px"><tspan style="font-weight:600;fill:${c}">${escape(say(words))}</tspan><tspan x="${X}" dy="15" style="fill:var(--ink-2)">${joules(value)}${share && d.supply > 0 ? ` \u00b7 ${fmt(value / d.supply * 100, value / d.supply < 0.0995 ? 1 : 0)}${TS}%` : ''}</tspan></text>`
+  const label = (X, Y, words, value, c = 'var(--ink)', share = true) => `<text x="${X}" y="${Y.toFixed(1)}" style="font-size:12px"><tspan style="font-weight:600;fill:${c}">${escape(say(words))}</tspan><tspan x="${X}" dy="${size(15)}" style="fill:var(--ink-2)">${joules(value)}${share && d.supply > 0 ? ` \u00b7 ${fmt(value / d.supply * 100, value / d.supply < 0.0995 ? 1 : 0)}${TS}%` : ''}</tspan></text>`
   for (const s of big(d.gas.into)) {
     const h = s.value * k
     svg += node(x[0], y, h, colour(s.key, d.hub))
@@ -80,7 +80,7 @@ export function sankey (place, d, w) {
     at.push([s, end, h]); end += h + gap
   }
   const bottom = Math.max(end, yw, y) + 8
-  const spots = spread(at.map(([, Y, h]) => Y + h / 2 - 3), 32, 12, Math.max(bottom, 12 + 32 * at.length))
+  const spots = spread(at.map(([, Y, h]) => Y + h / 2 - 3), size(32), size(12), Math.max(bottom, size(12 + 32 * at.length)))
   at.forEach(([s, Y, h], i) => {
     const X = x[2] + 14
     if (Math.abs(spots[i] - (Y + h / 2 - 3)) > 8) svg += `<path d="M${x[2] + 5} ${Y + h / 2}L${X - 2} ${spots[i] - 1}" stroke="var(--ink-3)" stroke-width=".75"/>`
@@ -91,10 +91,10 @@ export function sankey (place, d, w) {
     ? label(0, 12, sentence(first.words), first.value, 'var(--q-pressure)', false)
     : label(x[0] + 14, y0 + whole * k / 2 - 4, sentence(first.words), first.value, 'var(--ink)', false)
   if (!narrow || way.length) svg += label(narrow ? x[1] + 8 : x[1] + 14, narrow ? y0 + Math.min(middle / 2, 90) : y0 + middle / 2 - 4, narrow ? 'In the volumes' : 'Into tubes and muscle', whole - lost, 'var(--ink)', false)
-  const wspots = spread(waysAt.map(([, Y, h]) => Y + h / 2 - 3), 32, 0, 1e6)
+  const wspots = spread(waysAt.map(([, Y, h]) => Y + h / 2 - 3), size(32), 0, 1e6)
   waysAt.forEach(([s, , ], i) => { svg += label(x[1] + 14, wspots[i], narrow ? sentence(s.words) : `${sentence(s.words)}, throttling while filling`, s.value) })
   if (extra.length) note += ` The muscle was also given ${extra.map(s => `${joules(s.value)} (${escape(s.words)})`).join(', ')}.`
-  const tall = Math.max(bottom, (spots.at(-1) ?? 0) + 26, (wspots.at(-1) ?? 0) + 26)
+  const tall = Math.max(bottom, (spots.at(-1) ?? 0) + size(26), (wspots.at(-1) ?? 0) + size(26))
   if (small.length) note += ` Below ${fmt(100 * d.least, 2)}${TS}%, not drawn: ${[...new Set(small.map(s => escape(s.words)))].join(', ')}.`
   const summary = `Flow of energy: ${[...d.gas.into, ...ends, ...way].map(s => `${s.words} ${fmt(s.value, 2)} J`).join(', ')}`
   place.innerHTML = `<div class="flow-field" tabindex="0" role="img" aria-label="${escape(summary)}"><svg width="${w}" height="${tall.toFixed(0)}" viewBox="0 0 ${w} ${tall.toFixed(0)}" aria-hidden="true">${svg}</svg></div>${below(note)}`

@@ -196,11 +196,11 @@ function slider (box, q, [low, high]) {
     bar.style.width = `${clamp((value - low) / (high - low), 0, 1) * 100}%`
     one.classList.toggle('off', off)
     if (range.disabled !== off) { range.disabled = off; number.disabled = off }
-    if (held || due || document.activeElement === number || !err.hidden) return
+    if (held || due || !err.hidden) return
     const v = Number.isFinite(point) ? point : low
     if (Math.abs(+range.value - v) > step / 2) range.value = String(clamp(v, low, high))
     const text = v.toFixed(2)
-    if (number.value !== text) number.value = text
+    if (number.value !== text && document.activeElement !== number) number.value = text
   }
   sliders.set(q, { show })
 }
