@@ -71,7 +71,7 @@ function curve (place, d, w) {
   for (const l of d.lines) {
     const high = p.whole.y[1]; const x = l.x.filter((_, i) => l.y[i] <= high); const y = l.y.filter(v => v <= high)
     if (x.length) p.line(x, y, { w: l.friction ? 2 : 1, d: l.friction ? DASH[l.words] : '2 3', c: l.friction ? 'var(--ink)' : 'var(--ink-2)', name: words(l) })
-    if (l.friction && x.length) p.text(x.at(-1), y.at(-1), l.words, { a: 'end', dx: -2, dy: projected() && l.words === 'accumulator' ? -14 : size(16) })
+    if (l.friction && x.length) p.text(x.at(-1), y.at(-1), l.words, { a: 'end', dx: -2, dy: projected() && l.words === 'accumulator' ? 13 : size(16) })
   }
   if (d.pressure <= d.highest) {
     p.add(`<path d="M${p.X(d.pressure).toFixed(1)} ${p.m.t}V${h - p.m.b}" stroke="${P}" stroke-width="1.5"${p.cut}/>`)
