@@ -213,7 +213,8 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said:
     elif page:
         # The link is for a browser that did not send its cookie, because another site led here.
         body = (
-            '<!doctype html><html lang="en"><meta name="viewport" content="width=device-width"><title>McKibben</title>'
+            '<!doctype html><html lang="en"><meta name="viewport" content="width=device-width">'
+            '<meta name="color-scheme" content="light dark"><title>McKibben</title>'
             f'<p>{html.escape(said)}<p><a href="{html.escape(page)}">This browser has opened it: go on</a></html>'
         )
         await _answer(send, status, body, {"content-type": "text/html; charset=utf-8"})

@@ -140,6 +140,8 @@ class EnergyPage:
     def changed(self, **what: JsonValue) -> None:
         """Take a changed choice, and compute and show it in a task."""
         self.choice = replace(self.choice, **what)
+        if "pressure" not in what:  # a slider that is dragged would tell the browser too often
+            link(**to_link(self.choice))  # at once, for whoever reloads the page meanwhile
         self.controls.under.clear()
         page_document().spawn(self.draw())
 
@@ -166,6 +168,7 @@ class EnergyPage:
         except MckibbenError as error:
             if choice == self.choice:
                 self.choice = self.good
+                link(**to_link(self.good))
                 self.offer()
                 self.controls.restore()
                 self.controls.refuse(f"{error}. The previous choice stays in use.")
@@ -180,7 +183,8 @@ class EnergyPage:
         ):
             place.data("spec", part)
         self.controls.agree(rebuilt=muscle)
-        link(**to_link(choice))
+        if choice == self.choice:
+            link(**to_link(choice))
         self.recorded.accumulator_changed()
 
     async def report(self) -> None:
