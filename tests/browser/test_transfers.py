@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -11,6 +12,12 @@ from mckibben.web.transfers import read_with_progress, run_in_thread
 from mckibben.web.widgets import text
 
 LONG = 30.0  # a bound for a busy machine [s]
+
+
+def run(work):
+    """Run a coroutine in a thread of its own, for the browser of other tests has a loop in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, work).result(LONG)
 
 
 @pytest.mark.parametrize("refused", [False, True])
@@ -34,7 +41,7 @@ def test_work_that_ends_late_leaves_what_was_shown_meanwhile(refused):
         go.set()
         return await first, place.inside
 
-    answer, shown = asyncio.run(visit())
+    answer, shown = run(visit())
     assert answer == (None if refused else "late")
     assert "soon" in shown and "a.nc" not in shown
 
@@ -56,7 +63,7 @@ def test_a_file_that_is_read_late_leaves_what_was_shown_meanwhile(tmp_path):
         await late
         return place.inside
 
-    assert "table.csv" in asyncio.run(visit())
+    assert "table.csv" in run(visit())
 
 
 def test_work_that_was_refused_says_so_in_its_place():
@@ -70,5 +77,5 @@ def test_work_that_was_refused_says_so_in_its_place():
 
         return await run_in_thread(place, "Reading a.nc", refuse), place.inside
 
-    answer, shown = asyncio.run(visit())
+    answer, shown = run(visit())
     assert answer is None and "recording must be readable" in shown and "Reading" not in shown
