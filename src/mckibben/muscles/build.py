@@ -266,8 +266,8 @@ def _stated_creep(spec: Specimen) -> MemoryElement | None:
         allowed = f"must be as many as creep_stiffness, {len(stiffness)}, got {len(times)}"
         raise InputError("properties.creep_time_constants", None, allowed, where=where)
     known = declared(MaxwellChain)
-    for name, value in (("stiffness", stiffness), ("time_constant", times)):
-        known[name].check(f"creep.{name}", value, where=where)
+    for name, numbers in (("stiffness", stiffness), ("time_constant", times)):
+        known[name].check(f"creep.{name}", numbers, where=where)
     return MaxwellChain(stiffness=stiffness, time_constant=times)
 
 
