@@ -340,7 +340,8 @@ class _Comparison:
     def noise(self) -> np.ndarray:
         """Standard deviation that the noise of each channel's sensor leaves of a block [unit of the channel]."""
         sensors = [self.observer.rig.sensors[name] for name in self.channels]
-        return np.array([float(max(s.noise, 0.02 * s.resolution)) for s in sensors]) / np.sqrt(self.size)
+        least: np.ndarray = np.array([float(max(s.noise, 0.02 * s.resolution)) for s in sensors]) / np.sqrt(self.size)
+        return least
 
     def _averaged(self, table: np.ndarray, first: int) -> np.ndarray:
         count = (table.shape[-1] - first) // self.size
