@@ -219,6 +219,12 @@ def table(result: dict[str, Any]) -> str:
         cells = []
         for column in columns:
             value = result["summary"][column][name]
+            some = result["summary"][column]
+            if some["muscles"] == some["failed and said so"] and name.startswith(
+                ("error", "tensions", "friction", "machine")
+            ):
+                cells.append("\N{EN DASH}")
+                continue
             if name.startswith(("error", "tensions", "friction")):
                 cells.append(f"{100.0 * value:.2g} %" if value < 0.995 else "100 %")
             elif name.startswith("machine"):
