@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -418,44 +418,39 @@ def conformance(_: Path) -> str:
     from mckibben.hosts.scenarios import SCENARIOS, STEPS
 
     known = {path.stem: read_certificate(path) for path in sorted((DOCS / CERTIFICATES).glob("*.json"))}
-    of = lambda key: {host: one.content.get(key, {}) for host, one in known.items()}  # noqa: E731
-    titles = {name: one["title"] for scenarios in of("scenarios").values() for name, one in scenarios.items()}
+    contents = {f"`{host}`": one.content for host, one in known.items()}
+    verdicts = {f"`{host}`": {v.what: v for v in one.verdicts} for host, one in known.items()}
     hosts = [
-        [f"`{host}`", c.content["title"], c.content["version"], "staggered" if c.content["staggered"] else "synchronous"]
-        for host, c in known.items()
+        [host, c["title"], c["version"], "staggered" if c["staggered"] else "synchronous"]
+        for host, c in contents.items()
     ]
-    limits = {v.what: v for c in known.values() for v in c.verdicts if "equal bits" not in v.what}
-    measured = {host: {v.what: v for v in c.verdicts} for host, c in known.items()}
-    judged = [
-        [what, _limit(v), *(_judged(measured[host].get(what)) for host in known)] for what, v in limits.items()
+    words = {True: "same", False: "**differ**", None: "–"}
+    slack = {
+        v.what: f"{v.what.partition(':')[0]} [N]"
+        for row in verdicts.values()
+        for v in row.values()
+        if "when slack" in v.what
+    }
+    gas = {v.what: "gas" for row in verdicts.values() for v in row.values() if "gas" in v.what}
+    losses = [
+        [host, *(_judged(verdicts[host].get(what)) for what in (*slack, *gas))]
+        for host in contents
+        if any(what in verdicts[host] for what in (*slack, *gas))
     ]
-    words = {True: "same", False: "**differ**", None: "not tested"}
-    states = [[name, *(words[s.get(name)] for s in of("states").values())] for name in STATE_CHECKS]
-    errors = []
-    for name in (name for name in SCENARIOS if name in ("hang", "slack", "leak", "joint", "tank")):
-        rows = [scenarios.get(name) for scenarios in of("scenarios").values()]
-        rotary = any(row["rotary"] for row in rows if row)
-        for h in STEPS:
-            factor = 57.29577951308232 if rotary else 1e3
-            cells = [f"{factor * row['steps'][f'{h:g}']['position_error']:.3f}" if row else "" for row in rows]
-            errors.append([name, f"{1e3 * h:g} ms", "deg" if rotary else "mm", *cells])
-    masses = [
-        [
-            f"{1e3 * h:g} ms",
-            f"{1e3 * next(iter(of('slope_mass_kg').values()))[f'{h:g}']:.3g} g",
-            *("none" if m[f"{h:g}"] is None else f"{1e3 * m[f'{h:g}']:.3g} g" for m in of("smallest_mass_kg").values()),
-        ]
-        for h in STEPS
+    states = [[host, *(words[c["states"].get(name)] for name in STATE_CHECKS)] for host, c in contents.items()]
+    columns = [f"{1e3 * h:g} ms" for h in STEPS]
+    estimates = next(c["slope_mass_kg"] for c in contents.values())
+    masses = [["estimate", *(_grams(estimates[f"{h:g}"]) for h in STEPS), ""]]
+    masses += [
+        [host, *(_grams(c["smallest_mass_kg"][f"{h:g}"]) for h in STEPS), f"{c['steps_per_s']:,.0f}"]
+        for host, c in contents.items()
     ]
-    speeds = [["steps of 1 ms in a second", *(f"{speed:,.0f}" for speed in of("steps_per_s").values())]]
-    caveats = [f"- `{host}`: {sentence}" for host, said in of("caveats").items() for sentence in said]
-    names = [f"`{host}`" for host in known]
-    about = _table(["scenario", "what happens"], [[name, titles[name]] for name in SCENARIOS if name in titles])
     beside = [
         [f"{own['title']}, at {1e3 * own['span']:g} mm", f"{own['own_tension']:.1f} N", f"{own['tension']:.1f} N"]
-        for own in of("own_actuator").values()
+        for own in (c.get("own_actuator") for c in contents.values())
         if own
     ]
+    caveats = [f"- {host}: {sentence}" for host, c in contents.items() for sentence in c["caveats"]]
     return _page(
         "Conformance of hosts",
         "A host is a program that steps a mechanism with a muscle in it ([Use a muscle in another "
@@ -464,25 +459,31 @@ def conformance(_: Path) -> str:
         f"lie in `docs/{CERTIFICATES}`; to make one anew:",
         f"```sh\n$ mckibben conform c --out docs/{CERTIFICATES}/c.json\n```",
         _table(["host", "what it is", "version", "rates and positions"], hosts),
-        about,
-        "## Limits",
-        "The order is that of the largest error of the position between steps of 1 and 2 ms. The gap is the difference between "
-        "the work of the host on the muscles and the part's account of it, over the work that went to and fro, at 1 ms. The tension "
-        "when slack is the largest of the host's at moments where the same system integrated as one is slack. The gas of the two "
-        "muscles on one tank neither comes in nor goes out: what is gained or lost is over the mass at the start.",
-        _table(["", "limit", *names], judged, right=range(1, 2 + len(known))),
-        "## Largest errors of the position",
-        _table(["scenario", "step", "unit", *names], errors, right=range(3, 3 + len(known))),
+        "## Scenarios",
+        "Largest differences of the position from the same system integrated as one, or of the mean tension where the path is given, "
+        "by the step of the host. The order is that between steps of 1 and 2 ms. The gap, at 1 ms, is the difference between "
+        "the work of the host on the muscles and the part's account of it, over the work that went to and fro.",
+        *(part for name in SCENARIOS for part in _scenario(name, contents, verdicts, columns)),
+        *(
+            [
+                "## Slack and gas",
+                "The largest tension of the host, at 1 ms, where the same system integrated as one is slack; the limit is 0 N. "
+                "The gas of the two muscles and their tank neither comes in nor goes out: what is gained or lost, over the mass "
+                "at the start, may be 1e-9.",
+                _table(["host", *slack.values(), *gas.values()], losses, right=range(1, 1 + len(slack) + len(gas))),
+            ]
+            if losses
+            else []
+        ),
         "## States",
-        "Whether all positions, tensions, pressures and accounts of the next 40 steps have the same bits.",
-        _table(["", *names], states),
-        "## Smallest mass",
-        "Smallest mass at the end of a muscle that comes to rest, to a tenth, beside the estimate that `mckibben export` prints: "
-        "the slope of the mean tension by the end of a step, times the step squared.",
-        _table(["step", "estimate", *names], masses, right=range(1, 2 + len(known))),
-        "## Speed",
-        "With one muscle, on the machine that wrote the certificate, which did other things meanwhile.",
-        _table(["", *names], speeds, right=range(1, 1 + len(known))),
+        "Whether all positions, tensions, pressures and accounts of the next 40 steps have the same bits; a dash where the host has "
+        "no means for it.",
+        _table(["host", *STATE_CHECKS], states),
+        "## Smallest mass and speed",
+        "Smallest mass at the end of a muscle that comes to rest, to a tenth, by the step, beside the estimate that `mckibben export` "
+        "prints: the slope of the mean tension by the end of a step, times the step squared. Steps of 1 ms in a second are with "
+        "one muscle, on the machine that wrote the certificate, which did other things meanwhile.",
+        _table(["host", *columns, "steps in a second"], masses, right=range(1, 6)),
         *(
             [
                 "## Slack beside actuators of the hosts",
@@ -496,15 +497,50 @@ def conformance(_: Path) -> str:
     )
 
 
+JUDGED = {
+    "order": "order",
+    "gap at the border": "gap",
+}  # verdicts on a scenario beside the error, and the heads of their columns
+
+
+def _scenario(name: str, contents: Mapping[str, Any], verdicts: Mapping[str, Any], columns: list[str]) -> Iterable[str]:
+    """Heading and table of a scenario, a row for each host that has run it."""
+    measured = {host: c["scenarios"][name] for host, c in contents.items() if name in c["scenarios"]}
+    if not measured:
+        return
+    one = next(iter(measured.values()))
+    row = next(iter(one["steps"].values()))
+    moves = "position_error" in row
+    key, factor = ("position_error", 57.29577951308232 if one["rotary"] else 1e3) if moves else ("tension_error", 1.0)
+    unit = ("deg" if one["rotary"] else "mm") if moves else "N"
+    limits = {v.what: v for host in measured for v in verdicts[host].values()}
+    shown = {what: head for what, head in JUDGED.items() if f"{name}: {what}" in limits}
+    error = limits.get(f"{name}: error at 1 ms")
+    ends = ["", _limit(error) if error else "", "", ""]
+    rows = [["limit", *ends, *(_limit(limits[f"{name}: {what}"]) for what in shown)]] if shown or error else []
+    for host, scenario in measured.items():
+        errors = [f"{factor * step[key]:.3f}" for step in scenario["steps"].values()]
+        judged = [_judged(verdicts[host].get(f"{name}: {what}")) for what in shown]
+        at = verdicts[host].get(f"{name}: error at 1 ms")
+        errors[1] = errors[1] if at is None or at.holds else f"**{errors[1]}**, missed"
+        rows.append([host, *errors, *judged])
+    yield f"### {name.capitalize()}: {one['title']}"
+    yield _table(["host", *(f"{c} [{unit}]" for c in columns), *shown.values()], rows, right=range(1, 5 + len(shown)))
+
+
+def _grams(mass: float | None) -> str:
+    return "none" if mass is None else f"{1e3 * mass:.3g} g"
+
+
 def _limit(verdict: Any) -> str:
-    sign = "at least" if verdict.what.endswith(": order") else "at most"
+    sign = "≥" if verdict.what.endswith(": order") else "≤"
     return f"{sign} {verdict.limit:.3g}{'' if verdict.unit == '1' else f' {verdict.unit}'}"
 
 
 def _judged(verdict: Any) -> str:
     if verdict is None:
         return ""
-    value = f"{verdict.value:.3g}"
+    value = f"{verdict.value:.2g}"
     return value if verdict.holds else f"**{value}**, missed"
 
 
