@@ -425,13 +425,9 @@ def conformance(_: Path) -> str:
         for host, c in contents.items()
     ]
     words = {True: "same", False: "**differ**", None: "–"}
-    slack = {
-        v.what: f"{v.what.partition(':')[0]} [N]"
-        for row in verdicts.values()
-        for v in row.values()
-        if "when slack" in v.what
-    }
-    gas = {v.what: "gas" for row in verdicts.values() for v in row.values() if "gas" in v.what}
+    judged = list(dict.fromkeys(what for row in verdicts.values() for what in row))
+    slack = {what: f"{what.partition(':')[0]} [N]" for what in judged if what.endswith("tension when slack")}
+    gas = {what: "gas" for what in judged if what.endswith("gas gained or lost")}
     losses = [
         [host, *(_judged(verdicts[host].get(what)) for what in (*slack, *gas))]
         for host in contents
@@ -467,9 +463,9 @@ def conformance(_: Path) -> str:
         *(
             [
                 "## Slack and gas",
-                "The largest tension of the host, at 1 ms, where the same system integrated as one is slack; the limit is 0 N. "
-                "The gas of the two muscles and their tank neither comes in nor goes out: what is gained or lost, over the mass "
-                "at the start, may be 1e-9.",
+                "The largest tension of the host, at 1 ms, where the same system integrated as one is slack; it may be 1e-9 N, what is left of the search for a state at rest. "
+                "The gas of the two muscles and their tank neither comes in nor goes out: its mass "
+                "may change by 1e-9.",
                 _table(["host", *slack.values(), *gas.values()], losses, right=range(1, 1 + len(slack) + len(gas))),
             ]
             if losses
