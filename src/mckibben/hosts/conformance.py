@@ -37,8 +37,6 @@ LEAST_ORDER = 1.7  # between 1 and 2 ms
 LARGEST_GAP = 5e-3  # work at the border over turnover, at 1 ms
 LARGEST_SLACK = 1e-9  # tension while the same system integrated as one is slack; at rest it is found to 1e-10 [N]
 LARGEST_GAS_CHANGE = 1e-9  # of the gas in a closed part, over its mass: rounding of some hundred steps
-    1e-9  # of the mass of gas in a closed part, over that mass: rounding of some hundred steps
-)
 CHECKED = 40  # steps after a restored state that are compared
 THREADS = 4
 LIGHT_LOAD = 40.0  # force on the mass whose smallest value is sought [N]
