@@ -14,6 +14,7 @@ reading shows, and the largest tension F.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +52,7 @@ LEAST_TENSION = 3.0  # largest tension that a muscle must reach [N], and in nois
 NOISES = 40.0
 GAIN_ERROR = 2e-3  # standard uncertainty of the sensors' gains by default, a share
 MOST_DECAY = 0.03  # share of the pressure that a leak may take in a second [1/s]
+MOST_DRIFT = 0.01  # of a sensor's zero during the map, of the largest value
 MOST_ERROR = 0.05  # rms error of the held-out points, of the largest tension
 SETTLED = 0.15  # after the stretch, which the pressure needs [s]
 LONGEST = 1.02  # up to which a law is meant, of the rest length
@@ -116,11 +118,13 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
     if stage == "seat":
         rest = _part(record, "zero", stage)["tension"]
         noise = float(np.std(rest))
-        return dataclasses.replace(known, zero=float(np.mean(rest)), slack=max(known.slack, 6.0 * noise))
+        pressure = float(np.mean(_part(record, "zero", stage)["pressure"]))
+        zero = float(np.mean(rest))
+        return dataclasses.replace(known, zero=zero, zero_pressure=pressure, slack=max(known.slack, 6.0 * noise))
     if stage == "leak":
-        leak = leak_of(record)
-        if leak.low > MOST_DECAY:
-            share = f"{100.0 * leak.value:.2g} % of its pressure per second"
+        leak, fall = leak_of(record), _fall(record)
+        if leak.low > MOST_DECAY or fall > MOST_DECAY:
+            share = f"{100.0 * max(leak.value, fall):.2g} % of its pressure per second"
             raise StageError(
                 stage, f"the shut muscle loses {share}, more than {100.0 * MOST_DECAY:g} %; tighten its fittings"
             )
@@ -128,6 +132,7 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
     if stage == "ramp":
         return _ramped(record, bounds, known)
     if stage == "map":
+        _check_zeros(record, known)
         isobars = tuple(_loop_end(record, i, bounds) for i in range(1, ISOBARS + 1))
         taut = [length for _, length in isobars if length < (1.0 - LEAST_LOOP) * bounds.rest_length]
         if not taut:
@@ -166,6 +171,30 @@ def _part(record: Recording, label: str, stage: str) -> Recording:
         return record.segments(label)[0]
     except (InputError, IndexError):
         raise StageError(stage, f"its recording has no samples of the step {label!r}") from None
+
+
+def _fall(record: Recording) -> float:
+    """Mean share of the pressure lost per second from before the shut-off to its end, which sees the quickest leak [1/s]."""
+    before, shut = _part(record, "settle", "leak"), _part(record, "shut", "leak")
+    left = float(np.mean(shut.select(start=shut.time[-1] - 0.5)["pressure"]) / np.mean(before["pressure"]))
+    return (1.0 - left) / shut.duration
+
+
+def _check_zeros(record: Recording, known: Progression) -> None:
+    """Refuse a map in whose course the zero of a sensor has moved."""
+    end = _part(record, "zero", "map")
+    for name, before, most, unit in (
+        ("tension", known.zero, MOST_DRIFT * known.largest, "N"),
+        ("pressure", known.zero_pressure, MOST_DRIFT * known.top, "Pa"),
+    ):
+        noise = 6.0 * float(np.std(end[name])) / math.sqrt(len(end))
+        moved = float(np.mean(end[name])) - before
+        if abs(moved) > most + noise:
+            sensor = "load cell" if name == "tension" else "pressure sensor"
+            share = f"more than {100.0 * MOST_DRIFT:g} % of the largest {name}"
+            raise StageError(
+                "map", f"the zero of the {sensor} has moved by {with_unit(moved, unit, 3)}, {share}; let it warm up"
+            )
 
 
 def leak_of(record: Recording) -> Estimate:

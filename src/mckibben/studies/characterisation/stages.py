@@ -3,7 +3,7 @@
     seat        vented and slack for the zeros of the sensors, then pulled longer until it is taut
     leak        shut off under a low pressure, where the plumbing has a shut-off valve
     ramp        pressure up at the rest length until the largest tension or pressure, then down
-    map         loops of the span at constant pressures, rising from loop to loop: shortened until slack, lengthened back
+    map         loops of the span at constant pressures, rising from loop to loop: shortened until slack, lengthened back; slack for the zeros
     relaxation  a stretch at constant pressure, and a hold
     held-out    holds at pressures and lengths that the map does not have, reached by shortening and lengthening
 
@@ -121,6 +121,7 @@ class Progression:
 
     Attributes:
         zero: reading of the load cell without tension [N].
+        zero_pressure: reading of the pressure sensor without pressure [Pa].
         slack: tension from which the muscle counts as taut [N].
         top: highest gauge pressure that the muscle may have [Pa].
         largest: largest tension at it [N].
@@ -128,6 +129,7 @@ class Progression:
     """
 
     zero: float = 0.0
+    zero_pressure: float = 0.0
     slack: float = SEAT_TENSION
     top: float = 0.0
     largest: float = 0.0
@@ -266,7 +268,12 @@ def _map(bounds: Bounds, known: Progression) -> list[str]:
                 f"lengthen {i}", span=(rest, _taken(time)), hold=time, until=_above(bounds.tension / MARGIN**0.5, known)
             ),
         ]
-    return steps
+    return [
+        *steps,
+        _step("empty", pressure=(0.0, 1.5), record=False),
+        _step("slacken", span=(0.97 * rest, _taken(1.5)), record=False),
+        _step("zero", hold=1.5),
+    ]
 
 
 def _relaxation(bounds: Bounds, known: Progression) -> list[str]:
