@@ -64,6 +64,17 @@ def test_a_path_without_friction_has_none(loops):
     assert float(np.sum(fit.friction().largest_force(4e5))) < 0.01  # N; twice the least friction that is fitted
 
 
+def test_parameters_that_the_data_do_not_hold_have_a_value_and_an_open_interval(loops):
+    path, rising, falling = loops
+    held = path._replace(pressure=np.full(SAMPLES, 3e5))  # one pressure does not tell both parts of the limit apart
+    true = MaxwellSlip.geometric(FrictionLimit(constant=0.8, per_pressure=6e-6), shortest=3e-4, longest=6e-3)
+    force = friction_force(held, true)
+    fit = fit_branches(held, rising, falling, force[rising] - force[falling])
+    assert all(np.isfinite(e.value) for e in fit.parameters.values())
+    # Maxwell-slip with six elements instead of eight: the limit agrees to 2 %.
+    assert float(np.sum(fit.friction().largest_force(3e5))) == pytest.approx(0.8 + 1.8, rel=0.02)
+
+
 def test_too_few_lengths_are_refused(loops):
     path, rising, falling = loops
     with pytest.raises(InputError, match="pairs must be 12 or more"):

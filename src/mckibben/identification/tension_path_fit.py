@@ -183,7 +183,9 @@ def fit_branches(
     error = misfit(best.x)
     spread = uncertainty(slopes(best.x), error, names)
     width = spread.quantile * spread.standard_error * widening([error])
-    value, lower, upper = (_plain(np.clip(best.x + side * width, low, high)) for side in (0.0, -1.0, 1.0))
+    value, lower, upper = (
+        _plain(x) for x in (best.x, np.maximum(best.x - width, low), np.minimum(best.x + width, high))
+    )
     parameters = {n: Estimate(value[n], lower[n], upper[n], b[3]) for n, b in _BOUNDS.items()}
     room = np.minimum(best.x - low, high - best.x) / np.maximum(high - low, 1e-30)
     bound = [f"{n} lies on its bound" for n, share in zip(names, room, strict=True) if share < 1e-4]

@@ -3,7 +3,8 @@
     seat        vented and slack for the zeros of the sensors, then pulled longer until it is taut
     leak        shut off under a low pressure, where the plumbing has a shut-off valve
     ramp        pressure up at the rest length until the largest tension or pressure, then down
-    map         loops of the span at constant pressures, rising from loop to loop: shortened until slack, lengthened back; slack for the zeros
+    map         loops of the span at constant pressures, rising from loop to loop: shortened until slack, lengthened back;
+                then slack for the zeros
     relaxation  a stretch at constant pressure, and a hold
     held-out    holds at pressures and lengths that the map does not have, reached by shortening and lengthening
 
