@@ -181,7 +181,7 @@ def _freed(kind: type[TensionLaw], parameters: Mapping[str, Scalar], points: For
     """
     lengths = len(np.unique(np.round(points.length[points.taut], 6)))
     free = [name for name in kind.fitted if name not in parameters and lengths >= kind.lengths_needed.get(name, 0)]
-    if points.rest_length is not None and np.ptp(points.rest_length) > SAME_LENGTH:
+    if points.rest_length is not None and len(points) and np.ptp(points.rest_length) > SAME_LENGTH:
         free = [name for name in free if name not in kind.of_one_muscle]
     for name, instead_of in kind.fitted_if_unknown.items():
         if name not in parameters:
