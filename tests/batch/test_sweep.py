@@ -97,6 +97,7 @@ def test_a_sweep_that_is_interrupted_goes_on_and_runs_nothing_twice(tmp_path):
         np.testing.assert_array_equal(variants.columns[path], values)
 
 
+@pytest.mark.slow
 def test_a_block_whose_codes_are_not_there_is_run_again_whole(tmp_path):
     sweep, whole = at_once()
     run_sweep(sweep, tmp_path, workers=SERIAL)

@@ -86,6 +86,7 @@ def test_the_map_is_the_inverse_of_balance_and_stiffness():
     assert compared > 200
 
 
+@pytest.mark.slow
 def test_the_map_rises_with_co_contraction_at_every_angle():
     made = stand().control.pair
     assert (np.diff(np.asarray(made.stiffness), axis=1) > 0.0).all()

@@ -70,7 +70,12 @@ def isothermal_flow(upstream, downstream, *, length=1.0, diameter=4e-3, roughnes
 # The scheme is of second order: 40 cells give 3e-8 (slow) to 2e-4 (choked). Asked is 0.1 %, all of it ours.
 @pytest.mark.parametrize(
     ("upstream", "downstream", "diameter", "within"),
-    [(3e5, 2e5, 4e-3, 5e-5), (6e5, 1e5, 4e-3, 5e-4), (1.2e5, 1e5, 1e-3, 5e-5), (1.02e5, 1e5, 3.175e-3, 1e-6)],
+    [
+        pytest.param(3e5, 2e5, 4e-3, 5e-5, marks=pytest.mark.slow),
+        (6e5, 1e5, 4e-3, 5e-4),
+        (1.2e5, 1e5, 1e-3, 5e-5),
+        (1.02e5, 1e5, 3.175e-3, 1e-6),
+    ],
     ids=["turbulent", "choked", "laminar", "slow"],
 )
 def test_steady_isothermal_flow(upstream, downstream, diameter, within):
@@ -107,7 +112,9 @@ def fanno(mach):
 
 
 # f varies by 0.2 % (0.9 % choked) along the tube with the viscosity; its mean is exact to a tenth of that.
-@pytest.mark.parametrize(("upstream", "downstream", "within"), [(3e5, 2e5, 1e-4), (6e5, 1e5, 1e-3)])
+@pytest.mark.parametrize(
+    ("upstream", "downstream", "within"), [pytest.param(3e5, 2e5, 1e-4, marks=pytest.mark.slow), (6e5, 1e5, 1e-3)]
+)
 def test_adiabatic_friction_follows_fanno(upstream, downstream, within):
     result = between("adiabatic", upstream, downstream)
     mach = [end.velocity[-1] / np.sqrt(GAMMA * R * end.temperature[-1]) for end in (result.left, result.right)]
@@ -120,6 +127,7 @@ def test_adiabatic_friction_follows_fanno(upstream, downstream, within):
     assert total == pytest.approx(T0, abs=0.02 if downstream == 2e5 else 1.0)
 
 
+@pytest.mark.slow
 def test_heat_of_the_wall_in_steady_flow():
     """With constant Nu a slow flow approaches the wall's temperature by exp(-pi D l h/(w cp))."""
     pipe = tube("wall_heat", diameter=2e-3, length=0.2, wall_temperature=T0)
@@ -133,7 +141,7 @@ def test_heat_of_the_wall_in_steady_flow():
     assert result.right.temperature[-1] == pytest.approx(expected, abs=0.2)  # k and mu change by 5 % along the way
 
 
-@pytest.mark.parametrize("wall", ["adiabatic", "isothermal"])
+@pytest.mark.parametrize("wall", [pytest.param("adiabatic", marks=pytest.mark.slow), "isothermal"])
 def test_front_arrives_after_length_over_sound_speed(wall):
     result = run(
         tube(wall, 50), ReservoirEnd(pressure_abs=2.002e5), ClosedEnd(), 4e-3, 2e5, samples=400, temperature=T0
@@ -229,6 +237,7 @@ def test_adiabatic_charging_ends_at_the_temperature_of_theory(start):
     assert result.right.outside_temperature[late] == pytest.approx(path[late], abs=0.5)
 
 
+@pytest.mark.slow
 def test_slow_filling_through_a_capillary():
     """Laminar isothermal filling, dP2/dt = k (P1^2 - P2^2), has an exact solution: P2 = P1 tanh(k P1 t + const)."""
     volume, diameter, length = 8e-6, 3e-4, 0.2
@@ -243,6 +252,7 @@ def test_slow_filling_through_a_capillary():
     assert result.right.outside_pressure == pytest.approx(exact, abs=0.005 * 3e4)
 
 
+@pytest.mark.slow
 def test_exhaust_is_choked_then_subsonic_then_reversed():
     """6 bar to the atmosphere through the tube; after 0.4 s the pressure outside rises to 3 bar and gas comes back."""
     vessel = VesselEnd(volume=2e-4, pressure_abs=6e5, temperature=T0, heat=WallHeat(conductance=0.1))
@@ -262,6 +272,7 @@ def test_exhaust_is_choked_then_subsonic_then_reversed():
     assert result.left.outside_temperature[: np.argmin(result.left.outside_temperature)].min() < T0 - 20.0
 
 
+@pytest.mark.slow
 def test_mirrored_problems_have_mirrored_solutions():
     record = dict(times=[0.0, 0.01, 0.011, 0.03], pressure_abs=[2e5, 2e5, 5e5, 1e5])
     vessel = VesselEnd(volume=2e-5, heat=WallHeat(conductance=0.2))

@@ -238,6 +238,7 @@ def reached(candidate, time, outputs, end, needed):
     return float(time[np.flatnonzero(pull < needed)[-1] + 1])
 
 
+@pytest.mark.slow
 def test_a_proposed_muscle_does_it_on_a_simulated_machine_in_the_time_that_was_said():
     wish = replace(WISH, length=0.2, diameter=0.03)
     made, _ = design(wish)
@@ -286,6 +287,7 @@ def test_a_larger_valve_is_faster_and_a_wider_tube_has_more_air():
     assert any(x.pareto for x in found) and [x.score for x in found] == sorted(x.score for x in found)
 
 
+@pytest.mark.slow
 def test_a_tension_that_has_not_settled_when_the_valve_is_shut_is_run_for_longer():
     """A third of a time constant of filling is too short, five are the usual. What has settled is within 1 %, and its times
     within 4 %, as `analysis.steps` has it.

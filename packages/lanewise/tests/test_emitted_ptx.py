@@ -98,8 +98,9 @@ def _running(samples: int) -> tuple[Any, ...]:
     return function, x, np.linspace(-1.0, 2.0, samples)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(ASSEMBLER is None, reason="no ptxas")
-@pytest.mark.parametrize("chip", [pytest.param("sm_80", marks=pytest.mark.slow), "sm_90"])
+@pytest.mark.parametrize("chip", ["sm_80", "sm_90"])
 def test_the_assembler_takes_it(chip: str, tmp_path: Path) -> None:
     texts = {
         f"orbit-{mode}-{real}": orbit_ptx(mode, real)
