@@ -166,7 +166,10 @@ function trip () {
 const READ = [['pressure', 0, 7], ['tension', 0, 110], ['length', 10, 16]]
 function numbers () {
   const told = now()
-  if (mode !== 'dry' && Object.keys(Q).some(q => told[q] !== strips.told?.[q])) strips.dirty = true
+  const changed = mode === 'dry' // beside a dry run only the two numbers in the drawing are of the machine
+    ? ['length', 'valve'].some(q => fmt(told[q], 2) !== fmt(strips.told?.[q], 2))
+    : Object.keys(Q).some(q => told[q] !== strips.told?.[q])
+  if (changed) strips.dirty = true
   strips.told = told
   runBar(); banner(); reads(); protocol(); hand(strips.told); measured(); own.numbers(); buttons()
   document.documentElement.classList.toggle('old', !lab.open && Boolean(lab.status))

@@ -144,7 +144,8 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     const ratio = scale === 1 ? `1${TS}:${TS}1` : `1${TS}:${TS}${fmt(1 / scale, (1 / scale) % 1 > 0.01 ? 2 : 0)}`
     const said = range && `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`
     if (said) {
-      const from = projected(1) > 1 ? 14 : x0
+      const reaches = x0 + projected(15) + g.measureText(said).width > x0 + rest * k - 10 // the sign of the rest length
+      const from = projected(1) > 1 || reaches ? 14 : x0
       words(g, '\u25ac', from, H - 8, { colour: '--q-length' })
       words(g, said, from + projected(15), H - 8)
     }
