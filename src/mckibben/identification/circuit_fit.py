@@ -225,10 +225,23 @@ class CircuitFit:
         draws: int = 1000,
         seed: int = 0,
     ) -> RecordPosterior:
-        """Draw from the posterior of the parameters; see `record_posterior.posterior_of_circuit`."""
-        from .record_posterior import posterior_of_circuit
+        """Draw from the posterior of the parameters.
 
-        return posterior_of_circuit(self, trials, noise=noise, step=step, draws=draws, seed=seed)
+        Args:
+            trials: records to which the circuit was fitted.
+            noise: standard deviation of the pressure sensors [Pa]; found from the data where left out.
+            step: step of the integration [s].
+            draws: count of the samples.
+            seed: same seed, same samples.
+
+        Raises:
+            ConvergenceError: the fit did not converge.
+            MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
+        """
+        from .record_posterior import check_converged, posterior_of_records
+
+        check_converged(self.converged, "The fit of the circuit")
+        return posterior_of_records(record_problem(self, trials, step=step), noise=noise, draws=draws, seed=seed)
 
     def rms(self, *, fitted: bool = True, channel: str | None = None) -> float:
         """Root mean square error of the records that were fitted, or of those that were predicted [SI]."""

@@ -13,7 +13,7 @@ Range: of a long record evenly `MOST` values are used.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,9 +28,7 @@ from .posterior import Band
 from .uncertainty import Estimate
 
 if TYPE_CHECKING:
-    from .circuit_fit import CircuitFit
     from .hysteresis_fit import LoopFit
-    from .trial import Trial
 
 MOST = 240  # values that are compared
 LENGTHS = (0.01, 0.03, 0.1, 0.3)  # correlation lengths of the discrepancy that are tried, of the length of a record
@@ -198,50 +196,18 @@ def posterior_of_loop(
         ConvergenceError: the fit did not converge.
         MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
     """
-    _check_converged(fit.converged, f"The fit of {fit.model} to the loop")
+    check_converged(fit.converged, f"The fit of {fit.model} to the loop")
     return posterior_of_records(fit.problem(), noise=noise, draws=draws, warm_up=warm_up, seed=seed)
 
 
-def posterior_of_circuit(
-    fit: CircuitFit,
-    trials: Sequence[Trial],
-    *,
-    noise: float | None = None,
-    step: float | None = None,
-    draws: int = DRAWS,
-    warm_up: int = WARM_UP,
-    seed: int = 0,
-) -> RecordPosterior:
-    """Draw from the posterior of a circuit's parameters.
-
-    Args:
-        fit: a fit that converged.
-        trials: records to which it was fitted.
-        noise: standard deviation of the pressure sensors [Pa]; found from the data where left out.
-        step: step of the integration [s]; that of the fit by default.
-        draws: count of the samples.
-        warm_up: samples of each chain that adapt the step and are left out.
-        seed: same seed, same samples.
-
-    Raises:
-        ConvergenceError: the fit did not converge.
-        MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
-    """
-    from ..engine import STEP
-    from .circuit_fit import record_problem
-
-    _check_converged(fit.converged, "The fit of the circuit")
-    problem = record_problem(fit, trials, step=STEP if step is None else step)
-    return posterior_of_records(problem, noise=noise, draws=draws, warm_up=warm_up, seed=seed)
-
-
-def _check_converged(converged: bool, subject: str) -> None:
+def check_converged(converged: bool, subject: str) -> None:
+    """Refuse to sample round a fit that did not converge; raises `ConvergenceError`."""
     if not converged:
         raise ConvergenceError(f"{subject} did not converge, so there is nothing to sample.")
 
 
 def posterior_of_records(
-    problem: RecordProblem, *, noise: float | None, draws: int, warm_up: int, seed: int
+    problem: RecordProblem, *, noise: float | None, draws: int, warm_up: int = WARM_UP, seed: int
 ) -> RecordPosterior:
     """Draw from the posterior of the parameters of a problem; see `posterior_of_loop` for the arguments."""
     if noise is not None and not (np.isfinite(noise) and noise > 0.0):
