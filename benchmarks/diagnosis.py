@@ -210,7 +210,7 @@ def tables(results: dict[str, Any]) -> str:
         case, (half, _, most, largest) = row["case"], row["ratio"]
         words = f"| {case['muscle']} | {case['protocol']} | {case['rig']} | {row['runs']} | {len(row['alarms'])} "
         lines.append(f"{words}| {half:.1f} | {most:.1f} | {largest:.1f} |")
-    head = "right | right or named beside | found | error, median | 90 % | within 10 % | inside the interval"
+    head = "right | named | found | error | 90 % | within 10 % | in interval"
     lines += ["", f"| fault | runs | {head} |"]
     lines += ["|---|" + "---:|" * 8]
     every = [r for r in faulty["runs"] if "error" not in r]

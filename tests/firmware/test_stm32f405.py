@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from counting_channels import CountingChannels
 
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.errors import LineLostError
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 sys.path.insert(0, str(FIRMWARE / "emulator"))
-from emulated_board import CHANNELS  # noqa: E402
 from emulated_stm32f405 import (  # noqa: E402
     MOTOR_REST,
     QEMU,
@@ -32,22 +32,8 @@ FAULT_AT = 5
 CYCLES = 33_600  # of the shortest period, 0.2 ms
 
 
-class Counting:
-    """Channels that go through counts of 12 bits, and an encoder that the count of the valve moves both ways."""
-
-    names, bits = CHANNELS, (12, 12, 12)
-
-    def __init__(self) -> None:
-        self.period = 0.0
-        self.number = self.edges = 0
-
-    def sample(self) -> tuple[list[int], int]:
-        k = self.number
-        return [50 * k % 4096, (30 * k + 5) % 4096, (70 * k + 4000) % 4096], self.edges
-
-    def advance(self, valve: int, motor: int, opened: bool) -> None:
-        self.number += 1
-        self.edges += valve % 41 - 20
+def counting() -> CountingChannels:
+    return CountingChannels(12, (50, 30, 70), (0, 5, 4000))
 
 
 def command(k: int) -> tuple[int, int, bool]:
@@ -75,7 +61,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def board(
     built: dict[str, Path], watchdog: int = 5, **options: Any
 ) -> Iterator[tuple[SerialHardware, EmulatedSTM32F405]]:
-    with emulated(Counting(), image=built["emulator"], **options) as one:
+    with emulated(counting(), image=built["emulator"], **options) as one:
         hardware = SerialHardware(one.port, watchdog=watchdog, timeout=5.0)
         try:
             yield hardware, one
@@ -84,7 +70,7 @@ def board(
 
 
 def test_every_sample_is_that_of_the_pins_and_every_command_reaches_them(built: dict[str, Path]) -> None:
-    twin, samples = Counting(), 60
+    twin, samples = counting(), 60
     with board(built, patience=10.0) as (hardware, one):
         assert hardware.welcome.firmware == "mckibben stm32f405 1"
         assert hardware.welcome.bits == (12, 12, 12)
@@ -126,7 +112,7 @@ def test_what_fails_vents(built: dict[str, Path], fault: str) -> None:
 
 
 def test_a_run_that_would_wait_for_its_host_is_refused(built: dict[str, Path]) -> None:
-    with emulated(Counting(), image=built["emulator"]) as one:
+    with emulated(counting(), image=built["emulator"]) as one:
         hardware = SerialHardware(one.port, lock_step=True)
         hardware.start(4e-3)
         with pytest.raises(LineLostError, match="cannot be read"):

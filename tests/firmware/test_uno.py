@@ -10,35 +10,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from counting_channels import CountingChannels
 
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.errors import LineLostError
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 sys.path.insert(0, str(FIRMWARE / "emulator"))
-from emulated_board import CHANNELS, MOTOR_REST, EmulatedBoard, emulated  # noqa: E402
+from emulated_board import MOTOR_REST, EmulatedBoard, emulated  # noqa: E402
 
 PERIOD = 4e-3
 REST = (0, MOTOR_REST, True)
 FAULT_AT = 20
 
 
-class Counting:
-    """Channels that go through all counts of 10 bits, and an encoder that the count of the valve moves both ways."""
-
-    names, bits = CHANNELS, (10, 10, 10)
-
-    def __init__(self) -> None:
-        self.period = 0.0
-        self.number = self.edges = 0
-
-    def sample(self) -> tuple[list[int], int]:
-        k = self.number
-        return [5 * k % 1024, (3 * k + 5) % 1024, (7 * k + 1000) % 1024], self.edges
-
-    def advance(self, valve: int, motor: int, opened: bool) -> None:
-        self.number += 1
-        self.edges += valve % 41 - 20
+def counting() -> CountingChannels:
+    return CountingChannels(10, (5, 3, 7), (0, 5, 1000))
 
 
 def command(k: int) -> tuple[int, int, bool]:
@@ -63,7 +50,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @contextmanager
 def board(built: dict[str, Path], **options: Any) -> Iterator[tuple[SerialHardware, EmulatedBoard]]:
-    with emulated(Counting(), **built, **options) as one:
+    with emulated(counting(), **built, **options) as one:
         hardware = SerialHardware(one.port, watchdog=5, timeout=0.3)
         try:
             yield hardware, one
@@ -72,7 +59,7 @@ def board(built: dict[str, Path], **options: Any) -> Iterator[tuple[SerialHardwa
 
 
 def test_every_sample_is_that_of_the_pins_and_every_command_reaches_them(built: dict[str, Path]) -> None:
-    twin, samples = Counting(), 220
+    twin, samples = counting(), 220
     with board(built) as (hardware, one):
         assert hardware.welcome.firmware == "mckibben uno 1"
         hardware.start(PERIOD)
@@ -128,7 +115,7 @@ def test_the_shortest_period_leaves_time_and_is_kept(built: dict[str, Path]) -> 
 
 
 def test_a_run_that_would_wait_for_its_host_is_refused(built: dict[str, Path]) -> None:
-    with emulated(Counting(), **built) as one:
+    with emulated(counting(), **built) as one:
         hardware = SerialHardware(one.port, lock_step=True)
         hardware.start(PERIOD)
         with pytest.raises(LineLostError, match="cannot be read"):
