@@ -97,10 +97,7 @@ class Fmi4cInstance(PartInstance):
         places = [ctypes.byref(flag) for flag in (*flags, last)]
         self._call("fmi3_doStep", DOUBLE(self.time), DOUBLE(period), ctypes.c_bool(False), *places)
         self.time += period
-        muscles, values = self.part.muscles, self._get(self.read)
-        count = len(muscles)
-        tension, pressure = (dict(zip(muscles, values[k * count :], strict=False)) for k in (0, 1))
-        return PartReadings(tension, pressure, sum(values[2 * count : 3 * count]), sum(values[3 * count :]))
+        return PartReadings.of_variables(self.part.muscles, self._get(self.read))
 
     def save(self) -> Any:
         """The time and the state as bytes; None before the first step."""

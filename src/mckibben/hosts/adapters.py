@@ -10,7 +10,7 @@ import abc
 import ctypes
 import platform
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -38,6 +38,20 @@ class PartReadings(NamedTuple):
     pressure: dict[str, float]
     work: float
     gas: float | None = None
+
+    @classmethod
+    def of_variables(cls, muscles: Sequence[str], values: Sequence[float]) -> PartReadings:
+        """Readings from the variables of an FMU.
+
+        Args:
+            muscles: names of the muscles.
+            values: tension of every muscle [N], pressure of every muscle [Pa], work on every muscle [J], and the masses
+                of gas [kg], if the host has them.
+        """
+        count = len(muscles)
+        tension, pressure = (dict(zip(muscles, values[k * count :], strict=False)) for k in (0, 1))
+        gas = values[3 * count :]
+        return cls(tension, pressure, float(sum(values[2 * count : 3 * count])), float(sum(gas)) if len(gas) else None)
 
     @classmethod
     def of(cls, part: Part, state: np.ndarray, outputs: Any) -> PartReadings:

@@ -87,11 +87,8 @@ class _FmuInstance(PartInstance):
         except self.fmu.fmpy.fmi1.FMICallException:
             raise ConvergenceError(f"The FMU refuses a step of {period:g} s at {self.time:g} s.") from None
         self.time += period
-        values, muscles = list(self.get(self.read + self.masses)), self.fmu.part.muscles
-        count = len(muscles)
-        tension, pressure = (dict(zip(muscles, values[k * count :], strict=False)) for k in (0, 1))
-        gas = float(sum(values[3 * count :])) if self.masses else None  # states are variables of model exchange only
-        return PartReadings(tension, pressure, float(sum(values[2 * count : 3 * count])), gas)
+        # Masses are variables of model exchange only.
+        return PartReadings.of_variables(self.fmu.part.muscles, list(self.get(self.read + self.masses)))
 
     def save(self) -> Any:
         """The time and the state as bytes; None before the first step."""

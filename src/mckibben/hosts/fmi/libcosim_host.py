@@ -65,10 +65,7 @@ class _CosimInstance(PartInstance):
         self.inputs.slave_real_values(self.index, self.written, list(inputs.values()))
         if not self.execution.step():
             raise ConvergenceError(f"libcosim could not make a step of {period:g} s.")
-        values, count = self.outputs.last_real_values(self.index, self.read), len(muscles)
-        tension, pressure = (dict(zip(muscles, values[k * count :], strict=False)) for k in (0, 1))
-        masses = values[3 * count :]
-        return PartReadings(tension, pressure, sum(values[2 * count : 3 * count]), sum(masses) if masses else None)
+        return PartReadings.of_variables(muscles, self.outputs.last_real_values(self.index, self.read))
 
     def save(self) -> Any:
         """None before the first step; later moments cannot be saved."""
