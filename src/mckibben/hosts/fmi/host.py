@@ -16,6 +16,19 @@ from .archive import export_fmu
 MASSES = "state.circuit.mass."  # beginning of the names of the masses of gas
 
 
+def instantiate_silently(fmpy: Any, slave: Any) -> None:
+    """Instantiate an FMU whose messages are dropped; FMPy would print them, also within a certificate in JSON."""
+    if isinstance(slave, fmpy.fmi3.FMU3Slave):
+        slave.instantiate(logMessage=lambda *_: None)
+        return
+    fmi2 = fmpy.fmi2
+    silent = fmi2.fmi2CallbackFunctions()
+    silent.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *_: None)
+    silent.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+    silent.freeMemory = fmi2.defaultCallbacks.freeMemory
+    slave.instantiate(callbacks=silent)
+
+
 class _Fmu:
     """The FMU of a part, unpacked."""
 
@@ -41,7 +54,7 @@ class _Fmu:
             modelIdentifier="part",
             instanceName="part",
         )
-        made.instantiate()
+        instantiate_silently(self.fmpy, made)
         return made
 
 
