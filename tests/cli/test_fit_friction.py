@@ -47,6 +47,7 @@ def test_a_loop_is_fitted_printed_and_drawn(run, tmp_path):
         (("loop.csv", "loop.csv", "--friction", "dahl"), "must be one loop, alone"),
         (("loop.csv", "--friction", "dahl", "--out", "fit.html"), "--out is allowed only without --friction"),
         (("map.csv", "--friction", "dahl"), "has no turning point"),
+        (("loop.csv", "--creep"), "--creep is allowed only with --friction"),
         (("none.csv", "--friction", "dahl"), "File not found: none.csv"),
     ],
 )

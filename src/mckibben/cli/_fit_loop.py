@@ -29,6 +29,7 @@ def fit_friction(
     friction: str,
     reading: dict[str, Any],
     *,
+    creep: bool,
     like: str | None,
     law: list[str] | None,
     change: list[str] | None,
@@ -43,6 +44,7 @@ def fit_friction(
         tables: the one file of the loop.
         friction: model of friction, or ``all`` of those without kinks, of which the best is taken.
         reading: options of `read_path`.
+        creep: whether creep is fitted beside the friction.
         like: specimen whose law balances the loop; a smooth curve by default.
         law: name of that law.
         change: parameters that are known, as ``name=value``.
@@ -56,8 +58,9 @@ def fit_friction(
     for kind in ("report", "specimen"):
         if files[kind]:
             raise InputError("--out", None, f"is allowed only without --friction for the {kind} {files[kind][0]}")
-    record = identification.path_record.read_path(tables[0], **reading)
-    options: dict[str, Any] = {"law": _law(like, law), "known": _known(friction, change)}
+    record = identification.path_record.read_path(tables[0], timed=creep, **reading)
+    known = ({"creep": float("nan")} if creep else {}) | _known(friction, change)
+    options: dict[str, Any] = {"law": _law(like, law), "known": known}
     if friction == ALL:
         found = identification.hysteresis_fit.fit_loops(record, **options)[0]
     else:
@@ -94,7 +97,7 @@ def _known(friction: str, change: list[str] | None) -> dict[str, float]:
         raise InputError("--friction", friction, known=[*models, ALL])
     named = models if friction == ALL else {friction: models[friction]}
     units = {name: free.unit for _, every in named.values() for name, free in every.items()}
-    units |= {"load": "N", "start_length": "m", "spring": "N/m", "pressure_zero": "Pa"}
+    units |= {"load": "N", "start_length": "m", "spring": "N/m", "pressure_zero": "Pa", "creep": "N/m"}
     known = {}
     for name, text in assignments(change).items():
         if name not in units:

@@ -115,6 +115,10 @@ def fit(
             help="Fit a friction with memory to a loop of pressure and stroke instead: bouc_wen, dahl, maxwell_slip or all.",
         ),
     ] = None,
+    creep: Annotated[
+        bool,
+        typer.Option("--creep", help="Fit creep beside the friction of --friction, from the times of the samples."),
+    ] = False,
     length_error: Annotated[
         str | None,
         typer.Option(
@@ -132,11 +136,14 @@ def fit(
     $ mckibben fit measured.csv --rest-length '300 mm' --out report.html --out my-muscle.toml
     $ mckibben fit measured.csv --rest-length '300 mm' --law linear_threshold --posterior --out fit.json
     $ mckibben fit loop.csv --friction bouc_wen --posterior --out loop.svg
+    $ mckibben fit loop.csv --friction all --creep
     """
     if posterior:
         checked_draws(draws)
     if rig is not None and not posterior:
         raise InputError("--rig", rig, "is allowed only with --posterior")
+    if creep and friction is None:
+        raise InputError("--creep", None, "is allowed only with --friction")
     if any(f.endswith(".toml") for f in tables):
         if out:
             raise InputError("--out", str(out[0]), "is allowed only with tables: printed constraints are not drawn")
@@ -150,6 +157,7 @@ def fit(
                 tables,
                 friction,
                 {"columns": column_places(column), "units": units, "pressure_zero": zero},
+                creep=creep,
                 like=like,
                 law=law,
                 change=change,

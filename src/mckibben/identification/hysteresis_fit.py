@@ -2,12 +2,15 @@
 
 The muscle lifts a load while its pressure rises and falls slowly. Along the path, sample by sample,
 
-    F(L, P' - P0) + f(z) = W + K (L0 - L),      stroke = L0 - L
+    F(L, P' - P0) + f(z) + sum k_i e_i = W + K (L0 - L),      stroke = L0 - L
 
 is solved for the length L, with F the tension law, f a friction with memory (positive while lengthening), W the load
-and K a spring beside it. Where no law is known, a smooth monotone curve takes its place, (P' - G(stroke)) A, whose
-area A only states the friction as a force. A loop is taken as settled: the path is run twice and the second is read.
-Range: slow motion, so that every sample is an equilibrium; creep during the record counts as hysteresis.
+and K a spring beside it. Maxwell elements k_i with the deflections e_i are the creep of the wall: of equal stiffness, and
+with time constants from a twentieth of the record to five times its duration, so that they have one parameter, their
+stiffness together. Where no law is known, a smooth monotone curve takes its place, (P' - G(stroke)) A, whose area A only
+states the friction as a force. The path is run twice and the second is read: friction is then settled, and creep as far
+as one loop before settles it.
+Range: slow motion, so that every sample is an equilibrium. Where creep is not fitted beside it, friction takes its place.
 Friction in a force balance: T. Vo-Minh, T. Tjahjowidodo, H. Ramon and H. Van Brussel, IEEE/ASME Trans. Mechatronics
 16(1), 2011.
 """
@@ -25,6 +28,7 @@ from .._jax import Array, Scalar, Tree, jax, jnp
 from ..components import Hysteresis
 from ..documents import JsonValue
 from ..errors import InputError, choice
+from ..muscles.creep import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
 from ._checks import require_influence, require_progress
@@ -76,6 +80,8 @@ MODELS: dict[str, tuple[Callable[[Mapping[str, Any]], Hysteresis], dict[str, Fre
     "dahl": (_dahl, {**_LIMIT, **_STIFFNESS}),
     "bouc_wen": (_bouc_wen, {**_LIMIT, **_STIFFNESS, "share": Free(0.6, 0.5, 20.0, "1")}),
 }
+# Creep along a path: count of Maxwell elements, and their time constants as shares of the duration of the path.
+ELEMENTS, SHORTEST, LONGEST = 3, 0.05, 5.0
 # Without kinks, so that a descent finds the lowest minimum.
 SMOOTH = ("dahl", "bouc_wen")
 
@@ -152,6 +158,11 @@ class LoopFit(PartialFit):
         """Width of the loop at gauge pressures [Pa], predicted and measured [m]; negative where the branches swap."""
         return self.record.with_stroke(self.predicted).width(pressure), self.record.width(pressure)
 
+    @property
+    def creep(self) -> float:
+        """Stiffness of all Maxwell elements together [N/m]; zero without creep."""
+        return self.parameters["creep"].value if "creep" in self.parameters else self.known.get("creep", 0.0)
+
     def friction(self) -> Hysteresis:
         """The fitted friction."""
         return MODELS[self.model][0](self.known | {n: e.value for n, e in self.parameters.items()})
@@ -173,8 +184,8 @@ def fit_loop(
         model: one of `MODELS`; Maxwell-slip may end on another minimum than the lowest, see `SHAKEN`.
         law: tension law of the muscle at its own length; by default, a monotone curve is fitted in its place.
         train: which samples the fit sees, bool (n,); all by default. The pressure is read along the whole path.
-        known: parameters that are not fitted, by name [SI]; ``spring`` and ``pressure_zero`` are zero by default.
-            ``pressure_zero=float("nan")`` or ``spring=float("nan")`` frees them.
+        known: parameters that are not fitted, by name [SI]; ``spring``, ``pressure_zero`` and ``creep`` are zero by default.
+            ``creep=float("nan")``, for example, frees it.
         knots: knots of the monotone curve.
 
     Raises:
@@ -260,9 +271,26 @@ def fit_loop(
     )
 
 
-def fit_loops(record: PathRecord, *, models: Iterable[str] = SMOOTH, **options: JsonValue) -> list[LoopFit]:
-    """Fit several frictions, best first by `LoopFit.aicc`: the choice sees no sample that the fit did not see."""
-    return sorted((fit_loop(record, model=m, **options) for m in models), key=lambda f: (not f.converged, f.aicc))
+def fit_loops(
+    record: PathRecord,
+    *,
+    models: Iterable[str] = SMOOTH,
+    creeps: Iterable[float] = (0.0,),
+    known: Mapping[str, float] | None = None,
+    **options: JsonValue,
+) -> list[LoopFit]:
+    """Fit several frictions, best first by `LoopFit.aicc`: the choice sees no sample that the fit did not see.
+
+    Args:
+        record: the loop.
+        models: names of the frictions.
+        creeps: stiffness of the creep to fit each with [N/m]; NaN for one that is fitted.
+        known: as for `fit_loop`.
+        **options: as for `fit_loop`.
+    """
+    both = [(m, {"creep": creep} | dict(known or {})) for m, creep in itertools.product(models, creeps)]
+    fits = [fit_loop(record, model=m, known=k, **options) for m, k in both]
+    return sorted(fits, key=lambda f: (not f.converged, f.aicc))
 
 
 def _parameters(
@@ -270,7 +298,9 @@ def _parameters(
 ) -> tuple[dict[str, Free], dict[str, float]]:
     """Free and fixed parameters, by name."""
     every = dict(MODELS[model][1])
-    settled = {"spring": 0.0, "pressure_zero": 0.0} if law is not None else {}
+    settled = {"creep": 0.0} | ({"spring": 0.0, "pressure_zero": 0.0} if law is not None else {})
+    stiff = AREA * float(np.ptp(record.pressure)) / float(np.ptp(record.stroke))
+    every["creep"] = Free(0.1 * stiff, 1e-6 * stiff, 10.0 * stiff, "N/m", log=True)
     if law is not None:
         low, high = (float(x) for x in law.length_range())
         load = float(law.tension(0.5 * (low + high), float(record.pressure.max()) * 0.5))
@@ -301,11 +331,13 @@ def _predictor(
     make = MODELS[model][0]
     reach = float(np.ptp(record.stroke))
     place = float(record.stroke.min()) + reach * np.linspace(0.0, 1.0, knots)
-    twice = np.concatenate([record.pressure, record.pressure])
+    twice, durations = np.tile(record.pressure, 2), np.tile(record.durations, 2)
+    creeps = fixed.get("creep") != 0.0
 
-    def stroke(x: Array, pressure: Array) -> Array:
+    def stroke(x: Array, pressure: Array, duration: Array) -> Array:
         p = fixed | {n: jnp.exp(x[i]) if f.log else x[i] * _size(f) for i, (n, f) in enumerate(free)}
         friction = make(p)
+        chain = MaxwellChain.geometric(stiffness=p["creep"], shortest=SHORTEST, longest=LONGEST, elements=ELEMENTS)
         origin = p["start_length"] if law is not None else 0.0
         rises = None if law is not None else jnp.cumsum(jnp.stack([p[f"rise_{i}"] for i in range(knots)]))
 
@@ -316,23 +348,30 @@ def _predictor(
 
         start = origin - float(record.stroke[0])
 
-        def step(carry: tuple[Tree, Tree, Tree], at: Tree) -> tuple[Tree, Tree]:
-            before, state, was = carry
+        def resist(states: Tree, dx: Scalar, was: Scalar, at: Scalar, dt: Scalar) -> tuple[Tree, Scalar]:
+            moved = friction.advance(states[0], dx, start_pressure=was, end_pressure=at, duration=0.0).state
+            force = friction.force(moved, pressure=at)
+            if not creeps:
+                return (moved, states[1]), force
+            springs = chain.advance(states[1], dx, duration=dt).state
+            return (moved, springs), force + chain.force(springs)
 
-            def excess(length: Scalar, state: Tree, before: Scalar) -> Any:
-                moved = friction.advance(state, length - before, start_pressure=was, end_pressure=at, duration=0.0)
-                return balance(length, at) + friction.force(moved.state, pressure=at)
+        def step(carry: tuple[Tree, Tree, Tree], now: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
+            (before, states, was), (at, dt) = carry, now
 
-            length = _root(excess, state, before, start - 2.0 * reach, start + reach)
-            moved = friction.advance(state, length - before, start_pressure=was, end_pressure=at, duration=0.0)
-            return (length, moved.state, at), length
+            def excess(length: Scalar, states: Tree, before: Scalar) -> Any:
+                return balance(length, at) + resist(states, length - before, was, at, dt)[1]
 
-        state = friction.initial() + 0.0 * x[0]
-        _, length = jax.lax.scan(step, (jnp.asarray(start) + 0.0 * x[0], state, pressure[0]), pressure)
-        strokes: Array = (origin - length)[len(record.pressure) :]
+            length = _root(excess, states, before, start - 2.0 * reach, start + reach)
+            return (length, resist(states, length - before, was, at, dt)[0], at), length
+
+        states = friction.initial() + 0.0 * x[0], chain.initial() + 0.0 * x[0]
+        carry = jnp.asarray(start) + 0.0 * x[0], states, pressure[0]
+        _, length = jax.lax.scan(step, carry, (pressure, duration))
+        strokes: Array = (origin - length)[-len(record.pressure) :]
         return strokes
 
-    return prediction(stroke, len(free), twice)
+    return prediction(stroke, len(free), twice, durations)
 
 
 def _root(excess: Any, state: Tree, before: Scalar, low: Scalar, high: Scalar) -> Any:

@@ -22,11 +22,15 @@ SPLITS = ("all", "odd", "blocks", "up", "down", "low", "high")
 
 @dataclass(frozen=True)
 class PathRecord:
-    """Gauge pressure [Pa] and stroke [m], both (n,), along one path that turns at least once."""
+    """Gauge pressure [Pa] and stroke [m], both (n,), along one path that turns at least once.
+
+    `time` (n,), in any unit, never falls; samples are taken as evenly spaced where it is None.
+    """
 
     pressure: np.ndarray
     stroke: np.ndarray
     name: str = "record"
+    time: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         """Refuse what holds no loop."""
@@ -45,12 +49,25 @@ class PathRecord:
             raise InputError("samples", len(self.pressure), f"must be {FEWEST} or more", where=self.name)
         if not np.ptp(self.stroke) > 0.0:
             raise InputError("stroke", None, "must follow the pressure; it is constant", where=self.name)
+        if self.time is not None:
+            time = np.asarray(self.time, float)
+            if time.shape != self.pressure.shape or not (np.diff(time) >= 0.0).all() or not np.ptp(time) > 0.0:
+                raise InputError("time", None, "must be one number per sample that never falls", where=self.name)
+            object.__setattr__(self, "time", time)
         if not len(self.turning_points):
             raise InputError("pressure", None, "has no turning point: a loop rises and falls", where=self.name)
 
     def with_stroke(self, stroke: np.ndarray) -> PathRecord:
         """Return the path of pressure with another stroke [m]."""
         return replace(self, stroke=stroke)
+
+    @property
+    def durations(self) -> np.ndarray:
+        """Time since the sample before, (n,), as a share of the whole record; the first is that of a return to the start."""
+        time = np.arange(len(self.pressure), dtype=float) if self.time is None else self.time
+        steps: np.ndarray = np.diff(time, prepend=time[0]) / np.ptp(time)
+        steps[0] = float(np.mean(steps[1:]))
+        return steps
 
     @property
     def turning_points(self) -> np.ndarray:
@@ -144,6 +161,7 @@ def read_path(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     pressure_zero: float = 0.0,
+    timed: bool = False,
 ) -> PathRecord:
     """Read a loop of pressure and stroke, or of pressure and length, from a file of any format.
 
@@ -152,6 +170,7 @@ def read_path(
         columns: label or number of the column of ``pressure``, and of ``stroke`` or ``length``, where they have other names.
         units: unit of such a column whose header has none.
         pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
+        timed: also read the column of times, if there is one.
 
     Raises:
         InputError: names file, column and what is allowed.
@@ -183,7 +202,9 @@ def read_path(
         values[quantity] = to_si(1.0, stated, unit, field=labels[place], where=where) * numbers
     every = -(-len(values["pressure"]) // MOST)
     stroke = values["stroke"] if moved == "stroke" else values["length"].max() - values["length"]
-    return PathRecord((values["pressure"] - pressure_zero)[::every], stroke[::every], where)
+    clocks = [i for i, name in enumerate(names) if quantity_of(name) == "time"] if timed else []
+    time = column_numbers(table.columns[clocks[0]], table.rows, where)[::every] if len(clocks) == 1 else None
+    return PathRecord((values["pressure"] - pressure_zero)[::every], stroke[::every], where, time)
 
 
 def _column(column: str | int, labels: list[str], where: str) -> int:

@@ -20,7 +20,7 @@ DRIVES = {"stroke": "pressure", "displacement": "force"}  # what moves along the
 
 
 class FrictionModel:
-    """A smooth monotone curve with Dahl's or Bouc and Wen's friction, which the shown samples choose between.
+    """A smooth monotone curve with Dahl's or Bouc and Wen's friction, with or without creep, as the shown samples say.
 
     For a pair of muscles the force takes the place of the pressure, and each pressure of the closed muscles follows the
     displacement by a straight line, as their volume does for small motions.
@@ -48,6 +48,7 @@ class FrictionModel:
             self._path(path, bridged),
             models=SMOOTH,
             train=shown,
+            creeps=(0.0, float("nan")),
             known={"per_pressure": 0.0},
             knots=KNOTS[self.moved],
         )[0]
@@ -66,7 +67,7 @@ class FrictionModel:
 
     def _path(self, record: BenchmarkRecord, moved: np.ndarray) -> PathRecord:
         drive = record.inputs[DRIVES[self.moved]]
-        return PathRecord(drive if self.moved == "stroke" else drive / AREA, moved, record.name)
+        return PathRecord(drive if self.moved == "stroke" else drive / AREA, moved, record.name, record.time)
 
 
 class CreepModel:
