@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -152,23 +153,38 @@ def test_what_has_no_sure_name_has_no_key(lowered):
     assert len(lowered) == 2
 
 
+def test_layers_that_a_key_leaves_out_are_the_upper_ones_of_the_contract():
+    contract = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    layers = next(c for c in contract["contracts"] if c.get("containers") == ["mckibben"])["layers"]
+    assert [set(layer) for layer in programs.UPPER] == [set(x.split(" | ")) for x in layers[: len(programs.UPPER)]]
+
+
 def test_a_changed_source_gives_another_key(tmp_path):
     shutil.copytree(ROOT / "mckibben", tmp_path / "src" / "mckibben", ignore=shutil.ignore_patterns("__pycache__"))
     program = (
-        "from mckibben.components.programs import program_key\nfrom mckibben.muscles.elements import Tendon\n"
-        "print(program_key(Tendon.force, (Tendon(stiffness=1e5), 1.0)))"
+        "from mckibben.bench.channels import measured\nfrom mckibben.components.programs import program_key\n"
+        "from mckibben.muscles.elements import Tendon\n"
+        "print(program_key(Tendon.force, (Tendon(stiffness=1e5), 1.0)), program_key(measured, (1.0,)))"
     )
 
-    def asked():
+    def keys():
         settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path / "src", COMPILER)))}
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=settings)
-        return done.stdout.strip()
+        return done.stdout.split()
 
-    first, again = asked(), asked()
-    physics = tmp_path / "src" / "mckibben" / "pneumatics" / "orifice.py"
-    physics.write_text(physics.read_text(encoding="utf-8") + "\n# another\n", encoding="utf-8")
-    assert first == again != asked()
-    assert len(first) == 40
+    def changed(*path):
+        source = (tmp_path / "src" / "mckibben").joinpath(*path)
+        source.write_text(source.read_text(encoding="utf-8") + "\n# another\n", encoding="utf-8")
+        return keys()
+
+    first = keys()
+    assert [len(key) for key in first] == [40, 40]
+    orifice = changed("pneumatics", "orifice.py")
+    assert all(old != new for old, new in zip(first, orifice, strict=True))
+    assert changed("cli", "app.py") == orifice  # neither function can import the command line
+    force, channels = changed("bench", "rig.py")  # the bench imports the physics, never the other way round
+    assert force == orifice[0]
+    assert channels != orifice[1]
 
 
 @pytest.mark.parametrize("kind", ["program", "o"])

@@ -2,7 +2,8 @@
 
 A program is found by its key, a hash of all that tracing a function for examples of its arguments depends on:
 
-* the sources of this package and of the compiler, and the versions of Python, JAX and NumPy;
+* the sources of the compiler and of this package, without those packages above all that the function comes from, which it
+  cannot import; and the versions of Python, JAX and NumPy;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
 * the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
@@ -34,7 +35,7 @@ import json
 import os
 import sys
 import types
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,17 @@ from .module import Module, flatten
 OWN = __name__.partition(".")[0]
 LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "lanewise"})
 PLAIN = (bool, int, float, str, bytes, type(None))
+# The upper layers of this package, from the top: none is imported by those after it, as the contract in pyproject.toml says.
+UPPER = (
+    ("cli",),
+    ("web",),
+    ("report",),
+    ("benchmarking", "reproduction"),
+    ("studies",),
+    ("batch", "hosts"),
+    ("bench", "identification", "simulation"),
+    ("analysis",),
+)
 cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
 
 
@@ -76,14 +88,19 @@ def program_key(function: Callable[..., Tree], examples: Sequence[Tree]) -> str 
 
 
 @functools.cache
-def base() -> bytes:
-    """Part of every key that depends on sources and versions only."""
+def source_digest(top: int) -> bytes:
+    """Part of every key that depends on sources and versions only.
+
+    Args:
+        top: number of layers of `UPPER` that are left out.
+    """
     digest = hashlib.sha256()
+    without = {name for layer in UPPER[:top] for name in layer}
     for text in (sys.version, np.__version__):
         digest.update(text.encode() + b"\n")
     digest.update(_version_of_jax())
-    for folder in (str(Path(__file__).parents[1]), str(Path(lanewise.__file__).parent)):
-        for path in sources(folder):
+    for folder, left_out in ((str(Path(__file__).parents[1]), without), (str(Path(lanewise.__file__).parent), set())):
+        for path in sources(folder, left_out):
             with open(path, "rb") as file:
                 data = file.read()
             digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
@@ -106,12 +123,12 @@ def _counting() -> tuple[bool, str]:
     return wide, getattr(promotion, "value", promotion)
 
 
-def sources(folder: str) -> list[str]:
-    """All Python files below a folder, in a fixed order."""
+def sources(folder: str, without: Container[str] = ()) -> list[str]:
+    """All Python files below a folder, in a fixed order, except those in some of its own folders."""
     files: list[str] = []
     for entry in os.scandir(folder):
         if entry.is_dir(follow_symlinks=False):
-            files += sources(entry.path)
+            files += [] if entry.name in without else sources(entry.path)
         elif entry.name.endswith(".py"):
             files.append(entry.path)
     return sorted(files)
@@ -121,7 +138,7 @@ class _Name:
     """A hash under construction, and the modules on which it depends."""
 
     def __init__(self) -> None:
-        self.digest = hashlib.sha256(base() + repr(_counting()).encode())
+        self.digest = hashlib.sha256(repr(_counting()).encode())
         self.modules: set[str] = set()
 
     def word(self, *words: Any) -> None:
@@ -249,6 +266,7 @@ class _Name:
 
     def constants(self) -> None:
         """Add constants of the modules, and of those whose functions and types they use."""
+        self.digest.update(source_digest(_top_layer(self.modules)))
         todo, visited = sorted(self.modules), set(self.modules)
         while todo:
             module = sys.modules[todo.pop()]
@@ -272,6 +290,14 @@ class _Name:
                 if home in sys.modules and not hasattr(sys.modules[home], "__path__"):
                     visited.add(home)
                     todo.append(home)
+
+
+def _top_layer(modules: Iterable[str]) -> int:
+    """The first layer of `UPPER` that has one of some modules; a file of the user's own may import any."""
+    packages = {name.split(".")[1] for name in modules if name.startswith(f"{OWN}.")}
+    if any(name.startswith(FILE_MODULE) for name in modules):
+        return 0
+    return next((k for k, layer in enumerate(UPPER) if not packages.isdisjoint(layer)), len(UPPER))
 
 
 def _plain(value: tuple[Tree, ...]) -> bool:

@@ -18,12 +18,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from ._adjoint import adjoint, replaces_arrays
 from ._compiled import Lowering, compile
 from ._derivatives import tangents
+from ._jaxpr import Primitive
 from ._lower import Tree
 from ._program import Leaf, Program
 from .errors import ArgumentError, LoweringError

@@ -15,9 +15,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
 
 from ._graph import DOUBLE, Graph, Loop, Node
+from ._jaxpr import ClosedJaxpr, Literal, jaxpr_as_fun
 from ._rules_arrays import make_array
 from ._trace import (
     RULES,
@@ -100,7 +100,7 @@ def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
     """Jaxpr of the derivatives of a call by one of its inputs."""
     own = eqn.params["call_jaxpr"].jaxpr
     call = jaxpr_as_fun(ClosedJaxpr(own.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn]), ()))
-    change = tuple(jnp.zeros(v.aval.shape, _tangent(v)) if v is not by else jnp.ones(()) for v in names)
+    change = tuple(np.zeros(v.aval.shape, _tangent(v)) if v is not by else np.ones((), v.aval.dtype) for v in names)
     shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
     return _needed(jax.make_jaxpr(lambda *element_at: jax.jvp(call, element_at, change)[1])(*shapes))
 

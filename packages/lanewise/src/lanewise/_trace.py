@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Literal
 
 from ._graph import Buffer, Graph, Node
+from ._jaxpr import ClosedJaxpr, Literal
 from .errors import LoweringError
 
 # ---- values while tracing
