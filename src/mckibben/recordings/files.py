@@ -19,6 +19,7 @@ Further formats come from other packages: see `formats`. What the columns of a t
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -146,6 +147,8 @@ def understand(
     **options: JsonValue,
 ) -> FileReading:
     """Read a file as `read` does, and report columns, units, and what was left out and why."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError("file", None, f"must be the path of a file, got {path!r}")
     path = Path(path)
     if kind not in (None, "map", "recording"):
         raise InputError("kind", kind, known=("map", "recording"))

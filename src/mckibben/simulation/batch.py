@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..recordings.recording import Recording
 from .kernel import SampleKernel
 from .mechanisms import StartPressure
-from .stepping import SimulationState
+from .stepping import SimulationState, noise_generator, unnamed_command
 
 if TYPE_CHECKING:
     from .simulation import Simulation
@@ -59,7 +59,7 @@ class SimulationBatch:
 
     def __init__(self, simulation: Simulation, lanes: int, changes: Mapping[str, Scalar]) -> None:
         if not (isinstance(lanes, int) and lanes >= 1):
-            raise InputError("lanes", lanes, "must be 1 or more")
+            raise InputError("lanes", None, f"must be a whole number from 1, got {lanes!r}")
         self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
         self.commands, self.Observation = simulation.commands, simulation.Observation
         self._changes = {path: self._checked(path, values) for path, values in changes.items()}
@@ -115,22 +115,25 @@ class SimulationBatch:
         starts = [self._lane(k).rest_state(pressure) for k in range(number)]
         each = self.lanes // number
         carry, observed = (np.repeat(np.stack([s[i] for s in starts], axis=1), each, axis=1) for i in range(2))
-        self._random = np.random.default_rng(seed)
+        self._random = noise_generator(seed)
         held = np.repeat(np.array([[commands[name]] for name in self.commands]), self.lanes, axis=1)
         shown = self._with_noise(observed[:-2])
         noise = self._random.bit_generator.state
         return self._go_on_from(BatchState(0, carry, observed, shown, held, noise, self.simulation.fingerprint))
 
-    def step(self, **commands: object) -> Tree:
+    def step(self, *unnamed: object, **commands: object) -> Tree:
         """Hold commands for one period in all lanes; a command that is left out stays as it was.
 
         Args:
+            *unnamed: none; commands are given by name.
             **commands: by name, a number for all lanes or an array (lanes,) [SI].
 
         Raises:
-            InputError: names an unknown command, or an array of another shape.
+            InputError: names an unknown command, one that is given without its name, or an array of another shape.
             ConvergenceError: the state of a lane is not finite or not possible, or no step is short enough.
         """
+        if unnamed:
+            raise unnamed_command(unnamed, self.commands)
         if self._begin is None:
             self.reset()
         for name, value in commands.items():

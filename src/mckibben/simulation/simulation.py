@@ -31,7 +31,7 @@ from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
 from .kernel import Programs, SampleKernel
 from .mechanisms import Amount, Mechanism, StartPressure, in_si, muscle_unit
-from .stepping import CommandedMachine, CommandInput, SimulationState, rest_carry
+from .stepping import CommandedMachine, CommandInput, SimulationState, noise_generator, rest_carry, unnamed_command
 
 if TYPE_CHECKING:
     from .rollout import Rollout
@@ -145,25 +145,28 @@ class Simulation:
             self._place(name)
             first[name] = in_si(value, self._unit(name), name)
         carry, observed = self._rest(starts, first)
-        self._random = np.random.default_rng(seed)
+        self._random = noise_generator(seed)
         vector = np.array([first[name] for name in self.commands])
         shown = self._with_noise(observed[:-2].tolist()) if self.noise is not None else []
         noise = self._random.bit_generator.state
         return self._go_on_from(SimulationState(0, carry, observed, tuple(shown), vector, noise, self.fingerprint))
 
-    def step(self, **commands: float) -> Tree:
+    def step(self, *unnamed: float, **commands: float) -> Tree:
         """Hold commands for one period and go on to its end; a command that is left out stays as it was.
 
         Args:
+            *unnamed: none; commands are given by name.
             **commands: by name, plain numbers [SI]; `commands` lists the names.
 
         Returns:
             The observation at the end: a named tuple of floats, ``time`` [s] first.
 
         Raises:
-            InputError: names an unknown command.
+            InputError: names an unknown command, or says how to name one that is given without its name.
             ConvergenceError: the state is not finite or not possible, or no step is short enough.
         """
+        if unnamed:
+            raise unnamed_command(unnamed, self.commands)
         if self._begin is None:
             self.reset()
         buffer = self._buffer

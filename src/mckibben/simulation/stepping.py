@@ -6,7 +6,7 @@ arrays and leaves two. `recorded_vectors` is the same sample with all outputs an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from ..engine import sampled
 from ..engine.packed import Layout
 from ..engine.signals import Signal, Value
 from ..engine.step import zero_integrals
+from ..errors import InputError
 
 
 @dataclass(frozen=True)
@@ -206,6 +207,21 @@ def _seen(
     finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in flatten((state, memory))[0]]).all()
     bound = plant.max_rate_bound(state, memory, inputs)
     return plant.sense(state, memory, inputs, {}), bound, plant.admissible(state) & finite
+
+
+def noise_generator(seed: int) -> np.random.Generator:
+    """The generator of the sensors' noise for a seed, a whole number from 0."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise InputError("seed", None, f"must be a whole number from 0, got {seed!r}") from None
+
+
+def unnamed_command(values: Sequence[object], commands: Sequence[str]) -> InputError:
+    """The error for commands of `step` that are given without their names, with the call that names them."""
+    shown = [*map(repr, values), *["..."] * len(commands)]
+    call = ", ".join(f"{name}={value}" for name, value in zip(commands, shown, strict=False))
+    return InputError("step", None, f"takes its commands by name, as in step({call})")
 
 
 def step_vectors(

@@ -69,6 +69,8 @@ def specimen(name: str | os.PathLike[str], *, kinds: Sequence[str] = KINDS) -> S
         >>> mk.specimen("nylon").title
         'Nylon shell muscle of Chou and Hannaford'
     """
+    if not isinstance(name, str | os.PathLike):
+        raise InputError("specimen", None, f"must be an id or the path of a .toml file, got {name!r}")
     text = os.fspath(name)
     if text.lower().endswith(".toml") or os.sep in text:
         path = Path(text)
