@@ -283,6 +283,9 @@ class Registry(Mapping[str, T], Generic[T]):
         """
         if self._is_file(name):
             return self._of_file(name, field, where)
+        if name.endswith(".py"):
+            said = f"{name} must be followed by the name of a {self.noun} in it, as in {name}:Name"
+            raise InputError(field or self.noun, name, "must name what is meant in it", where=where, sentence=said)
         if name not in self:
             raise InputError(field or self.noun, name, known=self, where=where)
         return self[name]

@@ -200,6 +200,9 @@ def test_bad_tables_give_one_line_and_write_nothing(run, tmp_path, rows, header,
         (("fit", "DMSP-10-250", "--law", "sarozi"), "Did you mean 'sarosi'"),
         (("reproduce", "--part", "V"), "Known are"),
         (("bogus",), "No such command"),
+        (("run", "work-loop", "-o", "loop.nc"), "Did you mean --on or --out?"),
+        (("characterise", "nylon"), "A muscle is given as --muscle"),
+        (("fit", "DMSP-10-250", "--law", "my.py"), "as in my.py:Name"),
     ],
 )
 def test_wrong_words_give_one_line(run, words, says):

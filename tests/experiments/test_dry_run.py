@@ -60,7 +60,7 @@ def test_bridgestone_forces_are_over_the_papers_cell():
     assert {f.field for f in findings} == {"tension"}
     # more than 100 N from 2 bar on, in preconditioning and in the loops; to 2 bar it is 104 N
     assert {f.case for f in findings} == {f"pressure {n} bar" for n in (2, 3, 4, 5)}
-    assert "the load cell reads up to 100 N. Up to 1.92 bar fits" in findings[0].sentence
+    assert "the load cell reads up to 100 N. Up to 1.92 bar fits: lower pressure" in findings[0].sentence
 
 
 HOLD = '[[steps]]\nlabel = "fill"\npressure = { to = "3 bar", in = "1 s" }\n[[steps]]\nlabel = "move"\n'

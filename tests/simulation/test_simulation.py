@@ -139,10 +139,10 @@ def refuse(**options):
 
 REFUSED = {
     "a command that is none": (lambda: joint().step(flexr=0.1), "flexor"),
-    "a command without its name": (lambda: joint().step(0.7), r"by name, as in step\(flexor=0.7, extensor=..., moment=...\)"),
+    "a command without its name": (lambda: joint().step(0.7), r"as in step\(flexor=0.7, extensor=..., moment=...\)"),
     "a command without its name, of many": (
         lambda: joint().batch(2).step(0.7),
-        r"by name, as in step\(flexor=0.7, extensor=..., moment=...\)",
+        r"as in step\(flexor=0.7, extensor=..., moment=...\)",
     ),
     "a pressure for a seed": (lambda: joint().reset("5 bar"), "seed must be a whole number from 0, got '5 bar'"),
     "lanes that are no number": (lambda: joint().batch("3"), "lanes must be a whole number from 1, got '3'"),

@@ -392,7 +392,20 @@ def _usage(error: Any) -> int:
     if type(error).__name__ == "NoArgsIsHelpError":
         typer.echo(error.format_message())
         return 0
-    return _complain(" ".join(error.format_message().split()), 2)
+    return _complain(" ".join(f"{error.format_message()}{_meant(error)}".split()), 2)
+
+
+def _meant(error: Any) -> str:
+    """The option that was meant by ``-o``, or by a name of a muscle without its option, as the end of a complaint."""
+    command = getattr(getattr(error, "ctx", None), "command", None)
+    options = [name for p in getattr(command, "params", ()) for name in p.opts if name.startswith("--")]
+    short = str(getattr(error, "option_name", ""))
+    if len(short) == 2 and short[0] == "-":
+        near = [name for name in options if name.startswith(f"-{short}")]
+        return f". Did you mean {' or '.join(near)}?" if near else ""
+    if "unexpected extra argument" in error.format_message() and "--muscle" in options:
+        return ". A muscle is given as --muscle"
+    return ""
 
 
 def _complain(sentence: str, code: int) -> int:

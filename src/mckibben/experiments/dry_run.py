@@ -173,7 +173,7 @@ def _step(step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estim
     if "motor" not in missing:
         yield from _check_motion(step, limits, dt, estimate, plan.rest_length)
     yield from _check_tension_control(step, limits, estimate)
-    yield from _check_tension(step, limits, estimate, dt)
+    yield from _check_tension(step, plan.protocol, limits, estimate, dt)
     yield from _check_until(step, plan, limits, estimate)
 
 
@@ -409,7 +409,9 @@ def _starts(step: PlannedStep, limits: Limits, estimate: Estimate | None) -> tup
     return low, float(tried[force <= step.pulled.high].max(initial=low))
 
 
-def _check_tension(step: PlannedStep, limits: Limits, estimate: Estimate | None, dt: float) -> Iterator[Violation]:
+def _check_tension(
+    step: PlannedStep, protocol: Protocol, limits: Limits, estimate: Estimate | None, dt: float
+) -> Iterator[Violation]:
     """The tension that the muscle would reach, where the motor does not control it."""
     if estimate is None or step.mode == "tension":
         return
@@ -423,7 +425,7 @@ def _check_tension(step: PlannedStep, limits: Limits, estimate: Estimate | None,
         return
     place = f"{words(span[worst], 'm')} and {words(pressure[worst], 'Pa')}"
     fits = _fitting(estimate, float(span[worst]), float(pressure[worst]), allowed)
-    cure = f". Up to {words(fits, 'Pa')} fits" if fits is not None else ""
+    cure = "" if fits is None else f". Up to {words(fits, 'Pa')} fits{_to_lower(step, protocol, fits)}"
     value, most = words(float(force[worst]), "N"), words(allowed, "N")
     yield Violation(
         "tension",
@@ -431,6 +433,13 @@ def _check_tension(step: PlannedStep, limits: Limits, estimate: Estimate | None,
         f"{who} up to {most}{cure}",
         f"tension would reach {value} near {place}; {who} up to {most}{cure}",
     )
+
+
+def _to_lower(step: PlannedStep, protocol: Protocol, fits: float) -> str:
+    """The parameters of a protocol that state a higher pressure [Pa] than fits, as the end of a sentence."""
+    stated = {p.name: step.case[p.name] for p in protocol.parameters if p.unit == "Pa" and p.name in step.case}
+    higher = [name for name, value in stated.items() if read_amount(value, "Pa", field=name).value > fits]
+    return f": lower {' and '.join(higher)}" if higher else ""
 
 
 def _fitting(estimate: Estimate, span: float, pressure: float, allowed: float) -> float | None:
