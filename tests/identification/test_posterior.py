@@ -109,8 +109,8 @@ def test_a_posterior_of_a_file_gives_the_same_bands(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[]", "must be the file of a fit with its posterior"),
-        ('{"fits": [{"law": "ideal"}]}', "has none"),
+        ("[]", "is no file of a fit with its posterior; `mckibben fit"),
+        ('{"fits": [{"law": "ideal"}]}', "is a fit without a posterior"),
         ('{"fits": [{"law": "ideal", "posterior": {"law": "ideal"}}]}', "must be a posterior as"),
     ],
 )

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 DISCREPANCY = 0.02
 # Standard deviation of the tension where no sensor is known, as a share of the largest tension; its size is then fitted.
 UNKNOWN_SENSOR = 2e-3
+WRITTEN_BY = "`mckibben fit MAP.csv --posterior --out fit.json` writes one"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -503,9 +504,11 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
         fits = [f for one in content.get("maps", [content]) for f in one["fits"]]
         having = {str(f["law"]): f["posterior"] for f in reversed(fits) if f.get("posterior")}
     except (KeyError, TypeError, AttributeError, ValueError):
-        raise InputError("posterior", where, "must be the file of a fit with its posterior") from None
+        said = f"{where} is no file of a fit with its posterior; {WRITTEN_BY}"
+        raise InputError("posterior", where, "must be such a file", sentence=said) from None
     if not having:
-        raise InputError("posterior", where, "must be the file of a fit with its posterior; this one has none")
+        said = f"{where} is a fit without a posterior; {WRITTEN_BY}"
+        raise InputError("posterior", where, "must be a fit with one", sentence=said)
     name = list(having)[-1] if law is None else law
     if name not in having:
         raise InputError("posterior.law", name, known=sorted(having), where=where)
