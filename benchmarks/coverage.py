@@ -48,8 +48,9 @@ def drawn_law(law: str, chance: np.random.Generator) -> mk.TensionLaw:
 
 def measured(law: mk.TensionLaw, chance: np.random.Generator) -> tuple[mk.ForceMap, np.ndarray, np.ndarray]:
     """A map as the sensors show it, and the places (25,) and (25,) of points between."""
-    shortest = 1.02 * float(law.free_length(PRESSURES[0]))
-    lengths, pressures = (x.ravel() for x in np.meshgrid(np.linspace(shortest, 0.152, 6), PRESSURES))
+    # a braid cannot be longer than its threads: some muscles are too short for the longest length
+    ends = 1.02 * float(law.free_length(PRESSURES[0])), min(0.152, 0.98 * float(law.length_range()[1]))
+    lengths, pressures = (x.ravel() for x in np.meshgrid(np.linspace(*ends, 6), PRESSURES))
     force = np.asarray(law.tension(lengths, pressures))
     gain, zero = SENSORS.tension_gain * chance.standard_normal(), SENSORS.tension_zero * chance.standard_normal()
     shown = force * (1.0 + gain) + zero + SENSORS.tension * chance.standard_normal(36)
@@ -58,7 +59,7 @@ def measured(law: mk.TensionLaw, chance: np.random.Generator) -> tuple[mk.ForceM
     read_pressure = read_pressure + SENSORS.pressure * chance.standard_normal(36)
     read_length = read_length + SENSORS.length * chance.standard_normal(36)
     points = mk.ForceMap("virtual", read_length, read_pressure, shown).with_rest_length(0.14)
-    between = [0.5 * (x[1:] + x[:-1]) for x in (np.linspace(shortest, 0.152, 6), PRESSURES)]
+    between = [0.5 * (x[1:] + x[:-1]) for x in (np.linspace(*ends, 6), PRESSURES)]
     return points, *(x.ravel() for x in np.meshgrid(*between))
 
 

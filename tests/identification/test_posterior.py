@@ -8,6 +8,7 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.identification import sampler
+from mckibben.identification._samples import mixing_warnings
 from mckibben.identification.posterior import MapSensors, Posterior, SensorErrors, read_posterior
 
 LENGTHS, PRESSURES = (a.ravel() for a in np.meshgrid(np.linspace(0.12, 0.15, 4), np.linspace(2e5, 5e5, 3)))
@@ -52,6 +53,36 @@ def test_the_likelihood_by_modes_is_that_of_the_whole_covariance():
         scores.append(exact - sampler.marginal(values, directions @ residual, noise, amplitude))
     # equal up to a constant, to the rounding of two factorisations
     assert scores[0] == pytest.approx(scores[1], abs=1e-9)
+
+
+def test_the_prior_reaches_eight_deviations_of_the_linearised_fit_and_no_bound_further():
+    chance = np.random.default_rng(4)
+    slopes, start = chance.standard_normal((20, 2)) * [1.0, 1e3], np.array([1.0, 1e-3])
+    low, high = sampler.around(start, slopes, 0.04 * np.eye(20), np.array([0.9, -9.0]), np.array([9.0, 9.0]))
+    deviation = 0.2 * np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    # the inverse by eigenvalues of the scaled matrix and by elimination agree to rounding
+    assert high - start == pytest.approx(sampler.REACH * deviation, rel=1e-9)
+    assert low[0] == 0.9 and start[1] - low[1] == pytest.approx(sampler.REACH * deviation[1], rel=1e-9)
+    unseen = sampler.around(start, slopes * [1.0, 0.0], np.eye(20), np.array([0.9, -9.0]), np.array([9.0, 9.0]))
+    assert (unseen[0][1], unseen[1][1]) == (-9.0, 9.0)  # a parameter that no point shows keeps its bounds
+
+
+def test_residuals_tell_noise_from_a_discrepancy():
+    x = np.linspace(0.0, 1.0, 40)[:, None]
+    noise = np.random.default_rng(5).standard_normal(40)
+    for residual, smooth in ((noise, False), (5.0 * np.sin(7.0 * x[:, 0]) + 0.1 * noise, True)):
+        sizes = sampler.error_sizes(residual, x, np.eye(40), 10.0, noise_known=False)
+        # a smooth residual has the size of its sine, and noise of 1 no discrepancy of half its size
+        assert (sizes.amplitude > 2.0) == smooth and (sizes.amplitude > 0.5) == smooth
+        assert (sizes.noise > 0.5) != smooth
+
+
+def test_a_warning_names_the_parameter_about_which_chains_disagree():
+    assert mixing_warnings(1.01, 500.0, 0, 1000, "stiffness") == ()
+    (disagree,) = mixing_warnings(1.30, 9.0, 0, 1000, "stiffness")
+    assert "about stiffness (R-hat 1.30)" in disagree and "fix stiffness" in disagree
+    (few,) = mixing_warnings(1.01, 90.0, 0, 1000)
+    assert few == "only 90 samples are independent: draw more"
 
 
 def test_errors_that_all_points_share_are_correlated():
@@ -160,3 +191,26 @@ def test_samples_of_a_straight_line_have_the_exact_distribution():
     assert drawn.r_hat < 1.05 and drawn.divergences == 0
     assert np.abs(drawn.parameters.mean(axis=0) - exact).max() < 4.0 * deviation.max() / np.sqrt(600.0)
     assert drawn.parameters.std(axis=0) == pytest.approx(deviation, rel=0.15)
+
+
+@pytest.mark.slow
+def test_chains_that_begin_in_two_basins_say_so_or_agree():
+    pytest.importorskip("numpyro")
+    # the square of the parameter is measured, so both signs are as probable, and a chain does not pass between them
+    evidence = sampler.Evidence(
+        model=sampler.host_model(6, 1),
+        inputs={},
+        measured=np.full(6, 4.0),
+        modes=sampler.ErrorModes.of(0.01 * np.eye(6), np.eye(6)),
+        slack_variance=np.zeros(0),
+        low=np.array([-5.0]),
+        high=np.array([5.0]),
+        start=np.array([0.1]),
+        noise_known=True,
+        amplitude=0.0,
+        host=sampler.HostModel(lambda p: np.full(6, p[0] ** 2), lambda p: np.full((6, 1), 2.0 * p[0])),
+    )
+    drawn = sampler.sample(evidence, draws=400, warm_up=200)
+    assert np.abs(np.abs(drawn.parameters) - 2.0).max() < 0.1  # six standard errors of 0.1/(2*2*sqrt(6))
+    both = 0.0 < (drawn.parameters > 0.0).mean() < 1.0
+    assert not both or bool(mixing_warnings(drawn.r_hat, drawn.effective, drawn.divergences, len(drawn.parameters)))

@@ -39,7 +39,7 @@ def _ends(samples: Mapping[str, np.ndarray], units: Mapping[str, str], tail: flo
     }
 
 
-def mixing_warnings(r_hat: float, effective: float, divergences: int, count: int) -> SampleWarnings:
+def mixing_warnings(r_hat: float, effective: float, divergences: int, count: int, worst: str = "") -> SampleWarnings:
     """What speaks against the use of samples, as text; empty if nothing does.
 
     Args:
@@ -47,11 +47,16 @@ def mixing_warnings(r_hat: float, effective: float, divergences: int, count: int
         effective: fewest independent samples of a parameter.
         divergences: count of the samples at which the sampler lost its path.
         count: count of the samples.
+        worst: name of the parameter on which the chains agree least, if it is known.
     """
     warnings = []
     if r_hat > MIXED:
-        warnings.append(f"the chains disagree (R-hat {r_hat:.2f}): draw more samples, or fix a parameter")
-    if effective < FEW:
+        place = f" about {worst}" if worst else ""
+        warnings.append(
+            f"the chains disagree{place} (R-hat {r_hat:.2f}) although they went on until the last round: "
+            f"the data leave it open; fix {worst or 'a parameter'}, or measure more points"
+        )
+    elif effective < FEW:
         warnings.append(f"only {effective:.0f} samples are independent: draw more")
     if divergences > LOST * count:
         warnings.append(f"the sampler lost its path at {divergences} of {count} samples")

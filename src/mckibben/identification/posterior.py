@@ -138,6 +138,7 @@ class Posterior:
         r_hat: largest ratio of the variances between and within the chains; 1 where they agree.
         effective: fewest independent samples of a parameter.
         divergences: count of the samples at which the sampler lost its path.
+        worst: name of the parameter on which the chains agree least.
     """
 
     law: str
@@ -152,6 +153,7 @@ class Posterior:
     r_hat: float
     effective: float
     divergences: int
+    worst: str = ""
 
     plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("report.figures.plots:PosteriorPlots")
     """Plots: called, the tension with its bands; ``plot.parameters`` the parameters by pairs."""
@@ -173,7 +175,7 @@ class Posterior:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What speaks against the use of the samples, as text; empty if nothing does."""
-        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self))
+        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self), self.worst)
 
     def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
         """Median of each parameter with its interval between equal tails [SI]."""
@@ -365,6 +367,7 @@ class Posterior:
             "r_hat": self.r_hat,
             "effective": self.effective,
             "divergences": self.divergences,
+            "worst": self.worst,
             "warnings": list(self.warnings),
         }
 
@@ -399,6 +402,7 @@ class Posterior:
                 r_hat=float(values["r_hat"]),
                 effective=float(values["effective"]),
                 divergences=int(values["divergences"]),
+                worst=str(values.get("worst", "")),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError("posterior", None, f"must be a posterior as `Fit.posterior` draws it: {error!r}") from None
@@ -443,7 +447,6 @@ def posterior_of_fit(
     known = {k: _extended(v, len(every) - len(points)) for k, v in fit.known.items()}
     problem = Problem(fit.law, free, known, every)
     start = np.array([fit.parameters[n].value for n in free]) / problem.scale
-    low, high = problem.bounds
     predicted, by_length, by_pressure = (column[: len(points)] for column in _input_slopes(problem, start))
     top = points.largest
     of = sensors or MapSensors(tension=UNKNOWN_SENSOR * top)
@@ -453,7 +456,13 @@ def posterior_of_fit(
         raise InputError("discrepancy", amplitude, "must be 0 N or more")
     coordinates, _ = _coordinates(points)
     residual = points.tension - predicted
-    length = sampler.correlation_length(residual, coordinates, errors.covariance, max(5.0 * amplitude, 1e-6 * top))
+    sizes = sampler.error_sizes(
+        residual, coordinates, errors.covariance, max(5.0 * amplitude, 1e-6 * top), noise_known=sensors is not None
+    )
+    smooth = sampler.matern(coordinates, coordinates, sizes.length)
+    slopes = problem.functions()[1](start)[: len(points)]
+    whole = sizes.covariance(errors.covariance, smooth, amplitude)
+    low, high = sampler.around(start, slopes, whole, *_plausible(problem, start))
     evidence = sampler.Evidence(
         model=_law_model(law_type(fit.law), free, tuple(sorted(known))),
         inputs={
@@ -463,7 +472,7 @@ def posterior_of_fit(
             "pressure": np.asarray(every.pressure, float),
         },
         measured=points.tension,
-        modes=sampler.ErrorModes.of(errors.covariance, sampler.matern(coordinates, coordinates, length)),
+        modes=sampler.ErrorModes.of(errors.covariance, smooth),
         slack_variance=np.full(len(every) - len(points), of.tension**2),
         low=low,
         high=high,
@@ -480,11 +489,12 @@ def posterior_of_fit(
         known=dict(fit.known),
         points=points,
         errors=errors,
-        length=length,
+        length=sizes.length,
         seed=seed,
         r_hat=drawn.r_hat,
         effective=drawn.effective,
         divergences=drawn.divergences,
+        worst=(*free, "the noise")[drawn.worst],
     )
 
 
@@ -528,6 +538,16 @@ def _law_model(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, 
         return over(x * inputs["scale"], inputs["known"], inputs["length"], inputs["pressure"])
 
     return model
+
+
+def _plausible(problem: Problem, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of scaled parameters (p,): the usual range with its width to either side, or twice the fitted value from it."""
+    low, high = problem.bounds
+    typical = np.array([q.typical for q in problem.quantities.values()]) / problem.scale[:, None]
+    room = np.ptp(typical, axis=1)
+    below = np.minimum(typical[:, 0] - room, start - 2.0 * np.abs(start))
+    above = np.maximum(typical[:, 1] + room, start + 2.0 * np.abs(start))
+    return np.maximum(low, below), np.minimum(high, above)
 
 
 def _input_slopes(problem: Problem, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

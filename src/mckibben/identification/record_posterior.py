@@ -96,6 +96,7 @@ class RecordPosterior:
         r_hat: largest ratio of the variances between and within the chains; 1 where they agree.
         effective: fewest independent samples of a parameter.
         divergences: count of the samples at which the sampler lost its path.
+        worst: name of the parameter on which the chains agree least.
     """
 
     samples: Mapping[str, np.ndarray]
@@ -112,6 +113,7 @@ class RecordPosterior:
     r_hat: float
     effective: float
     divergences: int
+    worst: str = ""
 
     def __len__(self) -> int:
         return len(self.noise)
@@ -133,7 +135,7 @@ class RecordPosterior:
     @property
     def warnings(self) -> SampleWarnings:
         """What speaks against the use of the samples, as text; empty if nothing does."""
-        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self))
+        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self), self.worst)
 
     def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
         """Median of each parameter with its interval between equal tails [SI]."""
@@ -176,6 +178,7 @@ class RecordPosterior:
             "r_hat": self.r_hat,
             "effective": self.effective,
             "divergences": self.divergences,
+            "worst": self.worst,
             "warnings": list(self.warnings),
         }
 
@@ -219,10 +222,19 @@ def posterior_of_records(
     size, amplitude = noise or NOISE * span, DISCREPANCY * span
     covariance = size**2 * np.eye(len(rows))
     residual = problem.measured[rows] - problem.model.predict(problem.start)[rows]
-    length = sampler.correlation_length(residual, places[rows], covariance, max(5.0 * amplitude, 1e-9 * span), LENGTHS)
-    modes = sampler.ErrorModes.of(covariance, sampler.matern(places[rows], places[rows], length))
-    low, high = _bounds(problem)
+    sizes = sampler.error_sizes(
+        residual,
+        places[rows],
+        covariance,
+        max(5.0 * amplitude, 1e-9 * span),
+        noise_known=noise is not None,
+        tried=LENGTHS,
+    )
+    smooth = sampler.matern(places[rows], places[rows], sizes.length)
+    modes = sampler.ErrorModes.of(covariance, smooth)
     at, slopes = problem.model.predict(problem.start)[rows], problem.model.slopes(problem.start)[rows]
+    errors = sizes.covariance(covariance, smooth, amplitude)
+    low, high = sampler.around(problem.start, slopes, errors, *_bounds(problem))
     evidence = sampler.Evidence(
         model=_linear,
         inputs={"at": problem.start, "value": at, "slopes": slopes},
@@ -256,7 +268,7 @@ def posterior_of_records(
         predicted = np.stack([problem.model.predict(x) for x in drawn.parameters])
     some = _evenly(len(drawn.noise), min(PREDICTED, len(drawn.noise)))
     predicted = predicted[some]
-    onto = sampler.matern(places, places[rows], length) @ modes.directions.T
+    onto = sampler.matern(places, places[rows], sizes.length) @ modes.directions.T
     error = (problem.measured[rows] - predicted[:, rows]) @ modes.directions.T
     return RecordPosterior(
         samples=dict(zip(problem.names, problem.values(drawn.parameters).T, strict=True)),
@@ -268,11 +280,12 @@ def posterior_of_records(
         predicted=predicted,
         discrepancy=np.stack(sampler.discrepancy_given(modes, onto, error, drawn.noise[some], drawn.amplitude[some])),
         unit=problem.unit,
-        length=length,
+        length=sizes.length,
         seed=seed,
         r_hat=drawn.r_hat,
         effective=drawn.effective,
         divergences=drawn.divergences,
+        worst=(*problem.names, "the noise")[drawn.worst],
     )
 
 

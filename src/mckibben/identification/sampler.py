@@ -12,8 +12,12 @@ with S = R R' and the eigenvectors U and eigenvalues c of R^-1 C R^-T, and z = U
 
 so that a step of the sampler needs one prediction with its derivatives and no factorisation. Points without tension say
 that the model may not pull there: each gives the probability that the prediction is not positive.
-Priors: x uniform between its bounds; log k normal; s by a gamma distribution with much of its mass near zero, so that a
-discrepancy costs little where the law is right.
+Priors: x uniform between its bounds, within `REACH` standard deviations of the fit (`around`); log k normal; s with
+much of its mass near zero, so that a discrepancy costs little where the law is right, and with the tail of a Cauchy
+distribution, so that one that is much larger than expected need not pass for noise. Bounds that are far too wide outweigh
+the data: a muscle that never pulls, its tension all discrepancy, has few parameters that matter and so the larger volume.
+The chains run in the normal scores of the uniform parameters, standardised by the curvature at the mode. Until they agree,
+they go on from where they are, standardised anew by the covariance of what they have drawn, for `ROUNDS` in all.
 Sources: M. C. Kennedy and A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63(3), 2001;
 M. D. Hoffman and A. Gelman, The No-U-Turn sampler, J. Mach. Learn. Res. 15, 2014.
 """
@@ -30,6 +34,7 @@ import numpy as np
 
 from .._jax import Scalar, Tree, jax, jnp
 from ..extras import library
+from ._samples import FEW, LOST, MIXED
 
 Model = Callable[[Any, Tree], Any]
 
@@ -43,11 +48,14 @@ class HostModel(NamedTuple):
 
 CHAINS, WARM_UP, DRAWS = 4, 500, 2000
 LENGTHS = (0.15, 0.3, 0.6)  # correlation lengths of the discrepancy that are tried, of the range of each coordinate
-KNOWN_NOISE, UNKNOWN_NOISE = 0.1, 2.0  # standard deviation of log k where the sensors are known, and where not
-SHAPE = 0.3  # of the gamma distribution of the discrepancy's amplitude
+KNOWN_NOISE, UNKNOWN_NOISE = 0.1, 1.0  # standard deviation of log k where the sensors are known, and where not
+SHAPE = 0.3  # power of the discrepancy's amplitude below its scale, of the prior of its logarithm; above it is -1
 FAR = 1e9  # stands for a prediction that is not finite
 SEARCH = 300  # iterations of the search for the mode
 TREE_DEPTH = 8
+ROUNDS = 4  # of all chains, each of a warm-up and samples
+REACH = 8.0  # of the uniform prior to either side of the fit, in standard deviations of the linearised model
+EDGE = 1e-6  # share of the room between the bounds within which no search begins
 
 
 class ErrorModes(NamedTuple):
@@ -108,7 +116,10 @@ class Evidence:
 
 
 class Draws(NamedTuple):
-    """Samples of a posterior: parameters (d, p), factor k of the noise (d,), amplitude s (d,), and how well they mixed."""
+    """Samples of a posterior: parameters (d, p), factor k of the noise (d,), amplitude s (d,), and how well they mixed.
+
+    `worst` is the place of the parameter on which the chains agree least, p for the noise.
+    """
 
     parameters: np.ndarray
     noise: np.ndarray
@@ -116,6 +127,28 @@ class Draws(NamedTuple):
     r_hat: float
     effective: float
     divergences: int
+    worst: int = 0
+
+
+def around(
+    start: np.ndarray, slopes: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the uniform prior within `REACH` standard deviations of a fit.
+
+    Args:
+        start: fitted parameters (p,).
+        slopes: derivatives of the prediction there (n, p).
+        covariance: of sensors and discrepancy together (n, n).
+        low: lower bounds (p,).
+        high: upper bounds (p,).
+    """
+    rows = np.linalg.solve(np.linalg.cholesky(covariance), slopes)
+    size = np.sqrt((rows**2).sum(axis=0))
+    seen = size > 0.0
+    strength, directions = np.linalg.eigh((rows[:, seen] / size[seen]).T @ (rows[:, seen] / size[seen]))
+    room = np.full(len(start), np.inf)
+    room[seen] = REACH * np.sqrt((directions**2 / np.maximum(strength, 1e-12)).sum(axis=1)) / size[seen]
+    return np.maximum(low, start - room), np.minimum(high, start + room)
 
 
 def matern(first: np.ndarray, second: np.ndarray, length: float) -> np.ndarray:
@@ -150,30 +183,52 @@ def discrepancy_given(
     return mean, np.sqrt(np.maximum(left, 0.0))
 
 
-def correlation_length(
+class ErrorSizes(NamedTuple):
+    """Errors under which some residuals are the most probable: correlation length, factor k of the noise, amplitude s."""
+
+    length: float
+    noise: float
+    amplitude: float
+
+    def covariance(self, sensors: np.ndarray, smooth: np.ndarray, amplitude: float) -> np.ndarray:
+        """Covariance (n, n) of sensors and discrepancy, at least of their own and of a stated amplitude.
+
+        Args:
+            sensors: covariance of the sensors (n, n).
+            smooth: correlation of the discrepancy (n, n).
+            amplitude: least amplitude of the discrepancy.
+        """
+        return np.asarray(max(self.noise, 1.0) ** 2 * sensors + max(self.amplitude, amplitude) ** 2 * smooth)
+
+
+def error_sizes(
     residual: np.ndarray,
     coordinates: np.ndarray,
     covariance: np.ndarray,
     top: float,
+    *,
+    noise_known: bool,
     tried: Sequence[float] = LENGTHS,
-) -> float:
-    """The correlation length under which the residuals of the least squares are the most probable.
+) -> ErrorSizes:
+    """The errors under which the residuals of the least squares are the most probable.
 
     Args:
         residual: measurement less prediction (n,).
         coordinates: of the points (n, c), each scaled to its range.
         covariance: of the sensors (n, n).
         top: largest amplitude to try [unit of the residual].
+        noise_known: whether the covariance is that of a known sensor.
         tried: correlation lengths, of the range of each coordinate.
     """
-    noises, best = np.geomspace(0.3, 30.0, 9), (-np.inf, tried[1])
+    noises = np.geomspace(0.8, 1.25, 3) if noise_known else np.geomspace(0.3, 30.0, 9)
     size = np.sqrt(np.diag(covariance).mean())
+    amplitudes = np.geomspace(0.1 * size, max(top, size), 9)
+    scores = {}
     for length in tried:
         values, directions = ErrorModes.of(covariance, matern(coordinates, coordinates, length))
         z = directions @ residual
-        scores = [marginal(values, z, k, s) for k in noises for s in np.geomspace(0.1 * size, max(top, size), 9)]
-        best = max(best, (max(scores), length))
-    return best[1]
+        scores |= {ErrorSizes(length, k, s): float(marginal(values, z, k, s)) for k in noises for s in amplitudes}
+    return max(scores, key=scores.__getitem__)
 
 
 def sample(
@@ -191,30 +246,94 @@ def sample(
     Raises:
         MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
     """
-    diagnostics = library("numpyro.diagnostics", "Samples of a posterior need")
-    count, each = len(evidence.start), -(-draws // chains)
+    library("numpyro.diagnostics", "Samples of a posterior need")
+    each = -(-draws // chains)
     with _host.lock:
         kernel = _kernel(evidence.model, chains, warm_up, each)
         _host.current = evidence.host
         data = _data(evidence)
-        centre, spread = _mode(evidence, data)
-        keys = jax.random.split(jax.random.key(seed), chains + 1)
-        z = 0.5 * jax.random.normal(keys[0], (chains, count + 2))
-        chain, diverging = kernel(keys[1:], z, data | {"centre": centre, "spread": spread})
-    unbounded = centre + np.asarray(chain) @ spread.T  # (chains, each, count + 2)
-    statistics = [
-        (float(diagnostics.split_gelman_rubin(column)), float(diagnostics.effective_sample_size(column)))
-        for column in np.moveaxis(unbounded, -1, 0)[: count + 1]
-    ]
-    flat = unbounded.reshape(-1, count + 2)
-    share = 1.0 / (1.0 + np.exp(-flat[:, :count]))
+        return _draws(evidence, _rounds(kernel, data, _mode(evidence, data), chains=chains, seed=seed), each)
+
+
+class _Round(NamedTuple):
+    """Unbounded samples of all chains (chains, each, p + 2), and whether the sampler lost its path at each."""
+
+    places: np.ndarray
+    lost: np.ndarray
+
+
+class _Mixing(NamedTuple):
+    """How well chains mixed: see `Draws`."""
+
+    r_hat: float
+    effective: float
+    divergences: int
+    worst: int
+
+    def enough(self, count: int) -> bool:
+        """Whether nothing speaks against the use of a count of samples."""
+        return self.r_hat <= MIXED and self.effective >= FEW and self.divergences <= LOST * count
+
+
+def _rounds(
+    kernel: Any, data: dict[str, Any], mode: tuple[np.ndarray, np.ndarray], *, chains: int, seed: int
+) -> tuple[_Round, _Mixing]:
+    """Samples of the last rounds that agree best, of as many as it takes."""
+    centre, spread = mode
+    first, *keys = jax.random.split(jax.random.key(seed), ROUNDS + 1)
+    z = np.asarray(0.5 * jax.random.normal(first, (chains, len(centre))))
+    rounds: list[_Round] = []
+    for key in keys:
+        chain, lost = kernel(jax.random.split(key, chains), z, data | {"centre": centre, "spread": spread})
+        rounds.append(_Round(centre + np.asarray(chain) @ spread.T, np.asarray(lost)))
+        tails = [_Round(*(np.concatenate(part, axis=1) for part in zip(*rounds[i:], strict=True)))
+                 for i in range(len(rounds))]  # fmt: skip
+        both = [(tail, _mixing(tail)) for tail in tails]
+        best = min(both, key=lambda one: (not one[1].enough(one[0].lost.size), one[1].r_hat))
+        if best[1].enough(best[0].lost.size):
+            break
+        flat = rounds[-1].places.reshape(-1, len(centre))
+        centre, spread = flat.mean(axis=0), _root(np.cov(flat.T))
+        z = np.linalg.solve(spread, (rounds[-1].places[:, -1] - centre).T).T
+    return best
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Root of a covariance; directions in which nothing moved have a small variance."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-16))
+    strength, directions = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root: np.ndarray = scale[:, None] * directions * np.sqrt(np.maximum(strength, 1e-6))
+    return root
+
+
+def _mixing(one: _Round) -> _Mixing:
+    from numpyro import diagnostics
+
+    # all but the discrepancy's amplitude, which a law that is right leaves open over many orders
+    columns = np.moveaxis(one.places, -1, 0)[:-1]
+    ratios = np.array([float(diagnostics.split_gelman_rubin(column)) for column in columns])
+    ratios = np.nan_to_num(ratios, nan=np.inf)  # of chains that never moved
+    effective = min(float(diagnostics.effective_sample_size(column)) for column in columns)
+    return _Mixing(float(ratios.max()), effective, int(one.lost.sum()), int(ratios.argmax()))
+
+
+def _draws(evidence: Evidence, drawn: tuple[_Round, _Mixing], each: int) -> Draws:
+    """As many samples of every chain, evenly from all."""
+    from scipy.special import ndtr
+
+    (places, lost), mixing = drawn
+    count = len(evidence.start)
+    some = np.linspace(0, places.shape[1] - 1, each).round().astype(int)
+    flat = places[:, some].reshape(-1, count + 2)
+    share = len(flat) / lost.size
     return Draws(
-        parameters=evidence.low + (evidence.high - evidence.low) * share,
+        parameters=evidence.low + (evidence.high - evidence.low) * ndtr(flat[:, :count]),
         noise=np.exp(flat[:, count]),
         amplitude=np.exp(flat[:, count + 1]) if evidence.amplitude > 0.0 else np.zeros(len(flat)),
-        r_hat=max(r for r, _ in statistics),
-        effective=min(e for _, e in statistics),
-        divergences=int(np.asarray(diverging).sum()),
+        r_hat=mixing.r_hat,
+        effective=min(mixing.effective, float(len(flat))),
+        divergences=round(share * mixing.divergences),
+        worst=mixing.worst,
     )
 
 
@@ -267,16 +386,16 @@ def _data(evidence: Evidence) -> dict[str, Any]:
 
 
 def _potential(u: Any, data: Any, model: Model) -> Any:
-    """Negative logarithm of the posterior of unbounded parameters (p + 2,): logits, log k, log s."""
+    """Negative logarithm of the posterior of unbounded parameters (p + 2,): normal scores, log k, log s."""
     count, points = len(data["low"]), len(data["measured"])
     inner, log_noise, log_amplitude = u[:count], u[count], u[count + 1]
-    x = data["low"] + (data["high"] - data["low"]) * jax.nn.sigmoid(inner)
-    prior = -(jax.nn.softplus(inner) + jax.nn.softplus(-inner)).sum()
+    x = data["low"] + (data["high"] - data["low"]) * jax.scipy.special.ndtr(inner)
+    prior = -0.5 * (inner**2).sum()
     prior -= 0.5 * (log_noise / data["spread_of_noise"]) ** 2
     noise, amplitude = jnp.exp(log_noise), jnp.exp(log_amplitude)
     # Without a discrepancy its amplitude is a normal number that nothing depends on.
-    gamma = SHAPE * log_amplitude - amplitude / data["amplitude"]
-    prior += jnp.where(data["with_discrepancy"] > 0.0, gamma, -0.5 * log_amplitude**2)
+    heavy = SHAPE * log_amplitude - 0.5 * (1.0 + SHAPE) * jnp.log1p((amplitude / data["amplitude"]) ** 2)
+    prior += jnp.where(data["with_discrepancy"] > 0.0, heavy, -0.5 * log_amplitude**2)
     amplitude = amplitude * data["with_discrepancy"]
     predicted = model(x, data["inputs"])
     z = data["directions"] @ (data["measured"] - predicted[:points])
@@ -289,7 +408,7 @@ def _potential(u: Any, data: Any, model: Model) -> Any:
 
 def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:
     """Mode of the posterior, and a root of the covariance there, in unbounded parameters (p + 2,)."""
-    from scipy import optimize
+    from scipy import optimize, special
 
     count, value_and_slope = len(evidence.start), _compiled_potential(evidence.model)
 
@@ -298,8 +417,8 @@ def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:
         return float(np.nan_to_num(value, nan=1e12)), np.nan_to_num(np.asarray(slope, float))
 
     room = evidence.high - evidence.low
-    share = np.clip((evidence.start - evidence.low) / room, 1e-9, 1.0 - 1e-9)
-    begin = np.concatenate([np.log(share) - np.log1p(-share), [0.0, 0.0]])
+    share = np.clip((evidence.start - evidence.low) / room, EDGE, 1.0 - EDGE)
+    begin = np.concatenate([special.ndtri(share), [0.0, 0.0]])
     if evidence.amplitude > 0.0:
         begin[-1] = np.log(0.2 * evidence.amplitude)
     found = optimize.minimize(objective, begin, jac=True, method="BFGS", options={"maxiter": SEARCH})
