@@ -1,32 +1,53 @@
 """Coverage of the posterior's intervals: virtual muscles with honest sensors, and how often 95 % intervals hold the truth.
 
-    python benchmarks/coverage.py --out coverage.json     # 250 muscles of each kind, sixteen minutes on one core
-    python benchmarks/coverage.py --muscles 20            # a smoke test
-    python benchmarks/coverage.py --draw coverage.json    # the table of the documentation
+    python benchmarks/coverage.py --out coverage.json     # 250 muscles whose law is right, 250 whose law is wrong, and 100
+                                                          # loops, circuits and answers of sizing: half an hour on one core
+    python benchmarks/coverage.py --muscles 20 --others 5 # a smoke test
+    python benchmarks/coverage.py --draw coverage.json    # the tables of the documentation
 
 Every muscle has parameters of its own, drawn around those of a specimen, and a map of 36 points that is read by sensors with
 noise in tension, pressure and length and with errors of gain and zero that all points of the map share. The fit is told the
 standard uncertainties of these sensors and nothing else. In `right`, the fitted law is the one that made the map; in
 `wrong`, it is another one. Counted are the parameters (where the law is right), and the true tension at 25 points between
-those of the map: once by the posterior and once by the linearised intervals of least squares. The file is
-written after every tenth muscle.
+those of the map: once by the posterior and once by the linearised intervals of least squares.
+
+A `loop` is 81 strokes with a friction and a curve of its own, whose bend the fitted curve of four knots does not have
+exactly; counted are the friction's parameters and the true strokes. A `circuit` is a tank behind an orifice and with a leak,
+whose pressure is read 101 times after two steps of the supply; counted are its three parameters and the true pressures.
+`size` asks the muscles of `right` and `wrong` in turn for the force at the end of a stroke and for the stroke at a force, as
+`mckibben size --from-posterior` does. The file is written after every tenth of a kind; one that is there is continued.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import mckibben as mk
+from mckibben.engine import STEP, ramped
 from mckibben.errors import MckibbenError
+from mckibben.identification import Trial, fit_circuit
+from mckibben.identification.hysteresis_fit import AREA, fit_loop
+from mckibben.identification.path_record import PathRecord
 from mckibben.identification.posterior import MapSensors, posterior_of_fit
+from mckibben.identification.record_posterior import RecordPosterior
 from mckibben.muscles.build import build_law
+from mckibben.muscles.hysteresis import Dahl, FrictionLimit
 from mckibben.muscles.laws import law_type
+from mckibben.pneumatics.circuit import Branch, Circuit
+from mckibben.pneumatics.heat import Isothermal
+from mckibben.pneumatics.leak import Leak
+from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.volume import FixedVolume, Reservoir
 from mckibben.quantities import declared, values
+from mckibben.studies.sizing import Requirements, of_specimen
+from mckibben.studies.sizing.candidate import LawAtPressure
+from mckibben.studies.sizing.from_posterior import answer_of_posterior
 
 SENSORS = MapSensors(
     tension=0.6, pressure=500.0, length=2e-5, tension_gain=2e-3, tension_zero=0.3, pressure_zero=300.0, length_zero=5e-5
@@ -34,7 +55,12 @@ SENSORS = MapSensors(
 SPREAD = 0.05  # standard deviation of the logarithm of every parameter over the specimen's
 CASES = {"right": ("linear_threshold", "linear_threshold"), "wrong": ("ideal", "linear_threshold")}
 PRESSURES = np.linspace(1.5e5, 5e5, 6)
+KNOWN = {"threshold_width": 85000.0, "stop_stiffness": 3e7, "rest_volume": 5.63e-6}
 DRAWS, WARM_UP = 1000, 400
+OTHERS = ("loop", "circuit", "size")
+STROKES = np.concatenate([np.linspace(0.0, 0.03, 41), np.linspace(0.03, 0.0, 41)[1:]])  # of a loop [m]
+STROKE_NOISE, PRESSURE_NOISE = 2e-5, 300.0  # of the sensors [m], [Pa]
+ROOM = 101325.0
 BEGIN, END = "<!-- written by benchmarks/coverage.py; do not edit -->", "<!-- end of coverage -->"
 
 
@@ -63,20 +89,28 @@ def measured(law: mk.TensionLaw, chance: np.random.Generator) -> tuple[mk.ForceM
     return points, *(x.ravel() for x in np.meshgrid(*between))
 
 
-def study(case: str, number: int, discrepancy: float | None) -> dict[str, Any]:
-    """One muscle: shares of its intervals that hold the truth, mean widths [N], and how well the samples mixed."""
+def fitted_muscle(
+    case: str, number: int, discrepancy: float | None
+) -> tuple[mk.TensionLaw, tuple[np.ndarray, np.ndarray], mk.Fit, Any]:
+    """A virtual muscle, the places between its points, its fit and its posterior."""
     truth, fitted = CASES[case]
     chance = np.random.default_rng([number, len(case)])
     law = drawn_law(truth, chance)
-    points, lengths, pressures = measured(law, chance)
-    known = {"threshold_width": 85000.0, "stop_stiffness": 3e7, "rest_volume": 5.63e-6}
-    fit = mk.fit(points, law=fitted, known=known, schemes=())
+    points, *places = measured(law, chance)
+    fit = mk.fit(points, law=fitted, known=KNOWN, schemes=())
+    posterior = posterior_of_fit(
+        fit, sensors=SENSORS, discrepancy=discrepancy, draws=DRAWS, warm_up=WARM_UP, seed=number
+    )
+    return law, (places[0], places[1]), fit, posterior
+
+
+def study(case: str, number: int, discrepancy: float | None) -> dict[str, Any]:
+    """One muscle: shares of its intervals that hold the truth, mean widths [N], and how well the samples mixed."""
     try:
-        posterior = posterior_of_fit(
-            fit, sensors=SENSORS, discrepancy=discrepancy, draws=DRAWS, warm_up=WARM_UP, seed=number
-        )
+        law, (lengths, pressures), fit, posterior = fitted_muscle(case, number, discrepancy)
     except MckibbenError as error:
         return {"number": number, "failed": str(error)}
+    truth, fitted = CASES[case]
     hits: dict[str, float] = {}
     if truth == fitted:
         values = {name: float(getattr(law, name)) for name in fit.parameters}
@@ -96,6 +130,110 @@ def study(case: str, number: int, discrepancy: float | None) -> dict[str, Any]:
         "mixing": [posterior.r_hat, posterior.effective, posterior.divergences],
         "warned": bool(posterior.warnings),
     }
+
+
+def size_study(number: int, discrepancy: float | None) -> dict[str, Any]:
+    """One muscle that is asked for force and stroke: whether the intervals hold those of its true law; widths [N], [m]."""
+    try:
+        law, (lengths, _), _, posterior = fitted_muscle(list(CASES)[number % 2], number, discrepancy)
+    except MckibbenError as error:
+        return {"number": number, "failed": str(error)}
+    chance = np.random.default_rng([number, 2])
+    reach = float(posterior.points.length.max() - lengths.min())
+    muscle = of_specimen("nylon", Requirements(force=20.0, stroke=0.02, pressure=3e5))
+    muscle = replace(muscle, longest=float(posterior.points.length.max()), friction=0.0)
+    pressure = float(chance.uniform(2e5, 4.5e5))
+    true, stroke = LawAtPressure(law, pressure), float(chance.uniform(0.2, 0.8)) * reach
+    force = float(true.added(muscle.longest - float(chance.uniform(0.2, 0.8)) * reach))
+    answer = answer_of_posterior(posterior, muscle, Requirements(force=force, stroke=stroke, pressure=pressure))
+    exact = float(true.added(muscle.longest - stroke)), muscle.longest - true.last_below(force, muscle.longest)
+    bands = {"force at a stroke": answer.force, "stroke at a force": answer.stroke}
+    return {
+        "number": number,
+        "inside": {
+            f"posterior, {name}": float(band.low <= value <= band.high)
+            for (name, band), value in zip(bands.items(), exact, strict=True)
+        },
+        "width": {name: float(band.high - band.low) for name, band in bands.items()},
+        "mixing": [posterior.r_hat, posterior.effective, posterior.divergences],
+        "warned": bool(posterior.warnings),
+    }
+
+
+def record_hits(
+    posterior: RecordPosterior, parameters: dict[str, float], true: np.ndarray, linear: dict[str, Any], number: int
+) -> dict[str, Any]:
+    """Shares of the intervals that hold true parameters, and of the band that holds the true record."""
+    intervals, band = posterior.intervals(), posterior.band()
+    hits = {
+        f"{kind}, parameters": float(np.mean([some[n].low <= v <= some[n].high for n, v in parameters.items()]))
+        for kind, some in (("posterior", intervals), ("least squares", linear))
+    }
+    return {
+        "number": number,
+        "inside": hits | {"posterior, record": float(np.mean((band.low <= true) & (true <= band.high)))},
+        "width": {"record": float(np.mean(band.high - band.low))},
+        "mixing": [posterior.r_hat, posterior.effective, posterior.divergences],
+        "warned": bool(posterior.warnings),
+    }
+
+
+def loop_study(number: int) -> dict[str, Any]:
+    """One loop of a friction and a bent curve; its width [m]."""
+    chance = np.random.default_rng([number, 3])
+    truth = {"constant": 30.0 * np.exp(0.3 * chance.standard_normal()),
+             "stiffness": 2e4 * np.exp(0.3 * chance.standard_normal())}  # fmt: skip
+    friction = Dahl(limit=FrictionLimit(constant=truth["constant"]), stiffness=truth["stiffness"])
+    state, force, before = friction.initial(), [], STROKES[0]
+    for now in np.concatenate([STROKES, STROKES]):
+        state = friction.advance(state, before - now, start_pressure=0.0, end_pressure=0.0).state
+        force.append(float(friction.force(state)))
+        before = now
+    bend = chance.uniform(-0.2, 0.2)
+    curve = 1e5 + 1e7 * STROKES * (1.0 + bend * (STROKES / 0.03 - 1.0))
+    shown = STROKES + STROKE_NOISE * chance.standard_normal(len(STROKES))
+    record = PathRecord(curve - np.array(force[len(STROKES) :]) / AREA, shown)
+    try:
+        fit = fit_loop(record, model="dahl", known={"per_pressure": 0.0}, knots=4)
+        posterior = fit.posterior(noise=STROKE_NOISE, seed=number)
+    except MckibbenError as error:
+        return {"number": number, "failed": str(error)}
+    return record_hits(posterior, truth, STROKES, fit.parameters, number)
+
+
+def circuit_study(number: int) -> dict[str, Any]:
+    """One tank behind an orifice; its width [Pa]."""
+    chance = np.random.default_rng([number, 4])
+    guess = {"elements.fill.conductance": 6e-9, "elements.fill.critical_ratio": 0.3, "elements.leak.conductance": 1e-9}
+    truth = {name: value * float(np.exp(0.2 * chance.standard_normal())) for name, value in guess.items()}
+    fill = Orifice(conductance=6e-9, critical_ratio=0.3)
+    circuit = Circuit.of(
+        {"supply": Reservoir(signal="wish"), "tank": FixedVolume(size=5e-5, heat=Isothermal()),
+         "room": Reservoir(signal="ambient")},
+        {"fill": Branch(fill, ("supply", "tank")), "leak": Branch(Leak(conductance=1e-9), ("tank", "room"))},
+    )  # fmt: skip
+    wish = ROOM + np.repeat([0.0, 5e5, 2e5], [10, 50, 41])
+    signals = {"wish": ramped(wish), "ambient": ramped(np.full(101, ROOM))}
+    trial = Trial("tank", circuit, signals, {"tank": ROOM}, {"tank.pressure_abs": wish}, 1e-3)
+    true = np.asarray(trial.run(truth, step=STEP).outputs["tank.pressure_abs"])
+    noise = PRESSURE_NOISE * chance.standard_normal(101)
+    noise[0] = 0.0  # the model begins where the record does
+    trial = Trial("tank", circuit, signals, {"tank": ROOM}, {"tank.pressure_abs": true + noise}, 1e-3)
+    try:
+        fit = fit_circuit([trial], list(guess), step=STEP)
+        posterior = fit.posterior([trial], noise=PRESSURE_NOISE, step=STEP, seed=number)
+    except MckibbenError as error:
+        return {"number": number, "failed": str(error)}
+    return record_hits(posterior, truth, true, fit.parameters, number)
+
+
+def of_kind(case: str, number: int, discrepancy: float | None) -> dict[str, Any]:
+    """One case of a kind."""
+    if case == "loop":
+        return loop_study(number)
+    if case == "circuit":
+        return circuit_study(number)
+    return size_study(number, discrepancy) if case == "size" else study(case, number, discrepancy)
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -141,7 +279,27 @@ def table(cases: dict[str, list[dict[str, Any]]]) -> str:
         f"posterior's shares of the tension: at most {error:.1f} %. More samples were said to be needed for "
         f"{right['warned']} and {wrong['warned']} of them.",
     ]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *others_table({case: cases[case] for case in OTHERS if case in cases})])
+
+
+def others_table(cases: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """The table of loops, circuits and answers of sizing, as lines."""
+    if not cases:
+        return []
+    lines = ["| kind | count | share of | posterior | least squares | more samples needed | failed |", "|---" * 7 + "|"]
+    for case, rows in cases.items():
+        of = summary(rows)
+        for name, (share, error) in of["inside"].items():
+            kind, _, subject = name.partition(", ")
+            if kind != "posterior":
+                continue
+            linear = of["inside"].get(f"least squares, {subject}")
+            other = "" if linear is None else f"{100.0 * linear[0]:.1f} %"
+            share_text = f"{100.0 * share:.1f} ± {100.0 * error:.1f} %"
+            lines.append(
+                f"| {case} | {of['muscles']} | {subject} | {share_text} | {other} | {of['warned']} | {of['failed']} |"
+            )
+    return lines
 
 
 def linear_half_width(fit: mk.Fit, lengths: np.ndarray, pressures: np.ndarray) -> np.ndarray:
@@ -169,7 +327,8 @@ def draw(cases: dict[str, list[dict[str, Any]]]) -> None:
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--muscles", type=int, default=250)
-    options.add_argument("--cases", nargs="+", default=list(CASES))
+    options.add_argument("--others", type=int, default=100, help="count of loops, circuits and answers of sizing")
+    options.add_argument("--cases", nargs="+", choices=[*CASES, *OTHERS], default=[*CASES, *OTHERS])
     options.add_argument("--discrepancy", type=float)
     options.add_argument("--out", type=Path, help="file of all muscles; one that is there is continued")
     options.add_argument("--draw", type=Path, metavar="FILE", help="write the table of results, and measure nothing")
@@ -180,12 +339,13 @@ def main() -> None:
     cases: dict[str, list[dict[str, Any]]] = {}
     if given.out and given.out.exists():
         cases = json.loads(given.out.read_text(encoding="utf-8"))
-    for number in range(given.muscles):  # of all kinds in turn, so that a run that is ended has as many of each
+    most = max(given.muscles, given.others)
+    for number in range(most):  # of all kinds in turn, so that a run that is ended has as many of each
         for case in given.cases:
             rows = cases.setdefault(case, [])
-            if number == len(rows):
-                rows.append(study(case, number, given.discrepancy))
-        if given.out and (number % 10 == 9 or number == given.muscles - 1):
+            if number == len(rows) and number < (given.others if case in OTHERS else given.muscles):
+                rows.append(of_kind(case, number, given.discrepancy))
+        if given.out and (number % 10 == 9 or number == most - 1):
             given.out.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
     for case, rows in cases.items():
         print(json.dumps({"case": case} | summary(rows)))
