@@ -223,7 +223,7 @@ def error_sizes(
     noises = np.geomspace(0.8, 1.25, 3) if noise_known else np.geomspace(0.3, 30.0, 9)
     size = np.sqrt(np.diag(covariance).mean())
     amplitudes = np.geomspace(0.1 * size, max(top, size), 9)
-    scores = {}
+    scores: dict[ErrorSizes, float] = {}
     for length in tried:
         values, directions = ErrorModes.of(covariance, matern(coordinates, coordinates, length))
         z = directions @ residual
