@@ -119,7 +119,8 @@ def quantity(
 def as_array(value: object) -> Array:
     """A number or array, which may be traced, as an array of floats: of JAX where that is loaded, else of NumPy.
 
-    It compiles nothing, as `jax.numpy.asarray` would.
+    It compiles nothing, as `jax.numpy.asarray` would. A plain number stays one while a function is traced: what is made of
+    it may be kept, and be used after the trace has ended.
     """
     if not is_loaded():
         return np.asarray(value, float)
@@ -127,7 +128,11 @@ def as_array(value: object) -> Array:
         return jnp.asarray(value, float)
     if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
         return value
-    array: Array = jax.device_put(np.asarray(value, float))
+    number = np.asarray(value, float)
+    array: Array = jax.device_put(number)
+    if is_traced(array):  # by the function around it
+        with jax.ensure_compile_time_eval():
+            array = jax.device_put(number)
     return array
 
 

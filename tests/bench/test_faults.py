@@ -54,6 +54,15 @@ def test_wear_reaches_the_machine_and_a_slack_clamp_its_tendon(nylon):
     assert isinstance(unit.law, WornBraid) and unit.law.sound is nylon.law
 
 
+def test_a_slipping_clamp_reaches_the_machine_with_its_grip(nylon):
+    from mckibben.bench.faults import SOUND_GRIP
+
+    on = faulty(clamp_grip="55 N")
+    unit = on.machine("direct", nylon, start=0.13, moves=True).units["muscle"]
+    assert float(unit.clamp.grip) == 55.0 and on.faults.present == {"clamp_grip": 55.0}
+    assert float(rig("modern").faults.clamp_grip) == SOUND_GRIP  # which no muscle reaches
+
+
 def test_a_drifting_sensor_is_off_by_its_rate_times_the_time(nylon):
     from mckibben.bench.prepare import prepare
     from mckibben.bench.segment import CHUNK, SensorNoise
@@ -75,6 +84,7 @@ def test_a_drifting_sensor_is_off_by_its_rate_times_the_time(nylon):
         ({"leak": "-1 l/min/bar"}, "faults.leak"),
         ({"lost_threads": "120 %"}, "faults.lost_threads"),
         ({"clamp_slack": "1 m"}, "faults.clamp_slack"),
+        ({"clamp_grip": "0 N"}, "faults.clamp_grip"),
     ],
 )
 def test_a_wrong_fault_is_named(faults, message):

@@ -223,10 +223,13 @@ class Flows:
         taken = known(record, f"{name}.friction") * at.velocity
         # over a bone, the load feels another tension than the muscle
         taken = taken + (known(record, f"{name}.load_tension") - known(record, f"{name}.tension")) * speed
-        parts = {"viscous": unit.lost(at, span, speed), "friction": taken, "shaft_work": power}
+        slip = known(record, f"{name}.slip") if unit.clamp is not None else np.zeros(())
+        if slip.ndim:  # the clamp turns the tension's work on what slips into heat
+            taken = taken + known(record, f"{name}.tension") * np.gradient(slip, self.time)
+        parts = {"viscous": unit.lost(at, span - slip, speed), "friction": taken, "shaft_work": power}
         for part, value in parts.items():
             self.out[part] = self.out[part] + self._sum(value)
         self.work_out = self.work_out + self._sum(np.where(power > 0.0, power, 0.0))
         gauge = known(record, f"{name}.pressure")
         self.stored["muscle"] = self.stored["muscle"] + stored_along(unit.law, np.asarray(at.length), gauge)
-        self.stored["tendon"] = self.stored["tendon"] + np.asarray(unit.kinetic_and_elastic(at, span))
+        self.stored["tendon"] = self.stored["tendon"] + np.asarray(unit.kinetic_and_elastic(at, span - slip))

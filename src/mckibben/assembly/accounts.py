@@ -125,7 +125,7 @@ class _Held(NamedTuple):
 def _held(machine: Machine, state: Tree, memory: Tree, inputs: dict[str, Any]) -> _Held:
     circuit, inputs_with_lengths, units = state["circuit"], machine.with_lengths(state, inputs), machine.units
     mass, energy = machine.joined.stored(circuit, inputs_with_lengths)
-    spans = machine.load.spans(state["load"], inputs)
+    spans = machine.held_spans(machine.load.spans(state["load"], inputs), memory)
     kept = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
     muscles = state["muscles"]
     return _Held(

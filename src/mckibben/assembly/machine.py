@@ -256,12 +256,20 @@ class Machine(System):
     ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
         """Spans, tensions at the muscles, and tensions at the load."""
         spans = self.load.spans(state["load"], inputs)
-        tensions = {n: unit.tension(state["muscles"][n], *spans[n]) for n, unit in self.units.items()}
+        held = self.held_spans(spans, memory)
+        tensions = {n: unit.tension(state["muscles"][n], *held[n]) for n, unit in self.units.items()}
         return (
             spans,
             tensions,
             {n: unit.load_tension(memory["muscles"][n], tensions[n]) for n, unit in self.units.items()},
         )
+
+    def held_spans(self, spans: Mapping[str, SpanState], memory: Tree) -> dict[str, SpanState]:
+        """Spans less what clamps have slipped, with their rates."""
+        return {
+            name: at._replace(span=self.units[name].held_span(memory["muscles"][name], at.span))
+            for name, at in spans.items()
+        }
 
     def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of gas, muscles and load."""
@@ -286,6 +294,7 @@ class Machine(System):
         now = joined.passing(state["circuit"], memory["circuit"], with_lengths)
         out = joined.crossing(now) | exergies(joined, now, self.environment)
         spans, _, felt = self.pulls(state, memory, inputs)
+        held = self.held_spans(spans, memory)
         outside, lost = self.load.powers(state["load"], felt, inputs)
         braid, filling, exchanged, work, viscous, delivered = (jnp.zeros(()) for _ in range(6))
         for name, unit in self.units.items():
@@ -296,7 +305,7 @@ class Machine(System):
             braid, filling = braid + moved, filling + filled
             exchanged = exchanged + jnp.abs(moved) + jnp.abs(filled)
             work = work + state["circuit"]["pressure"][name] * swelling
-            viscous = viscous + unit.lost(at, *spans[name])
+            viscous = viscous + unit.lost(at, *held[name])
             delivered = delivered - felt[name] * spans[name].velocity
         powers = {
             "braid": braid,
@@ -328,6 +337,7 @@ class Machine(System):
                     self.gauge(start.state, name),
                     self.gauge(end.state, name),
                     tensions[name],
+                    after[name].span - end.state["muscles"][name].length - unit.tendon.slack_length,
                 ),
                 duration,
             )
@@ -350,7 +360,7 @@ class Machine(System):
         """Outputs of the circuit, of each muscle, and of the load.
 
         A muscle has its span, length and their rates, tension at its end and at the load, friction, gauge pressure, volume
-        and whether it is slack (1 or 0).
+        and whether it is slack (1 or 0); one with a clamp has what that has slipped.
         """
         out = self.joined.outputs(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
         spans, tensions, felt = self.pulls(state, memory, inputs)
@@ -368,4 +378,6 @@ class Machine(System):
                 f"{name}.volume": unit.law.braid_volume(at.length, gauge),
                 f"{name}.slack": jnp.where(tensions[name] > 0.0, 0.0, 1.0),
             }
+            if unit.clamp is not None:
+                out[f"{name}.slip"] = memory["muscles"][name]["clamp"].state
         return out | {f"load.{k}": v for k, v in self.load.outputs(state["load"], felt, inputs).items()}

@@ -5,7 +5,7 @@
 L is the braid's length, X the span to the load. The end mass makes tension and slack a state instead of an equation to be
 solved: a slack braid follows its free length, and when the tendon pulls again nothing has to be found. Beyond the longest
 length of the law the damping c grows, because a braid that is pulled taut does not bounce. A muscle that lies over a bone
-has a `Wrap`, and the load then feels another tension than the muscle.
+has a `Wrap`, and the load then feels another tension than the muscle; a `Clamp` takes what it has slipped from the span X.
 
 Range: below 1 kHz; the mass of 20 g and the tendon's stiffness of 1e5 N/m are of a fitting and a cord, and move the results
 of a muscle of 1-10 N/mm by less than a few percent. Creep elements are in parallel with the braid.
@@ -21,6 +21,7 @@ from ..components.element import Advanced
 from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw
 from ..quantities import quantity
+from .clamp import Clamp
 from .wrap import Wrap
 
 # Stretch beyond the law's longest length at which the damping of the stop is full [m].
@@ -44,13 +45,17 @@ class MuscleLedger(NamedTuple):
 
 
 class MusclePath(NamedTuple):
-    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa], tension at its end [N]."""
+    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa], tension at its end [N].
+
+    The stretch of the tendon at its end is that of a clamp that has not slipped [m]; only a muscle with a clamp needs it.
+    """
 
     length: Scalar
     span: Scalar
     start_pressure: Scalar
     end_pressure: Scalar
     end_tension: Scalar
+    end_stretch: Scalar = 0.0
 
 
 class MuscleUnit(Module):
@@ -61,6 +66,7 @@ class MuscleUnit(Module):
     friction: Hysteresis | None = None
     creep: MemoryElement | None = None
     wrap: Wrap | None = None
+    clamp: Clamp | None = None
     end_mass: Scalar = quantity("kg", (1e-4, 10.0), "mass of the moving fitting", symbol="m", default=0.02)
     viscosity: Scalar = quantity("N*s/m", (0.0, 1e4), "internal damping", symbol="c", default=1.0)
     stop_damping: Scalar = quantity(
@@ -79,10 +85,16 @@ class MuscleUnit(Module):
         states = {name: part.initial() for name, part in self.parts.items()}
         if self.wrap is not None:
             states["wrap"] = self.wrap.initial()
+        if self.clamp is not None:
+            states["clamp"] = self.clamp.initial()
         return {name: MuscleLedger(state, zero, zero) for name, state in states.items()}
 
+    def held_span(self, memory: dict[str, MuscleLedger], span: Scalar) -> Scalar:
+        """Span between the muscle's anchor and what holds the tendon [m]: less what the clamp has slipped."""
+        return span if self.clamp is None else span - memory["clamp"].state
+
     def tension(self, state: UnitState, span: Scalar, span_velocity: Scalar) -> Scalar:
-        """Tension of the tendon at the muscle [N], never negative."""
+        """Tension of the tendon at the muscle [N], never negative; the span is that of `held_span`."""
         return self.tendon.force(span - state.length, span_velocity - state.velocity)
 
     def load_tension(self, memory: dict[str, MuscleLedger], tension: Scalar) -> Scalar:
@@ -123,6 +135,8 @@ class MuscleUnit(Module):
         }
         if self.wrap is not None:
             done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
+        if self.clamp is not None:
+            done["clamp"] = self.clamp.advance(memory["clamp"].state, self.tendon, path.end_stretch)
         return {
             name: MuscleLedger(new.state, memory[name].work + new.work, memory[name].dissipated + new.dissipated)
             for name, new in done.items()

@@ -20,6 +20,7 @@ OUTPUTS = {
     "friction": ("N", "friction and creep, positive against lengthening"),
     "volume": ("m^3", "volume of the gas"),
     "slack": ("1", "1 while it is slack"),
+    "slip": ("m", "span that the clamp has lost"),
     "current": ("A", "current of the motor"),
     "deflection": ("m", "what the frame yields"),
 }

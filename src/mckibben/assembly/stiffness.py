@@ -84,7 +84,7 @@ def muscle_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mappin
     if name not in machine.units:
         raise InputError("muscle", name, known=machine.units, where="stiffness")
     unit = machine.units[name]
-    spans = machine.load.spans(state["load"], inputs)
+    spans = machine.held_spans(machine.load.spans(state["load"], inputs), memory)
     cord = derivative(unit.tendon.force, spans[name].span - state["muscles"][name].length)
     stuck = memory_stiffness(unit, machine.gauge(state, name))
 

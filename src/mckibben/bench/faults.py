@@ -1,4 +1,6 @@
-"""Faults of a rig and wear of its muscle, each a parameter of the part that it belongs to; zero is sound.
+"""Faults of a rig and wear of its muscle, each a parameter of the part that it belongs to.
+
+Zero is sound; of the clamp's grip it is `SOUND_GRIP`, which no muscle reaches.
 
     [faults]                        # of a rig's file
     leak = "0.2 l/min/bar"
@@ -10,11 +12,13 @@
 | valve_blockage, valve_sticking | `PressureRegulator.worn`: orifices, and play of the sensed pressure |
 | ..._drift | zero of a sensor, or of the encoder's zero, that moves at a constant rate from the start of the run |
 | clamp_slack | slack length of the tendon between muscle and load |
+| clamp_grip | `assembly.clamp`: slips and loses span where the tension passes it |
 | lost_threads, rubber_warming | `muscles.worn_braid` |
 """
 
 from __future__ import annotations
 
+from ..assembly.clamp import Clamp
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Module, Scalar
 from ..errors import InputError
@@ -25,6 +29,7 @@ from ..pneumatics.valves import PressureRegulator
 from ..quantities import declared, quantity
 from .hardware.pneumatics import Plumbing
 
+SOUND_GRIP = 1e9  # tension that a clamp holds which does not slip [N]
 DRIFT = "_drift"  # how the names of drifts end, after the channel
 
 
@@ -44,14 +49,17 @@ class RigFaults(Module):
     tension_drift: Scalar = quantity("N/s", (-1e3, 1e3), "drift of the load cell", default=0.0)
     span_drift: Scalar = quantity("m/s", (-0.1, 0.1), "drift of the measured span", default=0.0)
     clamp_slack: Scalar = quantity("m", (0.0, 0.1), "slack of the clamp that holds the muscle", default=0.0)
+    clamp_grip: Scalar = quantity(
+        "N", (1e-3, SOUND_GRIP), "tension from which on the clamp slips", typical=(10.0, 1e4), default=SOUND_GRIP
+    )
     lost_threads: Scalar = quantity("1", (0.0, 0.9), "share of the braid's threads that are lost", default=0.0)
     rubber_warming: Scalar = quantity("K", (0.0, 100.0), "rubber's temperature above room temperature", default=0.0)
 
     @property
     def present(self) -> dict[str, float]:
-        """Faults that are not zero, by name [SI]."""
+        """Faults that there are, by name [SI]."""
         values = {name: float(getattr(self, name)) for name in declared(RigFaults)}
-        return {name: value for name, value in values.items() if value != 0.0}
+        return {name: value for name, value in values.items() if value != SOUND.get(name, 0.0)}
 
     def drifts(self) -> dict[str, Scalar]:
         """Rates of the measured channels that drift [unit of the channel/s]."""
@@ -61,7 +69,7 @@ class RigFaults(Module):
         """Return plumbing and muscle with all faults but the drifts, zero or not, so that values may be traced."""
         valve = self.valve(plumbing) if isinstance(plumbing.valve, PressureRegulator) else plumbing.valve
         return plumbing.replace(valve=valve, leak=self.leaking(plumbing)), unit.replace(
-            tendon=self.slack(unit), law=self.worn(unit)
+            tendon=self.slack(unit), law=self.worn(unit), clamp=self.slipping()
         )
 
     def plumbing(self, sound: Plumbing) -> Plumbing:
@@ -92,6 +100,8 @@ class RigFaults(Module):
         present = self.present
         if "clamp_slack" in present:
             sound = sound.replace(tendon=self.slack(sound))
+        if "clamp_grip" in present:
+            sound = sound.replace(clamp=self.slipping())
         if "lost_threads" in present or "rubber_warming" in present:
             sound = sound.replace(law=self.worn(sound))
         return sound
@@ -101,9 +111,14 @@ class RigFaults(Module):
         slack: Tendon = sound.tendon.replace(slack_length=sound.tendon.slack_length + self.clamp_slack)
         return slack
 
+    def slipping(self) -> Clamp:
+        """Return the clamp with its grip."""
+        return Clamp(grip=self.clamp_grip)
+
     def worn(self, sound: MuscleUnit) -> WornBraid:
         """Return the law of the worn braid."""
         return WornBraid(sound=sound.law, lost_threads=self.lost_threads, warming=self.rubber_warming)
 
 
+SOUND = {"clamp_grip": SOUND_GRIP}  # values that are sound, where it is not zero
 NAMES = tuple(declared(RigFaults))

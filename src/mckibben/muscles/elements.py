@@ -78,6 +78,12 @@ class Tendon(ForceElement):
         elastic = self.stiffness * (0.5 * toe * toe / self.toe_length + jnp.maximum(stretch - self.toe_length, 0.0))
         return elastic * jnp.maximum(1.0 + self.loss * jnp.asarray(velocity, float), 0.0)
 
+    def stretch(self, force: Scalar) -> Scalar:
+        """Stretch at which it pulls with a force at rest [m], force [N]."""
+        pulled = force / self.stiffness
+        in_toe = jnp.sqrt(2.0 * self.toe_length * jnp.maximum(pulled, 0.0))
+        return jnp.where(pulled < 0.5 * self.toe_length, in_toe, pulled + 0.5 * self.toe_length)
+
     def stored_energy(self, length: Scalar) -> Scalar:
         """Integral of f over the stretch [J]."""
         stretch = length - self.slack_length

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from ...assembly.build import unit_from_muscle, unit_from_specimen
 from ...assembly.muscle_unit import MuscleUnit
@@ -36,7 +37,7 @@ from ...quantities import declared, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen, muscle_specimen
-from .observer import CHANNELS, START_FRICTION, START_GAS, START_PORT, Observer, RecordedSection
+from .observer import CHANNELS, MOTION, START_FRICTION, START_GAS, START_PORT, Observer, RecordedSection
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
 THRESHOLD = 30.0
@@ -44,8 +45,10 @@ TELLING = 6.0  # a likelihood e^3 times smaller: such a fault is not excluded
 BLOCK = 0.02  # readings are averaged over it [s]
 # A section is compared from where it has forgotten how friction and pressure at the valve began, which no recording says:
 # starts as different as these are predicted alike, to a share of the noise of a block. It is at most a share of it.
-STARTS = ({START_FRICTION: 0.02, START_PORT: 0.02}, {START_FRICTION: -0.02, START_PORT: -0.02})
+# What is left of them then is fitted along with each fault.
+STARTS = ({START_FRICTION: 0.02}, {START_FRICTION: -0.02}, {START_PORT: 0.02}, {START_PORT: -0.02})
 FORGOTTEN, SKIPPED, FEWEST_SKIPPED = 0.1, 0.25, 2
+LEAST_GRIP = 1e-3  # of a clamp that is searched [N]
 SHORTEST = 0.2  # of a section [s]
 MOST_SECTIONS, MOST_SAMPLES = 8, 20_000
 ROUNDS, LADDER = 4, 9  # of the search for a fault's value, and values of each
@@ -59,11 +62,14 @@ SIZES = {
     "tension_drift": 0.02,
     "span_drift": 2e-5,
     "clamp_slack": 1e-4,
+    "clamp_grip": 0.05,  # by which it is below the largest tension
     "lost_threads": 0.01,
     "rubber_warming": 5.0,
 }
-# The effect of a play is not in proportion to its size: it is predicted at several, in units of that above.
-RUNGS = {"valve_sticking": (1.0, 8.0, 64.0)}
+# The effects of a play and of a slip are not in proportion to the size: they are predicted at several, in units of that
+# above.
+RUNGS = {"valve_sticking": (1.0, 3.0, 8.0, 24.0, 64.0), "clamp_grip": (1.0, 8.0, 64.0)}
+CLAMP_GRIP = "clamp_grip"  # searched as the tension by which it is below the largest of the sound rig
 TITLES = {
     "leak": "leak of the muscle's fitting",
     "valve_blockage": "blocked valve",
@@ -73,6 +79,7 @@ TITLES = {
     "tension_drift": "drifting load cell",
     "span_drift": "drifting measurement of the span",
     "clamp_slack": "slack clamp",
+    "clamp_grip": "slipping clamp",
     "lost_threads": "braid that has lost threads",
     "rubber_warming": "warm rubber",
 }
@@ -80,9 +87,11 @@ SHOWN = {
     "leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s",
     "valve_sticking": "mbar", "clamp_slack": "mm",
 }  # fmt: skip
+NORMAL = 1.96  # standard errors of a 95 % interval
 FEWEST_BLOCKS, SCALINGS = 20, 5
 NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
+LEAST_SHARE = 0.02  # of the strongest, of a combination of the start's effects that is told from the others
 
 
 class FaultFit(NamedTuple):
@@ -94,6 +103,7 @@ class FaultFit(NamedTuple):
         ratio: twice the logarithm of its likelihood over that of the sound rig.
         aicc: Akaike's criterion less that of the sound rig; negative where the fault explains the record better.
         limit: value from which on this recording would show it [SI].
+        sound: value that a sound rig has as far as the recording loads it: zero, but the largest tension of a clamp's grip.
     """
 
     name: str
@@ -101,6 +111,7 @@ class FaultFit(NamedTuple):
     ratio: float
     aicc: float
     limit: float
+    sound: float = 0.0
 
     @property
     def title(self) -> str:
@@ -163,7 +174,14 @@ class Diagnosis:
             "threshold": self.threshold,
             "blocks": self.blocks,
             "faults": [
-                {**one.estimate._asdict(), "name": one.name, "ratio": one.ratio, "aicc": one.aicc, "limit": one.limit}
+                {
+                    **one.estimate._asdict(),
+                    "name": one.name,
+                    "ratio": one.ratio,
+                    "aicc": one.aicc,
+                    "limit": one.limit,
+                    "sound": one.sound,
+                }
                 for one in self.faults
             ],
         }
@@ -174,6 +192,8 @@ def shown(name: str, value: float) -> str:
     from ...quantities import from_si
 
     unit = declared(RigFaults)[name].unit
+    if name == CLAMP_GRIP:  # known to a part of its own that is smaller than of other faults
+        return with_unit(value, unit, 5)
     if name in SHOWN:
         return f"{from_si(value, unit, SHOWN[name]):.3g} {SHOWN[name]}".replace("l/(min*bar)", "l/min/bar")
     return f"{100.0 * value:.3g} %" if unit == "1" else with_unit(value, unit, 3)
@@ -299,6 +319,8 @@ def known_faults(observer: Observer, measured: Sequence[str]) -> tuple[str, ...]
             and not isinstance(observer.plumbing.valve, PressureRegulator)
         ):
             continue
+        if name == CLAMP_GRIP and "tension" not in measured:
+            continue
         if name.endswith(DRIFT) and name != "span_drift" and name.removesuffix(DRIFT) not in measured:
             continue
         names.append(name)
@@ -313,14 +335,26 @@ class _Comparison:
         self.channels = [name for name in observer.channels if name in sections[0].measured]
         self.rows = [observer.channels.index(name) for name in self.channels]
         self.size = max(1, round(BLOCK / float(np.mean(np.diff(sections[0].time)))))
-        self.scale = np.ones(len(self.channels))
-        self.start = np.zeros((len(self.channels), 0))
+        self.scale = np.ones((len(self.channels), 1))
+        self.starts = np.zeros((0, len(self.channels), 0))
+        self.rough = np.zeros((len(self.channels), 1))
+        self.largest = 0.0
         self.firsts = [0] * len(sections)
         self.measured = np.zeros((len(self.channels), 0))
 
     def readings(self, values: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
         """Readings (sets, channels, n) of each section predicted for sets of faults [SI]."""
-        return [self.observer.predict(s, values)[:, self.rows] for s in self.sections]
+        real = [self.real(one) for one in values]
+        return [table[:, self.rows] for table in self.observer.predict_all(self.sections, real)]
+
+    def real(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Faults of the rig [SI] from what is searched: the grip of a clamp from the tension by which it is too low."""
+        return {n: max(self.largest - v, LEAST_GRIP) if n == CLAMP_GRIP else v for n, v in values.items()}
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Bounds of what is searched of a fault [SI]."""
+        low, high = declared(RigFaults)[name].bounds
+        return (0.0, max(self.largest - LEAST_GRIP, 0.0)) if name == CLAMP_GRIP else (low, high)
 
     def begin(self, tables: Sequence[np.ndarray]) -> None:
         """Compare from where the sections have forgotten their start.
@@ -357,36 +391,65 @@ class _Comparison:
         """Blocks (sets, channels, blocks) predicted for sets of faults [SI]."""
         return self.blocks(self.readings(values))
 
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviation of each block (channels, blocks): of its channel, and of the motion where that is rough."""
+        spread: np.ndarray = np.sqrt(self.scale**2 + self.rough**2)
+        return spread
+
     def scaled(self, blocks: np.ndarray) -> np.ndarray:
-        """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effect."""
-        rows = (blocks / self.scale[:, None]).reshape(*blocks.shape[:-2], -1)
-        if not self.start.size:
+        """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effects."""
+        rows = (blocks / self.spread).reshape(*blocks.shape[:-2], -1)
+        if not len(self.starts):
             return rows
-        start = (self.start / self.scale[:, None]).ravel()
-        strength = float(start @ start)
-        return rows - (rows @ start)[..., None] * (start / strength) if strength > LEAST_EFFECT else rows
+        starts = (self.starts / self.spread).reshape(len(self.starts), -1)
+        size = np.sqrt((starts**2).sum(axis=1))
+        seen = size > np.sqrt(LEAST_EFFECT)
+        if not seen.any():
+            return rows
+        left, strength, _ = np.linalg.svd((starts[seen] / size[seen, None]).T, full_matrices=False)
+        basis = left[:, strength > LEAST_SHARE * strength[0]]
+        free: np.ndarray = rows - (rows @ basis) @ basis.T
+        return free
 
 
 def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -> Diagnosis:
-    """Diagnose a rig from sections of a recording; see `diagnose`."""
+    """Diagnose a rig from sections of a recording; see `diagnose`.
+
+    Where another motion that the recording could as well be of changes a block or its neighbours by more than the noise, the
+    variance of the block is larger by the square of that change.
+    """
     compare = _Comparison(observer, sections)
     names = known_faults(observer, compare.channels)
-    tried = [(n, SIZES[n] * rung) for n in names for rung in RUNGS.get(n, (1.0,))]
-    sets: list[dict[str, float]] = [{}, {START_GAS: START}, *({n: v} for n, v in tried)]
-    tables = compare.readings([*sets, *STARTS])
-    compare.begin([np.concatenate([table[:1], table[len(sets) :]]) for table in tables])
-    predicted = compare.blocks([table[: len(sets)] for table in tables])
-    sound, compare.start, changed = predicted[0], predicted[1] - predicted[0], predicted[2:] - predicted[0]
+    tried = [(n, SIZES[n] * rung) for n in names if n != CLAMP_GRIP for rung in RUNGS.get(n, (1.0,))]
+    sets = [{}, {START_GAS: START}, *({n: v} for n, v in tried)]
+    first = compare.readings(sets)
+    slips: list[tuple[str, float]] = []
+    if CLAMP_GRIP in names:
+        tension = compare.channels.index("tension")
+        compare.largest = max(float(table[0, tension].max()) for table in first)
+        slips = [(CLAMP_GRIP, SIZES[CLAMP_GRIP] * rung) for rung in RUNGS[CLAMP_GRIP]]
+    others = compare.readings([*({n: v} for n, v in slips), {MOTION: 1.0}, *STARTS])
+    begun = len(slips) + 1
+    compare.begin([np.concatenate([a[:1], b[begun:]]) for a, b in zip(first, others, strict=True)])
+    predicted, further = compare.blocks(first), compare.blocks(others)
+    sound = predicted[0]
+    tried, changed = [*tried, *slips], np.concatenate([predicted[2:], further[: len(slips)]]) - sound
+    compare.starts = np.concatenate([predicted[1:2], further[begun:]]) - sound
+    rough = maximum_filter1d(np.abs(further[len(slips)] - sound), 3, axis=1)
+    compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
     widened = _set_scale(compare, changed, compare.measured - sound)
     residual = compare.scaled(compare.measured - sound)
-    first = {n: _first_fit(n, tried, compare.scaled(changed), residual, widened) for n in names}
-    values, spread, likelihoods, limits = ({n: first[n][i] for n in names} for i in range(4))
+    effects = compare.scaled(changed)
+    alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
+    values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
     if max(likelihoods.values()) <= THRESHOLD:
-        return _result(compare, names, values, spread, likelihoods, limits, residual, explained=True)
-    values, spread, likelihoods = _search(compare, names, values, spread, residual, widened)
+        intervals = {n: _interval(values[n], spread[n]) for n in names}
+        return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=True)
+    values, intervals, likelihoods = _search(compare, names, values, spread, residual, widened)
     best = max(names, key=likelihoods.__getitem__)
     explained = _explains(compare, names, best, values[best], widened)
-    return _result(compare, names, values, spread, likelihoods, limits, residual, explained=explained)
+    return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=explained)
 
 
 class _FirstFit(NamedTuple):
@@ -452,16 +515,17 @@ def _set_scale(compare: _Comparison, changed: np.ndarray, off: np.ndarray) -> fl
         The factor by which blocks that are like their neighbours widen variances. It is of the residual that all faults
         leave together.
     """
+    starts = compare.starts
+    effects = np.concatenate([changed, starts])
+    compare.starts = starts[:0]
     left = off
-    start = compare.start
     for _ in range(SCALINGS):  # each time in the units of the one before
-        effects = np.concatenate([changed, start[None]])
-        compare.start = start[:, :0]
         amounts = np.linalg.lstsq(compare.scaled(effects).T, compare.scaled(off), rcond=1e-9)[0]
         left = off - np.einsum("k,kcb->cb", amounts, effects)
-        compare.start = start
-        compare.scale = np.maximum(left.std(axis=1), 0.2 * compare.noise())
-    return max(1.0, widening([row / s for row, s in zip(left, compare.scale, strict=True)])) ** 2
+        share = (left / compare.spread).std(axis=1, keepdims=True)
+        compare.scale = np.maximum(share * compare.scale, compare.noise()[:, None])
+    compare.starts = starts
+    return max(1.0, widening(list(left / compare.spread))) ** 2
 
 
 def _search(
@@ -471,13 +535,12 @@ def _search(
     spread: Mapping[str, float],
     residual: np.ndarray,
     widened: float,
-) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-    """Fit each fault alone, whatever its size: values, standard errors and likelihood ratios."""
-    bounds = {n: declared(RigFaults)[n].bounds for n in names}
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, float]]:
+    """Fit each fault alone, whatever its size: values, 95 % intervals and likelihood ratios."""
+    bounds = {n: compare.bounds(n) for n in names}
     sound = float(residual @ residual)
     ladders = {n: _ladder(n, values[n], bounds[n]) for n in names}
     tried: dict[str, dict[float, float]] = {n: {0.0: sound} for n in names}
-    errors = dict(spread)
     for _ in range(ROUNDS):
         sets = [(n, float(v)) for n in names for v in ladders[n]]
         predicted = compare.scaled(compare.measured - compare.predict([{n: v} for n, v in sets]))
@@ -486,12 +549,17 @@ def _search(
             tried[n][v] = float(misfit)
         for n in names:
             ladders[n] = _narrowed(tried[n], bounds[n])
-    best = {}
+    best, intervals = {}, {}
     for n in names:
-        vertex, errors[n] = _vertex(tried[n], widened, spread[n])
+        vertex, error = _vertex(tried[n], widened, spread[n])
         best[n] = float(np.clip(vertex, *bounds[n]))
+        low, high = _interval(vertex, error)
+        if n in RUNGS:
+            least, largest = _profile_interval(tried[n], widened)
+            low, high = min(low, least), max(high, largest)
+        intervals[n] = low, high
     ratios = {n: (sound - min(tried[n].values())) / widened for n in names}
-    return best, errors, ratios
+    return best, intervals, ratios
 
 
 def _ladder(name: str, linear: float, bounds: tuple[float, float]) -> np.ndarray:
@@ -533,6 +601,30 @@ def _vertex(tried: Mapping[float, float], widened: float, spread: float) -> tupl
     return float(values[at]) + shift, size * float(np.sqrt(widened / curvature))
 
 
+def _interval(value: float, error: float) -> tuple[float, float]:
+    """95 % interval of a normal distribution."""
+    return value - NORMAL * error, value + NORMAL * error
+
+
+def _profile_interval(tried: Mapping[float, float], widened: float) -> tuple[float, float]:
+    """95 % interval by the likelihood itself, as for a fault whose misfit has kinks and several minima.
+
+    It reaches from the least to the largest value that was tried whose misfit is not refused, and beyond both to where the
+    root of the misfit, between two values a straight line, is refused.
+    """
+    values = np.array(sorted(tried))
+    off = np.sqrt(np.maximum(np.array([tried[v] for v in values]) - min(tried.values()), 0.0) / widened)
+    inside = np.flatnonzero(off <= NORMAL)
+    ends = []
+    for at, beyond in ((inside[0], inside[0] - 1), (inside[-1], inside[-1] + 1)):
+        if not 0 <= beyond < len(values) or not np.isfinite(off[beyond]):
+            ends.append(float(values[at]))
+        else:
+            share = (NORMAL - off[at]) / (off[beyond] - off[at])
+            ends.append(float(values[at] + share * (values[beyond] - values[at])))
+    return ends[0], ends[1]
+
+
 def _explains(compare: _Comparison, names: Sequence[str], best: str, value: float, widened: float) -> bool:
     """Whether nothing of the list improves the prediction much once the best fault is there."""
     there = {best: value}
@@ -552,7 +644,7 @@ def _result(
     compare: _Comparison,
     names: Sequence[str],
     values: Mapping[str, float],
-    spread: Mapping[str, float],
+    intervals: Mapping[str, tuple[float, float]],
     ratios: Mapping[str, float],
     limits: Mapping[str, float],
     residual: np.ndarray,
@@ -563,10 +655,12 @@ def _result(
     sound = akaike(residual, 1)
     fits = []
     for n in names:
-        low, high = np.clip([values[n] - 1.96 * spread[n], values[n] + 1.96 * spread[n]], *units[n].bounds)
+        low, high = np.clip(intervals[n], *compare.bounds(n))
         share = max(1.0 - ratios[n] / max(float(residual @ residual), 1e-12), 1e-12)
-        estimate = Estimate(values[n], float(low), float(high), units[n].unit)
-        fits.append(FaultFit(n, estimate, ratios[n], akaike(residual * np.sqrt(share), 2) - sound, limits[n]))
+        value, low, high, limit = (compare.real({n: float(v)})[n] for v in (values[n], low, high, limits[n]))
+        estimate = Estimate(value, min(low, high), max(low, high), units[n].unit)
+        aicc = akaike(residual * np.sqrt(share), 2) - sound
+        fits.append(FaultFit(n, estimate, ratios[n], aicc, limit, compare.real({n: 0.0})[n]))
     fits.sort(key=lambda one: -one.ratio)
     found = fits[0].name if fits[0].ratio > THRESHOLD else ""
     alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)

@@ -2,7 +2,8 @@
 
 The machine is that of the simulated rig, with its circuit, muscle and tendon; only its motor is replaced by the recorded
 span, and its software by the recorded command. So neither controllers nor a protocol are needed, and noise does not enter.
-The frame yields by the recorded tension over its stiffness; a sensor's filter is taken as a delay by its time constant.
+The frame yields by the recorded tension over its stiffness. Between two samples the motion follows a cubic spline, since the
+corners of straight lines would shake the muscle's end; commands are held, and sensors filter what is between.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ..._jax import Scalar, Tree, jnp
 from ...assembly.loads import HostLoad
 from ...assembly.machine import Machine
 from ...assembly.muscle_unit import MuscleUnit
-from ...bench.faults import DRIFT, RigFaults
+from ...bench.faults import DRIFT, SOUND, RigFaults
 from ...bench.hardware.analogue import Sensor
 from ...bench.hardware.pneumatics import MUSCLE, PORT, Plumbing
 from ...bench.rig import Rig
@@ -34,20 +36,27 @@ CHANNELS = {
     "tension": f"{MUSCLE}.load_tension",
 }
 SIMULATED = (
-    "leak", "valve_blockage", "valve_sticking", "span_drift", "clamp_slack", "lost_threads", "rubber_warming",
+    "leak", "valve_blockage", "valve_sticking", "span_drift", "clamp_slack", "clamp_grip", "lost_threads", "rubber_warming",
 )  # fmt: skip
 # What no recording says of its start; none is a fault.
 START_GAS = "start_gas"  # share by which the muscle holds more gas at first than at room temperature
 START_FRICTION = "start_friction"  # way of the braid before the start, after which its friction was relaxed [m]
 START_PORT = "start_port"  # share by which the pressure at the valve is higher than it was measured
-STARTS = (START_GAS, START_FRICTION, START_PORT)
-# Weights of the middle of a parabola fitted to five samples: A. Savitzky and M. J. E. Golay, Anal. Chem. 36(8), 1964.
+START_SLIP = "start_slip"  # span that the clamp lost in the sections before [m]
+# Share by which the motion is another one that the recording could as well be of: smoothed by a wider parabola, and counted
+# by an encoder that is half a count off. The two differ where the motion jolts within some samples or nearly stands still.
+MOTION = "motion"
+STARTS = (START_GAS, START_FRICTION, START_PORT, START_SLIP, MOTION)
+# Weights of the middle of a parabola fitted to five and to nine samples: A. Savitzky and M. J. E. Golay, Anal. Chem. 36(8),
+# 1964.
 PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
+WIDER_PARABOLA = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
 LEAST_NOISE, COUNTS, COUNTS_BESIDE = (
     0.02,
     1.0,
     6,
 )  # of a count: least noise; beyond which, and over how many, it is averaged
+SUBSAMPLES = 5  # of each sample, at which motion and sensors are evaluated
 MOST_PARTS = 16  # of the usual step, before a run is given up
 
 
@@ -94,22 +103,58 @@ class Observer(NamedTuple):
         Raises:
             ConvergenceError: the rig cannot be simulated with these inputs.
         """
+        return self.predict_all([section], values)[0]
+
+    def predict_all(
+        self, sections: Sequence[RecordedSection], values: Sequence[Mapping[str, float]]
+    ) -> list[np.ndarray]:
+        """Predict sections of one run after another, of which each begins with what the clamp has slipped before.
+
+        Args:
+            sections: in the order of time.
+            values: as of `predict`.
+
+        Returns:
+            Mean readings (sets, channels, n) of each [SI].
+
+        Raises:
+            ConvergenceError: the rig cannot be simulated with these inputs.
+        """
+        slips, tables = [0.0] * len(values), []
+        for section in sections:
+            begun = [{START_SLIP: slip, **one} for slip, one in zip(slips, values, strict=True)]
+            done = self._simulate(section, begun)
+            tables.append(self._read(done, section, values))
+            slips = [float(lane[-1]) for lane in done["slip"]]
+        return tables
+
+    def _simulate(self, section: RecordedSection, values: Sequence[Mapping[str, float]]) -> Mapping[str, np.ndarray]:
+        """Simulate a section for several sets of faults: channels and slip (sets, n) before the sensors [SI]."""
         period = float(np.mean(np.diff(section.time)))
-        table = np.array([[float(one.get(name, 0.0)) for name in (*SIMULATED, *STARTS)] for one in values])
+        names = (*SIMULATED, *STARTS)
+        table = np.array([[float(one.get(name, SOUND.get(name, 0.0))) for name in names] for one in values])
         room = self.rig.environment
         start = np.array([self._start(section, name) for name in ("valve_pressure", "pressure")])
         begun = np.float64(section.time[0])
-        span = _smooth(section.span)
+        span = _smooth(section.span, PARABOLA)
+        count = 0.0 if self.rig.encoder is None else float(self.rig.encoder.resolution)
+        other = count * (np.floor((span - section.span[0]) / count) + 0.5) + section.span[0] if count else span
+        other = _smooth(other, WIDER_PARABOLA)
         if "tension" in section.measured:  # without it the frame's deflection is left out
-            span = span - section.measured["tension"] / float(self.rig.frame.stiffness)
-        recorded = section.time - begun, span, section.valve, section.opened
+            deflection = section.measured["tension"] / float(self.rig.frame.stiffness)
+            span, other = span - deflection, other - deflection
+        times = section.time[0] + period / SUBSAMPLES * np.arange(SUBSAMPLES * (len(section.time) - 1) + 1)
+        fine, also = (CubicSpline(section.time, values)(times) for values in (span, other))
+        asked, opened = (np.repeat(values, SUBSAMPLES)[: len(times)] for values in (section.valve, section.opened))
+        recorded = times - begun, fine, also - fine, asked, opened
         shared = self.plumbing, self.unit, room, *recorded, start, np.float64(self.latency), begun
-        steps = max(1, math.ceil(period / STEP - 1e-9))
-        for part in (1, 2, 4, 8, MOST_PARTS):
-            inner = steps * part
-            done = call_in_lanes(_outputs, shared, (table,), period=period, inner=inner, samples=len(section.time) - 1)
-            if np.isfinite(done["rate"]).all() and done["rate"].max() * period / inner <= RK4_LIMIT:
-                return self._read(done, section, values)
+        part = period / SUBSAMPLES
+        steps = max(1, math.ceil(part / STEP - 1e-9))
+        for finest in (1, 2, 4, 8, MOST_PARTS):
+            inner = steps * finest
+            done = call_in_lanes(_outputs, shared, (table,), period=part, inner=inner, samples=len(times) - 1)
+            if np.isfinite(done["rate"]).all() and done["rate"].max() * part / inner <= RK4_LIMIT:
+                return done
         raise ConvergenceError(
             "The rig cannot be simulated with the recorded command and span; is the recording of another rig?"
         )
@@ -117,19 +162,15 @@ class Observer(NamedTuple):
     def _read(
         self, done: Mapping[str, np.ndarray], section: RecordedSection, values: Sequence[Mapping[str, float]]
     ) -> np.ndarray:
-        """Delay each channel by its sensor's filter, less the skew of its converter; add its drift, and count."""
+        """Filter each channel as its sensor does, up to the skew of its converter; add its drift, and count."""
         time = section.time
+        part = float(np.mean(np.diff(time))) / SUBSAMPLES
         rows = []
         for name in self.channels:
             sensor = self.rig.sensors[name]
-            late = 1.0 / (2.0 * math.pi * float(sensor.cutoff)) - float(sensor.converter.skew)
-            drifts = [one.get(f"{name}{DRIFT}", 0.0) for one in values]
-            rows.append(
-                [
-                    mean_reading(sensor, np.interp(time - late, time, lane) + drift * time)
-                    for lane, drift in zip(done[name], drifts, strict=True)
-                ]
-            )
+            signals = filtered(sensor, done[name], part)[:, ::SUBSAMPLES]
+            drifts = np.array([one.get(f"{name}{DRIFT}", 0.0) for one in values])
+            rows.append(mean_reading(sensor, signals + drifts[:, None] * time))
         return np.moveaxis(np.array(rows), 0, 1)
 
     def _start(self, section: RecordedSection, name: str) -> float:
@@ -140,8 +181,8 @@ class Observer(NamedTuple):
 
 
 def _outputs(
-    plumbing: Plumbing, unit: MuscleUnit, room: Environment, clock: Any, span: Any, valve: Any, opened: Any, start: Any,
-    latency: Scalar, begun: Scalar, values: Any, *, period: float, inner: int, samples: int,
+    plumbing: Plumbing, unit: MuscleUnit, room: Environment, clock: Any, span: Any, other: Any, valve: Any, opened: Any,
+    start: Any, latency: Scalar, begun: Scalar, values: Any, *, period: float, inner: int, samples: int,
 ) -> dict[str, Tree]:  # fmt: skip
     """Compute channels (n,) and the bound of the fastest mode [1/s] for one set of faults."""
     faults = RigFaults(**{name: values[i] for i, name in enumerate(SIMULATED)})
@@ -149,7 +190,7 @@ def _outputs(
     faulty, muscle = faults.on_every_part(plumbing, unit)
     machine = Machine.of(faulty.circuit({MUSCLE: muscle}, room), {MUSCLE: muscle}, HostLoad(held=(MUSCLE,)), room)
     signals = {
-        f"{MUSCLE}.span": ramped(span - faults.span_drift * (begun + clock)),
+        f"{MUSCLE}.span": ramped(span + unknown[MOTION] * other - faults.span_drift * (begun + clock)),
         "valve": held(valve).delayed(latency),
     }
     if plumbing.shut_off is not None:
@@ -160,14 +201,14 @@ def _outputs(
     masses = state["circuit"]["mass"]
     masses = masses | {MUSCLE: masses[MUSCLE] * (1.0 + unknown[START_GAS])}
     state = state | {"circuit": state["circuit"] | {"mass": masses}}
-    memory = _memory_before(machine, state, memory, port, unknown[START_FRICTION])
+    memory = _memory_before(machine, state, memory, port, unknown)
     _, kept = march(machine, state, memory, signals, period, inner, samples, False, integrals=False)
-    channels = {name: kept[2][output] for name, output in CHANNELS.items()}
+    channels = {name: kept[2][output] for name, output in CHANNELS.items()} | {"slip": kept[2][f"{MUSCLE}.slip"]}
     rate = jnp.zeros(()) + machine.max_rate_bound(state, memory, now)
     return channels | {"valve_pressure": channels["valve_pressure"] - room.pressure_abs, "rate": rate}
 
 
-def _memory_before(machine: Machine, state: Tree, memory: Tree, port: Scalar, way: Scalar) -> Tree:
+def _memory_before(machine: Machine, state: Tree, memory: Tree, port: Scalar, unknown: Mapping[str, Scalar]) -> Tree:
     """Set the memory with which a section begins.
 
     A regulator that was at rest is shut, so that what it senses is its set-point, as far as its play allows; from the
@@ -178,27 +219,51 @@ def _memory_before(machine: Machine, state: Tree, memory: Tree, port: Scalar, wa
         state: state at the start.
         memory: memory of a machine that was never moved.
         port: absolute pressure at the valve [Pa].
-        way: of the braid before the start [m].
+        unknown: what no recording says of the start, by its name.
     """
     valve, unit = machine.circuit.elements["valve"], machine.units[MUSCLE]
     if isinstance(valve, PressureRegulator):
         asked = state["circuit"]["elements"]["valve"] + machine.environment.pressure_abs
         memory = memory | {"circuit": memory["circuit"] | {"valve": valve.sensed(asked, port)}}
+    ledgers = memory["muscles"][MUSCLE]
     if unit.friction is not None:
         gauge = machine.gauge(state, MUSCLE)
-        ledgers = memory["muscles"][MUSCLE]
         moved = unit.friction.advance(
-            ledgers["friction"].state, way, start_pressure=gauge, end_pressure=gauge, duration=0.0
+            ledgers["friction"].state,
+            unknown[START_FRICTION],
+            start_pressure=gauge,
+            end_pressure=gauge,
+            duration=0.0,
         )
         ledgers = ledgers | {"friction": ledgers["friction"]._replace(state=moved.state)}
-        memory = memory | {"muscles": memory["muscles"] | {MUSCLE: ledgers}}
+    ledgers = ledgers | {"clamp": ledgers["clamp"]._replace(state=unknown[START_SLIP])}
+    memory = memory | {"muscles": memory["muscles"] | {MUSCLE: ledgers}}
     return memory
 
 
-def _smooth(values: np.ndarray) -> np.ndarray:
+def _smooth(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Smooth a counted channel (n,) by the parabola through some samples about each; held at its ends."""
-    padded = np.pad(values, len(PARABOLA) // 2, mode="edge")
-    return np.convolve(padded, PARABOLA, mode="valid")
+    padded = np.pad(values, len(weights) // 2, mode="edge")
+    return np.convolve(padded, weights, mode="valid")
+
+
+def filtered(sensor: Sensor, signals: np.ndarray, period: float) -> np.ndarray:
+    """Signals (sets, n) as the converter of a sensor gets them: behind its filter, and late by its skew.
+
+    Between two values a signal is a straight line, for which this solves the filter of `Sensor` exactly; it begins settled.
+    """
+    from scipy.signal import lfilter
+
+    pole = 2.0 * math.pi * float(sensor.cutoff)
+    kept = math.exp(-pole * period)
+    lag = (1.0 - kept) / (pole * period)  # share of a value's change by which the filter is behind at its end
+    seen = np.clip(signals, float(sensor.low), float(sensor.high))
+    begun = seen[:, :1] * (lag - kept)
+    settled, _ = lfilter([1.0 - lag, lag - kept], [1.0, -kept], seen[:, 1:], axis=1, zi=begun + kept * seen[:, :1])
+    behind = np.concatenate([seen[:, :1], settled], axis=1)
+    share = -math.expm1(-pole * float(sensor.converter.skew))
+    late: np.ndarray = behind + share * (seen - behind)
+    return late
 
 
 def mean_reading(sensor: Sensor, values: np.ndarray) -> np.ndarray:
