@@ -4,12 +4,12 @@
     python benchmarks/diagnosis.py --draw FILE
 
 Sound runs differ in the seed of the sensors' noise; each muscle and protocol has its share of them, run in lanes. Faulty
-runs have one fault each, of a size drawn between 1.5 and 15 times what the recording of a sound run can show, by its own
-limit, and within what the rig can still run with; the size of a slipping clamp is what its grip is below the largest tension
-of the sound run. A bound of the rate of false alarms is that of Clopper and Pearson at
-95 %. `--draw` writes figure and tables of the documentation from the results.
+runs have one fault each, of a size drawn between 1.5 and 15 times what the recordings of the first sound runs can show, by
+their own limits, and within what the rig can still run with. The size of a slipping clamp is that by which its grip is below
+the largest tension of these sound runs. A bound of the rate of false alarms is that of Clopper and Pearson at 95 %. `--draw`
+writes figure and tables of the documentation from the results.
 
-The seed chooses noise and sizes of both. The diagnosis was made and mended with seeds 0 to 2; a run that is published
+The seed chooses noise and sizes of both. The diagnosis was made and mended with seeds 0 to 3; a run that is published
 has one that was never run before.
 """
 
@@ -31,8 +31,9 @@ from mckibben.bench.faults import DRIFT
 from mckibben.errors import MckibbenError
 from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of
 
-SEED = 3  # of the published run
+SEED = 4  # of the published run
 SEEDS = 10_000  # by which the seeds of the noise of sound runs differ from one seed to the next
+FIRST = 8  # sound runs of each case, by whose limits the sizes of its faults are drawn
 CHANNELS = ("span", "valve.command", "pressure", "valve_pressure", "tension")
 
 
@@ -105,8 +106,9 @@ def measure_sound(count: int, seed: int, tell: Any) -> dict[str, Any]:
             observer = observer or observer_of(record)  # all runs of a case state the same rig
             found = diagnose_sections(observer, sections_of(record, observer.channels))
             largest.append(found.faults[0].ratio)
-            limits.append({one.name: abs(one.limit - one.sound) for one in found.faults})
-            sound.append({one.name: one.sound for one in found.faults})
+            if len(limits) < FIRST:
+                limits.append({one.name: abs(one.limit - one.sound) for one in found.faults})
+                sound.append({one.name: one.sound for one in found.faults})
             alarms += [found.fault] if found.fault else []
         shares = [float(np.quantile(largest, q)) for q in (0.5, 0.9, 0.99, 1.0)]
         rows.append(

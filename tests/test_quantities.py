@@ -1,10 +1,11 @@
 """Words become SI numbers at the edges, once, and a wrong dimension is named."""
 
+import jax
 import pytest
 
 from mckibben import quantities
 from mckibben.errors import InputError
-from mckibben.quantities import Quantity, from_si, has_dimension, in_si, parse, to_si, values_in_si, with_unit
+from mckibben.quantities import Quantity, as_array, from_si, has_dimension, in_si, parse, to_si, values_in_si, with_unit
 
 
 @pytest.mark.parametrize(
@@ -101,3 +102,14 @@ def test_a_range_in_words_has_both_ends():
 def test_a_range_without_a_way_from_end_to_end_is_refused(text):
     with pytest.raises(InputError, match="must be a range such as '1:5 bar'"):
         values_in_si(text, "Pa", field="pressures")
+
+
+def test_a_number_that_is_declared_while_a_function_is_traced_outlives_the_trace():
+    made = []
+
+    def doubled(x):
+        made.append(as_array(2.0))  # as a field of a module that is kept is
+        return made[0] * x
+
+    assert "device_put" not in str(jax.make_jaxpr(doubled)(1.0))
+    assert float(made[0]) == 2.0 and float(jax.jit(lambda x: made[0] + x)(1.0)) == 3.0

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..recordings import files as recording_files
 from ..studies import diagnosis
 from ._outputs import OBJECT, TABLE, OutputKinds, Paths
 from ._terminal import Json, print_json, table
@@ -49,14 +48,13 @@ def diagnose_recording(
     """Find a fault of a rig from a recording of its normal operation.
 
     Each fault is fitted alone to pressures and tension, given the recorded command of the valve and the span: a leak, a
-    blocked or sticking valve, a drifting sensor, a slack clamp, lost threads, warm rubber.
+    blocked or sticking valve, a drifting sensor, a slack or slipping clamp, lost threads, warm rubber. Of what this
+    recording or rig cannot show it says so.
 
     $ mckibben diagnose work-loop.nc
     """
     with OUT.files(out) as files:
-        result = diagnosis.fault_fit.diagnose(
-            recording_files.read_recording(file), rig, muscle=muscle, plumbing=plumbing
-        )
+        result = diagnosis.fault_fit.diagnose(file, rig, muscle=muscle, plumbing=plumbing)
         rows = [
             {"fault": one.name, **one.estimate._asdict(), "ratio": one.ratio, "aicc": one.aicc, "limit": one.limit}
             for one in result.faults
@@ -81,4 +79,5 @@ def _print(result: Diagnosis) -> None:
         rows.append([one.title, value, f"{low} to {high}", limit, f"{one.ratio:.1f}"])
     columns = ["each fault alone", "value", "95 %", "seen from", "likelihood ratio"]
     table("", columns, rows, right=range(1, 5))
+    typer.echo("".join(f"\n{sentence}" for sentence in result.not_judged), nl=bool(result.not_judged))
     typer.echo(f"\nA fault is reported from a likelihood ratio of {result.threshold:.0f} on; {result.blocks} readings.")

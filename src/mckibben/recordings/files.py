@@ -266,7 +266,9 @@ def read_recording(path: str | Path) -> Recording:
     # A log that is damaged where it says that it is one still has its samples.
     content = read_log(path) if path.suffix.lower() == ".mcap" else load(path)
     if isinstance(content, ForeignTable):
-        problem = "this is no recording of mckibben; a table of others is converted into one first"
+        problem = (
+            "this is no recording of mckibben; a table of others is converted into one first (mckibben record convert)"
+        )
         raise InputError("file", path.name, problem, sentence=problem, where=str(path))
     return content.recording
 

@@ -25,6 +25,7 @@ from scipy.ndimage import maximum_filter1d
 from ...assembly.build import unit_from_muscle, unit_from_specimen
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.faults import DRIFT, RigFaults
+from ...bench.hardware.pneumatics import Plumbing
 from ...bench.rig import Rig
 from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
@@ -130,6 +131,7 @@ class Diagnosis:
         explained: whether one fault, or none, explains the recording.
         threshold: of the likelihood ratio.
         blocks: number of averaged readings.
+        not_judged: a sentence for each fault of which this recording or this rig says nothing.
     """
 
     faults: tuple[FaultFit, ...]
@@ -138,6 +140,7 @@ class Diagnosis:
     explained: bool
     threshold: float
     blocks: int
+    not_judged: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FaultFit:
         """Fit of a fault by its name."""
@@ -173,6 +176,7 @@ class Diagnosis:
             "explained": self.explained,
             "threshold": self.threshold,
             "blocks": self.blocks,
+            "not_judged": list(self.not_judged),
             "faults": [
                 {
                     **one.estimate._asdict(),
@@ -226,8 +230,13 @@ def diagnose(
         'leak'
     """
     record = recording if isinstance(recording, Recording) else read_recording(Path(recording))
+    where = None if isinstance(recording, Recording) else str(recording)
+    _check_stated(record, rig, muscle, plumbing, where)
     observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing)
-    sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
+    try:
+        sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
+    except InputError as error:
+        raise error.at(where) if where else error from None
     return diagnose_sections(observer, sections)
 
 
@@ -240,6 +249,13 @@ def observer_of(
 ) -> Observer:
     """Build the sound rig of a recording; arguments as of `diagnose`."""
     on = _sound_rig(record, rig)
+    joined = _layout(on, record, plumbing)
+    timing = record.meta.get("timing")
+    latency = float(timing["latency"]) if isinstance(timing, Mapping) else float(on.computer.latency)
+    return Observer(joined, _sound_unit(record, muscle), on, latency)
+
+
+def _layout(on: Rig, record: Recording, plumbing: str | None) -> Plumbing:
     layout = record.meta.get("plumbing") if plumbing is None else plumbing
     layout = next(iter(on.plumbing)) if layout is None else layout
     if layout not in on.plumbing:
@@ -247,9 +263,37 @@ def observer_of(
     joined = on.plumbing[str(layout)]
     if not joined.has_muscle:
         raise InputError("plumbing", str(layout), "has no muscle; a diagnosis needs one")
-    timing = record.meta.get("timing")
-    latency = float(timing["latency"]) if isinstance(timing, Mapping) else float(on.computer.latency)
-    return Observer(joined, _sound_unit(record, muscle), on, latency)
+    return joined
+
+
+def _check_stated(
+    record: Recording,
+    rig: Rig | str | os.PathLike[str] | None,
+    muscle: str | Specimen | Muscle | MuscleUnit | None,
+    plumbing: str | None,
+    where: str | None,
+) -> None:
+    """Refuse a recording, such as one of another program, with all that is missing in one sentence.
+
+    What the caller has named is checked before.
+    """
+    missing = []
+    if rig is not None:
+        _layout(_sound_rig(record, rig), record, plumbing)
+    if muscle is not None:
+        _sound_unit(record, muscle)
+    if rig is None and not isinstance(record.meta.get("rig_document"), Mapping):
+        missing.append("it does not state its rig, so name the sound one")
+    if muscle is None and record.meta.get("specimen") is None:
+        missing.append("it does not state its muscle, so name the sound one")
+    inputs = [name for name in ("span", "valve.command") if name not in record]
+    missing += [f"it has no channel {name}, which drives the sound rig" for name in inputs]
+    if not any(name in record for name in CHANNELS):
+        missing.append(f"it has none of {', '.join(CHANNELS)}, to compare with the sound rig")
+    if missing:
+        named = f" (its channels are {', '.join(record.names())})" if inputs or len(missing) > len(inputs) else ""
+        sentence = f"the recording cannot be diagnosed: {'; '.join(missing)}{named}"
+        raise InputError("recording", None, sentence, sentence=sentence, where=where)
 
 
 def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> Rig:
@@ -325,6 +369,25 @@ def known_faults(observer: Observer, measured: Sequence[str]) -> tuple[str, ...]
             continue
         names.append(name)
     return tuple(names)
+
+
+def _not_judged(compare: _Comparison, names: Sequence[str], limits: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence for each fault of which nothing can be said, and why."""
+    said = []
+    for name in SIZES:
+        title = f"{TITLES[name].capitalize()}: not judged"
+        if name in names:
+            if not limits[name] < compare.bounds(name)[1]:
+                said.append(f"{title}, since in this recording even the largest would not show.")
+            continue
+        channel = "tension" if name == CLAMP_GRIP else name.removesuffix(DRIFT)
+        if name.startswith("valve_") and not name.endswith(DRIFT):
+            said.append(f"{title}, since the valve of this rig is no pressure regulator.")
+        elif channel not in compare.observer.rig.sensors:
+            said.append(f"{title}, since this rig does not measure {channel}.")
+        else:
+            said.append(f"{title}, since the recording does not have {channel} throughout.")
+    return tuple(said)
 
 
 class _Comparison:
@@ -664,4 +727,5 @@ def _result(
     fits.sort(key=lambda one: -one.ratio)
     found = fits[0].name if fits[0].ratio > THRESHOLD else ""
     alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)
-    return Diagnosis(tuple(fits), found, alike, explained, THRESHOLD, residual.size)
+    unsaid = _not_judged(compare, names, limits)
+    return Diagnosis(tuple(fits), found, alike, explained, THRESHOLD, residual.size, unsaid)

@@ -197,7 +197,9 @@ def _outputs(
         signals["open"] = held(opened).delayed(latency)
     now = {n: s.at(0, 0.0, period) for n, s in machine.commands(signals).items()}
     port = start[0] * (1.0 + unknown[START_PORT])
-    state, memory = machine.at_rest({n: start[1] if n == MUSCLE else port for n in machine.circuit.chambers}, now)
+    begin = now[f"{MUSCLE}.span"]
+    resting = now | {f"{MUSCLE}.span": begin._replace(value=begin.value - unknown[START_SLIP])}
+    state, memory = machine.at_rest({n: start[1] if n == MUSCLE else port for n in machine.circuit.chambers}, resting)
     masses = state["circuit"]["mass"]
     masses = masses | {MUSCLE: masses[MUSCLE] * (1.0 + unknown[START_GAS])}
     state = state | {"circuit": state["circuit"] | {"mass": masses}}
