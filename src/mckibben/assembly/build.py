@@ -147,6 +147,7 @@ def unit_from_muscle(
         friction=muscle.friction if rubs else None,
         creep=muscle.creep,
         wrap=wrap,
+        clamp=None,
         **{name: mechanics.get(name, _usual(name)) for name in known},
     )
 

@@ -462,7 +462,7 @@ class _Comparison:
 
     def scaled(self, blocks: np.ndarray) -> np.ndarray:
         """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effects."""
-        rows = (blocks / self.spread).reshape(*blocks.shape[:-2], -1)
+        rows: np.ndarray = (blocks / self.spread).reshape(*blocks.shape[:-2], -1)
         if not len(self.starts):
             return rows
         starts = (self.starts / self.spread).reshape(len(self.starts), -1)

@@ -152,7 +152,9 @@ class Observer(NamedTuple):
         steps = max(1, math.ceil(part / STEP - 1e-9))
         for finest in (1, 2, 4, 8, MOST_PARTS):
             inner = steps * finest
-            done = call_in_lanes(_outputs, shared, (table,), period=part, inner=inner, samples=len(times) - 1)
+            done: Mapping[str, np.ndarray] = call_in_lanes(
+                _outputs, shared, (table,), period=part, inner=inner, samples=len(times) - 1
+            )
             if np.isfinite(done["rate"]).all() and done["rate"].max() * part / inner <= RK4_LIMIT:
                 return done
         raise ConvergenceError(
