@@ -3,6 +3,7 @@
 import functools
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -184,6 +185,47 @@ def test_a_model_of_a_file_takes_part_beside_a_law(tmp_path, monkeypatch):
     assert benchmark([model], tasks=[ABOVE], earlier=BenchmarkResult.read(earlier)).seconds == row["seconds"]
     assert row["model"] == model and row["bias"] < 0.0  # the mean of low pressures is below tension at high ones
     assert model in (tmp_path / "page.md").read_text(encoding="utf-8")
+
+
+MEAN_OF = """import numpy as np
+class Mean:
+    def fit(self, train): self.value = np.nanmean(np.concatenate([r.outputs["tension"] for r in train]))
+    def predict(self, record): return {"tension": np.full(len(record), self.value)}
+"""
+WRONG = {  # a method of a model that someone else wrote, and the sentence
+    "def fit(self, train): raise ValueError('no\\nluck.')": "my.py:Wrong raised ValueError in fit, line 6 of my.py: no",
+    "def fit(self, train): train[0].outputs['tension'][:] = 0.0":
+        "my.py:Wrong raised ValueError in fit, line 6 of my.py: assignment destination is read-only",
+    "def predict(self, record): return 1 / 0":
+        "my.py:Wrong raised ZeroDivisionError in predict, line 6 of my.py: division by zero",
+    "def predict(self, record): pass":
+        "DMSP-10-250: prediction must be a mapping from tension to values, got NoneType",
+    "def predict(self, record): return {}": "DMSP-10-250: prediction must have the output 'tension'",
+    "def predict(self, record): return {'tension': np.zeros(3)}": "DMSP-10-250: tension must have the shape (40,), got (3,)",
+    "def predict(self, record): return {'tension': np.full(len(record), np.nan)}":
+        "DMSP-10-250: tension must be finite wherever it is scored",
+    "def predict(self, record): return {'tension': np.full(len(record), 1j)}":
+        "DMSP-10-250: tension must be an array of numbers: they are complex",
+    "def predict(self, record): return {'tension': ['a'] * len(record)}":
+        "DMSP-10-250: tension must be an array of numbers: could not convert string to float: 'a'",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", WRONG)
+def test_what_is_wrong_with_a_model_of_others_is_one_sentence_beside_the_results(tmp_path, monkeypatch, method):
+    monkeypatch.delenv("MCKIBBEN_DATA", raising=False)
+    monkeypatch.chdir(tmp_path)
+    Path("my.py").write_text(f"{MEAN_OF}class Wrong(Mean):\n    {method}\n")
+    result = benchmark(["my.py:Wrong", "my.py:Mean"], tasks=[ABOVE])
+    assert result.refused(ABOVE) == {"my.py:Wrong": WRONG[method]}
+    assert [score.model for score in result.of(ABOVE)] == ["my.py:Mean"]
+
+
+def test_a_model_that_needs_arguments_is_refused_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("my.py").write_text(f"{MEAN_OF}class Needy(Mean):\n    def __init__(self, size): ...\n")
+    with pytest.raises(InputError, match=r"called without arguments, which raised TypeError: .*'size'"):
+        benchmark(["my.py:Needy"], tasks=[ABOVE])
 
 
 def test_what_is_not_at_hand_or_unknown_is_named(monkeypatch):

@@ -495,6 +495,43 @@ def test_a_muscle_levers_file_is_read_with_its_gear_ratio(tmp_path):
     assert np.array_equal(doubled["force"], record["force"] * 2)
 
 
+PLAIN = HEAD + "".join(f"{i}\t{i / 4 + 0.5}\t{f / 500}\t0.1\t0.25\t{int(i == 2)}\n" for i, f in enumerate(PULL))
+WRITTEN = {  # the same samples as different programs write them
+    "Windows line ends and a BOM": ("\ufeff" + PLAIN.replace("\n", "\r\n")).encode(),
+    "UTF-16": PLAIN.encode("utf-16"),
+    "cp1252 in a comment": PLAIN.replace("Test Comments:\n", "Test Comments:\n\u00b5 at 25 \u00b0C\n").encode("cp1252"),
+    "blanks and tabs at the ends": PLAIN.replace("\n", " \t\n").encode(),
+    "decimal commas": re.sub(r"(\d)\.(\d)", r"\1,\2", PLAIN).encode(),
+    "a comment that names parts": PLAIN.replace(
+        "Comments:\n", "Comments:\nTest Data fine\nProtocol Array: no\n"
+    ).encode(),
+    "newtons": PLAIN.replace("mm\tmN", "mm\tN").replace("\t500.0", "\t0.5").encode(),
+    "an unused channel without numbers": PLAIN.replace("500.0\t0.0", "500.0\tNaN").encode(),
+    "two stimuli": re.sub(r"(?m)^(Sample|\d+)(\t.*)$", r"\1\2\t\1", PLAIN)
+    .replace("Stim\tSample", "Stim\tStim2")
+    .encode(),
+}
+
+
+@pytest.mark.parametrize("variant", WRITTEN)
+def test_a_muscle_levers_samples_do_not_depend_on_how_they_are_written(tmp_path, variant):
+    (tmp_path / "twitch.ddf").write_bytes(WRITTEN[variant])
+    record = mk.read(tmp_path / "twitch.ddf", gear_ratio=2)
+    assert record.names()[:4] == ["length", "force", "length.command", "stimulus"]
+    np.testing.assert_allclose(record["length"], 1e-3 * np.arange(8) / 4, rtol=1e-15)
+    np.testing.assert_allclose(record["force"], 2e-3 * PULL, rtol=1e-15)
+    assert record["stimulus"].tolist() == [0, 0, 1, 0, 0, 0, 0, 0]
+    assert [line.split()[1] for line in record.meta["source"]["protocol"]] == ["Stimulus-Twitch", "Stop"]
+
+
+def test_a_muscle_levers_file_without_a_protocol_is_read_and_says_so(tmp_path):
+    (tmp_path / "twitch.ddf").write_text(re.sub(r"Protocol Array:.*?(?=Test Data)", "", PLAIN, flags=re.S))
+    reading = understand(tmp_path / "twitch.ddf")
+    np.testing.assert_allclose(reading.data["force"], 1e-3 * PULL, rtol=1e-15)
+    assert reading.data.meta["source"]["protocol"] == []
+    assert "it has no Protocol Array: what was done to the muscle is not known" in reading.remarks
+
+
 # Broken files: file, place and remedy in one sentence
 
 GOOD = "length_mm,pressure_bar,force_N\n250,1,10\n260,2,20\n270,3,30\n"
@@ -535,8 +572,22 @@ BROKEN = {
     "no.mcap": (b"\x89MCAP0\r\n" + bytes(30), "the MCAP file has no message that can be read"),
     "no.ddf": (
         HEAD.partition("Protocol")[0].encode(),
-        "the part Protocol Array is missing; the file is cut off, or no DMC Data File",
+        "the part Test Data is missing; the file is cut off, or no DMC Data File",
     ),
+    "rate.ddf": (
+        PLAIN.replace(" 250", " 10,000").encode(),
+        "Sample Frequency",  # (Hz) must be a number
+    ),
+    "scale.ddf": (PLAIN.replace("500.0\t", "\t").encode(), "Scale of AI1 must be a number, got 'missing'"),
+    "volts.ddf": (
+        PLAIN.replace("in Volts", "in Engineering Units").encode(),
+        "Test Data must be in Volts, got 'in Engineering Units'",
+    ),
+    "lost.ddf": (
+        re.sub(r"\n3\t.*", "", PLAIN).encode(),
+        "row 23 is sample 4 after 2; samples must be numbered one by one",
+    ),
+    "cut.ddf": (PLAIN[:-12].encode(), "row 27 has 3 cells, and the header has 6 columns"),
 }
 
 

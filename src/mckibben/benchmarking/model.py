@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..errors import InputError
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS
 from ..registry import Registry, is_reference, load_reference
@@ -19,7 +20,7 @@ class BenchmarkModel(Protocol):
     """A model that takes part in the benchmark; any class with these two methods does.
 
     `fit` is called once for each fold, on a new fold with data that the model has not to remember. A model that cannot do
-    a task raises `InputError` with the reason.
+    a task raises `InputError` with the reason. The arrays of records cannot be written to: copy those that you change.
 
     Examples:
         >>> import numpy as np
@@ -101,7 +102,15 @@ def new_model(name: str) -> BenchmarkModel:
         kind: Any = load_reference(name, field="model")
         if inspect.isclass(kind) and issubclass(kind, TensionLaw):
             return LawModel(name)
-        return MODELS.find(name)()
+        made = MODELS.find(name)
+        try:
+            return made()
+        except Exception as error:
+            words = (str(error).strip().splitlines() or [""])[0]
+            problem = (
+                f"must be a class that can be called without arguments, which raised {type(error).__name__}: {words}"
+            )
+            raise InputError("model", name, problem) from error
     if name in LAWS:
         return LawModel(name)
     return MODELS.find(name)()

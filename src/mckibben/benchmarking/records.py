@@ -10,6 +10,13 @@ import numpy as np
 from ..errors import InputError
 
 
+def _protected(values: np.ndarray) -> np.ndarray:
+    """A view that cannot be written to."""
+    view = np.asarray(values).view()
+    view.setflags(write=False)
+    return view
+
+
 @dataclass(frozen=True)
 class BenchmarkRecord:
     """Inputs and outputs of one muscle, or one system, at points or over time.
@@ -40,6 +47,14 @@ class BenchmarkRecord:
     time: np.ndarray | None = None
     initial: Mapping[str, float] = field(default_factory=dict)
     phase: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Protect the arrays, so that no model changes what others are scored on."""
+        for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, {key: _protected(values) for key, values in getattr(self, name).items()})
+        for name in ("time", "phase"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _protected(getattr(self, name)))
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))

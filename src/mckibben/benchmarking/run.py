@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
+import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -11,6 +13,7 @@ from typing import Any
 
 from ..documents import JsonValue, parse_json, read_text
 from ..errors import ConvergenceError, InputError, MissingDataError
+from ..registry import is_reference
 from ..studies.validation import measured_data
 from .model import BenchmarkModel, model_names, new_model
 from .records import DataSplit
@@ -102,8 +105,24 @@ def run_task(
                 predicted = contender.predict(record.unseen())
                 scored += score_record(record, predicted, counted, fold.name, scale)
     except (InputError, ConvergenceError) as error:
-        return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=str(error), date=date)
-    return TaskScore(chosen.name, name, tuple(scored), time.process_time() - began, date=date)
+        reason = str(error)
+    except Exception as error:
+        if model is None and not is_reference(name):
+            raise  # a model of this package has a bug
+        reason = _failure(name, error)
+    else:
+        return TaskScore(chosen.name, name, tuple(scored), time.process_time() - began, date=date)
+    return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=reason, date=date)
+
+
+def _failure(name: str, error: Exception) -> str:
+    """What went wrong in a model that someone else wrote, and the last of its own lines, in one sentence."""
+    package = str(Path(__file__).parents[1])
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if not frame.filename.startswith((package, sys.prefix, sys.base_prefix))]
+    place = f" in {own[-1].name}, line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
+    words = (str(error).strip().splitlines() or [""])[0].rstrip(".")
+    return f"{name} raised {type(error).__name__}{place}" + (f": {words}" if words else "")
 
 
 def benchmark(

@@ -170,7 +170,7 @@ def scales(folds: Sequence[DataSplit], *, swing: bool = False) -> dict[tuple[str
 
 def score_record(
     record: BenchmarkRecord,
-    predicted: Mapping[str, np.ndarray],
+    predicted: object,
     scored: np.ndarray,
     fold: str,
     scale: Mapping[tuple[str, str], float],
@@ -179,7 +179,7 @@ def score_record(
 
     Args:
         record: with the measured outputs.
-        predicted: by name, each (n,).
+        predicted: a mapping from names to values, each (n,).
         scored: which samples count, bool (n,).
         fold: its name.
         scale: of each output of each muscle [SI].
@@ -187,11 +187,19 @@ def score_record(
     Raises:
         InputError: an output is missing, has another shape, or is not finite.
     """
+    if not isinstance(predicted, Mapping):
+        said = f"must be a mapping from {', '.join(record.outputs)} to values, got {type(predicted).__name__}"
+        raise InputError("prediction", None, said, where=record.name)
     shares = []
     for name, measured in record.outputs.items():
         if name not in predicted:
             raise InputError("prediction", None, f"must have the output {name!r}", where=record.name)
-        values = np.asarray(predicted[name], float)
+        try:
+            if np.iscomplexobj(predicted[name]):
+                raise TypeError("they are complex")
+            values = np.asarray(predicted[name], float)
+        except (TypeError, ValueError) as error:
+            raise InputError(name, None, f"must be an array of numbers: {error}", where=record.name) from None
         if values.shape != measured.shape:
             said = f"must have the shape {measured.shape}, got {values.shape}"
             raise InputError(name, None, said, where=record.name)
