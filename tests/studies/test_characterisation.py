@@ -9,7 +9,7 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError, StageError
 from mckibben.specimens import save_specimen
-from mckibben.studies.characterisation.evaluation import half_width, leak_of
+from mckibben.studies.characterisation.evaluation import advance, half_width, leak_of
 from mckibben.studies.characterisation.stages import MARGIN, Bounds, held_out_points, planned, pressures_of
 from mckibben.studies.characterisation.verb import plan
 
@@ -57,6 +57,24 @@ def test_a_folder_of_another_characterisation_is_refused(tmp_path):
     (tmp_path / "characterisation.json").write_text(json.dumps({"rig": "paper"}))
     with pytest.raises(InputError, match="its rig is 'paper', not 'modern'; use another folder"):
         mk.characterise("modern", muscle="nylon", out=tmp_path)
+
+
+def test_a_motor_that_does_not_hold_a_slack_muscle_still_is_refused():
+    time = np.arange(0.0, 2.0, 0.01)
+    step = {"label": "zero", "start": 0.0, "end": 2.0, "recorded": True, "case": {}, "path": "steps.1", "index": 1}
+    bounds = plan("paper", rest_length="14 cm").bounds
+
+    def seat(swing):
+        channels = {
+            "span": mk.Channel(0.14 + swing * np.sin(20.0 * time), "m", "measured"),
+            "tension": mk.Channel(np.zeros(len(time)), "N", "measured"),
+            "pressure": mk.Channel(np.zeros(len(time)), "Pa", "measured"),
+        }
+        return mk.Recording(time, channels, {"steps": [step]})
+
+    assert advance("seat", seat(1e-3), bounds, planned(bounds)).zero == 0.0
+    with pytest.raises(StageError, match="stage seat: the span swings by 0.71 cm where it is to stand still"):
+        advance("seat", seat(1e-2), bounds, planned(bounds))
 
 
 def test_the_leak_is_the_share_of_the_pressure_that_is_lost_per_second():

@@ -27,7 +27,7 @@ def characterise(
         str | None,
         typer.Option("--muscle", metavar="SPECIMEN", help="Muscle of the simulated rig: id or .toml file."),
     ] = None,
-    rig: RigName = "paper",
+    rig: RigName = "modern",
     law: Annotated[
         list[str] | None,
         typer.Option("--law", metavar="LAW", help="Law to fit; all laws by default."),

@@ -53,6 +53,7 @@ NOISES = 40.0
 GAIN_ERROR = 2e-3  # standard uncertainty of the sensors' gains by default, a share
 MOST_DECAY = 0.03  # share of the pressure that a leak may take in a second [1/s]
 MOST_DRIFT = 0.01  # of a sensor's zero during the map, of the largest value
+MOST_SWING = 0.01  # standard deviation of the span that is to stand still, of the rest length
 MOST_ERROR = 0.05  # rms error of the held-out points, of the largest tension
 SETTLED = 0.15  # after the stretch, which the pressure needs [s]
 LONGEST = 1.02  # up to which a law is meant, of the rest length
@@ -116,6 +117,7 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         StageError: the muscle cannot be characterised further; says why.
     """
     if stage == "seat":
+        _check_still(_part(record, "zero", stage)["span"], bounds.rest_length)
         rest = _part(record, "zero", stage)["tension"]
         noise = float(np.std(rest))
         pressure = float(np.mean(_part(record, "zero", stage)["pressure"]))
@@ -142,6 +144,17 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
             )
         return dataclasses.replace(known, isobars=isobars)
     return known
+
+
+def _check_still(span: np.ndarray, rest: float) -> None:
+    """Refuse a motor that does not hold a slack muscle: what it does to the muscle would be taken for the muscle's."""
+    swing = float(np.std(span))
+    if swing > MOST_SWING * rest:
+        by = with_unit(swing, "m", 2)
+        raise StageError(
+            "seat",
+            f"the span swings by {by} where it is to stand still; choose another rig, or lower the motor's gains",
+        )
 
 
 def _ramped(record: Recording, bounds: Bounds, known: Progression) -> Progression:

@@ -184,7 +184,7 @@ class CharacterisationPlan:
 
 
 def plan(
-    rig: Rig | str = "paper",
+    rig: Rig | str = "modern",
     *,
     rest_length: float | str,
     plumbing: str | None = None,
@@ -209,7 +209,7 @@ def plan(
 
 
 def characterise(
-    rig: Rig | str | os.PathLike[str] = "paper",
+    rig: Rig | str | os.PathLike[str] = "modern",
     *,
     muscle: str | Specimen | Muscle | MuscleUnit | None = None,
     rest_length: float | str | None = None,
