@@ -295,6 +295,9 @@ def others_table(cases: dict[str, list[dict[str, Any]]]) -> list[str]:
                 continue
             linear = of["inside"].get(f"least squares, {subject}")
             other = "" if linear is None else f"{100.0 * linear[0]:.1f} %"
+            count = of["muscles"] - of["failed"]
+            likely = (count * share + 1.0) / (count + 2.0)  # so that few cases that all hold the truth are not certain
+            error = max(error, float(np.sqrt(likely * (1.0 - likely) / count)))
             share_text = f"{100.0 * share:.1f} ± {100.0 * error:.1f} %"
             lines.append(
                 f"| {case} | {of['muscles']} | {subject} | {share_text} | {other} | {of['warned']} | {of['failed']} |"

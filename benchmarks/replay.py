@@ -287,7 +287,18 @@ def tables(result: dict[str, Any]) -> str:
         ]
         lines.append(f"| {count} | {' | '.join(cells)} |")
     worst = max(row[-1] for curve in curves.values() for row in curve.values())
-    lines += ["", f"The largest R-hat of all these posteriors is {worst:.2f}.", ""]
+    lines += [
+        "",
+        "*readings inside* is the share of the hidden plateaus in the 95 % band of a further reading "
+        "(`posterior.tension(.., measured=True)`), *means inside* that of the means of the three runs at a length in "
+        "the band of the true tension, at the pressures that all three reached. A run is off as a whole, at the short "
+        "lengths by some newtons, and within a run the plateaus scatter by less than one. The posterior takes readings "
+        "as independent, and with one noise at all lengths, so that many plateaus of one run pass for more than they "
+        "are: measure a length in several runs, and read no more from the band of the true tension than from the "
+        "difference between runs. "
+        f"The largest R-hat of all these posteriors is {worst:.2f}.",
+        "",
+    ]
     lines += ["| design for the parameters | D-efficiency |", "|---|---|"]
     for name, value in result["efficiency"].items():
         lines.append(f"| {name} | {value if isinstance(value, str) else f'{100.0 * value:.1f} %'} |")
