@@ -33,39 +33,40 @@ uint32_t frame_crc(uint32_t crc, const uint8_t *data, size_t size)
 
 /* Bytes as they come into COBS; the length of a run is written where the run ends. */
 struct coder {
-    uint8_t *out;
-    size_t at, length; /* next byte; where the length of this run stands */
+    uint8_t *next, *length; /* of the next byte; where the length of this run stands */
 };
 
 static void code_begin(struct coder *c, uint8_t *out)
 {
-    c->out = out;
-    c->length = 0;
-    c->at = 1;
+    c->length = out;
+    c->next = out + 1;
 }
 
 static void code_end(struct coder *c)
 {
-    c->out[c->length] = (uint8_t)(c->at - c->length);
-    c->length = c->at++;
+    *c->length = (uint8_t)(c->next - c->length);
+    c->length = c->next++;
 }
 
 static void code_bytes(struct coder *c, const uint8_t *data, size_t size)
 {
-    size_t i;
-    for (i = 0; i < size; i++) {
-        if (data[i] == 0u) {
-            code_end(c);
-        } else {
-            c->out[c->at++] = data[i];
-            if (c->at - c->length == 255u) {
-                code_end(c);
+    struct coder at = *c; /* in registers: a store through `next` could change what `c` points to */
+    const uint8_t *end = data + size;
+    while (data != end) {
+        uint8_t byte = *data++;
+        if (byte != 0u) {
+            *at.next++ = byte;
+            if (at.next - at.length != 255) {
+                continue;
             }
         }
+        code_end(&at);
     }
+    *c = at;
 }
 
-static size_t code_finish(struct coder *c)
+/* Where the code ends. */
+static uint8_t *code_finish(struct coder *c)
 {
     code_end(c);
     return c->length;
@@ -76,7 +77,7 @@ size_t frame_code(const uint8_t *data, size_t size, uint8_t *out)
     struct coder c;
     code_begin(&c, out);
     code_bytes(&c, data, size);
-    return code_finish(&c);
+    return (size_t)(code_finish(&c) - out);
 }
 
 size_t frame_uncode(const uint8_t *data, size_t size, uint8_t *out)
@@ -101,8 +102,7 @@ size_t frame_uncode(const uint8_t *data, size_t size, uint8_t *out)
 size_t frame_write(uint8_t kind, uint32_t sequence, const uint8_t *payload, size_t size, uint8_t *out)
 {
     struct coder c;
-    uint8_t head[5], tail[4];
-    size_t end;
+    uint8_t head[5], tail[4], *end;
     if (size > FRAME_PAYLOAD) {
         return 0;
     }
@@ -114,12 +114,12 @@ size_t frame_write(uint8_t kind, uint32_t sequence, const uint8_t *payload, size
     code_bytes(&c, payload, size);
     code_bytes(&c, tail, sizeof tail);
     end = code_finish(&c);
-    out[end] = 0u;
-    return end + 1u;
+    *end++ = 0u;
+    return (size_t)(end - out);
 }
 
 /* The frame of what came between two zeros. */
-static int whole(struct frame_decoder *d, struct frame *found)
+__attribute__((noinline)) static int whole(struct frame_decoder *d, struct frame *found)
 {
     size_t size;
     if (d->count == 0) {

@@ -50,6 +50,16 @@ class EmulatedBoard:
         return f"{pins[0]} {pins[1]} {pins[2]} {int(encoder)}\n"
 
 
+def addresses_of_tasks(image: Path) -> list[str]:
+    """Words for the emulator that name the two functions of the main program; none where the linked program is missing."""
+    linked = image.with_suffix(".elf")
+    if not linked.is_file():
+        return []
+    names = subprocess.run(["avr-nm", str(linked)], capture_output=True, text=True, check=True).stdout
+    address = {name: int(number, 16) for number, _, name in (line.split() for line in names.splitlines())}
+    return [f"tick={address['bench_tick']}", f"receive={address['bench_receive']}"]
+
+
 @contextlib.contextmanager
 def emulated(
     machine: Any, *, fault: str = "", patience: float = 2.0, image: Path = IMAGE, emulator: Path = EMULATOR
@@ -66,6 +76,7 @@ def emulated(
     line, other = os.openpty()
     tty.setraw(other)
     words = [str(emulator), str(image), str(line), f"patience={round(patience * 1e3)}"]
+    words += addresses_of_tasks(image)
     words += [f"fault={fault}"] if fault else []
     process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, pass_fds=[line])
     assert process.stdin is not None and process.stdout is not None

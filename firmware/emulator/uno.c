@@ -1,11 +1,13 @@
 /* An Arduino Uno with its wiring, in simavr: pins, converters, encoder, serial line and supply, and faults of all these.
  *
- *     uno IMAGE.hex LINE [fault=KIND@SAMPLE] [patience=MS]
+ *     uno IMAGE.hex LINE [fault=KIND@SAMPLE] [patience=MS] [tick=ADDRESS] [receive=ADDRESS]
  *
  * LINE is the number of an open descriptor, the board's end of a pseudo-terminal. What is behind the pins is asked by the
  * standard output and answered by the standard input, a line each: "start NS" at the first sample of a run and
  * "advance VALVE MOTOR OPEN" once a period, both answered by the counts of A0 to A2 and of the encoder. At the end of the
- * standard input it prints "report" with what was measured, in cycles, and ends.
+ * standard input it prints "report" with what was measured, in cycles, and ends. With the addresses of bench_tick and
+ * bench_receive in the image [bytes] the report divides the cycles of a period among the tasks: an interrupt counts for
+ * itself, not for the function that it interrupts.
  *
  * The time of the board is its own. It stands still while the host thinks about a sample, for at most `patience`; so what
  * happens does not depend on how busy this computer is. The outputs act after nine tenths of a period, where the machine
@@ -71,6 +73,68 @@ static struct {
     avr_cycle_count_t command_at, slept, slept_before, vented_after, fault_cycle;
 } seen = {.idle_least = ~0ull};
 
+/* ---- the tasks of the processor, and their cycles in this period, in the longest and in all */
+
+enum task { CLOCK, CONVERTER, ENCODER, RECEIVE, SEND, SAMPLE, COMMAND, REST, TASKS };
+static const char *const task_names[TASKS] = {"timer", "converters", "encoder", "receive", "send", "sample", "command", "main"};
+static struct {
+    uint32_t entry;
+    unsigned task;
+} entries[] = { /* interrupts by their vectors [bytes]; the functions stand in the image wherever they stand */
+    {7u * 4u, CLOCK}, {21u * 4u, CONVERTER}, {1u * 4u, ENCODER}, {2u * 4u, ENCODER}, {18u * 4u, RECEIVE}, {19u * 4u, SEND},
+    {~0u, SAMPLE}, {~0u, COMMAND},
+};
+#define OF_SAMPLE 6u
+#define OF_COMMAND 7u
+#define DEEPEST 8u
+static struct {
+    unsigned task, stack;
+} calls[DEEPEST];
+static unsigned depth;
+static struct {
+    unsigned long long now, most, sum;
+} spent[TASKS];
+static unsigned long long busy_most;
+static unsigned long periods_counted;
+
+static unsigned stack_pointer(void)
+{
+    return (unsigned)(avr->data[0x5D] | avr->data[0x5E] << 8);
+}
+
+/* Before an instruction: which task it belongs to. */
+static unsigned task_of_instruction(void)
+{
+    unsigned i, stack = stack_pointer();
+    while (depth != 0 && stack > calls[depth - 1u].stack) {
+        depth--;
+    }
+    for (i = 0; i < sizeof entries / sizeof entries[0] && depth < DEEPEST; i++) {
+        if (avr->pc == entries[i].entry && (depth == 0 || stack < calls[depth - 1u].stack)) {
+            calls[depth].task = entries[i].task;
+            calls[depth++].stack = stack;
+        }
+    }
+    return depth != 0 ? calls[depth - 1u].task : REST;
+}
+
+/* At a tick: the period before is over. */
+static void count_period(int counts_it)
+{
+    unsigned long long busy = 0;
+    unsigned i;
+    for (i = 0; i < TASKS; i++) {
+        if (counts_it) {
+            busy += spent[i].now;
+            spent[i].sum += spent[i].now;
+            spent[i].most = spent[i].now > spent[i].most ? spent[i].now : spent[i].most;
+        }
+        spent[i].now = 0;
+    }
+    busy_most = busy > busy_most ? busy : busy_most;
+    periods_counted += counts_it != 0;
+}
+
 static void report(void);
 
 static void ask(const char *request)
@@ -88,15 +152,15 @@ static void ask(const char *request)
     seen.exchanges++;
 }
 
-/* The outputs as the valve and the motor get them. */
+/* The outputs as the valve and the motor get them, in parts of the timer's period of 1024. */
 static void outputs(unsigned now[3])
 {
     const uint8_t *data = avr->data;
     int held = powered && avr->cycle - alive < PUMP;
-    now[0] = held && (data[TCCR1A_] & 0x80) && (data[DDRB_] & 2) ? data[OCR1AL_] | data[OCR1AL_ + 1] << 8 : 0;
+    now[0] = held && (data[TCCR1A_] & 0x80) && (data[DDRB_] & 2) ? (data[OCR1AL_] | data[OCR1AL_ + 1] << 8) + 1u : 0;
     now[1] = MOTOR_REST;
     if (held) {
-        now[1] = (data[TCCR1A_] & 0x20) && (data[DDRB_] & 4) ? data[OCR1BL_] | data[OCR1BL_ + 1] << 8 : 0;
+        now[1] = (data[TCCR1A_] & 0x20) && (data[DDRB_] & 4) ? (data[OCR1BL_] | data[OCR1BL_ + 1] << 8) + 1u : 0;
     }
     now[2] = !(held && (data[DDRD_] & 0x80) && (data[PORTD_] & 0x80));
 }
@@ -213,6 +277,7 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *unused)
             seen.idle_count++;
             seen.jitter = off > seen.jitter ? off : seen.jitter;
         }
+        count_period(ticks > 1u);
         seen.slept_before = seen.slept;
     }
     if ((avr->data[0x7C] & 15) == 0 && running) {
@@ -393,17 +458,23 @@ static void connect(const char *image)
 static void report(void)
 {
     unsigned long free_memory = 0, at = 0, run = 0;
+    unsigned i;
     for (at = 0x100; at <= HIGHEST; at++) { /* the longest stretch that nothing ever wrote to lies below the stack */
         run = avr->data[at] == PAINT ? run + 1u : 0;
         free_memory = run > free_memory ? run : free_memory;
     }
     printf("report {\"samples\": %lu, \"period\": %llu, \"late_outputs\": %lu, \"starts\": %lu, "
            "\"tick_to_frame\": %llu, \"tick_to_sent\": %llu, \"command_to_output\": %llu, \"idle_least\": %llu, "
-           "\"idle_mean\": %llu, \"jitter\": %llu, \"free_memory\": %lu, \"vented_after\": %llu}\n",
+           "\"idle_mean\": %llu, \"jitter\": %llu, \"free_memory\": %lu, \"vented_after\": %llu, \"busy_most\": %llu",
            seen.samples, (unsigned long long)period, seen.late_outputs, seen.starts, seen.tick_to_frame,
            seen.tick_to_sent, seen.command_to_output, seen.idle_count ? seen.idle_least : 0ull,
            seen.idle_count ? seen.idle_sum / seen.idle_count : 0ull, seen.jitter, free_memory,
-           (unsigned long long)seen.vented_after);
+           (unsigned long long)seen.vented_after, busy_most);
+    for (i = 0; i < TASKS; i++) {
+        printf(", \"%s_most\": %llu, \"%s_mean\": %llu", task_names[i], spent[i].most, task_names[i],
+               periods_counted ? spent[i].sum / periods_counted : 0ull);
+    }
+    printf("}\n");
     fflush(stdout);
 }
 
@@ -412,7 +483,7 @@ int main(int count, char **words)
     avr_cycle_count_t look = 0;
     int i, told;
     if (count < 3) {
-        fprintf(stderr, "usage: %s IMAGE.hex LINE [fault=KIND@SAMPLE] [patience=MS]\n", words[0]);
+        fprintf(stderr, "usage: %s IMAGE.hex LINE [fault=KIND@SAMPLE] [patience=MS] [tick=ADDRESS] [receive=ADDRESS]\n", words[0]);
         return 2;
     }
     for (i = 3; i < count; i++) {
@@ -423,6 +494,10 @@ int main(int count, char **words)
             fault_at = strtoul(at + 1, NULL, 10);
         } else if (strncmp(words[i], "patience=", 9) == 0) {
             patience = atoi(words[i] + 9);
+        } else if (strncmp(words[i], "tick=", 5) == 0) {
+            entries[OF_SAMPLE].entry = (uint32_t)strtoul(words[i] + 5, NULL, 0);
+        } else if (strncmp(words[i], "receive=", 8) == 0) {
+            entries[OF_COMMAND].entry = (uint32_t)strtoul(words[i] + 8, NULL, 0);
         }
     }
     line = atoi(words[2]);
@@ -453,7 +528,10 @@ int main(int count, char **words)
             avr->cycle += 160u;
             avr_cycle_timer_process(avr);
         } else {
+            unsigned task = task_of_instruction();
+            avr_cycle_count_t before = avr->cycle - seen.slept;
             int state = avr_run(avr);
+            spent[task].now += avr->cycle - seen.slept - before;
             if (state == cpu_Done || state == cpu_Crashed) {
                 fprintf(stderr, "the processor has crashed at %x\n", avr->pc);
                 return 4;

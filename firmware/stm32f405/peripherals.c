@@ -78,7 +78,7 @@ static void encoder_begin(void)
 
 static void pwm_begin(void)
 {
-    TIM8->arr = PWM_TOP - 1u;                                          /* count PWM_TOP is high all the time */
+    TIM8->arr = PWM_TOP;                                               /* a count is that part of 4096 */
     TIM8->ccmr[1] = (6u << 4) | BIT(3) | (6u << 12) | BIT(11);         /* mode 1, taken over at the next cycle */
     TIM8->ccr[2] = 0;
     TIM8->ccr[3] = MOTOR_REST;

@@ -215,15 +215,22 @@ int hal_read(uint32_t *counts, int32_t *encoder)
     return 0;
 }
 
-/* A PWM of count 0 is no pulse at all: the pin is then the port's, and low. */
+/* The part of a count of the timer's period, count/1024: it is high for one clock more than its register says. A PWM of count
+ * 0 is no pulse at all: the pin is then the port's, and low. */
 void hal_write(uint32_t valve, uint32_t motor, int opened)
 {
-    uint8_t connect = 0;
-    OCR1A = valve > PWM_TOP ? PWM_TOP : (uint16_t)valve;
-    OCR1B = motor > PWM_TOP ? PWM_TOP : (uint16_t)motor;
-    connect |= valve != 0 ? _BV(COM1A1) : 0;
-    connect |= motor != 0 ? _BV(COM1B1) : 0;
-    TCCR1A = (uint8_t)(connect | _BV(WGM11));
+    uint16_t valve_count = valve > PWM_TOP ? PWM_TOP : (uint16_t)valve;
+    uint16_t motor_count = motor > PWM_TOP ? PWM_TOP : (uint16_t)motor;
+    uint8_t connect = _BV(WGM11);
+    if (valve_count != 0) {
+        OCR1A = valve_count - 1u;
+        connect |= _BV(COM1A1);
+    }
+    if (motor_count != 0) {
+        OCR1B = motor_count - 1u;
+        connect |= _BV(COM1B1);
+    }
+    TCCR1A = connect;
     if (opened) {
         PORTD &= (uint8_t)~_BV(PIN_SHUT);
     } else {
@@ -331,8 +338,8 @@ static void begin(void)
     PORTD = _BV(PIN_A) | _BV(PIN_B); /* pull-ups of the encoder */
     DDRB = _BV(PIN_LAMP);
     DIDR0 = 7u;
-    UBRR0 = F_CPU / 8u / BAUD - 1u;
     UCSR0A = _BV(U2X0);
+    UBRR0 = F_CPU / 8u / BAUD - 1u;
     UCSR0B = _BV(RXCIE0) | _BV(RXEN0) | _BV(TXEN0);
     ADCSRA = _BV(ADEN) | _BV(ADPS2) | _BV(ADPS1); /* 250 kHz */
     self_test();
