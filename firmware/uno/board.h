@@ -10,7 +10,7 @@
 #define MCKIBBEN_UNO_BOARD_H
 
 #define BAUD 1000000ul          /* bits per second, exact at 16 MHz */
-#define SHORTEST_NS 2000000ul   /* period [ns]: a sample and its answer take up to 25700 of its 32000 cycles in the emulator */
+#define SHORTEST_NS 2000000ul   /* period [ns]: a sample and its answer take up to 18200 of its 32000 cycles in the emulator */
 #define TICK_NS 500u            /* of the timer of the samples: 16 MHz by 8 */
 
 #define CHANNELS 3u

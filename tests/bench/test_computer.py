@@ -56,3 +56,13 @@ def test_a_clock_without_a_rate_it_can_run_at_is_refused():
         Computer(timer_resolution=1e-2, lowest_rate=200.0)
     with pytest.raises(InputError, match="latency"):
         Computer(latency=-1e-3)
+
+
+def test_a_loop_that_moves_the_motor_takes_the_least_multiple_of_the_protocols_rate_that_its_gains_allow():
+    fast, slow = Computer(), Computer(highest_rate=500.0, lowest_motor_rate=400.0)
+    assert [fast.samples_per_sample(rate) for rate in (5000.0, 1000.0, 999.0, 250.0)] == [1, 1, 2, 4]
+    assert [slow.samples_per_sample(rate) for rate in (500.0, 400.0, 250.0, 125.0)] == [1, 1, 2, 4]
+    with pytest.raises(InputError, match=r"its loop needs 600 Hz.* 500 Hz at most; state a higher rate"):
+        slow.samples_per_sample(300.0)
+    with pytest.raises(InputError, match=r"its loop needs 1000 Hz.* 500 Hz at most; use a faster computer"):
+        Computer(highest_rate=500.0).samples_per_sample(250.0)

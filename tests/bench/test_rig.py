@@ -16,8 +16,8 @@ def document():
     return tomllib.loads(text)
 
 
-def test_three_rigs_ship_and_each_says_what_is_inferred():
-    assert rig_names() == ["modern", "paper", "paper-isothermal"]
+def test_each_rig_that_ships_says_what_is_inferred():
+    assert rig_names() == ["modern", "paper", "paper-isothermal", "stm32f405", "uno"]
     for name in rig_names():
         assert rig(name).inferred
 
@@ -33,13 +33,16 @@ def test_a_rig_with_a_base_is_that_rig_with_its_changes(tmp_path):
         'schema = 1\nbase = "modern"\nname = "own"\ntitle = "Own"\n[changes]\n"sensors.tension.high" = "9 N"\n'
     )
     assert float(rig(own).sensors["tension"].high) == 9.0
+    own.write_text(own.read_text().replace("modern", "paper-isothermal"))  # a base with a base
+    again = rig(own)
+    assert again.document["plumbing"] == cold.document["plumbing"]
+    assert float(again.sensors["tension"].high) == 9.0
 
 
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
         ('base = "papre"', "base"),
-        ('base = "paper-isothermal"', "must be a rig that has no base itself"),
         ('base = "paper"\n[motor]\ninertia = "1 kg*m^2"', "motor"),
         (
             'base = "paper"\n[changes]\n"plumbing.direct.heat" = "warm"',

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-import math
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -29,7 +28,6 @@ from .rig_file import rig as rig_of
 from .rig_file import with_control
 from .software.waveform_import import read_protocol
 
-CONTROL_RATE = 1000.0  # least samples per second of a loop that controls a motor
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
 
 
@@ -213,7 +211,12 @@ def prepare(
     for fault in faults:
         if fault.channel not in known:
             raise InputError("fault", fault.channel, f"the rig has sensors of {', '.join(known)}")
-    every = _every(wanted.sample_rate, plan) if not findings else 1
+    every = 1
+    if not findings and RunSegment(plan.steps, "", 1.0, "").moves:
+        try:
+            every = on.computer.samples_per_sample(wanted.sample_rate)
+        except InputError as error:
+            findings.append(_finding_of(error))
     if every > 1:
         plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
     findings += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in findings) else []
@@ -265,9 +268,14 @@ def _not_built(rig: Rig, unit: MuscleUnit, plan: ProtocolPlan, layout: str) -> l
             rig.computer.period(plan.sample_rate)  # that of a loop with a motor is faster than the protocol's
             rig.machine(part.layout, with_friction_scale(unit, part.friction), start=part.start_span, moves=part.moves)
         except InputError as error:
-            reason = Finding(0, "", "", error.field, str(error.value), error.problem, str(error))
+            reason = _finding_of(error)
             findings.setdefault(reason.sentence, reason)
     return list(findings.values())
+
+
+def _finding_of(error: InputError) -> Finding:
+    """Return an error of the whole run as a finding of the dry run."""
+    return Finding(0, "", "", error.field, str(error.value), error.problem, str(error))
 
 
 def with_friction_scale(unit: MuscleUnit, factor: float) -> MuscleUnit:
@@ -285,12 +293,6 @@ def _plan(protocol: Protocol, rest: float) -> ProtocolPlan:
     plan = protocol.expand(rest_length=rest)
     whole = RunSegment(plan.steps, "", 1.0, "")
     return plan if whole.moves else protocol.expand(rest_length=rest, start_span=whole.start_span)
-
-
-def _every(rate: float, plan: ProtocolPlan) -> int:
-    """Loop samples per protocol sample; a loop with a motor is unstable below some 600 samples/s."""
-    moves = RunSegment(plan.steps, "", 1.0, "").moves
-    return math.ceil(CONTROL_RATE / rate * (1.0 - 1e-9)) if moves and rate < CONTROL_RATE else 1
 
 
 def expected(unit: MuscleUnit) -> Estimate:

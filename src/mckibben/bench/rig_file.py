@@ -122,7 +122,7 @@ def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]
     text = (resources.files(__package__) / "rigs" / f"{base}.toml").read_text(encoding="utf-8")
     made: dict[str, JsonValue] = parse_toml(text, where=f"{base}.toml")
     if "base" in made:
-        raise top.fail("base", base, "must be a rig that has no base itself")
+        made = _derived(made, f"{base}.toml")
     changes = top.table("changes")
     for path in changes.values:
         put_rig_value(made, path, changes.word(path), where)

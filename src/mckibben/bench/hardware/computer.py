@@ -26,6 +26,9 @@ class Computer(Module):
     timer_resolution: Scalar = quantity("s", (1e-9, 1e-2), "tick of the timer", default=1e-6)
     highest_rate: Scalar = quantity("1/s", (1.0, 1e5), "most samples per second", default=5000.0)
     lowest_rate: Scalar = quantity("1/s", (1e-3, 1e4), "fewest samples per second", default=1.0)
+    lowest_motor_rate: Scalar = quantity(
+        "1/s", (1.0, 1e5), "fewest samples per second with which the gains of span and force are stable", default=1000.0
+    )
     latency: Scalar = quantity("s", (0.0, 1.0), "from sampling to new outputs", typical=(1e-4, 1e-2), default=1e-3)
 
     def __check_init__(self) -> None:
@@ -59,6 +62,25 @@ class Computer(Module):
             )
         fewest = math.ceil((1.0 - ROUNDING) / (high * tick))  # rounding must not make it faster than it can be
         return max(round(1.0 / (sample_rate * tick)), fewest, 1) * tick
+
+    def samples_per_sample(self, sample_rate: float) -> int:
+        """Samples of a loop that moves the motor per sample of a protocol with this rate [1/s].
+
+        Raises:
+            InputError: if the computer is too slow for the gains, or for the whole multiple of the protocol's rate.
+        """
+        needed, high = float(self.lowest_motor_rate), float(self.highest_rate)
+        every = math.ceil(needed / sample_rate * (1.0 - ROUNDING)) if sample_rate < needed else 1
+        if every > 1 and every * sample_rate > high * (1.0 + ROUNDING):
+            loop = f"{every * sample_rate:g} Hz, the first multiple of {sample_rate:g} Hz from {needed:g} Hz on"
+            advice = (
+                "state a higher rate of the protocol"
+                if high >= needed
+                else "use a faster computer, or state gains for a slower loop and its computer.lowest_motor_rate"
+            )
+            problem = f"too low for a protocol that moves the motor: its loop needs {loop}, and the computer samples at {high:g} Hz at most; {advice}"
+            raise InputError("sample_rate", f"{sample_rate:g} Hz", problem, where="computer")
+        return every
 
     def steps(self, sample_rate: float, largest_step: float) -> int:
         """Number of integration steps in a period, so that none is longer than a time [s].
