@@ -20,6 +20,10 @@ QEMU = "qemu-system-arm"
 MACHINE = "netduinoplus2"  # the board of QEMU 7.2 that has an STM32F405; newer ones also have olimex-stm32-h405
 MOTOR_REST = 2048
 REFERENCE = 1502  # 1.21 V in counts of 3.3 V
+LOW_SUPPLY = 1709  # and of 2.9 V
+REST = (0, MOTOR_REST, True)
+PUMP = 10e-3  # after the last edge of `alive` the dump valve opens [s]
+HOST_FAULTS = ("line", "host", "encoder-jammed")  # which the board does not find by itself, or only by its watchdog
 
 
 class EmulatedSTM32F405(EmulatedBoard):
@@ -27,6 +31,9 @@ class EmulatedSTM32F405(EmulatedBoard):
 
     Attributes:
         puts: counts of valve and motor, and whether the shut-off was open, whenever they changed.
+        pins_after: from the fault to outputs at rest [s]; None if they are not.
+        pump_after: from the fault to the time at which the pump on `alive` has run empty [s]; None while it does not.
+        silence: from the sample of the newest command to outputs at rest [s].
         intervals: between the ticks of samples, of the board's time [ns].
         idle: time that the processor slept in each [ns].
         instructions: of `bench_tick` and `bench_receive` in each.
@@ -37,27 +44,47 @@ class EmulatedSTM32F405(EmulatedBoard):
         kind, _, number = fault.partition("@")
         self._fault, self._fault_at = kind, int(number or 0)
         self._samples = 0
+        self._jammed: str | None = None
         self.puts: list[Outputs] = []
+        self.pins_after: float | None = None
+        self.pump_after: float | None = None
+        self.silence: float | None = None
+        self._time = self._fault_time = 0  # of the board at the newest sample and at that of the fault [ns]
         self.intervals: list[int] = []
         self.idle: list[int] = []
         self.instructions: list[int] = []
 
     def answer(self, words: list[str]) -> str:
         """Advance the machine as the emulator says, and return the counts of channels, reference and encoder."""
+        failed = self._fault if self._fault and self._samples > self._fault_at else ""
         if words[0] == "outputs":
-            valve, motor, opened = map(int, words[1:])
+            valve, motor, opened, time, edge = map(int, words[1:])
             self.puts.append((valve, motor, bool(opened)))
+            if failed and self.puts[-1] == REST and self.pins_after is None:
+                self.pins_after = 1e-9 * (time - self._fault_time)
+                self.silence = self.pins_after + self.machine.period  # the sample before was the last that was answered
+                if failed not in HOST_FAULTS:  # the run is over, and so are the edges
+                    self.pump_after = 1e-9 * (edge - self._fault_time) + PUMP
+            return ""
+        if words[0] == "hung":
+            self.pump_after = 1e-9 * (int(words[2]) - self._fault_time) + PUMP
             return ""
         if words[0] == "step":
-            for measured, word in zip((self.intervals, self.idle, self.instructions), words[4:], strict=True):
+            for measured, word in zip((self.intervals, self.idle, self.instructions), words[4:7], strict=True):
                 measured.append(int(word))
+            self._time = int(words[7])
         *pins, encoder = super().answer(words[:4]).split()
         failed = self._fault if self._fault and self._samples >= self._fault_at else ""
+        if failed and not self._fault_time:
+            self._fault_time = self._time
         self._samples += 1
+        if failed == "encoder-jammed":
+            self._jammed = encoder if self._jammed is None else self._jammed
+            encoder = self._jammed
         if failed == "converter-stopped":
             return "\n"
-        reference = 0 if failed == "converter-stuck" else REFERENCE
-        return f"{' '.join(pins)} {reference} {encoder}\n"
+        reference = {"converter-stuck": 0, "brown-out": LOW_SUPPLY}.get(failed, REFERENCE)
+        return f"{' '.join(pins)} {reference} {encoder} {int(failed == 'hang')}\n"
 
 
 def command_line(image: Path, line: int, *words: str) -> list[str]:

@@ -5,10 +5,13 @@
  * the counts of the three channels, of the reference and of the encoder, or by nothing where the converter is to hang:
  *
  *   start PERIOD                                 a run begins; period [ns]
- *   step VALVE MOTOR OPENED INTERVAL IDLE WORK   a period is over: time between its ticks, of which the processor slept
- *                                                [ns], and instructions of bench_tick and bench_receive
+ *   step VALVE MOTOR OPENED INTERVAL IDLE WORK TIME   a period is over: time between its ticks, of which the processor
+ *                                                     slept [ns], instructions of bench_tick and bench_receive, and the
+ *                                                     board's time [ns]
  *
- * and, without an answer, `outputs VALVE MOTOR OPENED` whenever these change.
+ * and, without an answer, `outputs VALVE MOTOR OPENED TIME ALIVE` whenever these change: the board's time [ns], and that of
+ * the last edge of `alive`. Where the counts are followed by a sixth number that is not zero, the timer of the samples stops;
+ * then `hung FED ALIVE` tells when the watchdog was fed for the last time [ns], and when `alive` changed.
  *
  * After a sample the board's time stands still until the host has answered, at most for the patience; 0: it never does. The
  * time is that of TIM2, which QEMU counts in nanoseconds; with `-icount shift=0` an instruction takes one. */
@@ -31,10 +34,11 @@ void __wrap_wait_for_interrupt(void);
 static int answers, requests;
 static uint32_t patience, stopped_at, period_ns, before, idle, work;
 static char line[256];
+static uint32_t edge_at, fed_at;
 static uint16_t counts[CHANNELS + 1u];
 static int32_t edges;
 static uint16_t out_valve, out_motor = MOTOR_REST;
-static uint8_t out_opened = 1, first, ready, stopped;
+static uint8_t out_opened = 1, first, ready, stopped, hung;
 
 static int host(enum call call, const void *arguments)
 {
@@ -158,7 +162,8 @@ void converter_start(void)
     if (first) {
         request(put_number(put_word(line, "start"), period_ns));
     } else {
-        request(put_number(put_number(put_number(put_outputs(put_word(line, "step")), now - before), idle), work));
+        char *at = put_number(put_outputs(put_word(line, "step")), now - before);
+        request(put_number(put_number(put_number(at, idle), work), now));
     }
     before = now;
     first = 0;
@@ -170,7 +175,12 @@ void converter_start(void)
         from = get_number(from, &number);
         counts[i] = (uint16_t)number;
     }
-    get_number(from, &edges);
+    from = get_number(from, &edges);
+    get_number(from, &number);
+    if (number != 0) { /* nobody feeds the watchdog any more */
+        SYSTICK->csr = 6u;
+        hung = 1;
+    }
 }
 
 int converter_ready(void)
@@ -199,11 +209,12 @@ void outputs_write(uint16_t valve, uint16_t motor, int opened)
     out_valve = valve;
     out_motor = motor;
     out_opened = opened != 0;
-    request(put_outputs(put_word(line, "outputs")));
+    request(put_number(put_number(put_outputs(put_word(line, "outputs")), TIM2->cnt), edge_at));
 }
 
 void alive_toggle(void)
 {
+    edge_at = TIM2->cnt;
 }
 
 void alive_stop(void)
@@ -217,6 +228,7 @@ void lamp_write(int on)
 
 void watchdog_feed(void)
 {
+    fed_at = TIM2->cnt;
 }
 
 /* ---- time: it stands still while the timer of the samples is off */
@@ -237,7 +249,11 @@ static void go_on(void)
 {
     if (stopped) {
         stopped = 0;
-        SYSTICK->csr = 7u;
+        SYSTICK->csr = hung ? 6u : 7u;
+    }
+    if (hung == 1u) {
+        hung = 2u;
+        request(put_number(put_number(put_word(line, "hung"), fed_at), edge_at));
     }
 }
 

@@ -70,7 +70,7 @@ static struct {
     unsigned long samples, late_outputs, exchanges, starts;
     unsigned long long tick_to_frame, tick_to_sent, command_to_output, idle_least, idle_sum, jitter;
     unsigned long idle_count;
-    avr_cycle_count_t command_at, slept, slept_before, vented_after, fault_cycle;
+    avr_cycle_count_t command_at, slept, slept_before, fault_cycle, heard, pins_after, pump_after, silence;
 } seen = {.idle_least = ~0ull};
 
 /* ---- the tasks of the processor, and their cycles in this period, in the longest and in all */
@@ -152,6 +152,22 @@ static void ask(const char *request)
     seen.exchanges++;
 }
 
+/* When a fault has vented: the pins ask for nothing, and the pump has run empty, in cycles after it; and after the newest
+ * command. */
+static void watch_vent(void)
+{
+    const uint8_t *data = avr->data;
+    int asks = powered && (data[TCCR1A_] & 0x80) && (data[DDRB_] & 2);
+    int shuts = powered && (data[DDRD_] & 0x80) && (data[PORTD_] & 0x80);
+    if (seen.pins_after == 0 && !asks && !shuts) {
+        seen.pins_after = avr->cycle - seen.fault_cycle + 1u;
+        seen.silence = avr->cycle - seen.heard;
+    }
+    if (seen.pump_after == 0 && avr->cycle - alive >= PUMP) {
+        seen.pump_after = avr->cycle - seen.fault_cycle;
+    }
+}
+
 /* The outputs as the valve and the motor get them, in parts of the timer's period of 1024. */
 static void outputs(unsigned now[3])
 {
@@ -213,7 +229,7 @@ static void fail(void)
         encoder_lines((shown & 3) == 1 || (shown & 3) == 2, (shown & 3) >= 2);
     } else if (strcmp(fault, "line") == 0) {
         torn = 1;
-    }
+    } /* "host": it is killed by whoever runs this, at this sample */
 }
 
 /* Nine tenths after a sample: the machine goes on by a period. */
@@ -233,9 +249,6 @@ static avr_cycle_count_t exchange(avr_t *a, avr_cycle_count_t when, void *unused
     }
     outputs(now);
     memcpy(acted, now, sizeof acted);
-    if (seen.fault_cycle != 0 && seen.vented_after == 0 && now[0] == 0 && now[2] == 1) {
-        seen.vented_after = when - seen.fault_cycle;
-    }
     snprintf(request, sizeof request, "advance %u %u %u\n", now[0], now[1], now[2]);
     ask(request);
     gap = (unsigned long)labs(edges - shown);
@@ -361,7 +374,7 @@ static avr_cycle_count_t byte_to_board(avr_t *a, avr_cycle_count_t when, void *u
         } else if (frame.kind == 0x01 || frame.kind == 0x05) {
             running = 0;
         } else if (frame.kind == 0x03) {
-            seen.command_at = when + BYTE;
+            seen.command_at = seen.heard = when + BYTE;
         }
     }
     return out == in ? 0 : when + BYTE;
@@ -465,11 +478,13 @@ static void report(void)
     }
     printf("report {\"samples\": %lu, \"period\": %llu, \"late_outputs\": %lu, \"starts\": %lu, "
            "\"tick_to_frame\": %llu, \"tick_to_sent\": %llu, \"command_to_output\": %llu, \"idle_least\": %llu, "
-           "\"idle_mean\": %llu, \"jitter\": %llu, \"free_memory\": %lu, \"vented_after\": %llu, \"busy_most\": %llu",
+           "\"idle_mean\": %llu, \"jitter\": %llu, \"free_memory\": %lu, \"busy_most\": %llu, "
+           "\"pins_after\": %llu, \"pump_after\": %llu, \"silence\": %llu",
            seen.samples, (unsigned long long)period, seen.late_outputs, seen.starts, seen.tick_to_frame,
            seen.tick_to_sent, seen.command_to_output, seen.idle_count ? seen.idle_least : 0ull,
            seen.idle_count ? seen.idle_sum / seen.idle_count : 0ull, seen.jitter, free_memory,
-           (unsigned long long)seen.vented_after, busy_most);
+           busy_most, (unsigned long long)seen.pins_after,
+           (unsigned long long)seen.pump_after, (unsigned long long)seen.silence);
     for (i = 0; i < TASKS; i++) {
         printf(", \"%s_most\": %llu, \"%s_mean\": %llu", task_names[i], spent[i].most, task_names[i],
                periods_counted ? spent[i].sum / periods_counted : 0ull);
@@ -523,6 +538,9 @@ int main(int count, char **words)
         if (failing) {
             failing = 0;
             fail();
+        }
+        if (seen.fault_cycle != 0 && (seen.pins_after == 0 || seen.pump_after == 0)) {
+            watch_vent();
         }
         if (!powered) {
             avr->cycle += 160u;

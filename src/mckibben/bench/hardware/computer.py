@@ -72,13 +72,15 @@ class Computer(Module):
         needed, high = float(self.lowest_motor_rate), float(self.highest_rate)
         every = math.ceil(needed / sample_rate * (1.0 - ROUNDING)) if sample_rate < needed else 1
         if every > 1 and every * sample_rate > high * (1.0 + ROUNDING):
-            loop = f"{every * sample_rate:g} Hz, the first multiple of {sample_rate:g} Hz from {needed:g} Hz on"
-            advice = (
+            problem = (
+                f"too low for a protocol that moves the motor: its loop needs {every * sample_rate:g} Hz, the first multiple of "
+                f"{sample_rate:g} Hz from {needed:g} Hz on, and the computer samples at {high:g} Hz at most; "
+            )
+            problem += (
                 "state a higher rate of the protocol"
                 if high >= needed
                 else "use a faster computer, or state gains for a slower loop and its computer.lowest_motor_rate"
             )
-            problem = f"too low for a protocol that moves the motor: its loop needs {loop}, and the computer samples at {high:g} Hz at most; {advice}"
             raise InputError("sample_rate", f"{sample_rate:g} Hz", problem, where="computer")
         return every
 
