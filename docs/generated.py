@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -325,6 +326,7 @@ _WATCHED = (
     "burst_pressure",
     "most_tension",
     "most_speed",
+    "most_lag",
     "patience",
     "implausible_after",
 )  # the other fields follow from the rig
@@ -382,6 +384,82 @@ def literature(_: Path) -> str:
         "References cited by specimens and laws. `mckibben.citations.bibtex([...])` returns their BibTeX entries.",
         _table(["key", "reference"], rows),
     )
+
+
+def boards(_: Path) -> str:
+    """Return the tables of what the emulated boards did."""
+    content = json.loads((DOCS.parent / "firmware" / "measured.json").read_text(encoding="utf-8"))
+    parts = []
+    for name, measured in content.items():
+        cycles = measured["cycles"]
+        columns = ["mean", "most"] if name == "uno" else ["mean", "most", "most, no cache"]
+        last = [cycles["busy_most"]] if name == "uno" else [cycles["busy_most"], cycles["busy_without_cache"]]
+        whole, left = cycles["period"], [cycles["period"] - count for count in last]
+        parts += [
+            f"## `{name}`",
+            "Samples of pressure, tension and span, and how many of them differ from those of the simulated rig.",
+            _table(
+                ["protocol", "rate [Hz]", "samples", "differ on Python's device", "differ on the board", "late answers"],
+                [
+                    [
+                        row["protocol"],
+                        *(f"{row[key]:g}" for key in ("rate_hz", "samples", "differ_in_python", "differ_on_board", "late_answers")),
+                    ]
+                    for row in measured["samples"]
+                ],
+                right=range(1, 6),
+            ),
+            f"Cycles of the processor in a period of {whole} at {cycles['rate_hz']:g} Hz.",
+            _table(
+                ["task", *columns],
+                [
+                    *([_BOARD_TASKS[key], *map(str, counts)] for key, counts in cycles["tasks"].items()),
+                    ["all, in the longest period", "", *map(str, last)],
+                    ["left", "", *map(str, left)],
+                ],
+                right=range(1, 4),
+            ),
+            "Time from a fault to outputs at rest, and to the dump valve's gate without current, which a pump on `alive` holds for 10 ms; "
+            "samples every 4 ms, a watchdog of five. A dash: that path does not act.",
+            _table(
+                ["fault", "outputs [ms]", "dump valve [ms]", "the host says"],
+                [
+                    [
+                        row["fault"],
+                        *("–" if row[key] is None else f"{row[key]:.1f}" for key in ("pins_after_ms", "pump_after_ms")),
+                        row["host"] or "–",
+                    ]
+                    for row in measured["faults"]
+                ],
+                right=(1, 2),
+            ),
+        ]
+    return _page(
+        "Boards",
+        "What the firmware of both boards does in their emulators, simavr and QEMU, with the simulated rig at their pins "
+        "([Wire an Arduino Uno](../../how-to/wire-an-arduino-uno.md)); no board has executed it. To measure it anew:",
+        "```sh\n$ python firmware/emulator/compare.py --out firmware/measured.json\n```",
+        *parts,
+        "## What this does not say",
+        "- simavr executes the Uno's image cycle by cycle. QEMU counts instructions: their cycles are those of the table in the "
+        "processor's manual, once with every fetch from the cache, and once with the five wait states of the flash at every jump, constant and 16 bytes of "
+        "instructions. The functions of `peripherals.c` are not among them, 60 instructions in a sample. The main program of the STM32F405 waits for its serial port without sleeping, so its cycles are those that it uses, not those that it needs.",
+        "- An encoder that stands still is found by the host, from `interlocks.most_lag` of the rig file, so the time is that of the movement. "
+        "The timer of the STM32F405 cannot tell lines of the encoder that change at once, and a lost power supply has no program to execute.",
+        "- The times end at the pins. Filter, coil and air come after them: `mckibben device check` measures the time until the pressure is gone.",
+    )
+
+
+_BOARD_TASKS = {
+    "timer": "timer of the samples",
+    "converters": "converters",
+    "encoder": "encoder, up to 20 edges",
+    "receive": "serial line, receive",
+    "send": "serial line, send",
+    "sample": "a sample: watchdog, frame, checksum",
+    "command": "a command: frame, checksum, outputs",
+    "main": "main program: queue, watchdog, sleep",
+}
 
 
 def papers(_: Path) -> str:
@@ -710,7 +788,7 @@ the unit in the description. A number that can only be a slip, such as a pressur
 
 PAGES: dict[str, Callable[[Path], str]] = {
     f"{FOLDER}/{make.__name__}.md": make
-    for make in (nomenclature, parameters, cli, specimens, catalogue, rigs, conformance, papers, literature)
+    for make in (nomenclature, parameters, cli, specimens, catalogue, rigs, boards, conformance, papers, literature)
 } | {
     f"reference/api/{name}.md": (public_names if name == "mckibben" else lambda _, name=name: room(name))  # type: ignore[misc]
     for name in ROOMS

@@ -23,6 +23,7 @@ GENERATED = {
     "specimens": "reference/generated/specimens.md",
     "parts": "reference/generated/catalogue.md",
     "rigs": "reference/generated/rigs.md",
+    "boards": "reference/generated/boards.md",
     "conformance-of-hosts": "reference/generated/conformance.md",
     "the-papers-number-by-number": "reference/generated/papers.md",
     "literature": "reference/generated/literature.md",

@@ -1,4 +1,4 @@
-"""Schematics of the wiring of an Arduino Uno and of an STM32F405: what vents without it, the valve, and the sensors."""
+"""Schematics of the wiring of an Arduino Uno and of an STM32F405: supply, what vents, the valve, and the sensors."""
 
 from __future__ import annotations
 
@@ -81,10 +81,24 @@ def valve() -> schemdraw.Drawing:
         d.add(elm.Capacitor().at(b.center).down(2.2).label("C4\n10 nF", "bottom"))
         d.add(elm.Ground())
         line = d.add(elm.Line().at(b.center).right(2.2))
-        op = d.add(elm.Opamp().flip().anchor("in2").at(line.end).label("U1A\nLM358", "center", fontsize=9, ofst=(-0.2, 0)))
+        op = d.add(
+            elm.Opamp().flip().anchor("in2").at(line.end).label("U1A\nLM358", "center", fontsize=9, ofst=(-0.2, 0))
+        )
+        d.add(elm.Label().at((line.end[0] - 0.2, line.end[1] + 0.1)).label("3", fontsize=8))
+        d.add(elm.Label().at((op.in1[0] - 0.25, op.in1[1] + 0.1)).label("2", fontsize=8))
+        d.add(elm.Label().at((op.out[0] + 0.15, op.out[1] + 0.05)).label("1", fontsize=8))
+        d.add(
+            elm.Label()
+            .at((op.out[0] - 0.6, op.out[1] + 1.6))
+            .label("pin 8: 24 V, 100 nF to ground\npin 4: ground", fontsize=9)
+        )
         d.add(elm.Line().at(op.out).right(0.4))
         out = d.add(elm.Dot())
-        d.add(elm.Line().at(out.center).right(1.2))
+        d.add(elm.Resistor().at(out.center).right(2.2).label("R18 100 Ω"))
+        z = d.add(elm.Dot())
+        d.add(elm.Zener().at(z.center).down(2.4).reverse().label("V5\nBZX55C12", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(z.center).right(0.8))
         d.add(elm.Dot(open=True).label("0 to 10 V,\npressure\nregulator", "right"))
         d.add(elm.Line().at(op.in1).left(0.3))
         d.add(elm.Line().down(1.6))
@@ -120,11 +134,84 @@ def sensor() -> schemdraw.Drawing:
 
 
 OUTPUTS = (
-    ("PB12 alive", "to C1, as D4"),
+    ("PB12 alive", "to R1, as D4"),
     ("PB13 shut-off", "to R3, as D7"),
     ("PC8 valve", "to R5, as D9"),
     ("PC9 motor", "to its R5, as D10"),
 )
+
+
+def supply() -> schemdraw.Drawing:
+    """Draw the supply: fuse, protection against exchanged leads, emergency stop, and what each of them feeds."""
+    with _drawing() as d:
+        d.add(elm.Dot(open=True).label("24 V DC,\n2.5 A", "left"))
+        d.add(elm.Fuse().right(2.4).label("F1 2 A slow"))
+        p = d.add(elm.Dot())
+        d.add(elm.Diode().at(p.center).down(2.4).reverse().label("V6\n1N5401", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(p.center).right(2.0))
+        c = d.add(elm.Dot())
+        d.add(elm.Capacitor(polar=True).at(c.center).down(2.4).label("C7\n470 µF, 35 V", "bottom"))
+        d.add(elm.Ground())
+        d.add(elm.Line().at(c.center).right(1.6))
+        d.add(elm.Button(nc=True).right(2.4).label("S1 emergency stop,\nopens when pressed", "top", ofst=0.25))
+        d.add(elm.Line().right(0.8))
+        d.add(elm.Dot(open=True).label("24 V of\ndump valve,\nshut-off,\nregulator, U1", "right"))
+        d.add(elm.Dot(open=True).at((0, -4.9)).label("motor\nenable", "left"))
+        d.add(elm.Line().right(6.0))
+        d.add(elm.Button(nc=True).right(2.4).label("S1, second contact", "top", ofst=0.25))
+        d.add(elm.Line().right(0.8))
+        d.add(elm.Dot(open=True).label("drain of Q1", "right"))
+    return d
+
+
+def load_cell() -> schemdraw.Drawing:
+    """Draw the amplifier of a load cell with strain gauges: gain 400, and 0.5 V without a load."""
+    pins = [
+        elm.IcPin(name="+IN", pin="3", side="left", slot="4/4", anchorname="plus"),
+        elm.IcPin(name="RG", pin="8", side="left", slot="3/4", anchorname="g1"),
+        elm.IcPin(name="RG", pin="1", side="left", slot="2/4", anchorname="g2"),
+        elm.IcPin(name="−IN", pin="2", side="left", slot="1/4", anchorname="minus"),
+        elm.IcPin(name="OUT", pin="6", side="right", slot="4/4", anchorname="out"),
+        elm.IcPin(name="REF", pin="5", side="right", slot="1/4", anchorname="ref"),
+        elm.IcPin(name="V+", pin="7", side="top", slot="1/1", anchorname="vs"),
+        elm.IcPin(name="V−", pin="4", side="bottom", slot="1/1", anchorname="gnd"),
+    ]
+    with _drawing() as d:
+        d.add(elm.Dot(open=True).at((0, 0)).label("signal +", "left"))
+        d.add(elm.Line().right(2.6))
+        box = elm.Ic(pins=pins, edgepadW=1.0, edgepadH=0.2, pinspacing=1.2, leadlen=0.6)
+        box = d.add(box.anchor("plus").at((2.6, 0)).label("U3\nINA333", "center", fontsize=10))
+        d.add(elm.Line().at(box.minus).tox(0))
+        d.add(elm.Dot(open=True).label("signal −", "left"))
+        d.add(elm.Line().at(box.g1).left(0.5))
+        d.add(elm.Resistor().toy(box.g2).label("R19\n249 Ω", "top", ofst=0.1))
+        d.add(elm.Line().tox(box.g2))
+        d.add(elm.Line().at(box.vs).up(0.3))
+        d.add(elm.Vdd().label("5 V, 100 nF to ground"))
+        d.add(elm.Ground().at(box.gnd))
+        d.add(elm.Line().at(box.out).right(3.0))
+        d.add(elm.Dot(open=True).label("to R11 of A1", "right"))
+        d.add(elm.Line().at(box.ref).right(0.4))
+        f = d.add(elm.Dot())
+        d.add(elm.Line().at(f.center).right(0.4))
+        op = d.add(elm.Opamp().left().anchor("out").label("U4A\nMCP6002", "center", fontsize=8, ofst=(0.2, 0)))
+        d.add(elm.Line().at(op.in1).right(0.4))
+        d.add(elm.Line().down(1.2))
+        d.add(elm.Line().tox(f.center))
+        d.add(elm.Line().toy(f.center))
+        d.add(elm.Line().at(op.in2).right(2.6))
+        r = d.add(elm.Dot())
+        d.add(elm.Resistor().at(r.center).up(2.0).label("R20\n18 kΩ", "bottom"))
+        d.add(elm.Vdd().label("5 V"))
+        d.add(elm.Resistor().at(r.center).down(2.0).label("R21\n2.0 kΩ", "bottom"))
+        d.add(elm.Ground())
+        d.add(
+            elm.Label()
+            .at((op.out[0] + 1.4, op.out[1] - 3.4))
+            .label("U4: output 1, inputs 2 (−) and 3 (+), 5 V at 8, ground at 4;\nconnect 6 with 7, and 5 to ground", fontsize=9)
+        )
+    return d
 
 
 def stm32_outputs() -> schemdraw.Drawing:
@@ -169,7 +256,7 @@ def stm32_sensor() -> schemdraw.Drawing:
 
 def save(folder: Path) -> None:
     """Write the schematics to a folder."""
-    for draw in (vent, valve, sensor, stm32_outputs, stm32_sensor):
+    for draw in (supply, vent, valve, sensor, load_cell, stm32_outputs, stm32_sensor):
         name = draw.__name__.replace("_", "-")
         (folder / f"{name}.svg").write_bytes(draw().get_imagedata("svg"))
 

@@ -33,7 +33,6 @@ class EmulatedSTM32F405(EmulatedBoard):
         puts: counts of valve and motor, and whether the shut-off was open, whenever they changed.
         pins_after: from the fault to outputs at rest [s]; None if they are not.
         pump_after: from the fault to the time at which the pump on `alive` has run empty [s]; None while it does not.
-        silence: from the sample of the newest command to outputs at rest [s].
         intervals: between the ticks of samples, of the board's time [ns].
         idle: time that the processor slept in each [ns].
         instructions: of `bench_tick` and `bench_receive` in each.
@@ -48,11 +47,15 @@ class EmulatedSTM32F405(EmulatedBoard):
         self.puts: list[Outputs] = []
         self.pins_after: float | None = None
         self.pump_after: float | None = None
-        self.silence: float | None = None
-        self._time = self._fault_time = 0  # of the board at the newest sample and at that of the fault [ns]
+        self._time = 0  # of the board at the newest sample [ns]
         self.intervals: list[int] = []
         self.idle: list[int] = []
         self.instructions: list[int] = []
+
+    def _since_fault(self, time: int) -> float:
+        """Time from the sample of the fault to one of the board's [ns], whose clock wraps and stands between samples [s]."""
+        since_sample = (time - self._time + 2**31) % 2**32 - 2**31
+        return (self._samples - 1 - self._fault_at) * self.machine.period + 1e-9 * since_sample
 
     def answer(self, words: list[str]) -> str:
         """Advance the machine as the emulator says, and return the counts of channels, reference and encoder."""
@@ -61,13 +64,13 @@ class EmulatedSTM32F405(EmulatedBoard):
             valve, motor, opened, time, edge = map(int, words[1:])
             self.puts.append((valve, motor, bool(opened)))
             if failed and self.puts[-1] == REST and self.pins_after is None:
-                self.pins_after = 1e-9 * (time - self._fault_time)
-                self.silence = self.pins_after + self.machine.period  # the sample before was the last that was answered
-                if failed not in HOST_FAULTS:  # the run is over, and so are the edges
-                    self.pump_after = 1e-9 * (edge - self._fault_time) + PUMP
+                if failed != "hang":  # then only the host has told it to
+                    self.pins_after = self._since_fault(time)
+                if failed not in (*HOST_FAULTS, "hang"):  # the run is over, and so are the edges
+                    self.pump_after = max(0.0, self._since_fault(edge)) + PUMP
             return ""
         if words[0] == "hung":
-            self.pump_after = 1e-9 * (int(words[2]) - self._fault_time) + PUMP
+            self.pump_after = max(0.0, self._since_fault(int(words[2]))) + PUMP
             return ""
         if words[0] == "step":
             for measured, word in zip((self.intervals, self.idle, self.instructions), words[4:7], strict=True):
@@ -75,8 +78,6 @@ class EmulatedSTM32F405(EmulatedBoard):
             self._time = int(words[7])
         *pins, encoder = super().answer(words[:4]).split()
         failed = self._fault if self._fault and self._samples >= self._fault_at else ""
-        if failed and not self._fault_time:
-            self._fault_time = self._time
         self._samples += 1
         if failed == "encoder-jammed":
             self._jammed = encoder if self._jammed is None else self._jammed
@@ -100,7 +101,7 @@ def command_line(image: Path, line: int, *words: str) -> list[str]:
 
 @contextlib.contextmanager
 def emulated(
-    machine: Any, *, fault: str = "", patience: float = 10.0, image: Path = IMAGE
+    machine: Any, *, fault: str = "", patience: float = 10.0, image: Path = IMAGE, trace: Path | None = None
 ) -> Iterator[EmulatedSTM32F405]:
     """Run a board with a machine behind its pins.
 
@@ -110,14 +111,16 @@ def emulated(
         patience: time for which the board's time stands still while the host computes [s]; 0: it never does, and
             is that of the instructions alone.
         image: program of the board.
+        trace: file to write the address of each instruction to.
     """
     line, other = os.openpty()
     tty.setraw(other)
     answers, answer = os.pipe()
     request, requests = os.pipe()
     words = ("board", f"/dev/fd/{answers}", f"/dev/fd/{requests}", str(round(patience * 100)))
+    logged = [] if trace is None else ["-singlestep", "-d", "exec,nochain", "-D", str(trace)]
     process = subprocess.Popen(
-        command_line(image, line, *words), stdin=subprocess.DEVNULL, pass_fds=[line, answers, requests]
+        [*command_line(image, line, *words), *logged], stdin=subprocess.DEVNULL, pass_fds=[line, answers, requests]
     )
     for end in (answers, requests, line):
         os.close(end)

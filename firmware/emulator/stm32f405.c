@@ -34,11 +34,17 @@ void __wrap_wait_for_interrupt(void);
 static int answers, requests;
 static uint32_t patience, stopped_at, period_ns, before, idle, work;
 static char line[256];
-static uint32_t edge_at, fed_at;
+static uint32_t edge_at, fed_at, stood; /* [ns]; for how long the time stood still, and since when */
+static uint32_t stands_since;
 static uint16_t counts[CHANNELS + 1u];
 static int32_t edges;
 static uint16_t out_valve, out_motor = MOTOR_REST;
 static uint8_t out_opened = 1, first, ready, stopped, hung;
+
+static uint32_t board_time(void)
+{
+    return (stopped ? stands_since : TIM2->cnt) - stood;
+}
 
 static int host(enum call call, const void *arguments)
 {
@@ -163,7 +169,7 @@ void converter_start(void)
         request(put_number(put_word(line, "start"), period_ns));
     } else {
         char *at = put_number(put_outputs(put_word(line, "step")), now - before);
-        request(put_number(put_number(put_number(at, idle), work), now));
+        request(put_number(put_number(put_number(at, idle), work), board_time()));
     }
     before = now;
     first = 0;
@@ -209,12 +215,12 @@ void outputs_write(uint16_t valve, uint16_t motor, int opened)
     out_valve = valve;
     out_motor = motor;
     out_opened = opened != 0;
-    request(put_number(put_number(put_outputs(put_word(line, "outputs")), TIM2->cnt), edge_at));
+    request(put_number(put_number(put_outputs(put_word(line, "outputs")), board_time()), edge_at));
 }
 
 void alive_toggle(void)
 {
-    edge_at = TIM2->cnt;
+    edge_at = board_time();
 }
 
 void alive_stop(void)
@@ -228,7 +234,7 @@ void lamp_write(int on)
 
 void watchdog_feed(void)
 {
-    fed_at = TIM2->cnt;
+    fed_at = board_time();
 }
 
 /* ---- time: it stands still while the timer of the samples is off */
@@ -241,6 +247,7 @@ void __wrap_bench_tick(void)
     if (patience != 0) {
         SYSTICK->csr = 6u;
         stopped = 1;
+        stands_since = TIM2->cnt;
         stopped_at = (uint32_t)host(CLOCK, 0);
     }
 }
@@ -249,6 +256,7 @@ static void go_on(void)
 {
     if (stopped) {
         stopped = 0;
+        stood += TIM2->cnt - stands_since;
         SYSTICK->csr = hung ? 6u : 7u;
     }
     if (hung == 1u) {

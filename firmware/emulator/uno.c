@@ -70,7 +70,7 @@ static struct {
     unsigned long samples, late_outputs, exchanges, starts;
     unsigned long long tick_to_frame, tick_to_sent, command_to_output, idle_least, idle_sum, jitter;
     unsigned long idle_count;
-    avr_cycle_count_t command_at, slept, slept_before, fault_cycle, heard, pins_after, pump_after, silence;
+    avr_cycle_count_t command_at, slept, slept_before, fault_cycle, pins_after, pump_after;
 } seen = {.idle_least = ~0ull};
 
 /* ---- the tasks of the processor, and their cycles in this period, in the longest and in all */
@@ -161,7 +161,6 @@ static void watch_vent(void)
     int shuts = powered && (data[DDRD_] & 0x80) && (data[PORTD_] & 0x80);
     if (seen.pins_after == 0 && !asks && !shuts) {
         seen.pins_after = avr->cycle - seen.fault_cycle + 1u;
-        seen.silence = avr->cycle - seen.heard;
     }
     if (seen.pump_after == 0 && avr->cycle - alive >= PUMP) {
         seen.pump_after = avr->cycle - seen.fault_cycle;
@@ -374,7 +373,7 @@ static avr_cycle_count_t byte_to_board(avr_t *a, avr_cycle_count_t when, void *u
         } else if (frame.kind == 0x01 || frame.kind == 0x05) {
             running = 0;
         } else if (frame.kind == 0x03) {
-            seen.command_at = seen.heard = when + BYTE;
+            seen.command_at = when + BYTE;
         }
     }
     return out == in ? 0 : when + BYTE;
@@ -479,12 +478,12 @@ static void report(void)
     printf("report {\"samples\": %lu, \"period\": %llu, \"late_outputs\": %lu, \"starts\": %lu, "
            "\"tick_to_frame\": %llu, \"tick_to_sent\": %llu, \"command_to_output\": %llu, \"idle_least\": %llu, "
            "\"idle_mean\": %llu, \"jitter\": %llu, \"free_memory\": %lu, \"busy_most\": %llu, "
-           "\"pins_after\": %llu, \"pump_after\": %llu, \"silence\": %llu",
+           "\"pins_after\": %llu, \"pump_after\": %llu",
            seen.samples, (unsigned long long)period, seen.late_outputs, seen.starts, seen.tick_to_frame,
            seen.tick_to_sent, seen.command_to_output, seen.idle_count ? seen.idle_least : 0ull,
            seen.idle_count ? seen.idle_sum / seen.idle_count : 0ull, seen.jitter, free_memory,
            busy_most, (unsigned long long)seen.pins_after,
-           (unsigned long long)seen.pump_after, (unsigned long long)seen.silence);
+           (unsigned long long)seen.pump_after);
     for (i = 0; i < TASKS; i++) {
         printf(", \"%s_most\": %llu, \"%s_mean\": %llu", task_names[i], spent[i].most, task_names[i],
                periods_counted ? spent[i].sum / periods_counted : 0ull);
@@ -529,7 +528,8 @@ int main(int count, char **words)
                 }
             }
         } else if (avr->cycle >= look) {
-            int idle = !running && in == out && avr->cycle > FREQUENCY / 10u && avr->state == cpu_Sleeping;
+            int watched = seen.fault_cycle != 0 && seen.pump_after == 0 && avr->cycle - seen.fault_cycle < FREQUENCY / 10u;
+            int idle = !running && !watched && in == out && avr->cycle > FREQUENCY / 10u && avr->state == cpu_Sleeping;
             look = avr->cycle + 1600u;
             if (listen_to_host(idle ? 1000 : 0) < 0) {
                 break;

@@ -26,7 +26,7 @@ class Bench(Hardware):
         converters = MODERN.converters(0.0)
         super().__init__(converters.names, encoder=True, motor=motor, motor_rest=int(converters.motor.count(0.0)))
         self.scales, self.fault, self.motor_rest = converters.analog, fault, self.motor
-        self.pressure, self.closed = 0.0, 0.0
+        self.pressure, self.closed, self.valve_asked = 0.0, 0.0, 0.0
         self.asked = [0.0] * self.dead_samples
         self.noise = np.random.default_rng(5)
         self.sent = 0
@@ -55,9 +55,19 @@ class Bench(Hardware):
             values["pressure"] += 2e5
         if self.fault == "plug":
             values["pressure"] = 0.0
+        if self.fault == "exchanged":
+            values = {**values, "tension": self.as_counts("pressure", "tension", self.pressure)}
+            values["pressure"] = self.as_counts("tension", "pressure", tension)
+        if self.fault == "exchanged pressures":
+            values["pressure"], values["valve_pressure"] = self.valve_asked, self.pressure
         if self.fault == "noise":
             values["tension"] += 60.0 * self.noise.standard_normal()
         return values
+
+    def as_counts(self, wired: str, read: str, value: float) -> float:
+        """What a channel reads where the signal of another is wired to it."""
+        at, to = self.names.index(wired), self.names.index(read)
+        return self.low[to] + (value - self.low[at]) / self.count[at] * self.count[to]
 
     def wait(self, sample: int) -> float:
         if self.fault == "torn line" and sample == 300:
@@ -76,7 +86,7 @@ class Bench(Hardware):
         self.sent += 1
         vents = self.venting and self.fault != "does not vent"
         self.asked.append(0.0 if vents else self.valve_low + self.valve_count * self.valve)
-        asked = self.asked.pop(0)
+        asked = self.valve_asked = self.asked.pop(0)
         shut = not (self.opened or vents) and self.fault != "shut-off"
         if not shut:
             self.pressure += (asked - self.pressure) * -math.expm1(-self.period / self.time_constant)
@@ -138,6 +148,18 @@ def test_a_fault_is_found_where_it_is(fault: str, expected: tuple[str, str]):
     # Nothing else than the channel of the fault is blamed; without an answer of the pressure the limits stop the rest.
     assert {channel for channel, _ in failed} <= {expected[0], "machine"}
     assert all(": " in r.sentence for r in one.failures())  # what to do about it
+
+
+@pytest.mark.parametrize(
+    ("fault", "channel", "sentence"),
+    [
+        ("exchanged", "pressure", "tension changes by as many counts as it should"),
+        ("exchanged pressures", "shut-off", "exchange the wires of pressure and valve_pressure"),
+    ],
+)
+def test_exchanged_wires_are_told_by_the_channel_that_answers_instead(fault: str, channel: str, sentence: str):
+    one, _ = results(fault)
+    assert any(sentence in r.sentence for r in one.failures() if r.channel == channel), one.failures()
 
 
 def test_a_machine_above_a_limit_of_its_interlocks_is_vented_for_the_rest_of_the_check():

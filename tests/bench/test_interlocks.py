@@ -148,6 +148,15 @@ def test_an_encoder_that_stands_still_under_full_force_is_lost(force: float) -> 
     assert first(lock, 30, asked={**ASKED, "motor": force}) is None  # it moves, by a count
 
 
+def test_a_span_that_stays_away_from_its_set_point_stops_after_the_patience() -> None:
+    lock, asked = locks(most_lag=3e-3), {**ASKED, "span": 0.1245}
+    still = {**HEALTHY, "span": 0.121}  # 3.5 mm away, as with an encoder that stands still
+    assert first(lock, 30, measured=still, asked=asked) == (10, Trip.SPAN_LAG)
+    assert first(lock, 30, measured=still, asked={**asked, "span": 0.1235}) is None
+    assert first(locks(), 30, measured=still, asked={**asked, "span": 1.0}) is None  # without a limit of the rig
+    assert "3 mm" in lock.reason(Trip.SPAN_LAG, still, 1.0) or "0.3 cm" in lock.reason(Trip.SPAN_LAG, still, 1.0)
+
+
 def test_a_muscle_that_holds_the_motor_is_no_lost_encoder() -> None:
     # at its stop a strong muscle takes the full force, and stands still
     lock = locks(most_tension=400.0, tension_rail=500.0)

@@ -336,14 +336,27 @@ class _Judged:
     def threshold(self, name: str) -> float:
         return max(NOISES * self.noise[name], COUNTS * float(self.rig.sensors[name].resolution))
 
+    def exchanged_with(self, name: str) -> str | None:
+        """Channel of another unit that answers the valve by the counts of this pressure; None if there is none."""
+        expected = self.pressure / float(self.rig.sensors[name].resolution)
+        for other in self.names:
+            counts = self.change(other) / float(self.rig.sensors[other].resolution)
+            if self.unit(other) != OF_PRESSURE and abs(counts / expected - 1.0) <= SCALE_SHARE:
+                return other
+        return None
+
     def answer(self, name: str) -> Iterator[CheckResult]:
         """Answer to the step of the valve: whether it moves, up, by how much and how soon, and back."""
         unit, change, asked = self.unit(name), self.change(name), with_unit(self.pressure, OF_PRESSURE)
         of_pressure, moved = unit == OF_PRESSURE, abs(self.change(name)) > self.threshold(name)
         if not moved and of_pressure:
-            sentence = (
-                f"does not answer a step of the valve to {asked}: check its wires, its supply, the tube and the air"
+            other = self.exchanged_with(name)
+            advice = (
+                "check its wires, its supply, the tube and the air"
+                if other is None
+                else f"{other} changes by as many counts as it should: exchange the wires of both"
             )
+            sentence = f"does not answer a step of the valve to {asked}: {advice}"
             yield CheckResult(name, "answer", False, change, unit, sentence)
             return
         if not moved or (unit == "N" and "pull" in self.samples.phase):
@@ -364,9 +377,12 @@ class _Judged:
         if of_pressure and change > 0.0:
             ratio = change / self.pressure
             right = abs(ratio - 1.0) <= SCALE_SHARE
+            other = None if right else self.exchanged_with(name)
             advice = (
                 "" if right else ": check low and high of its converter, and the output of the valve, in the rig's file"
             )
+            if other is not None:
+                advice = f": {other} changes by as many counts as it should, so exchange the wires of both"
             yield CheckResult(
                 name, "scale", right, ratio, "1", f"reads {ratio:.3g} of what the valve was asked for{advice}"
             )
@@ -440,6 +456,9 @@ class _Judged:
             kept = after / before
             tight = kept >= HELD_SHARE
             advice = "" if tight else ": it does not shut, or its output is wired to another pin"
+            other = self.change("valve_pressure") if "valve_pressure" in self.names else 0.0
+            if not tight and other > 0.0 and self.change("valve_pressure", "shut") >= HELD_SHARE * other:
+                advice = ", and that of the valve stays: exchange the wires of pressure and valve_pressure"
             sentence = f"the shut muscle keeps {100.0 * kept:.3g} % of its pressure for {HOLDING:g} s{advice}"
             yield CheckResult("shut-off", "tight", tight, kept, "1", sentence)
 

@@ -73,8 +73,8 @@ class Computer(Module):
         every = math.ceil(needed / sample_rate * (1.0 - ROUNDING)) if sample_rate < needed else 1
         if every > 1 and every * sample_rate > high * (1.0 + ROUNDING):
             problem = (
-                f"too low for a protocol that moves the motor: its loop needs {every * sample_rate:g} Hz, the first multiple of "
-                f"{sample_rate:g} Hz from {needed:g} Hz on, and the computer samples at {high:g} Hz at most; "
+                f"too low for a protocol that moves the motor: its loop needs {every * sample_rate:g} Hz, the first "
+                f"multiple of {sample_rate:g} Hz from {needed:g} Hz on, and the computer samples at {high:g} Hz at most; "
             )
             problem += (
                 "state a higher rate of the protocol"

@@ -3,8 +3,9 @@
 A step sees what the software measures and asks for. The first code that it finds stays: the caller stops the motor and vents
 the muscle. Limits count from the first sample. A reading at the upper end of its converter says nothing about the quantity:
 it is an open wire, or more than the sensor reads, and counts as lost after `patience`. So do a reading below that of any
-intact sensor, no pressure while the valve is requested some (for `implausible_after`), and a span that keeps the very
-same count though a full force is asked that no tension balances. A reading that is no number counts at once.
+intact sensor, no pressure while the valve is requested some (for `implausible_after`), a span that keeps the very same
+count though a full force is asked that no tension balances, and one that is farther than `most_lag` from its set-point. A
+reading that is no number counts at once.
 Straight-line; which channels there are is decided once, by their names.
 """
 
@@ -41,16 +42,18 @@ class Trip(IntEnum):
     LOST_SPAN = 8
     EMERGENCY_STOP = 9
     OUT_OF_LIMITS = 10
+    SPAN_LAG = 11
 
 
 class InterlockState(NamedTuple):
-    """The code of the stop, durations of sensor doubts [s], and the span of the previous sample [m]."""
+    """The code of the stop, durations of sensor doubts and of a lag [s], and the span of the previous sample [m]."""
 
     code: Any
     pressure_lost: Scalar
     pressure_silent: Scalar
     tension_lost: Scalar
     span_still: Scalar
+    span_lag: Scalar
     span: Scalar
 
 
@@ -68,6 +71,7 @@ class Interlocks(Module):
     shortest: Scalar = quantity("m", (-100.0, 100.0), "shortest span", typical=(0.05, 0.5))
     longest: Scalar = quantity("m", (-100.0, 100.0), "longest span", typical=(0.1, 0.6))
     most_speed: Scalar = quantity("m/s", (1e-6, 1e3), "largest speed", typical=(0.1, 10.0))
+    most_lag: Scalar = quantity("m", (1e-6, 100.0), "largest distance of the span from its set-point", default=100.0)
     patience: Scalar = quantity("s", (0.0, 100.0), "time for which a sensor may be doubtful", default=0.01)
     implausible_after: Scalar = quantity("s", (0.0, 1e3), "time until a pressure must show", default=1.0)
     pressure_rail: Scalar = quantity("Pa", (1.0, 1e12), "pressure at the highest code", default=1e12)
@@ -82,7 +86,7 @@ class Interlocks(Module):
     def initial(self) -> InterlockState:
         """Initial state: no violation, and a last span that equals no real span."""
         zero = jnp.zeros(())
-        return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, jnp.asarray(jnp.inf))
+        return InterlockState(jnp.zeros((), jnp.int32), zero, zero, zero, zero, zero, jnp.asarray(jnp.inf))
 
     def step(
         self,
@@ -98,7 +102,7 @@ class Interlocks(Module):
         Args:
             state: state of `initial` or of the sample before.
             measured: those of pressure [Pa] (else valve_pressure), tension [N] and span [m] that the rig measures.
-            asked: those of valve [Pa] and motor [N] that the rig has, as asked at the sample before.
+            asked: those of valve [Pa], motor [N] and span [m] that the rig has, as asked at the sample before.
             velocity: velocity of the measured span [m/s]; not looked at without a span.
             dt: sampling period [s].
             pressed: 1 while the emergency stop is pressed.
@@ -154,22 +158,26 @@ class Interlocks(Module):
         dt: Scalar,
     ) -> tuple[tuple[Any, Any], dict[Trip, Any]]:
         if "span" not in measured:
-            return (state.span_still, state.span), {}
+            return (state.span_still, state.span_lag, state.span), {}
         x = jnp.asarray(measured["span"], float)
-        still_for, stuck = state.span_still, False
+        still_for, lag_for, stuck, lags = state.span_still, state.span_lag, False, False
         if "motor" in asked:
             force = asked["motor"]
             # a muscle against its stop may well hold the full force
             left = jnp.abs(force - measured.get("tension", 0.0)) > UNBALANCED * self.motor_force
             full = jnp.abs(force) >= FULL * self.motor_force
             still_for, stuck = _lasting(full & left & (x == state.span), still_for, dt, self.patience)
+        if "span" in asked:
+            lag_for, lags = _lasting(jnp.abs(x - asked["span"]) > self.most_lag, lag_for, dt, self.patience)
         trips = {
             Trip.TOO_SHORT: (x < self.shortest) & jnp.isfinite(x),
             Trip.TOO_LONG: (x > self.longest) & jnp.isfinite(x),
             Trip.OVER_SPEED: jnp.abs(velocity) > self.most_speed,
             Trip.LOST_SPAN: stuck | ~jnp.isfinite(x),
         }
-        return (still_for, x), trips
+        if "span" in asked:
+            trips[Trip.SPAN_LAG] = lags
+        return (still_for, lag_for, x), trips
 
     def _sensors(self, measured: Mapping[str, Scalar]) -> dict[Trip, Any]:
         within = [
@@ -199,6 +207,7 @@ class Interlocks(Module):
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
             Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
             Trip.OUT_OF_LIMITS: lambda: self._out_of_limits(measured),
+            Trip.SPAN_LAG: lambda: self._span_lag(measured.get("span")),
         }
         return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {sentences[trip]()}; {_DONE}"
 
@@ -227,6 +236,12 @@ class Interlocks(Module):
     def _lost_tension(self, x: float | None) -> str:
         said = _doubtful("tension", x, "N", self.tension_rail, self.tension_floor, self.patience)
         return said or f"the tension sensor reads {_value(x, 'N')}, which is doubtful"
+
+    def _span_lag(self, x: float | None) -> str:
+        return (
+            f"the span reads {_value(x, 'm')}, more than {with_unit(float(self.most_lag), 'm')} from its set-point for "
+            f"{with_unit(float(self.patience), 's')}: an encoder that stands still, a blocked motor, or too low gains"
+        )
 
     def _lost_span(self, x: float | None) -> str:
         if x is not None and not math.isfinite(x):

@@ -93,6 +93,8 @@ class BenchSoftware(Software):
         commands = {"valve": valve, "motor": motor if self.has_motor else nothing}
         # a muscle that is shut off need not have the pressure that the valve is asked for
         watched = {**commands, "valve": jnp.where(asked.open > 0.5, valve, 0.0)}
+        if self.has_motor:
+            watched["span"] = driven
         pressed = row.get("stop", 0.0)
         watching, code = self.interlocks.step(state["interlocks"], read, watched, velocity, dt, pressed)
         stopped = state["stopped"] | (code > 0) | at.missed
