@@ -66,6 +66,7 @@ FAULTS = {
 MISSING = {"stm32f405": ("power", "encoder-skips")}  # nothing that its emulator could measure
 MOVING = {"uno": 2.7, "stm32f405": 2.52}  # time of the run at which the motor moves [s]
 PERIOD, FAULT_AT, WATCHDOG = 4e-3, 20, 5  # [s], samples
+PATIENCE = 60.0  # with an emulator on a busy computer [s]
 SIMAVR_HZ = 16e6
 
 
@@ -77,15 +78,22 @@ def machine_of(bench: Any) -> Any:
 
 
 @contextlib.contextmanager
-def on_board(board: str, bench: Any, rate: float, fault: str = "") -> Iterator[tuple[Hardware, Any]]:
+def on_board(board: str, bench: Any, fault: str = "") -> Iterator[tuple[Hardware, Any]]:
     """Yield the hardware of an emulated board with the simulated machine of a run at its pins."""
-    with (
-        BOARDS[board].emulated(machine_of(bench), fault=fault) as emulated,
-        connected(f"serial:{emulated.port}", bench.rig, 1.0 / rate, silence=5.0 / rate) as hardware,
-    ):
-        assert isinstance(hardware, SerialHardware)
-        hardware.timeout = 60.0  # an emulator on a busy computer is slow [s]
-        yield hardware, emulated
+    with BOARDS[board].emulated(machine_of(bench), fault=fault) as emulated:
+        hardware = SerialHardware(
+            emulated.port,
+            sorted(bench.rig.sensors),
+            encoder=True,
+            motor=True,
+            watchdog=WATCHDOG,
+            timeout=PATIENCE,
+            greeting=PATIENCE,
+        )
+        try:
+            yield hardware, emulated
+        finally:
+            hardware.close()
 
 
 def prepared(board: str, name: str, rate: float, values: dict[str, Any]) -> Any:
@@ -102,7 +110,7 @@ def compare_samples(board: str) -> Iterator[dict[str, Any]]:
             connected(f"serial:{device.port}", bench.rig, 1.0 / rate, lock_step=True) as hardware,
         ):
             in_python = mk.run(bench, hardware=hardware)
-        with on_board(board, bench, rate) as (hardware, emulated):
+        with on_board(board, bench) as (hardware, emulated):
             measured = mk.run(bench, hardware=hardware)
         other = {"in_python": 0, "on_board": 0}
         for channel in CHANNELS:
@@ -146,7 +154,7 @@ class Counting:
 
 def drive(port: str, period: float, samples: int, watchdog: int = WATCHDOG) -> None:
     """Answer samples with commands that change all outputs."""
-    hardware = SerialHardware(port, watchdog=watchdog, timeout=5.0)
+    hardware = SerialHardware(port, watchdog=watchdog, timeout=PATIENCE, greeting=PATIENCE)
     try:
         hardware.start(period)
         for k in range(samples):
@@ -209,7 +217,7 @@ def cycles_of_stm32f405() -> dict[str, Any]:
 
 def answer_until_lost(port: str, silent_at: int | None = None, killed_at: int | None = None) -> str:
     """Answer all samples, or those before one, with the same command until the line is lost; return what the host says."""
-    hardware = SerialHardware(port, watchdog=WATCHDOG, timeout=0.5)
+    hardware = SerialHardware(port, watchdog=WATCHDOG, timeout=2.0, greeting=PATIENCE)
     try:
         hardware.start(PERIOD)
         for k in range(FAULT_AT + 100):
@@ -267,7 +275,7 @@ def jammed(board: str) -> dict[str, Any]:
     name, rate, values = PROTOCOLS[board][-1]
     bench = prepared(board, name, rate, values)
     moves = round(MOVING[board] * rate)
-    with on_board(board, bench, rate, f"encoder-jammed@{moves}") as (hardware, emulated):
+    with on_board(board, bench, f"encoder-jammed@{moves}") as (hardware, emulated):
         recording = mk.run(bench, hardware=hardware)
     return {**times_of(board, emulated), "host": str(recording.meta["message"])}
 
