@@ -399,11 +399,21 @@ def boards(_: Path) -> str:
             f"## `{name}`",
             "Samples of pressure, tension and span, and how many of them differ from those of the simulated rig.",
             _table(
-                ["protocol", "rate [Hz]", "samples", "differ on Python's device", "differ on the board", "late answers"],
+                [
+                    "protocol",
+                    "rate [Hz]",
+                    "samples",
+                    "differ on Python's device",
+                    "differ on the board",
+                    "late answers",
+                ],
                 [
                     [
                         row["protocol"],
-                        *(f"{row[key]:g}" for key in ("rate_hz", "samples", "differ_in_python", "differ_on_board", "late_answers")),
+                        *(
+                            f"{row[key]:g}"
+                            for key in ("rate_hz", "samples", "differ_in_python", "differ_on_board", "late_answers")
+                        ),
                     ]
                     for row in measured["samples"]
                 ],

@@ -209,7 +209,10 @@ def load_cell() -> schemdraw.Drawing:
         d.add(
             elm.Label()
             .at((op.out[0] + 1.4, op.out[1] - 3.4))
-            .label("U4: output 1, inputs 2 (−) and 3 (+), 5 V at 8, ground at 4;\nconnect 6 with 7, and 5 to ground", fontsize=9)
+            .label(
+                "U4: output 1, inputs 2 (−) and 3 (+), 5 V at 8, ground at 4;\nconnect 6 with 7, and 5 to ground",
+                fontsize=9,
+            )
         )
     return d
 

@@ -156,7 +156,7 @@ class Interlocks(Module):
         asked: Mapping[str, Scalar],
         velocity: Scalar,
         dt: Scalar,
-    ) -> tuple[tuple[Any, Any], dict[Trip, Any]]:
+    ) -> tuple[tuple[Any, Any, Any], dict[Trip, Any]]:
         if "span" not in measured:
             return (state.span_still, state.span_lag, state.span), {}
         x = jnp.asarray(measured["span"], float)
@@ -169,7 +169,7 @@ class Interlocks(Module):
             still_for, stuck = _lasting(full & left & (x == state.span), still_for, dt, self.patience)
         if "span" in asked:
             lag_for, lags = _lasting(jnp.abs(x - asked["span"]) > self.most_lag, lag_for, dt, self.patience)
-        trips = {
+        trips: dict[Trip, Any] = {
             Trip.TOO_SHORT: (x < self.shortest) & jnp.isfinite(x),
             Trip.TOO_LONG: (x > self.longest) & jnp.isfinite(x),
             Trip.OVER_SPEED: jnp.abs(velocity) > self.most_speed,
