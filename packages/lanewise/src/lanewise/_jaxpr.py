@@ -1,6 +1,6 @@
 """The classes of JAX's intermediate form, without the whole of `jax.extend`.
 
-`jax.extend.core` is their public place, but importing it imports Pallas besides, which is a twelfth of the time that a fresh
+`jax.extend.core` is their public place, but importing it imports Pallas besides, some 7 % of the time that a fresh
 process takes to lower and run its first program. They are therefore taken from where `jax.extend.core` takes them, and from
 the public place where JAX has moved them.
 """
