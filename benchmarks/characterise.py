@@ -29,6 +29,7 @@ from mckibben.assembly.build import unit_from_muscle
 from mckibben.assembly.muscle_unit import MuscleUnit
 from mckibben.bench.rig import Rig
 from mckibben.errors import StageError
+from mckibben.identification.tension_path_fit import WINDOW
 from mckibben.muscles.build import build_law
 from mckibben.muscles.creep import MaxwellChain
 from mckibben.muscles.elements import Tendon
@@ -167,22 +168,48 @@ def study(number: int, seed: int) -> dict[str, Any]:
         spans += list(shortest + SHARES * (longest - shortest))
         pressures += [0.5 * (float(np.mean(a.pressure)) + float(np.mean(b.pressure)))] * len(SHARES)
     at, under = np.array(spans), np.array(pressures)
-    true, law = true_tensions(muscle.unit, at, under), found.muscle
-    error = np.asarray(law.tension(at, under)) - true
-    largest = float(true.max())
+    law = found.muscle
+    predicted = np.asarray(law.tension(at, under))
+    error = predicted - true_tensions(muscle.rig.faults.unit(muscle.unit), at, under)
+    # The same spans as lengths of the muscle itself, without the slack of a clamp.
+    alone = true_tensions(muscle.unit, at, under)
+    intervals = [found.tension_interval(float(x), float(p)) for x, p in zip(at, under, strict=True)]
+    inside = np.array([low <= t <= high for t, (low, high) in zip(alone, intervals, strict=True)])
+    largest = float(alone.max())
     middle = 0.7 * float(under.max())
     rubbed = [float(np.sum(m.friction.largest_force(middle))) for m in (law, muscle.unit)]
-    total, stiffness = found.evaluation.relaxation.total, float(np.sum(muscle.unit.creep.stiffness))
+    total = found.evaluation.relaxation.total
+    own = np.abs(predicted - alone) / largest
     return row | {
         "error": [round(float(e), 5) for e in error / largest],
         "worst": float(np.abs(error).max() / largest),
         "rms": float(np.sqrt(np.mean(error**2)) / largest),
         "covered": float(np.mean(np.abs(error) <= found.evaluation.half_width)),
         "half_width": found.evaluation.half_width / largest,
+        "alone": float(own.max()),
+        "alone_covered": float(np.mean(inside)),
+        "alone_half_width": float(np.median([high - low for low, high in intervals]) / 2.0 / largest),
+        "silent": float(np.max(own * ~inside)),
         "largest": largest,
         "friction": rubbed,
-        "relaxation": [total.value, total.low, total.high, stiffness],
+        "relaxation": [total.value, total.low, total.high, true_relaxation(muscle.unit, found.records["relaxation"])],
+        "volume": [float(m.volume(muscle.rest_length, middle)) for m in (law.law, muscle.unit.law)],
     }
+
+
+def true_relaxation(unit: MuscleUnit, record: mk.Recording) -> float:
+    """Tension per step of the span that relaxes from 1 s to 30 s after it, as the load cell reads it [N/m].
+
+    A cord in series passes the share k_t/(k_t + k) of a step on to a muscle of stiffness k, and the same share of the
+    muscle's force back.
+    """
+    hold = record.segments("hold")[0]
+    span, pressure = float(hold["span"][-1]), float(np.mean(hold["pressure"]))
+    slope = float(unit.law.tension(span, pressure) - unit.law.tension(span - 1e-3, pressure)) / 1e-3
+    share = unit.tendon.stiffness / (unit.tendon.stiffness + slope)
+    times = np.asarray(unit.creep.time_constant)
+    relaxed = np.exp(-WINDOW[0] / times) - np.exp(-WINDOW[1] / times)
+    return float(np.asarray(unit.creep.stiffness) @ relaxed * share**2)
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -198,17 +225,26 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         made[name] = {
             "muscles": len(some),
             "failed and said so": len(some) - len(passed),
-            "wrong and did not say so": sum(r["worst"] > WRONG for r in passed),
+            "wrong by more than 5 %": sum(r["alone"] > WRONG for r in passed),
+            "of these, beyond the interval that was stated": sum(r["silent"] > WRONG for r in passed),
             "error, median": float(np.median(errors)),
             "error, 90 %": float(np.quantile(errors, 0.9)),
             "error, worst": float(errors.max()),
             "tensions within their 95 % interval": float(np.mean([r["covered"] for r in passed])) if passed else 0.0,
+            "of the muscle itself, likewise": float(np.mean([r["alone_covered"] for r in passed])) if passed else 0.0,
+            "relaxation within its 95 % interval": share_within(passed),
             "friction, median error": float(np.median([abs(a / b - 1.0) for r in passed for a, b in [r["friction"]]]))
             if passed
             else 0.0,
             "machine time, longest": max((r["machine_time"] for r in passed), default=0.0),
         }
     return made
+
+
+def share_within(rows: list[dict[str, Any]]) -> float:
+    """Share of the muscles whose true relaxation lies in its interval."""
+    ends = [r["relaxation"] for r in rows]
+    return float(np.mean([low <= true <= high for _, low, high, true in ends])) if ends else 0.0
 
 
 def table(result: dict[str, Any]) -> str:
@@ -221,11 +257,11 @@ def table(result: dict[str, Any]) -> str:
             value = result["summary"][column][name]
             some = result["summary"][column]
             if some["muscles"] == some["failed and said so"] and name.startswith(
-                ("error", "tensions", "friction", "machine")
+                ("error", "tensions", "of the muscle", "relaxation", "friction", "machine")
             ):
                 cells.append("\N{EN DASH}")
                 continue
-            if name.startswith(("error", "tensions", "friction")):
+            if name.startswith(("error", "tensions", "of the muscle", "relaxation", "friction")):
                 cells.append(f"{100.0 * value:.2g} %" if value < 0.995 else "100 %")
             elif name.startswith("machine"):
                 cells.append(f"{value / 60.0:.1f} min")
@@ -240,7 +276,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--muscles", type=int, default=50)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=21)
+    parser.add_argument("--seed", type=int, default=22)
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--draw", action="store_true", help="write the table of the documentation from the results")
     asked = parser.parse_args()

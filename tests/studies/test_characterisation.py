@@ -9,8 +9,23 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError, StageError
 from mckibben.specimens import save_specimen
-from mckibben.studies.characterisation.evaluation import advance, half_width, leak_of
-from mckibben.studies.characterisation.stages import MARGIN, Bounds, held_out_points, planned, pressures_of
+from mckibben.studies.characterisation.evaluation import (
+    advance,
+    clamp_of,
+    half_width,
+    leak_of,
+    rest_volume,
+    seat_of,
+)
+from mckibben.studies.characterisation.stages import (
+    MARGIN,
+    Bounds,
+    Progression,
+    held_out_points,
+    planned,
+    pressures_of,
+    protocol_of,
+)
 from mckibben.studies.characterisation.verb import plan
 
 
@@ -97,6 +112,72 @@ def test_the_leak_is_the_share_of_the_pressure_that_is_lost_per_second():
         },
     )
     assert leak_of(record).value == pytest.approx(0.004, rel=1e-3)  # a line instead of the exponential, over 4 %
+
+
+def _seat(taut, stiffness=300.0, noise=0.05):
+    """The stage in which a vented muscle of 14 cm is pulled longer, which gets taut at a span [m]."""
+    time = np.arange(0.0, 12.0, 0.02)
+    span = 0.14 * (0.97 + 0.005 * np.clip(time - 2.0, 0.0, 10.0))
+    beyond = np.maximum(span - taut, 0.0)
+    tension = stiffness * beyond + 0.5 * -np.expm1(-beyond / 3e-4)
+    tension += np.random.default_rng(1).normal(0.0, noise, len(time))
+    steps = [("zero", 0.0, 2.0), ("pull", 2.0, 12.0)]
+    channels = {"span": (span, "m"), "tension": (tension, "N"), "pressure": (np.zeros(len(time)), "Pa")}
+    return mk.Recording(
+        time,
+        {name: mk.Channel(values, unit, "measured") for name, (values, unit) in channels.items()},
+        {
+            "steps": [
+                {"label": n, "start": a, "end": b, "recorded": True, "case": {}, "path": f"steps.{i}", "index": i}
+                for i, (n, a, b) in enumerate(steps, 1)
+            ]
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def bounds():
+    return Bounds.of(mk.rig("modern"), "direct", rest_length=0.14, pressure=5e5)
+
+
+def test_the_span_at_which_a_vented_muscle_gets_taut_lies_in_its_interval(bounds):
+    for taut in (0.1385, 0.14, 0.1412):
+        seat = seat_of(_seat(taut), bounds)
+        assert seat.low < taut < seat.high
+        assert seat.high - seat.low < 0.01 * 0.14  # the ruler's error; the shape of the onset makes a fifth of it
+
+
+def test_a_slack_clamp_is_refused_where_the_muscle_gets_taut_beyond_its_rest_length(bounds):
+    with pytest.raises(StageError, match=r"stage seat: the vented muscle gets taut at 14\.2\d cm, 1\.\d %"):
+        advance("seat", _seat(0.1422), bounds, Progression())
+    with pytest.raises(StageError, match="stage seat: the vented muscle is still slack at 14"):
+        advance("seat", _seat(0.145), bounds, Progression())
+    with pytest.raises(StageError, match="stage seat: the vented muscle gets taut at 13.7.* below"):
+        advance("seat", _seat(0.1375), bounds, Progression())
+    advance("seat", _seat(0.1408), bounds, Progression())
+
+
+def test_a_slack_that_the_ruler_does_not_show_is_in_the_interval_of_the_lengths(bounds):
+    slack, mounted = 1.5e-3, 0.99 * 0.14  # a ruler that reads 1 % too much hides a slack of 1 %
+    low, high = clamp_of(seat_of(_seat(mounted + slack), bounds), bounds)
+    assert low < slack < high
+
+
+def test_the_volume_at_rest_is_that_of_the_ideal_braid_with_these_tensions(bounds):
+    law = mk.muscle("nylon", law="ideal").law
+    length, pressure = (x.ravel() for x in np.meshgrid(np.linspace(0.11, 0.139, 12), np.linspace(1e5, 5e5, 6)))
+    tension = np.array([float(law.tension(x, p)) for x, p in zip(length, pressure, strict=True)])
+    volume = rest_volume(mk.ForceMap("ideal", length, pressure, tension), bounds)
+    assert volume == pytest.approx(float(law.volume(0.14, 3e5)), rel=0.02)  # of the smoothing below its threshold
+
+
+def test_an_unknown_muscle_is_moved_by_a_loop_as_fast_as_any_other(bounds):
+    from mckibben.bench.prepare import CONTROL_RATE, prepare
+
+    for stage in ("seat", "map"):
+        protocol = protocol_of(stage, bounds, planned(bounds))
+        prepared = prepare(protocol, muscle="nylon", rig="modern", plumbing="direct", foresee=False)
+        assert prepared.plan.sample_rate >= CONTROL_RATE and not prepared.findings
 
 
 def test_the_interval_of_a_prediction_grows_with_the_errors_that_no_fit_has_seen():

@@ -36,9 +36,16 @@ def characterise(
         str | None,
         typer.Option(
             metavar="LENGTH",
-            help="Span at which the vented muscle is mounted, such as '300 mm'; needed with --on.",
+            help="Length of the vented muscle between its clamps, where it is mounted, as '300 mm'; needed with --on.",
         ),
     ] = None,
+    length_error: Annotated[
+        str,
+        typer.Option(
+            metavar="SHARE",
+            help="Largest error of the rest length, such as '0.5 %'; a muscle that gets taut elsewhere is refused.",
+        ),
+    ] = "1 %",
     plumbing: Plumbing = None,
     max_pressure: Annotated[
         str | None,
@@ -100,6 +107,7 @@ def characterise(
         "plumbing": plumbing,
         "max_pressure": _amount(max_pressure, "Pa", "--max-pressure"),
         "max_tension": _amount(max_tension, "N", "--max-tension"),
+        "length_error": parse(length_error, "1", field="--length-error"),
     }
     if options["rest_length"] is None and muscle is not None:
         options["rest_length"] = characterisation.verb.rest_length_of_muscle(muscle)
@@ -128,7 +136,7 @@ def _amount(text: str | None, unit: str, option: str) -> float | None:
 
 def _option(field: str) -> str:
     """Name of the option of an argument."""
-    named = ("rest_length", "max_pressure", "max_tension", "plumbing", "out", "muscle", "rig", "law")
+    named = ("rest_length", "length_error", "max_pressure", "max_tension", "plumbing", "out", "muscle", "rig", "law")
     return f"--{field.replace('_', '-')}" if field in named else field
 
 
@@ -208,6 +216,8 @@ def _print(outcome: Characterisation, out: Path) -> None:
         f"{len(found.held_out)} held-out points: {100.0 * outcome.held_out_error:.2g} % rms of the largest tension, "
         f"{with_unit(found.largest, 'N', 3)}; a predicted tension is known to {found.half_width:.2g} N (95 %)."
     )
+    short, long = (with_unit(by, "m", 2) for by in found.clamp)
+    typer.echo(f"Lengths are spans of the rig, which may be {short} to {long} longer than the muscle itself.")
     typer.echo(f"{outcome.seconds / 60.0:.1f} min of machine time. Written: {out / 'report.html'}")
     if outcome.passed:
         typer.echo(f"Written: {out / outcome.specimen.id}.toml")

@@ -25,10 +25,14 @@ from .._jax import Array, Tree, jax, jnp
 from ..errors import InputError
 from ..muscles.creep import MaxwellChain
 from ..muscles.hysteresis import FrictionLimit, MaxwellSlip
-from .uncertainty import Estimate, uncertainty, widening
+from .uncertainty import NORMAL_QUANTILE, Estimate, uncertainty, widening
 
 ELEMENTS = 6  # of the friction
 FEWEST = 12
+WINDOW = (1.0, 30.0)  # times after a step of the span between which the relaxation is stated [s]
+PER_DECADE = 4  # elements of the relaxation
+HISTORY = 0.1  # standard error of the share of the path before the stretch that reached the muscle
+UNSEEN = 0.1  # standard error of the relaxation, a share: friction holds some of it while the cord shortens
 AT_PRESSURE = 5e5  # at which the travels of the friction are meant [Pa]
 # Start, least and largest value of the friction's parameters: limit [N] and [m^2], travel [m], ratio of the travels [1].
 _BOUNDS = {
@@ -54,7 +58,7 @@ class RelaxationFit:
 
     Attributes:
         stiffness: of each Maxwell element [N/m].
-        total: their sum with its 95 % interval [N/m].
+        total: tension per step of the span that relaxes between the times `WINDOW` after it, with its 95 % interval [N/m].
         time_constants: of the elements [s].
         rmse: of the tension while the span stood still [N].
     """
@@ -92,43 +96,164 @@ class BranchFit:
 
 
 def fit_relaxation(
-    path: SpanPath, tension: np.ndarray, still: np.ndarray, *, shortest: float = 0.3, longest: float = 30.0
+    path: SpanPath,
+    tension: np.ndarray,
+    still: np.ndarray,
+    *,
+    stretch: int | None = None,
+    pressure_slope: tuple[float, float] | None = None,
+    shortest: float = 0.5,
+    longest: float = 30.0,
 ) -> RelaxationFit:
     """Fit the relaxation of the tension while the span stands still after a stretch.
+
+    What a hold tells is how much relaxes between a time after its begin and its end, not the sum of the elements, of which
+    those that are faster or slower than the hold hardly change it. The interval of that total is its profile likelihood:
+    all totals for which some distribution over the time constants, with no stiffness negative, fits hardly worse than the
+    best. Two things are fitted beside it, with priors: the tension that a change of pressure makes, and the share of the
+    path before the stretch that reached the muscle, which `HISTORY` spreads about 1 because a cord lengthens as the muscle
+    is filled. `UNSEEN` is added to the interval: the friction of the muscle holds back part of the force that relaxes.
 
     Args:
         path: from a time at which the muscle was relaxed.
         tension: (n,) [N].
         still: samples that are fitted, bool (n,).
+        stretch: first sample of the stretch; the path before it is taken as exact if left out.
+        pressure_slope: tension per pressure at this length and its standard error [m^2]; pressures are taken as constant if
+            left out.
         shortest: time constant of the fastest element [s].
         longest: time constant of the slowest element [s].
 
     Raises:
         InputError: there are too few samples.
     """
-    from scipy import optimize
-
-    count = 1 + round(2.0 * float(np.log10(longest / shortest)))
+    count = 1 + round(PER_DECADE * float(np.log10(longest / shortest)))
     if int(still.sum()) < count + FEWEST:
         raise InputError("samples", int(still.sum()), f"must be {count + FEWEST} or more at a span that stands still")
-    unit = MaxwellChain.geometric(stiffness=float(count), shortest=shortest, longest=longest, elements=count)
-    states = np.asarray(_compiled().deflections(unit, *_steps(path)))[still]
-    matrix = np.column_stack([np.ones(len(states)), states])
-    low = np.array([-np.inf] + [0.0] * count)
-    solution = optimize.lsq_linear(matrix, tension[still], bounds=(low, np.inf), method="bvls")
-    error = matrix @ solution.x - tension[still]
-    # The elements trade places; their sum is what the data determine: the fit with the ratios held has it as a parameter.
-    stiffness = solution.x[1:]
-    total = float(stiffness.sum())
-    shape = states @ (stiffness / total if total > 0.0 else np.full(count, 1.0 / count))
-    spread = uncertainty(np.column_stack([np.ones(len(shape)), shape]), error, ("start", "total"))
-    half = float(spread.quantile * spread.standard_error[1] * widening([error]))
-    return RelaxationFit(
-        stiffness,
-        Estimate(total, max(total - half, 0.0), total + half, "N/m"),
-        np.asarray(unit.time_constant),
-        float(np.sqrt(np.mean(error**2))),
-    )
+    chain = MaxwellChain.geometric(stiffness=float(count), shortest=shortest, longest=longest, elements=count)
+    whole = np.asarray(_compiled().deflections(chain, *_steps(path)))[still]
+    earlier = np.zeros_like(whole)
+    if stretch is not None:
+        before = path._replace(span=np.where(np.arange(len(path.span)) < stretch, path.span, path.span[stretch]))
+        earlier = np.asarray(_compiled().deflections(chain, *_steps(before)))[still]
+    slope, spread = pressure_slope or (0.0, 0.0)
+    moved = np.zeros(len(whole)) if pressure_slope is None else _smooth(path.time[still], path.pressure[still])
+    moved = moved - (moved[-1] if len(moved) else 0.0)
+    wanted = tension[still] - slope * moved
+    times = np.asarray(chain.time_constant)
+    weights = np.exp(-WINDOW[0] / times) - np.exp(-WINDOW[1] / times)
+    likelihood = _RelaxationLikelihood(weights, whole, earlier, moved, wanted, spread, stretch is not None)
+    return likelihood.fit(np.asarray(chain.time_constant))
+
+
+def _smooth(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values that settle, without their noise: a constant and decays of many time constants, fitted (n,)."""
+    since = time - time[0]
+    decays = np.exp(-since[:, None] / np.geomspace(0.1, 30.0, 6))
+    matrix = np.column_stack([np.ones(len(since)), decays])
+    smooth: np.ndarray = matrix @ np.linalg.lstsq(matrix, values, rcond=1e-9)[0]
+    return smooth
+
+
+class _RelaxationLikelihood:
+    """Likelihood of the total stiffness, with the distribution over the elements as it fits best.
+
+    Args:
+        whole: deflections of all elements (n, elements) [m].
+        earlier: those from the path before the stretch (n, elements) [m].
+        moved: pressure less that at the end (n,) [Pa].
+        wanted: tension less what the pressure is expected to make (n,) [N].
+        spread: standard error of the tension per pressure [m^2].
+        history: whether the share of the earlier path is uncertain.
+    """
+
+    def __init__(
+        self,
+        weights: np.ndarray,
+        whole: np.ndarray,
+        earlier: np.ndarray,
+        moved: np.ndarray,
+        wanted: np.ndarray,
+        spread: float,
+        history: bool,
+    ) -> None:
+        self.weights = weights
+        self.count, self.samples, self.history = whole.shape[1], len(wanted), history
+        self.size = max(float(np.abs(whole).max()), 1e-12)
+        self.lever = max(float(np.abs(moved).max()), 1.0)
+        columns = [np.ones(len(wanted)), moved / self.lever, *((whole - earlier) / self.size).T]
+        matrix = np.column_stack([*columns, *(earlier / self.size).T, wanted - wanted.mean()])
+        self.triangle = np.linalg.qr(matrix, mode="r")
+        self.spread = spread * self.lever  # of the pressure's column [N]
+        self.matrix, self.mean = matrix, float(wanted.mean())
+        self.noise = 1.0
+        solution = self.solve(1.0, None)[0]
+        error = self._error(solution, 1.0)
+        self.noise = max(float(np.std(error)) * widening([error]), 1e-9)  # of one sample, as if all were independent
+
+    def _combined(self, share: float) -> tuple[np.ndarray, np.ndarray]:
+        n, r = self.count, self.triangle
+        return np.column_stack([r[:, :2], r[:, 2 : 2 + n] + share * r[:, 2 + n : 2 + 2 * n]]), r[:, -1]
+
+    def _error(self, solution: np.ndarray, share: float) -> np.ndarray:
+        n, m = self.count, self.matrix
+        error: np.ndarray = (
+            m[:, :2] @ solution[:2] + (m[:, 2 : 2 + n] + share * m[:, 2 + n : 2 + 2 * n]) @ solution[2:] - m[:, -1]
+        )
+        return error
+
+    def solve(self, share: float, total: float | None) -> tuple[np.ndarray, float]:
+        """Best solution with a share of the earlier path and a total, free if None; and its cost, as -2 log likelihood."""
+        from scipy import optimize
+
+        matrix, wanted = self._combined(share)
+        matrix, wanted = matrix / self.noise, wanted / self.noise
+        prior = np.zeros((1, matrix.shape[1]))
+        prior[0, 1] = 1.0 / self.spread if self.spread > 0.0 else 1e9
+        rows, values = [matrix, prior], [wanted, [0.0]]
+        if total is not None:
+            bound = np.zeros((1, matrix.shape[1]))
+            weight = 1e4 * max(float(np.abs(matrix).max()), 1.0)
+            bound[0, 2:] = weight * self.weights
+            rows.append(bound)
+            values.append([weight * total * self.size])
+        low = np.array([-np.inf, -np.inf] + [0.0] * self.count)
+        solution = optimize.lsq_linear(np.vstack(rows), np.concatenate(values), bounds=(low, np.inf), method="bvls").x
+        cost = float(np.sum((matrix @ solution - wanted) ** 2) + (prior @ solution)[0] ** 2)
+        return solution, cost + ((share - 1.0) / HISTORY) ** 2
+
+    def profile(self, total: float | None) -> tuple[np.ndarray, float, float]:
+        """Best solution of all shares of the earlier path, its cost and the share."""
+        shares = 1.0 + HISTORY * np.linspace(-2.0, 2.0, 9) if self.history else np.ones(1)
+        costs = [(*self.solve(float(share), total), float(share)) for share in shares]
+        return min(costs, key=lambda one: one[1])
+
+    def fit(self, time_constants: np.ndarray) -> RelaxationFit:
+        """The elements, and their total with its interval."""
+        from scipy import optimize
+
+        solution, least, share = self.profile(None)
+        stiffness = solution[2:] / self.size
+        total = float(stiffness @ self.weights)
+
+        def beyond(value: float) -> float:
+            return self.profile(max(value, 0.0))[1] - least - NORMAL_QUANTILE**2
+
+        step = max(0.05 * total, 3.0 * self.noise / (self.size * self.samples**0.5))
+        low = 0.0
+        if total > 0.0 and beyond(0.0) > 0.0:
+            low = float(optimize.brentq(beyond, 0.0, total, xtol=2e-3 * step, maxiter=40))
+        top = total + step
+        while beyond(top) < 0.0 and top < 1e3 * (total + step):
+            top = total + 2.0 * (top - total)
+        high = float(optimize.brentq(beyond, total, top, xtol=2e-3 * step, maxiter=40))
+        unseen = NORMAL_QUANTILE * UNSEEN * total
+        low = max(total - float(np.hypot(total - low, unseen)), 0.0)
+        high = total + float(np.hypot(high - total, unseen))
+        error = self._error(solution, share)
+        return RelaxationFit(
+            stiffness, Estimate(total, low, high, "N/m"), time_constants, float(np.sqrt(np.mean(error**2)))
+        )
 
 
 def fit_branches(

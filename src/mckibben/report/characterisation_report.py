@@ -33,11 +33,20 @@ __all__ = ["characterisation_document", "write_characterisation_report"]
 READING = (
     ("Law", "fitted to the mean of both branches of the loops, less what friction and relaxation leave in it."),
     ("Friction", "fitted to the difference of the branches, for which no law is needed."),
-    ("Relaxation", "fitted to the tension after a stretch, while the span stands still."),
+    (
+        "Relaxation",
+        "fitted to the tension after a stretch, at one span; stated is what relaxes from 1 s to 30 s after a step.",
+    ),
     (
         "Interval of a tension",
         "from the errors of the held-out points, which no fit has seen: half its width is Student's t times their root mean "
         "square, with what the gains of load cell and pressure sensor may be off added to it.",
+    ),
+    (
+        "Lengths",
+        "are spans of the rig. A muscle in a slack clamp has the tension of a longer one at every span and pressure, so no "
+        "sensor shows the slack: what tells is the span at which the vented muscle gets taut, beside the rest length as "
+        "measured. The tension at a length of the muscle itself is known only as far as both agree.",
     ),
     ("Intervals", "95 %; those of the law's parameters take errors as independent and the law as right."),
 )
@@ -83,7 +92,8 @@ def _result(found: Characterisation) -> list[Block]:
     words += f"largest tension, {_words(evaluation.largest, 'N', 3)}. A predicted tension is known to ±{half} (95 %)."
     facts = [
         ("Rest length", _words(found.bounds.rest_length, "m")),
-        ("Taut, vented", _words(evaluation.seat, "m") if math.isfinite(evaluation.seat) else "not up to 2 % longer"),
+        ("Taut, vented", _seat(found)),
+        ("Span less length of the muscle", " to ".join(_words(by, "m", 2) for by in evaluation.clamp)),
         ("Leak", _leak(found)),
         ("Machine time", f"{found.seconds / 60.0:.1f} min"),
     ]
@@ -105,6 +115,13 @@ def _result(found: Characterisation) -> list[Block]:
         ReportTable(columns, rows, "Parameters with 95 % intervals"),
         *([NoteBox("Caution", tuple(dict.fromkeys(said)))] if said else []),
     ]
+
+
+def _seat(found: Characterisation) -> str:
+    seat = found.evaluation.seat
+    if not math.isfinite(seat.value):
+        return "not up to 2 % longer"
+    return f"{_words(seat.value, 'm')} ({_words(seat.low, 'm')} to {_words(seat.high, 'm')})"
 
 
 def _leak(found: Characterisation) -> str:

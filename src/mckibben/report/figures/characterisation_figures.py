@@ -60,7 +60,7 @@ def relaxation_figure(found: Characterisation) -> Figure:
     ax.plot(time, fitted, color=COLOURS["tension"], lw=style.LINE, zorder=2)
     style.quantity_axes(ax, x=("Time since the stretch, s", None), y=("Tension, N", "tension"))
     total = found.evaluation.relaxation.total
-    style.heading(ax, "Relaxation", f"{number(total.value / 100.0, 3)} N/cm in all", above=22.0)
+    style.heading(ax, "Relaxation", f"{number(total.value / 100.0, 3)} N/cm from 1 s to 30 s", above=22.0)
     return fig
 
 

@@ -34,8 +34,8 @@ from ...identification.tension_path_fit import (
     friction_force,
     relaxation_force,
 )
-from ...identification.uncertainty import Estimate, uncertainty, widening
-from ...muscles import Muscle
+from ...identification.uncertainty import NORMAL_QUANTILE, Estimate, uncertainty, widening
+from ...muscles import Muscle, braid
 from ...muscles.laws import LAWS
 from ...quantities import with_unit
 from ...recordings import ForceMap, Recording
@@ -55,8 +55,12 @@ MOST_DECAY = 0.03  # share of the pressure that a leak may take in a second [1/s
 MOST_DRIFT = 0.01  # of a sensor's zero during the map, of the largest value
 MOST_SWING = 0.01  # standard deviation of the span that is to stand still, of the rest length
 MOST_ERROR = 0.05  # rms error of the held-out points, of the largest tension
-SETTLED = 0.15  # after the stretch, which the pressure needs [s]
+SETTLED = 0.5  # after the stretch, which the pressure needs [s]
+SLOPE_ERROR = 0.3  # standard error of the tension per pressure beside the hold, a share: friction holds some of it
 LONGEST = 1.02  # up to which a law is meant, of the rest length
+PULLED = 0.02  # by which the vented muscle is pulled beyond its rest length, a share
+SEAT_ERROR = 1e-3  # of the span at which it gets taut, beside noise, of the rest length
+ONSET = 3e-3  # stretch over which friction and rubber begin to pull, of the rest length
 READ = 1.0  # end of a hold that is averaged [s]
 
 
@@ -81,7 +85,8 @@ class Evaluation:
         friction: from the difference of the branches.
         relaxation: from the hold.
         leak: share of the pressure that is lost per second; None where nothing shuts the muscle off.
-        seat: span at which the vented muscle gets taut [m]; NaN beyond the largest one.
+        seat: span at which the vented muscle gets taut, with its 95 % interval [m]; NaN and an open end if it did not.
+        clamp: least and largest length by which a span may be longer than the muscle itself [m].
         held_out: points of the last stage.
         half_width: of the 95 % interval of a predicted tension [N].
         largest: largest tension [N].
@@ -93,7 +98,8 @@ class Evaluation:
     friction: BranchFit
     relaxation: RelaxationFit
     leak: Estimate | None
-    seat: float
+    seat: Estimate
+    clamp: tuple[float, float]
     held_out: tuple[HeldOut, ...]
     half_width: float
     largest: float
@@ -122,7 +128,9 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         noise = float(np.std(rest))
         pressure = float(np.mean(_part(record, "zero", stage)["pressure"]))
         zero = float(np.mean(rest))
-        return dataclasses.replace(known, zero=zero, zero_pressure=pressure, slack=max(known.slack, 6.0 * noise))
+        known = dataclasses.replace(known, zero=zero, zero_pressure=pressure, slack=max(known.slack, 6.0 * noise))
+        _check_seat(seat_of(record, bounds), bounds)
+        return known
     if stage == "leak":
         leak, fall = leak_of(record), _fall(record)
         if leak.low > MOST_DECAY or fall > MOST_DECAY:
@@ -191,6 +199,67 @@ def _fall(record: Recording) -> float:
     before, shut = _part(record, "settle", "leak"), _part(record, "shut", "leak")
     left = float(np.mean(shut.select(start=shut.time[-1] - 0.5)["pressure"]) / np.mean(before["pressure"]))
     return (1.0 - left) / shut.duration
+
+
+def seat_of(record: Recording, bounds: Bounds) -> Estimate:
+    """Span at which the vented muscle gets taut when it is pulled longer, with its 95 % interval [m].
+
+    The tension is a constant up to there and a rising, concave curve beyond; the interval is that of its likelihood. Where
+    the tension does not rise the value is NaN, and the interval is open above the longest span.
+    """
+    pull = _part(record, "pull", "seat")
+    span, tension, rest = pull["span"], pull["tension"], bounds.rest_length
+    spans = np.linspace(span[0], span[-1], 241)[:-4]
+    costs = np.array([_onset_cost(span, tension, float(x), ONSET * rest) for x in spans])
+    flat = float(np.sum((tension - tension.mean()) ** 2))
+    error = SEAT_ERROR * rest
+    noise = float(costs.min()) / max(len(span) - 4, 1)
+    if flat - costs.min() < 25.0 * max(noise, 1e-12):  # five standard errors
+        return Estimate(float("nan"), float(span[-1]) - error, float("inf"), "m")
+    near = spans[costs <= costs.min() + NORMAL_QUANTILE**2 * noise]
+    return Estimate(float(spans[np.argmin(costs)]), float(near[0]) - error, float(near[-1]) + error, "m")
+
+
+def _onset_cost(span: np.ndarray, tension: np.ndarray, begin: float, onset: float) -> float:
+    """Squares that a curve which begins to rise at a span leaves."""
+    from scipy.optimize import nnls
+
+    beyond = np.maximum(span - begin, 0.0)
+    constant = np.ones_like(span)
+    matrix = np.column_stack([constant, -constant, beyond / onset, -np.expm1(-beyond / onset)])
+    return float(nnls(matrix, tension)[1] ** 2)
+
+
+def _check_seat(seat: Estimate, bounds: Bounds) -> None:
+    """Refuse a muscle that gets taut where its rest length does not say so: the sensors cannot tell a slack clamp."""
+    rest, most = bounds.rest_length, bounds.length_error
+    measured = (
+        f"its rest length of {with_unit(rest, 'm', 4)}, more than the {100.0 * most:g} % by which that may be off"
+    )
+    ask = "tighten the clamps, and measure the rest length at the muscle, between them"
+    if seat.low > (1.0 + most) * rest:
+        if math.isnan(seat.value):
+            where = f"is still slack at {with_unit(seat.low, 'm', 4)}"
+        else:
+            where = f"gets taut at {with_unit(seat.value, 'm', 4)}"
+        share = 100.0 * ((seat.low if math.isnan(seat.value) else seat.value) / rest - 1.0)
+        raise StageError("seat", f"the vented muscle {where}, {share:.2g} % above {measured}; {ask}")
+    if seat.high < (1.0 - most) * rest:
+        share = 100.0 * (1.0 - seat.value / rest)
+        taut = with_unit(seat.value, "m", 4)
+        raise StageError("seat", f"the vented muscle gets taut at {taut}, {share:.2g} % below {measured}; {ask}")
+
+
+def clamp_of(seat: Estimate, bounds: Bounds) -> tuple[float, float]:
+    """Least and largest length by which a span may be longer than the muscle itself [m].
+
+    The muscle gets taut at its rest length, which is known to the error of the ruler; what the span is more is the slack
+    of a clamp. No sensor tells both apart: a muscle in a slack clamp has the tension of a longer one at every span and
+    pressure.
+    """
+    ruler = bounds.length_error * bounds.rest_length
+    high = seat.high if math.isfinite(seat.high) else (1.0 + PULLED) * bounds.rest_length + ruler
+    return seat.low - bounds.rest_length - ruler, high - bounds.rest_length + ruler
 
 
 def _check_zeros(record: Recording, known: Progression) -> None:
@@ -311,10 +380,18 @@ def evaluate(
     """
     zero_pressure = float(np.mean(_part(records["seat"], "zero", "seat")["pressure"]))
     path, tension, still = _held_path(records, zero_pressure)
-    relaxation = fit_relaxation(path, tension, still)
+    rows, rising, falling = _branches(records["map"], bounds, known, zero_pressure)
+    slope = _tension_per_pressure(rows, float(path.span[still][-1]), float(np.mean(path.pressure[still])), bounds)
+    stretch = _part(records["relaxation"], "stretch", "relaxation").time[0] - records["relaxation"].time[0]
+    relaxation = fit_relaxation(
+        path,
+        tension,
+        still,
+        stretch=int(np.searchsorted(path.time, stretch)),
+        pressure_slope=(slope, SLOPE_ERROR * abs(slope)),
+    )
     chain = relaxation.chain()
     path, _ = _path(records["map"], zero_pressure)
-    rows, rising, falling = _branches(records["map"], bounds, known, zero_pressure)
     try:
         friction = fit_branches(path, rising, falling, rows[:, 2] - rows[:, 4], relaxation=chain)
     except InputError as error:
@@ -325,12 +402,16 @@ def evaluate(
     points = ForceMap(name, rows[taut, 0], 0.5 * (rows[taut, 1] + rows[taut, 3]), static[taut])
     points = points.with_rest_length(bounds.rest_length)
     skipped: dict[str, str] = {}
-    known_lengths = {"rest_length": bounds.rest_length, "upper_length": LONGEST * bounds.rest_length}
-    fits = fit_all(points, laws=laws or tuple(LAWS), known=known_lengths, schemes=(), skipped=skipped)
+    known_sizes = {"rest_length": bounds.rest_length, "upper_length": LONGEST * bounds.rest_length}
+    volume = rest_volume(points, bounds)
+    if volume is not None:
+        known_sizes["rest_volume"] = volume
+    fits = fit_all(points, laws=laws or tuple(LAWS), known=known_sizes, schemes=(), skipped=skipped)
     if not fits or not fits[0].converged:
         raise StageError("map", "no law could be fitted to its points")
     held_out = _held_out(records["held-out"], zero_pressure, known.zero, fits[0], friction, relaxation)
     errors = np.array([p.predicted - p.measured for p in held_out])
+    seat = seat_of(records["seat"], bounds)
     return Evaluation(
         points=points,
         fits=tuple(fits),
@@ -338,11 +419,38 @@ def evaluate(
         friction=friction,
         relaxation=relaxation,
         leak=leak_of(records["leak"]) if "leak" in records else None,
-        seat=_seat(records["seat"], known),
+        seat=seat,
+        clamp=clamp_of(seat, bounds),
         held_out=held_out,
         half_width=half_width(errors, gain_error * known.largest),
         largest=known.largest,
     )
+
+
+def rest_volume(points: ForceMap, bounds: Bounds) -> float | None:
+    """Gas volume at the rest length of the ideal braid with the growth of a map's tensions [m^3]; None where it has none.
+
+    The tension per pressure is the volume's derivative to the length. That of an ideal braid is a - b L^2, which determines
+    its thread length and turns, and so its volume, whose constant laws of the tension alone leave open. Rubber and walls,
+    whose tension does not grow with the pressure, are in the other terms.
+    """
+    length, pressure, rest = points.length / bounds.rest_length, points.pressure, bounds.rest_length
+    matrix = np.column_stack([np.ones(len(length)), length, length**2, pressure * length**2, -pressure])
+    size = np.linalg.norm(matrix, axis=0)
+    square, constant = (np.linalg.lstsq(matrix / size, points.tension, rcond=None)[0] / size)[3:]
+    if square <= 0.0 or 3.0 * constant <= square:
+        return None
+    thread, turns = rest * math.sqrt(3.0 * constant / square), rest * math.sqrt(3.0 / (4.0 * math.pi * square))
+    return float(braid.volume(rest, thread_length=thread, turns=turns))
+
+
+def _tension_per_pressure(rows: np.ndarray, length: float, pressure: float, bounds: Bounds) -> float:
+    """Tension per pressure of a map near a length and a pressure [m^2]."""
+    at, under = (rows[:, 0] - length) / bounds.rest_length, 0.5 * (rows[:, 1] + rows[:, 3]) / pressure - 1.0
+    tension = 0.5 * (rows[:, 2] + rows[:, 4])
+    weight = np.exp(-0.5 * ((at / 0.03) ** 2 + (under / 0.3) ** 2))
+    matrix = np.column_stack([np.ones(len(at)), at, under, at * under, at**2]) * weight[:, None]
+    return float(np.linalg.lstsq(matrix, tension * weight, rcond=None)[0][2]) / pressure
 
 
 def _held_path(records: dict[str, Recording], zero_pressure: float) -> tuple[SpanPath, np.ndarray, np.ndarray]:
@@ -386,13 +494,6 @@ def _beside(path: SpanPath, friction: BranchFit, relaxation: RelaxationFit) -> n
     return force if chain is None else force + relaxation_force(path, chain)
 
 
-def _seat(record: Recording, known: Progression) -> float:
-    """Span at which the vented muscle gets taut [m]."""
-    pull = _part(record, "pull", "seat")
-    taut = np.flatnonzero(pull["tension"] - known.zero > known.slack)
-    return float(pull["span"][taut[0]]) if len(taut) else float("nan")
-
-
 def _held_out(
     record: Recording,
     zero_pressure: float,
@@ -426,9 +527,15 @@ def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> 
         title: of the specimen.
     """
     spec = fitted_specimen(found.fits[:1], name=name)
+    numbers = spec.laws[found.fits[0].law]
+    if "rest_volume" in numbers:
+        note = "of the ideal braid with these tensions; no reading shows it"
+        numbers["rest_volume"] = dataclasses.replace(numbers["rest_volume"], inferred=True, note=note)
     error = found.half_width
+    taut = f"; taut at {with_unit(found.seat.value, 'm', 4)}" if math.isfinite(found.seat.value) else ""
+    note = f"as measured, to {100.0 * bounds.length_error:g} %{taut}; lengths are spans, with clamps and tendon"
     properties = {
-        "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note="span at which it was mounted"),
+        "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note=note),
         "tension_uncertainty": SpecimenNumber(
             value=error, unit="N", note="half width of the 95 % interval of a predicted tension, from held-out points"
         ),
@@ -436,7 +543,7 @@ def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> 
     chain = found.relaxation.chain()
     if chain is not None:
         total = found.relaxation.total
-        note = f"fitted; together {total.low:.4g} to {total.high:.4g} N/m at 95 %"
+        note = f"fitted; {total.low:.4g} to {total.high:.4g} N/m relax from 1 s to 30 s after a step of the length, at 95 %"
         properties["creep_stiffness"] = SpecimenNumber(
             value=[float(k) for k in np.asarray(chain.stiffness)], unit="N/m", note=note
         )

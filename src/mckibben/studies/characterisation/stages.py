@@ -37,8 +37,9 @@ MARGIN = 0.9  # of what a rig bears
 ISOBARS = 6
 SPEED = 0.02  # of the loops [rest lengths/s]
 SHORTEST = 0.6  # span, of the rest length
-STRETCH, STRETCH_TIME, RELAX, HOLD = 0.04, 0.4, 20.0, 40.0  # [rest lengths], [s]
+STRETCH, STRETCH_TIME, RELAX, HOLD = 0.04, 1.0, 40.0, 40.0  # [rest lengths], [s]
 LEAK_PRESSURE, LEAK_TIME = 2e5, 10.0  # [Pa], [s]
+LENGTH_ERROR, MOST_LENGTH_ERROR = 0.01, 0.1  # of the rest length, which a ruler misses, a share
 SEAT_TENSION = 1.0  # from which the muscle counts as taut, if the cell's noise allows [N]
 # Of the length range at a pressure, 0 where it is slack and 1 at the rest length, in their order.
 HELD_OUT = ((0.62, 0.27, 0.81, 0.45), (0.70, 0.35, 0.15, 0.55), (0.55, 0.20, 0.40, 0.75))
@@ -54,6 +55,7 @@ class Bounds:
         pressure: highest gauge pressure [Pa].
         tension: largest tension [N].
         shut_off: whether the plumbing has a shut-off valve.
+        length_error: largest error of the rest length as it was measured at the muscle, a share.
     """
 
     rest_length: float
@@ -61,10 +63,18 @@ class Bounds:
     pressure: float
     tension: float
     shut_off: bool
+    length_error: float = LENGTH_ERROR
 
     @classmethod
     def of(
-        cls, rig: Rig, layout: str, *, rest_length: float, pressure: float | None = None, tension: float | None = None
+        cls,
+        rig: Rig,
+        layout: str,
+        *,
+        rest_length: float,
+        pressure: float | None = None,
+        tension: float | None = None,
+        length_error: float = LENGTH_ERROR,
     ) -> Bounds:
         """Bounds on a rig.
 
@@ -74,6 +84,7 @@ class Bounds:
             rest_length: span at which the muscle is mounted [m].
             pressure: largest gauge pressure of the muscle [Pa]; what the rig bears by default.
             tension: largest tension of the muscle [N]; likewise.
+            length_error: largest error of the rest length as it was measured at the muscle, a share.
 
         Raises:
             InputError: the rig has no motor or lacks a sensor, or a value is beyond it.
@@ -81,6 +92,9 @@ class Bounds:
         for name in ("pressure", "tension"):
             if name not in rig.sensors:
                 raise InputError("rig", rig.name, f"must have a sensor of the {name}")
+        if not 0.0 <= length_error <= MOST_LENGTH_ERROR:
+            allowed = f"must be between 0 and {100.0 * MOST_LENGTH_ERROR:g} %"
+            raise InputError("length_error", f"{100.0 * length_error:g} %", allowed)
         if rig.motor is None or rig.encoder is None:
             raise InputError("rig", rig.name, "must have a motor and an encoder: the span is driven")
         limits = rig.limits(layout)
@@ -108,6 +122,7 @@ class Bounds:
             pressure=most_pressure if pressure is None else pressure,
             tension=most_tension if tension is None else tension,
             shut_off=rig.plumbing[layout].shut_off is not None,
+            length_error=length_error,
         )
 
     @property

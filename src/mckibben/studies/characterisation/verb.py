@@ -34,7 +34,7 @@ from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
 from .evaluation import GAIN_ERROR, MOST_ERROR, Evaluation, advance, evaluate, muscle_of, specimen_of
-from .stages import STAGES, Bounds, Progression, planned, protocol_of
+from .stages import LENGTH_ERROR, STAGES, Bounds, Progression, planned, protocol_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -128,13 +128,26 @@ class Characterisation:
         """Whether the held-out points were predicted."""
         return not self.failure
 
+    def tension_interval(self, length: float, pressure: float) -> tuple[float, float]:
+        """95 % interval of the static tension at a length of the muscle itself, between its clamps [N].
+
+        It is wider than that at a span of the rig: the span may be longer than the muscle by `Evaluation.clamp`.
+
+        Args:
+            length: of the muscle [m].
+            pressure: gauge pressure [Pa].
+        """
+        law, half = self.muscle, self.evaluation.half_width
+        low, high = (float(law.tension(length + by, pressure)) for by in self.evaluation.clamp)
+        return max(low - half, 0.0), high + half
+
     @property
     def estimates(self) -> dict[str, Estimate]:
         """Parameters of law, friction, relaxation and leak with their 95 % intervals [SI]."""
         found = self.evaluation
         named = {f"law.{n}": e for n, e in found.fits[0].parameters.items()}
         named |= {f"friction.{n}": e for n, e in found.friction.parameters.items()}
-        named["relaxation.stiffness"] = found.relaxation.total
+        named["relaxation.1_to_30_s"] = found.relaxation.total
         return named | ({} if found.leak is None else {"leak.decay": found.leak})
 
     def to_dict(self) -> dict[str, JsonValue]:
@@ -149,7 +162,8 @@ class Characterisation:
             "largest_tension": found.largest,
             "tension_interval": found.half_width,
             "held_out_error": self.held_out_error,
-            "seat": found.seat if np.isfinite(found.seat) else None,
+            "seat": found.seat._asdict() if np.isfinite(found.seat.value) else None,
+            "clamp": list(found.clamp),
             "machine_time": self.seconds,
             "stages": [dataclasses.asdict(s) for s in self.stages],
             "estimates": {name: e._asdict() for name, e in self.estimates.items()},
@@ -190,6 +204,7 @@ def plan(
     plumbing: str | None = None,
     max_pressure: float | str | None = None,
     max_tension: float | str | None = None,
+    length_error: float = LENGTH_ERROR,
 ) -> CharacterisationPlan:
     """Plan a characterisation without moving anything; arguments and errors as of `characterise`."""
     on = rig if isinstance(rig, Rig) else rig_of(rig)
@@ -199,11 +214,11 @@ def plan(
         None if value is None else float(in_si(value, unit, field=name))
         for name, value, unit in (("max_pressure", max_pressure, "Pa"), ("max_tension", max_tension, "N"))
     )
-    bounds = Bounds.of(on, layout, rest_length=rest, pressure=pressure, tension=tension)
+    bounds = Bounds.of(on, layout, rest_length=rest, pressure=pressure, tension=tension, length_error=length_error)
     assumed, stand_in = planned(bounds), _stand_in(rest)
     times = {}
     for stage in bounds.stages:
-        prepared = prepare(protocol_of(stage, bounds, assumed), muscle=stand_in, rig=on, plumbing=layout)
+        prepared = prepare(protocol_of(stage, bounds, assumed), muscle=stand_in, rig=on, plumbing=layout, foresee=False)
         times[stage] = prepared.plan.duration
     return CharacterisationPlan(bounds, times)
 
@@ -216,6 +231,7 @@ def characterise(
     plumbing: str | None = None,
     max_pressure: float | str | None = None,
     max_tension: float | str | None = None,
+    length_error: float = LENGTH_ERROR,
     laws: Sequence[str] | None = None,
     gain_error: float = GAIN_ERROR,
     name: str = "characterised",
@@ -235,10 +251,12 @@ def characterise(
     Args:
         rig: a rig, its name or file; it has a motor, a load cell and a pressure sensor.
         muscle: muscle of a simulated rig; None on a real machine.
-        rest_length: span at which the muscle is mounted, vented, as text or [m]; that of a simulated muscle by default.
+        rest_length: length of the vented muscle as measured at it, between its clamps, which is also the span at which it is
+            mounted, as text or [m]; that of a simulated muscle by default.
         plumbing: how the pneumatic parts are joined; one with a shut-off valve by default, if there is one.
         max_pressure: highest gauge pressure, as text or [Pa]; what the rig bears by default.
         max_tension: largest tension, as text or [N]; what the rig bears by default.
+        length_error: largest error of that measurement, a share; a muscle that gets taut elsewhere is refused.
         laws: laws that are fitted; all by default.
         gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: id of the specimen.
@@ -272,7 +290,14 @@ def characterise(
         if unit is None:
             raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
         rest_length = _rest_of(muscle, unit)
-    intended = plan(on, rest_length=rest_length, plumbing=plumbing, max_pressure=max_pressure, max_tension=max_tension)
+    intended = plan(
+        on,
+        rest_length=rest_length,
+        plumbing=plumbing,
+        max_pressure=max_pressure,
+        max_tension=max_tension,
+        length_error=length_error,
+    )
     bounds, layout = intended.bounds, _layout(on, plumbing)
     folder = None if out is None else _folder(out, on, layout, bounds, seed, _title_of(muscle))
     known, records, done = Progression(), {}, []
@@ -322,17 +347,20 @@ class _Machine:
 
     def prepared(self, stage: str, protocol: Protocol) -> PreparedRun:
         """Dry run of a stage, which knows nothing of the muscle but its rest length."""
-        if self.unit is None:
-            made = prepare_on_machine(protocol, self.session.setup.rate, **self.session.setup.options)
-        else:
-            seed = self.seed * len(STAGES) + list(STAGES).index(stage)
-            made = prepare(
-                protocol, muscle=self.stand_in, rig=self.rig, plumbing=self.layout, seed=seed, step=self.step
-            )
-            made = dataclasses.replace(made, unit=self.unit, specimen=None)
         # the tension of an unknown muscle is not foreseen; the load cell's interlock and the tests of the steps watch it
-        findings = tuple(f for f in made.findings if not (f.field == "until" and f.value.startswith("tension")))
-        return dataclasses.replace(made, findings=findings)
+        if self.unit is None:
+            return prepare_on_machine(protocol, self.session.setup.rate, foresee=False, **self.session.setup.options)
+        seed = self.seed * len(STAGES) + list(STAGES).index(stage)
+        made = prepare(
+            protocol,
+            muscle=self.stand_in,
+            rig=self.rig,
+            plumbing=self.layout,
+            seed=seed,
+            step=self.step,
+            foresee=False,
+        )
+        return dataclasses.replace(made, unit=self.unit, specimen=None)
 
     def run(
         self, stage: str, protocol: Protocol, progress: Callable[[float, float], None], stop: Callable[[], bool] | None
