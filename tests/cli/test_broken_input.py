@@ -244,7 +244,8 @@ COMMANDS = {
     "run": ("run @protocol:protocol.toml --muscle @specimen:nylon --dry-run", RUN),
     "characterise": ("characterise --muscle @specimen:nylon --rig @rig:modern --dry-run --out place", {
         "--rest-length": "length", "--plumbing": "name", "--law": "name", "--max-pressure": "pressure",
-        "--max-tension": "force", "--gain-error": "number", "--length-error": "number", "--seed": "whole", "--on": "kind",
+        "--max-tension": "force", "--gain-error": "number", "--rest-length-error": "number", "--seed": "whole",
+        "--on": "kind",
     }),
     "console": ("console --muscle @specimen:nylon --script @script:words.txt", {
         "--rig": "rig", "--on": "machine", "--calibration": "toml", "--span": "length", "--plumbing": "name",

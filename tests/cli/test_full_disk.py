@@ -101,6 +101,12 @@ def test_the_next_experiment_is_written_whole_or_not_at_all(said, full, tmp_path
     assert f"next.{ending}': it cannot be written (File too large)" in err
 
 
+def test_a_characterisation_without_room_moves_nothing(said, full):
+    words = "characterise --muscle nylon --rig modern --max-pressure".split()
+    err = said(*words, "5 bar", "--out", full / "muscle", "--json", size=40)
+    assert "characterisation.json': it cannot be written (File too large)" in err
+
+
 def test_files_are_written_through_the_two_functions_that_leave_no_half():
     """Every other place that writes itself is known here, with the reason."""
     root = Path(mckibben.__file__).parent

@@ -2,6 +2,11 @@
 
 import dataclasses
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -228,3 +233,22 @@ def test_a_muscle_is_characterised_resumed_and_refused_where_it_fails(tmp_path):
     assert "Held-out points" in found.report(tmp_path / "report.html").read_text()
     with pytest.raises(StageError, match="stage leak: the shut muscle loses"):
         mk.characterise(mk.rig("modern", {"faults.leak": "1 l/min/bar"}), muscle="nylon", max_pressure="5 bar")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_vents_keeps_the_stages_and_the_same_command_goes_on(tmp_path):
+    out = tmp_path / "nylon"
+    words = [sys.executable, "-m", "mckibben", "characterise", "--muscle", "nylon", "--rig", "modern"]
+    words += ["--max-pressure", "5 bar", "--law", "linear_threshold", "--out", str(out)]
+    for begun, next_stage in (("1-seat.nc", "leak"), ("2-leak.nc", "ramp")):
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        while not (out / begun).exists() and process.poll() is None:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=120.0)
+        assert process.returncode == 130, err
+        # The stage under way ends at its next sample; a computer that is busy may have begun the one after it.
+        assert f"mckibben: interrupted in stage {next_stage}; vented, the stages so far are in {out}" in err
+        kept = sorted(path.name for path in out.glob("*.nc"))
+        assert kept == [name for name in ("1-seat.nc", "2-leak.nc") if name <= begun]

@@ -39,7 +39,7 @@ def characterise(
             help="Length of the vented muscle between its clamps, where it is mounted, as '300 mm'; needed with --on.",
         ),
     ] = None,
-    length_error: Annotated[
+    rest_length_error: Annotated[
         str,
         typer.Option(
             metavar="SHARE",
@@ -107,7 +107,7 @@ def characterise(
         "plumbing": plumbing,
         "max_pressure": _amount(max_pressure, "Pa", "--max-pressure"),
         "max_tension": _amount(max_tension, "N", "--max-tension"),
-        "length_error": parse(length_error, "1", field="--length-error"),
+        "rest_length_error": parse(rest_length_error, "1", field="--rest-length-error"),
     }
     if options["rest_length"] is None and muscle is not None:
         options["rest_length"] = characterisation.verb.rest_length_of_muscle(muscle)
@@ -136,7 +136,17 @@ def _amount(text: str | None, unit: str, option: str) -> float | None:
 
 def _option(field: str) -> str:
     """Name of the option of an argument."""
-    named = ("rest_length", "length_error", "max_pressure", "max_tension", "plumbing", "out", "muscle", "rig", "law")
+    named = (
+        "rest_length",
+        "rest_length_error",
+        "max_pressure",
+        "max_tension",
+        "plumbing",
+        "out",
+        "muscle",
+        "rig",
+        "law",
+    )
     return f"--{field.replace('_', '-')}" if field in named else field
 
 

@@ -232,7 +232,7 @@ def _onset_cost(span: np.ndarray, tension: np.ndarray, begin: float, onset: floa
 
 def _check_seat(seat: Estimate, bounds: Bounds) -> None:
     """Refuse a muscle that gets taut where its rest length does not say so: the sensors cannot tell a slack clamp."""
-    rest, most = bounds.rest_length, bounds.length_error
+    rest, most = bounds.rest_length, bounds.rest_length_error
     measured = (
         f"its rest length of {with_unit(rest, 'm', 4)}, more than the {100.0 * most:g} % by which that may be off"
     )
@@ -257,7 +257,7 @@ def clamp_of(seat: Estimate, bounds: Bounds) -> tuple[float, float]:
     of a clamp. No sensor tells both apart: a muscle in a slack clamp has the tension of a longer one at every span and
     pressure.
     """
-    ruler = bounds.length_error * bounds.rest_length
+    ruler = bounds.rest_length_error * bounds.rest_length
     high = seat.high if math.isfinite(seat.high) else (1.0 + PULLED) * bounds.rest_length + ruler
     return seat.low - bounds.rest_length - ruler, high - bounds.rest_length + ruler
 
@@ -533,7 +533,7 @@ def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> 
         numbers["rest_volume"] = dataclasses.replace(numbers["rest_volume"], inferred=True, note=note)
     error = found.half_width
     taut = f"; taut at {with_unit(found.seat.value, 'm', 4)}" if math.isfinite(found.seat.value) else ""
-    note = f"as measured, to {100.0 * bounds.length_error:g} %{taut}; lengths are spans, with clamps and tendon"
+    note = f"as measured, to {100.0 * bounds.rest_length_error:g} %{taut}; lengths are spans, with clamps and tendon"
     properties = {
         "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note=note),
         "tension_uncertainty": SpecimenNumber(

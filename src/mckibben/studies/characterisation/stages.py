@@ -55,7 +55,7 @@ class Bounds:
         pressure: highest gauge pressure [Pa].
         tension: largest tension [N].
         shut_off: whether the plumbing has a shut-off valve.
-        length_error: largest error of the rest length as it was measured at the muscle, a share.
+        rest_length_error: largest error of the rest length as it was measured at the muscle, a share.
     """
 
     rest_length: float
@@ -63,7 +63,7 @@ class Bounds:
     pressure: float
     tension: float
     shut_off: bool
-    length_error: float = LENGTH_ERROR
+    rest_length_error: float = LENGTH_ERROR
 
     @classmethod
     def of(
@@ -74,7 +74,7 @@ class Bounds:
         rest_length: float,
         pressure: float | None = None,
         tension: float | None = None,
-        length_error: float = LENGTH_ERROR,
+        rest_length_error: float = LENGTH_ERROR,
     ) -> Bounds:
         """Bounds on a rig.
 
@@ -84,7 +84,7 @@ class Bounds:
             rest_length: span at which the muscle is mounted [m].
             pressure: largest gauge pressure of the muscle [Pa]; what the rig bears by default.
             tension: largest tension of the muscle [N]; likewise.
-            length_error: largest error of the rest length as it was measured at the muscle, a share.
+            rest_length_error: largest error of the rest length as it was measured at the muscle, a share.
 
         Raises:
             InputError: the rig has no motor or lacks a sensor, or a value is beyond it.
@@ -92,9 +92,9 @@ class Bounds:
         for name in ("pressure", "tension"):
             if name not in rig.sensors:
                 raise InputError("rig", rig.name, f"must have a sensor of the {name}")
-        if not 0.0 <= length_error <= MOST_LENGTH_ERROR:
+        if not 0.0 <= rest_length_error <= MOST_LENGTH_ERROR:
             allowed = f"must be between 0 and {100.0 * MOST_LENGTH_ERROR:g} %"
-            raise InputError("length_error", f"{100.0 * length_error:g} %", allowed)
+            raise InputError("rest_length_error", f"{100.0 * rest_length_error:g} %", allowed)
         if rig.motor is None or rig.encoder is None:
             raise InputError("rig", rig.name, "must have a motor and an encoder: the span is driven")
         limits = rig.limits(layout)
@@ -122,7 +122,7 @@ class Bounds:
             pressure=most_pressure if pressure is None else pressure,
             tension=most_tension if tension is None else tension,
             shut_off=rig.plumbing[layout].shut_off is not None,
-            length_error=length_error,
+            rest_length_error=rest_length_error,
         )
 
     @property

@@ -204,7 +204,7 @@ def plan(
     plumbing: str | None = None,
     max_pressure: float | str | None = None,
     max_tension: float | str | None = None,
-    length_error: float = LENGTH_ERROR,
+    rest_length_error: float = LENGTH_ERROR,
 ) -> CharacterisationPlan:
     """Plan a characterisation without moving anything; arguments and errors as of `characterise`."""
     on = rig if isinstance(rig, Rig) else rig_of(rig)
@@ -214,7 +214,9 @@ def plan(
         None if value is None else float(in_si(value, unit, field=name))
         for name, value, unit in (("max_pressure", max_pressure, "Pa"), ("max_tension", max_tension, "N"))
     )
-    bounds = Bounds.of(on, layout, rest_length=rest, pressure=pressure, tension=tension, length_error=length_error)
+    bounds = Bounds.of(
+        on, layout, rest_length=rest, pressure=pressure, tension=tension, rest_length_error=rest_length_error
+    )
     assumed, stand_in = planned(bounds), _stand_in(rest)
     times = {}
     for stage in bounds.stages:
@@ -231,7 +233,7 @@ def characterise(
     plumbing: str | None = None,
     max_pressure: float | str | None = None,
     max_tension: float | str | None = None,
-    length_error: float = LENGTH_ERROR,
+    rest_length_error: float = LENGTH_ERROR,
     laws: Sequence[str] | None = None,
     gain_error: float = GAIN_ERROR,
     name: str = "characterised",
@@ -256,7 +258,7 @@ def characterise(
         plumbing: how the pneumatic parts are joined; one with a shut-off valve by default, if there is one.
         max_pressure: highest gauge pressure, as text or [Pa]; what the rig bears by default.
         max_tension: largest tension, as text or [N]; what the rig bears by default.
-        length_error: largest error of that measurement, a share; a muscle that gets taut elsewhere is refused.
+        rest_length_error: largest error of that measurement, a share; a muscle that gets taut elsewhere is refused.
         laws: laws that are fitted; all by default.
         gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: id of the specimen.
@@ -296,7 +298,7 @@ def characterise(
         plumbing=plumbing,
         max_pressure=max_pressure,
         max_tension=max_tension,
-        length_error=length_error,
+        rest_length_error=rest_length_error,
     )
     bounds, layout = intended.bounds, _layout(on, plumbing)
     folder = None if out is None else _folder(out, on, layout, bounds, seed, _title_of(muscle))
