@@ -183,7 +183,7 @@ class _RelaxationLikelihood:
         self.lever = max(float(np.abs(moved).max()), 1.0)
         columns = [np.ones(len(wanted)), moved / self.lever, *((whole - earlier) / self.size).T]
         matrix = np.column_stack([*columns, *(earlier / self.size).T, wanted - wanted.mean()])
-        self.triangle = np.linalg.qr(matrix, mode="r")
+        self.triangle = np.asarray(np.linalg.qr(matrix, mode="r"))
         self.spread = spread * self.lever  # of the pressure's column [N]
         self.matrix, self.mean = matrix, float(wanted.mean())
         self.noise = 1.0
@@ -210,13 +210,13 @@ class _RelaxationLikelihood:
         matrix, wanted = matrix / self.noise, wanted / self.noise
         prior = np.zeros((1, matrix.shape[1]))
         prior[0, 1] = 1.0 / self.spread if self.spread > 0.0 else 1e9
-        rows, values = [matrix, prior], [wanted, [0.0]]
+        rows, values = [matrix, prior], [wanted, np.zeros(1)]
         if total is not None:
             bound = np.zeros((1, matrix.shape[1]))
             weight = 1e4 * max(float(np.abs(matrix).max()), 1.0)
             bound[0, 2:] = weight * self.weights
             rows.append(bound)
-            values.append([weight * total * self.size])
+            values.append(np.array([weight * total * self.size]))
         low = np.array([-np.inf, -np.inf] + [0.0] * self.count)
         solution = optimize.lsq_linear(np.vstack(rows), np.concatenate(values), bounds=(low, np.inf), method="bvls").x
         cost = float(np.sum((matrix @ solution - wanted) ** 2) + (prior @ solution)[0] ** 2)
