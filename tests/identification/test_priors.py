@@ -11,6 +11,7 @@ from mckibben.components import Scalar
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.identification import Fit, fit
 from mckibben.identification.problem import Problem
+from mckibben.identification.uncertainty import Estimate
 from mckibben.muscles.law import TensionLaw
 from mckibben.quantities import quantity
 from mckibben.recordings import ForceMap
@@ -116,9 +117,27 @@ def test_a_predicted_interval_is_as_wide_as_the_error_of_the_set_length_makes_it
     stiffness = float(law.build().stiffness(length, pressure))
     sure = law.predict(length, pressure, **{name: e.value for name, e in law.parameters.items()})
     # Without errors of parameters, the ruler and the noise remain, as independent errors; the law is straight in its length.
-    expected = 1.96 * np.hypot(5e-4 * stiffness, law.rmse)
-    assert 0.5 * (sure.high - sure.low) == pytest.approx(expected, rel=1e-6)
+    found_sd = [0.5 * (e.high - e.low) / 1.96 for e in law.length_errors]
+    spread = max(
+        5e-4, float(np.sqrt(np.mean([e.added**2 + s**2 for e, s in zip(law.length_errors, found_sd, strict=True)])))
+    )
+    # Five set lengths: Student's quantile is 2.571.
+    expected = np.hypot(2.571 * spread * stiffness, 1.96 * law.rmse)
+    assert 0.5 * (sure.high - sure.low) == pytest.approx(expected, rel=1e-3)  # of the quantiles
     assert one.high - one.low > sure.high - sure.low
+
+
+def test_a_muscle_of_another_length_is_used_as_far_in_proportion_as_those_of_the_table() -> None:
+    rest = np.array([0.1, 0.2])
+    known = {"rest_length": rest, "upper_length": 1.02 * rest, "rest_diameter": 0.01, "wall_thickness": 1.8e-3}
+    values = {"rest_angle": 0.48, "shear_modulus": 1e6, "seat_compliance": 1e-4}
+    law = replace(
+        found(None), law="seated_braid", known=known, parameters={n: Estimate(v, v, v, "1") for n, v in values.items()}
+    )
+    # products of two numbers, rounded
+    assert float(law.build(rest_length=0.05).upper_length) == pytest.approx(0.051, rel=1e-12)
+    assert float(law.build(rest_length=0.05, upper_length=0.05).upper_length) == 0.05
+    assert float(law.build().upper_length) == pytest.approx(0.204, rel=1e-12)
 
 
 def test_a_fit_that_leaves_a_parameter_open_predicts_no_interval() -> None:

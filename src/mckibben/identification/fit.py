@@ -208,14 +208,20 @@ class Fit(ErrorMeasures):
     def build(self, **changes: JsonValue) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
         known = {k: (float(np.max(v)) if np.ndim(v) else v) for k, v in self.known.items()}
+        if "rest_length" in changes and "rest_length" in self.known and "upper_length" in self.known:
+            # A muscle of another length is used as far, in proportion, as those that were measured.
+            reach = float(np.max(self.known["upper_length"] / np.asarray(self.known["rest_length"])))
+            known["upper_length"] = reach * float(changes["rest_length"])
         return build_law(self.law, known | {n: e.value for n, e in self.parameters.items()} | changes)
 
     def predict(self, length: Any, pressure: Any, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
         The interval sums up three independent errors: of the parameters, linearised at the fit; of the length to which the
-        muscle is set, where the fit had `length_error`; and what the law left of the points, in proportion to the bore where
-        that differs. How far muscles of one make differ in material is not in it: a table does not say that.
+        muscle is set, where the fit had `length_error`, as large as stated or as found where that is more; and what the law
+        left of the points, in proportion to the bore where that differs. A muscle of another rest length is used as far, in
+        proportion, as those of the table, unless ``upper_length`` is stated. How far muscles of one make differ in material
+        is not in it: a table does not say that.
 
         Args:
             length: of the muscle [m], broadcast with the pressure.
@@ -249,12 +255,27 @@ class Fit(ErrorMeasures):
         shape = (len(names),) + (1,) * at[0].ndim
         moves = np.reshape(np.array(columns), (len(names), *at[0].shape)) if names else np.zeros(shape)
         variance = np.einsum("i...,ij,j...->...", moves, whole[np.ix_(index, index)], moves)
-        if self.length_error:
-            reach = NORMAL_QUANTILE * self.length_error
+        reach = self._length_reach
+        if reach:
             variance = variance + (0.5 * (tension(reach) - tension(-reach))) ** 2
         half = np.sqrt(np.maximum(variance, 0.0) + (NORMAL_QUANTILE * self.rmse * self._area_ratio(changes)) ** 2)
         most = tension()
         return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
+
+    @property
+    def _length_reach(self) -> float:
+        """Half width of the 95 % interval of a length that is yet to be set [m]; zero without errors of lengths.
+
+        What the fitted errors say beyond the stated deviation counts, with Student's quantile for so few lengths.
+        """
+        if not self.length_errors:
+            return NORMAL_QUANTILE * self.length_error
+        from scipy.special import stdtrit
+
+        added = np.array([e.added for e in self.length_errors])
+        sd = np.array([0.5 * (e.high - e.low) / NORMAL_QUANTILE for e in self.length_errors])
+        spread = max(self.length_error, float(np.sqrt(np.mean(added**2 + sd**2))))
+        return float(stdtrit(len(added), 0.975)) * spread
 
     def _half_width(self, tension: Callable[..., np.ndarray], name: str, width: float) -> np.ndarray:
         """Half the change of the tension over the interval of a parameter, from a small step within its bounds [N]."""
