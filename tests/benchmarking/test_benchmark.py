@@ -232,7 +232,9 @@ def test_what_is_not_at_hand_or_unknown_is_named(monkeypatch):
     monkeypatch.delenv("MCKIBBEN_DATA", raising=False)
     with pytest.raises(MissingDataError, match="does not ship"):
         task("data-sheet").load()
-    result = benchmark(["ideal"], tasks=["data-sheet"])
+    with pytest.raises(MissingDataError, match="data-sheet: .* does not ship"):  # nothing was done
+        benchmark(["ideal"], tasks=["data-sheet"])
+    result = benchmark(["ideal"], tasks=["data-sheet", ABOVE])
     assert list(result.absent) == ["data-sheet"] and "`data-sheet`" in page(result)
     with pytest.raises(InputError, match="map-above-4-bar"):
         task("map-above-4-bars")

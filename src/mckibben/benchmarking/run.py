@@ -147,6 +147,7 @@ def benchmark(
 
     Raises:
         InputError: for an unknown name, a folder that is not there, or data with another content.
+        MissingDataError: the data of none of the tasks are at hand.
 
     Examples:
         >>> import mckibben as mk
@@ -171,6 +172,8 @@ def benchmark(
             tell(f"{one.name}, {name}")
             known = earlier and earlier.score(one.name, name)
             scores.append(known or run_task(one, folds, name))
+    if not scores:
+        raise MissingDataError("; ".join(f"{name}: {reason}" for name, reason in absent.items()))
     return BenchmarkResult(tuple(scores), absent)
 
 
