@@ -3,7 +3,8 @@
     w = x(t) w_ISO(Pa, Pb)
 
 The opening x follows the command as `mckibben.pneumatics.valves.solenoid` says, w_ISO as ISO 6358-1:2013 says. Range: both
-directions of flow alike; the motion does not depend on the pressures.
+directions of flow alike; the motion does not depend on the pressures, but for a pilot-operated valve
+(`PilotedSolenoid`), whose inlet is its first port.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class OnOffValve(TwoPort):
 
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """Rates of change of flux and stroke [1/s]."""
-        return self.drive.rates(state, command)
+        return self.drive.rates(state, command, a.pressure_abs)
 
     def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slope at equal pressures; of the open valve where it is on its way [kg/(s Pa)]."""
