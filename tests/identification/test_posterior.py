@@ -140,7 +140,7 @@ def test_a_posterior_of_a_file_gives_the_same_bands(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[]", "is no file of a fit with its posterior; `mckibben fit"),
+        ("[]", "is no file of a fit with its posterior; the command fit writes one"),
         ('{"fits": [{"law": "ideal"}]}', "is a fit without a posterior"),
         ('{"fits": [{"law": "ideal", "posterior": {"law": "ideal"}}]}', "must be a posterior as"),
     ],

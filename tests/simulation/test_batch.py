@@ -51,7 +51,7 @@ def test_a_batch_goes_on_from_a_saved_state_bit_for_bit():
         (lambda many: many.step(flexor=np.zeros(4)), "3 values"),
         (lambda many: many.step(biceps=0.0), "flexor"),
         (lambda many: many.recording(3), "between 0 and 2"),
-        (lambda many: many.simulation.batch(0), "1 or more"),
+        (lambda many: many.simulation.batch(0), "whole number from 1"),
         (lambda many: many.simulation.batch(2, {"load.inertia": [1.0, 1.0, 1.0]}), "2 lanes"),
     ],
 )

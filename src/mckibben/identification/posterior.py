@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 DISCREPANCY = 0.02
 # Standard deviation of the tension where no sensor is known, as a share of the largest tension; its size is then fitted.
 UNKNOWN_SENSOR = 2e-3
-WRITTEN_BY = "`mckibben fit MAP.csv --posterior --out fit.json` writes one"
+WRITTEN_BY = "the command fit writes one with its option for the posterior and a result as .json"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,13 +41,13 @@ HEAD = 4.0  # of a lead's arrow [pt]
 
 
 @style.styled()
-def draw(rig: Rig, *, layout: str | None = None, sample_rate: float = 1000.0, title: str = "") -> Figure:
+def draw(rig: Rig, *, layout: str | None = None, sample_rate: float | None = None, title: str = "") -> Figure:
     """Draw the signal path of a rig, with its numbers.
 
     Args:
         rig: the rig to draw.
         layout: name of the plumbing; the usual one by default.
-        sample_rate: sample rate of the software [1/s].
+        sample_rate: sample rate of the software [1/s]; by default 1 kHz, or the highest rate of a slower computer.
         title: stands over it; the rig's own by default.
     """
     fig = style.drawing(WIDE / 72.0, HIGH / 72.0)
@@ -56,7 +56,7 @@ def draw(rig: Rig, *, layout: str | None = None, sample_rate: float = 1000.0, ti
     ax.set_xlim(0.0, WIDE)
     ax.set_ylim(0.0, HIGH)
     drawing = _Drawing(rig, layout or next(iter(rig.plumbing)))
-    drawing.bands(sample_rate)
+    drawing.bands(min(1000.0, float(rig.computer.highest_rate)) if sample_rate is None else sample_rate)
     drawing.machine()
     drawing.channels()
     drawing.software()
