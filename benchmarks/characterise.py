@@ -28,7 +28,7 @@ import mckibben as mk
 from mckibben.assembly.build import unit_from_muscle
 from mckibben.assembly.muscle_unit import MuscleUnit
 from mckibben.bench.rig import Rig
-from mckibben.errors import StageError
+from mckibben.errors import NoVolumeError, StageError
 from mckibben.identification.tension_path_fit import WINDOW
 from mckibben.muscles.build import build_law
 from mckibben.muscles.creep import MaxwellChain
@@ -193,8 +193,16 @@ def study(number: int, seed: int) -> dict[str, Any]:
         "largest": largest,
         "friction": rubbed,
         "relaxation": [total.value, total.low, total.high, true_relaxation(muscle.unit, found.records["relaxation"])],
-        "volume": [float(m.volume(muscle.rest_length, middle)) for m in (law.law, muscle.unit.law)],
+        "volume": [volume_of(m, muscle.rest_length, middle) for m in (law.law, muscle.unit.law)],
     }
+
+
+def volume_of(law: Any, length: float, pressure: float) -> float | None:
+    """Volume of gas that a law states [m^3]; none where it leaves it open."""
+    try:
+        return float(law.volume(length, pressure))
+    except NoVolumeError:
+        return None
 
 
 def true_relaxation(unit: MuscleUnit, record: mk.Recording) -> float:
