@@ -24,16 +24,7 @@ from .leak import Leak
 from .orifice import Orifice
 from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, SizeStatement, canonical, has_size
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
-from .valves import (
-    CheckValve,
-    OnOffValve,
-    PilotedSolenoid,
-    PressureRegulator,
-    QuickExhaust,
-    Solenoid,
-    SpoolValve,
-    ThreeWayValve,
-)
+from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
 
 
 def _required_of_element(kind: Any) -> str | None:
@@ -225,7 +216,7 @@ def known_keys(kind: str) -> dict[str, Quantity]:
     """Keys of an element, with their declarations; other names of a key stand behind it."""
     known = dict(declared(ELEMENTS[kind]))
     if is_driven(kind):
-        known |= declared(PilotedSolenoid)  # the keys of both drives
+        known |= declared(Solenoid)
     for way in WAYS.get(kind, ()):
         known |= {**way.needs, **way.may}
     passages = passages_of(kind)
@@ -303,9 +294,8 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
             Orifice, PASSAGE_WAYS, common | own, f"{kind}.{prefix if len(passages) > 1 else ''}", where
         )
     if is_driven(kind):
-        drive = PilotedSolenoid if "pilot_pressure_abs" in rest else Solenoid
-        settings = {key: rest.pop(key) for key in declared(drive) if key in rest}
-        parts["drive"] = _one(drive, (), settings, f"{kind}.", where)
+        times = {key: rest.pop(key) for key in declared(Solenoid) if key in rest}
+        parts["drive"] = _one(Solenoid, (), times, f"{kind}.", where)
     built: FlowElement = _one(ELEMENTS[kind], WAYS.get(kind, ()), rest, f"{kind}.", where, parts)
     return built
 

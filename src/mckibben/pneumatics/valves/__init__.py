@@ -4,14 +4,13 @@ from .check_valve import CheckValve
 from .on_off_valve import OnOffValve
 from .pressure_regulator import PressureRegulator
 from .quick_exhaust import QuickExhaust
-from .solenoid import PilotedSolenoid, Solenoid
+from .solenoid import Solenoid
 from .spool_valve import SpoolValve
 from .three_way_valve import ThreeWayValve
 
 __all__ = [
     "CheckValve",
     "OnOffValve",
-    "PilotedSolenoid",
     "PressureRegulator",
     "QuickExhaust",
     "Solenoid",

@@ -3,8 +3,7 @@
     w = x(t) w_ISO(Pa, Pb)
 
 The opening x follows the command as `mckibben.pneumatics.valves.solenoid` says, w_ISO as ISO 6358-1:2013 says. Range: both
-directions of flow alike; the motion does not depend on the pressures, but for a pilot-operated valve
-(`PilotedSolenoid`), whose inlet is its first port.
+directions of flow alike; the motion does not depend on the pressures.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class OnOffValve(TwoPort):
 
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """Rates of change of flux and stroke [1/s]."""
-        return self.drive.rates(state, command, a.pressure_abs)
+        return self.drive.rates(state, command)
 
     def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slope at equal pressures; of the open valve where it is on its way [kg/(s Pa)]."""

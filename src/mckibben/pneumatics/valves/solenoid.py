@@ -9,17 +9,9 @@ which the flux had no time to settle meets the next command earlier: that is why
 saturation under pulse-width modulation. A pure transport delay, which would only shift every pulse, has neither.
 
 The seat covers the first S of the stroke, so that the valve is wide open one opening time after the plunger started.
-
-A pilot-operated valve opens when its pilot stage has filled the piston's chamber from the inlet up to the pressure at which
-the spring gives way. While the pilot's orifice is choked, its flow goes with the absolute inlet pressure p, and so does the
-rate of switching on:
-
-    dc/dt = (u - c)/tau p/p_pilot      p_pilot the inlet pressure for which the dead time is stated
-
-Range: constant supply voltage, no bouncing; times are those of a catalogue, measured from rest. The gas that a pilot stage
-takes is neglected, and so is the least inlet pressure below which such a valve does not open. Source: the lag of the flux
+Range: constant supply voltage, no bouncing; times are those of a catalogue, measured from rest. Source: the lag of the flux
 is that of a coil with resistance and inductance, as in M. Taghizadeh, A. Ghaffari and F. Najafi, Modeling and identification
-of a solenoid valve for PWM control applications, Comptes Rendus Mecanique 337, 2009; choked flow as in ISO 6358-1:2013.
+of a solenoid valve for PWM control applications, Comptes Rendus Mecanique 337, 2009.
 """
 
 from __future__ import annotations
@@ -56,14 +48,10 @@ class Solenoid(Module):
         """Off and closed."""
         return Plunger(jnp.zeros(()), jnp.zeros(()))
 
-    def dead_time_at(self, inlet_abs: Scalar) -> Scalar:
-        """Opening dead time at an absolute inlet pressure [s]; a direct-acting valve has one for all of them."""
-        return self.opening_dead_time
-
-    def rates(self, state: Plunger, command: Scalar, inlet_abs: Scalar) -> Plunger:
-        """Rates of flux and stroke [1/s], at an absolute inlet pressure [Pa]."""
+    def rates(self, state: Plunger, command: Scalar) -> Plunger:
+        """Rates of flux and stroke [1/s]."""
         wanted = share(jnp.asarray(command, float))
-        dead = jnp.where(wanted > state.flux, self.dead_time_at(inlet_abs), self.closing_dead_time)
+        dead = jnp.where(wanted > state.flux, self.opening_dead_time, self.closing_dead_time)
         flux = (wanted - state.flux) * HALF / dead
         drive = between((state.flux - 0.5) / WIDTH, -1.0, 1.0)
         opens = (1.0 - SEAT) / self.opening_time * share((1.0 - state.stroke) / SEAT)
@@ -77,18 +65,3 @@ class Solenoid(Module):
     def widest(self, state: Plunger, command: Scalar) -> Scalar:
         """The opening it may soon have [1]: of use where a bound is wanted."""
         return jnp.where((jnp.asarray(command) > 0.5) | (state.flux > 0.5), 1.0, self.opening(state))
-
-
-class PilotedSolenoid(Solenoid):
-    """Drive of a pilot-operated switching valve, whose pilot stage takes its gas from the valve's inlet."""
-
-    pilot_pressure_abs: Scalar = quantity(
-        "Pa",
-        (1e4, 1e8),
-        "absolute inlet pressure at which a pilot-operated valve has its opening dead time",
-        typical=(2e5, 1e6),
-    )
-
-    def dead_time_at(self, inlet_abs: Scalar) -> Scalar:
-        """Opening dead time at an absolute inlet pressure [s], inversely proportional to it."""
-        return self.opening_dead_time * (self.pilot_pressure_abs / inlet_abs)

@@ -46,7 +46,7 @@ class ThreeWayValve(FlowElement):
 
     def rates(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Tree:
         """Rates of change of flux and stroke [1/s]."""
-        return self.drive.rates(state, command, gas[0].pressure_abs)
+        return self.drive.rates(state, command)
 
     def flows(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Supply to work, and work to exhaust [kg/s]."""
