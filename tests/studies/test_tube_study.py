@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mckibben.cli import main
+from mckibben.cli import study as command_line
 from mckibben.studies import tube_models
 from mckibben.studies import tube_study as tube_study_module
 from mckibben.studies.tube_models import (
@@ -122,6 +123,13 @@ def test_the_improved_model_keeps_its_promises(study):
     assert inertial / study.result(THERMAL, "lumped", SMALL).rms >= 1.5  # the target
     targets = [c for c in claims(study) if c.source == "target" and "costs" not in c.claim]
     assert [c.verdict for c in targets] == [HELD, HELD]
+
+
+@pytest.mark.slow  # all fits of the study
+def test_every_number_of_a_claim_is_printed_in_words(study):
+    names = {name for c in claims(study) for numbers in c.numbers.values() for name in numbers}
+    labels = {command_line._label(name) for name in names}
+    assert len(labels) == len(names) and not any("_" in label or "in3" in label for label in labels)
 
 
 @pytest.mark.slow  # all fits of the study

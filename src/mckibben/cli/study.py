@@ -250,7 +250,7 @@ def _print(study: TubeStudy, judged: list[Claim]) -> None:
         rows = [
             [
                 tube_models.models()[r.model].title,
-                r.accumulator,
+                _accumulator(r.accumulator),
                 "fitted" if r.fitted else "transferred" if r.parameters else "as it is",
                 f"{from_si(r.rms, 'Pa', 'bar'):.3f}",
                 f"{1e3 * r.lead:+.1f}",
@@ -267,8 +267,15 @@ def _print(study: TubeStudy, judged: list[Claim]) -> None:
     typer.echo("")
     for c in judged:
         typer.echo(f"{c.verdict.upper()}: {c.claim}" + ("" if c.source == "paper" else f" ({c.source})"))
-        for name, numbers in c.numbers.items():
-            typer.echo(f"  {name.replace('_', ' ')}: {_words(numbers)}")
+        references = list(c.numbers)
+        names = dict.fromkeys(name for numbers in c.numbers.values() for name in numbers)
+        table(
+            "",
+            ["", *(r.replace("_", " ") for r in references)],
+            [[f"  {_label(n)}", *(_number(n, c.numbers[r].get(n)) for r in references)] for n in names],
+            right=range(1, len(references) + 1),
+        )
+        typer.echo("")
 
 
 def _parameter(name: str, e: Any) -> str:
@@ -276,29 +283,59 @@ def _parameter(name: str, e: Any) -> str:
     return f"{name} {e.value:.3g} ({e.low:.3g} to {e.high:.3g}){unit}"
 
 
-def _words(numbers: dict[str, Any]) -> str:
-    return ", ".join(_word(name, value) for name, value in numbers.items())
+_LABELS = {
+    "verdict": "verdict",
+    "cutoff": "cut-off frequency, π rad/s",
+    "speed_low": "rate of rise over the reference's, below a third of the pressure",
+    "speed_high": "rate of rise over the reference's, above two thirds",
+    "lead_low": "lead below a third of the pressure, ms",
+    "lead_high": "lead above two thirds, ms",
+    "costs": "rms with parameters kept over rms refitted",
+    "rms_kept": "rms on 3 in³, parameters kept, bar",
+    "rms_refitted": "rms on 3 in³, refitted, bar",
+    "rms_quadratic_kept": "rms on 3 in³, quadratic, parameters kept, bar",
+    "rms_quadratic_refitted": "rms on 3 in³, quadratic, refitted, bar",
+    "ratio": "ratio of the two",
+    "ratio_with_vessel_heat": "ratio with heat transfer in the vessel",
+    "R1_quadratic": "R1, quadratic, with 95 % interval, Pa s/m",
+    "R1_inertial": "R1, inertial, with 95 % interval, Pa s/m",
+}
 
 
-def _word(name: str, value: Any) -> str:
-    """Number of a claim, formatted; the beginning of its name states what it is."""
-    if isinstance(value, str):
-        return value
+def _label(name: str) -> str:
+    """What a number of a claim is, with its unit; the beginning of its name states the quantity."""
+    if known := _LABELS.get(name):
+        return known
     kind, _, rest = name.partition("_")
-    rest = rest.replace("_", " ")
-    if not isinstance(value, dict) and not math.isfinite(value):
-        return f"{rest} from zero"
-    if isinstance(value, dict):
-        return f"{rest}: {kind} {value['value']:.3g} ({value['low']:.2g} to {value['high']:.2g}) Pa s/m"
-    if kind == "rms":
-        return f"{rest} {from_si(value, 'Pa', 'bar'):.3f} bar"
-    if kind == "lead":
-        return f"lead {rest} {1e3 * value:+.1f} ms"
+    model, _, last = rest.rpartition("_")
+    where = ""
+    if last in tube_models.ACCUMULATORS or rest in tube_models.ACCUMULATORS:
+        rest, where = ("lumped" if rest in tube_models.ACCUMULATORS else model), f", {_accumulator(last or rest)}"
     if kind == "moved":
-        return f"{rest} moves {100.0 * value:+.0f} %"
-    if kind == "cutoff":
-        return f"cut-off {value / math.pi:.2f} pi rad/s"
-    return f"{name.replace('_', ' ')} {value:.2f}"
+        return f"{rest} when refitted on 3 in³, %"
+    what = tube_models.models()[rest].title + where
+    return {"rms": f"rms, {what}, bar", "lead": f"lead, {what}, ms"}[kind]
+
+
+def _number(name: str, value: Any) -> str:
+    if value is None or isinstance(value, str):
+        return value or ""
+    if isinstance(value, dict):
+        return f"{value['value']:.3g} ({value['low']:.2g} to {value['high']:.2g})"
+    if not math.isfinite(value):
+        return "from zero"
+    kind = name.partition("_")[0]
+    if kind == "rms":
+        return f"{from_si(value, 'Pa', 'bar'):.3f}"
+    if kind == "lead":
+        return f"{1e3 * value:+.1f}"
+    if kind == "moved":
+        return f"{100.0 * value:+.0f}"
+    return f"{value / math.pi if kind == 'cutoff' else value:.2f}"
+
+
+def _accumulator(name: str) -> str:
+    return name.replace("in3", " in³")
 
 
 HALVES = ("first", "second")
