@@ -135,6 +135,36 @@ def _seat(taut, stiffness=300.0, noise=0.05):
     )
 
 
+def _vented(pressure, tension=0.0):
+    """The end of the map, where the muscle is vented and slack, with readings of pressure [Pa] and tension [N]."""
+    rng, time = np.random.default_rng(1), np.arange(0.0, 1.5, 0.01)
+    readings = {"pressure": (pressure, 500.0, "Pa"), "tension": (tension, 0.1, "N")}
+    return mk.Recording(
+        time,
+        {n: mk.Channel(rng.normal(mean, noise, len(time)), u, "measured") for n, (mean, noise, u) in readings.items()},
+        {
+            "steps": [
+                {"label": "zero", "start": 0.0, "end": 1.5, "recorded": True, "case": {}, "path": "steps.1", "index": 1}
+            ]
+        },
+    )
+
+
+def test_a_zero_that_moves_during_the_map_is_refused_and_what_is_left_of_the_pressure_is_not(bounds):
+    known = Progression(zero=0.3, zero_pressure=200.0, top=5e5, largest=80.0)
+    for sign in (1.0, -1.0):
+        drifted = _vented(200.0 + sign * 20.0 * 200.0)  # the slowest drift of the virtual muscles, for 200 s
+        with pytest.raises(
+            StageError, match=r"the zero of the pressure sensor has moved by -?0.0\d+ bar, more than 0.3 %"
+        ):
+            advance("map", drifted, bounds, known)
+        with pytest.raises(StageError, match="the zero of the load cell has moved"):
+            advance("map", _vented(200.0, 0.3 + sign), bounds, known)
+        # 0.1 % of the pressure may be left a while after venting; the next thing that is missing is named then.
+        with pytest.raises(StageError, match="no samples of the step 'settle 1'"):
+            advance("map", _vented(200.0 + sign * 500.0), bounds, known)
+
+
 @pytest.fixture(scope="module")
 def bounds():
     return Bounds.of(mk.rig("modern"), "direct", rest_length=0.14, pressure=5e5)

@@ -38,6 +38,7 @@ ISOBARS = 6
 SPEED = 0.02  # of the loops [rest lengths/s]
 SHORTEST = 0.6  # span, of the rest length
 STRETCH, STRETCH_TIME, RELAX, HOLD = 0.04, 1.0, 40.0, 40.0  # [rest lengths], [s]
+DRAIN = 4.0  # in which what is left of the pressure goes, before the zeros are read again [s]
 LEAK_PRESSURE, LEAK_TIME = 2e5, 10.0  # [Pa], [s]
 LENGTH_ERROR, MOST_LENGTH_ERROR = 0.01, 0.1  # of the rest length, which a ruler misses, a share
 SEAT_TENSION = 1.0  # from which the muscle counts as taut, if the cell's noise allows [N]
@@ -288,6 +289,7 @@ def _map(bounds: Bounds, known: Progression) -> list[str]:
         *steps,
         _step("empty", pressure=(0.0, 1.5), record=False),
         _step("slacken", span=(0.97 * rest, _taken(1.5)), record=False),
+        _step("drain", hold=DRAIN, record=False),
         _step("zero", hold=1.5),
     ]
 
