@@ -117,14 +117,11 @@ def test_a_predicted_interval_is_as_wide_as_the_error_of_the_set_length_makes_it
     stiffness = float(law.build().stiffness(length, pressure))
     sure = law.predict(length, pressure, **{name: e.value for name, e in law.parameters.items()})
     # Without errors of parameters, the ruler and the noise remain, as independent errors; the law is straight in its length.
-    found_sd = [0.5 * (e.high - e.low) / 1.96 for e in law.length_errors]
-    spread = max(
-        5e-4, float(np.sqrt(np.mean([e.added**2 + s**2 for e, s in zip(law.length_errors, found_sd, strict=True)])))
-    )
-    # Five set lengths: Student's quantile is 2.571.
-    expected = np.hypot(2.571 * spread * stiffness, 1.96 * law.rmse)
+    expected = np.hypot(law.length_reach[0] * stiffness, 1.96 * law.rmse)
     assert 0.5 * (sure.high - sure.low) == pytest.approx(expected, rel=1e-3)  # of the quantiles
     assert one.high - one.low > sure.high - sure.low
+    # The five errors have a root mean square of 0.42 mm of 0.5 stated; so few leave room for half as much again.
+    assert 1.96 * 4.2e-4 < law.length_reach[0] < 1.96 * 7.5e-4
 
 
 def test_a_muscle_of_another_length_is_used_as_far_in_proportion_as_those_of_the_table() -> None:

@@ -27,7 +27,7 @@ from ..specimens import Specimen, SpecimenNumber
 from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
 from .posterior import MapSensors, Posterior, posterior_of_fit
-from .problem import Problem, Solution, solve
+from .problem import SAME_LENGTH, Problem, Solution, solve
 from .uncertainty import NORMAL_QUANTILE, Estimate, Uncertainty, akaike, posterior_uncertainty, uncertainty
 
 if TYPE_CHECKING:
@@ -101,6 +101,8 @@ class Fit(ErrorMeasures):
             there are no priors, and every parameter counts.
         length_errors: how far each set length was off, of a fit with such errors.
         length_error: standard deviation of these errors [m]; zero for none.
+        length_reach: half width of the 95 % interval of a length that is yet to be set, of a fitted muscle and of one of
+            another rest length [m]; zeros for none.
 
     Examples:
         >>> import mckibben as mk
@@ -125,6 +127,7 @@ class Fit(ErrorMeasures):
     effective: float | None = None
     length_errors: tuple[LengthError, ...] = ()
     length_error: float = 0.0
+    length_reach: tuple[float, float] = (0.0, 0.0)
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -218,10 +221,11 @@ class Fit(ErrorMeasures):
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
         The interval sums up three independent errors: of the parameters, linearised at the fit; of the length to which the
-        muscle is set, where the fit had `length_error`, as large as stated or as found where that is more; and what the law
-        left of the points, in proportion to the bore where that differs. A muscle of another rest length is used as far, in
-        proportion, as those of the table, unless ``upper_length`` is stated. How far muscles of one make differ in material
-        is not in it: a table does not say that.
+        muscle is set, where the fit had `length_error`, as large as stated or as found where that is more (`length_reach`);
+        and what the law left of the points, in proportion to the bore where that differs. The error of the length of a
+        muscle that was not measured holds how far muscles differ as a whole, as far as the muscles of the table tell, in
+        their length; how far they differ in material is not in it. A muscle of another rest length is used as far, in
+        proportion, as those of the table, unless ``upper_length`` is stated.
 
         Args:
             length: of the muscle [m], broadcast with the pressure.
@@ -255,27 +259,24 @@ class Fit(ErrorMeasures):
         shape = (len(names),) + (1,) * at[0].ndim
         moves = np.reshape(np.array(columns), (len(names), *at[0].shape)) if names else np.zeros(shape)
         variance = np.einsum("i...,ij,j...->...", moves, whole[np.ix_(index, index)], moves)
-        reach = self._length_reach
+        reach = self._reach(changes)
         if reach:
             variance = variance + (0.5 * (tension(reach) - tension(-reach))) ** 2
         half = np.sqrt(np.maximum(variance, 0.0) + (NORMAL_QUANTILE * self.rmse * self._area_ratio(changes)) ** 2)
         most = tension()
         return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
 
-    @property
-    def _length_reach(self) -> float:
+    def _reach(self, changes: Mapping[str, Any]) -> float:
         """Half width of the 95 % interval of a length that is yet to be set [m]; zero without errors of lengths.
 
-        What the fitted errors say beyond the stated deviation counts, with Student's quantile for so few lengths.
+        At least what the stated deviation says; wider where the set lengths of the table scatter by more, and for a
+        muscle whose rest length is none of the table's.
         """
-        if not self.length_errors:
-            return NORMAL_QUANTILE * self.length_error
-        from scipy.special import stdtrit
-
-        added = np.array([e.added for e in self.length_errors])
-        sd = np.array([0.5 * (e.high - e.low) / NORMAL_QUANTILE for e in self.length_errors])
-        spread = max(self.length_error, float(np.sqrt(np.mean(added**2 + sd**2))))
-        return float(stdtrit(len(added), 0.975)) * spread
+        rest = changes.get("rest_length")
+        fitted = rest is None or bool(
+            (np.abs(np.asarray(self.known.get("rest_length", rest)) - float(rest)) < SAME_LENGTH).any()
+        )
+        return max(NORMAL_QUANTILE * self.length_error, self.length_reach[0 if fitted else 1])
 
     def _half_width(self, tension: Callable[..., np.ndarray], name: str, width: float) -> np.ndarray:
         """Half the change of the tension over the interval of a parameter, from a small step within its bounds [N]."""
@@ -380,6 +381,7 @@ def fit(
         effective=None if posterior is None else posterior.effective,
         length_errors=_length_errors(problem, solution),
         length_error=problem.length_error,
+        length_reach=(0.0, 0.0) if posterior is None or posterior.lengths is None else posterior.lengths.reach(),
     )
 
 

@@ -25,6 +25,7 @@ from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
 from ..recordings import ForceMap
+from .length_spread import LengthEvidence
 
 Formula = Callable[..., np.ndarray]
 # Independent points along a curve of tension over pressure at one length, of as many as were measured.
@@ -242,12 +243,14 @@ class LinearPosterior:
         shifts: error of the set length of each curve, with its standard deviation [m], each (curves,).
         effective: number of parameters and length errors that the data determine rather than their priors.
         noise: share of the largest tension.
+        lengths: what the data say about the errors of set lengths; None without such errors.
     """
 
     covariance: np.ndarray
     shifts: tuple[np.ndarray, np.ndarray]
     effective: float
     noise: float
+    lengths: LengthEvidence | None = None
 
 
 @dataclass(frozen=True)
@@ -320,7 +323,9 @@ def solve(
         message=str(best.message).strip("` ."),
         starts=len(solutions),
         agreeing=_agreeing(solutions),
-        posterior=descend.posterior(best.x) if descend.informed else None,
+        posterior=replace(descend.posterior(best.x), lengths=descend.length_evidence(best.x))
+        if descend.informed
+        else None,
     )
 
 
@@ -390,6 +395,20 @@ class _Descent:
             columns = np.concatenate([columns, each], axis=1)
         rows = np.nan_to_num((self.weight * pulling)[:, None] * columns / self.size, nan=0.0, posinf=0.0, neginf=0.0)
         return np.concatenate([rows, self.noise * self._prior_rows()]) if self.informed else rows
+
+    def length_evidence(self, vector: np.ndarray) -> LengthEvidence | None:
+        """What the data say about the errors of set lengths, linearised at a solution; None without such errors."""
+        if not self.shifts:
+            return None
+        count, priors = len(self.problem.points), len(self.priors)
+        rows, left = self.derivative(vector, unilateral=True), self.misfit(vector, unilateral=True)
+        seen, held = rows[:count] / self.noise, rows[count : count + priors, : self.count] / self.noise
+        pull = seen.T @ (seen @ vector - left[:count] / self.noise)
+        pull[: self.count] += held.T @ (held @ vector[: self.count] - left[count : count + priors] / self.noise)
+        rest = self.problem.points.rest_length
+        first = [int(np.flatnonzero(self.curve == c)[0]) for c in range(self.shifts)]
+        muscle = np.zeros(self.shifts, int) if rest is None else np.unique(rest[first], return_inverse=True)[1]
+        return LengthEvidence(seen.T @ seen, pull, held.T @ held, muscle, self.problem.length_error)
 
     def _prior_rows(self) -> np.ndarray:
         """Derivative of `_surprise`."""
