@@ -1,7 +1,7 @@
 /* The peripherals of the STM32F405 that QEMU has no model of, as a machine of counts in another program.
  *
  * Linked in the place of stm32f405/peripherals.c, with the unchanged rest of the program. It talks by semihosting through two
- * pipes, whose names are the processor's command line: name, answers, requests, patience [10 ms]. Requests, each answered by
+ * pipes, whose names are the processor's command line: name, answers, requests, whether it waits (1 or 0). Requests, each answered by
  * the counts of the three channels, of the reference and of the encoder, or by nothing where the converter is to hang:
  *
  *   start PERIOD                                 a run begins; period [ns]
@@ -13,8 +13,9 @@
  * the last edge of `alive`. Where the counts are followed by a sixth number that is not zero, the timer of the samples stops;
  * then `hung FED ALIVE` tells when the watchdog was fed for the last time [ns], and when `alive` changed.
  *
- * After a sample the board's time stands still until the host has answered, at most for the patience; 0: it never does. The
- * time is that of TIM2, which QEMU counts in nanoseconds; with `-icount shift=0` an instruction takes one. */
+ * Where it waits, the board's time stands still after a sample until the host has answered, or the other program has sent an
+ * empty frame in its place. The processor sleeps then, and QEMU leaves the computer to host and machine. The time is that of
+ * TIM2, which QEMU counts in nanoseconds; with `-icount shift=0` an instruction takes one. */
 #include <stddef.h>
 
 #include "../bench.h"
@@ -22,7 +23,7 @@
 #include "../stm32f405/registers.h"
 #include "../stm32f405/start.h"
 
-enum call { OPEN = 0x01, WRITE = 0x05, READ = 0x06, CLOCK = 0x10, COMMAND_LINE = 0x15 };
+enum call { OPEN = 0x01, WRITE = 0x05, READ = 0x06, COMMAND_LINE = 0x15 };
 
 void __real_bench_tick(void);
 void __real_bench_receive(const uint8_t *data, size_t size);
@@ -32,14 +33,14 @@ void __wrap_bench_receive(const uint8_t *data, size_t size);
 void __wrap_wait_for_interrupt(void);
 
 static int answers, requests;
-static uint32_t patience, stopped_at, period_ns, before, idle, work;
+static uint32_t period_ns, before, idle, work;
 static char line[256];
 static uint32_t edge_at, fed_at, stood; /* [ns]; for how long the time stood still, and since when */
 static uint32_t stands_since;
 static uint16_t counts[CHANNELS + 1u];
 static int32_t edges;
 static uint16_t out_valve, out_motor = MOTOR_REST;
-static uint8_t out_opened = 1, first, ready, stopped, hung;
+static uint8_t out_opened = 1, first, ready, stopped, hung, waits;
 
 static uint32_t board_time(void)
 {
@@ -139,7 +140,7 @@ const char *peripherals_begin(void)
     answers = host_open(words[1], 0);
     requests = host_open(words[2], 4u);
     get_number(words[3], &number);
-    patience = (uint32_t)number;
+    waits = number != 0;
     TIM2->arr = 0xFFFFFFFFul;
     TIM2->psc = 0;
     TIM2->egr = 1u;
@@ -244,11 +245,10 @@ void __wrap_bench_tick(void)
     uint32_t begin = TIM2->cnt;
     __real_bench_tick();
     work += TIM2->cnt - begin;
-    if (patience != 0) {
+    if (waits) {
         SYSTICK->csr = 6u;
         stopped = 1;
         stands_since = TIM2->cnt;
-        stopped_at = (uint32_t)host(CLOCK, 0);
     }
 }
 
@@ -282,7 +282,7 @@ void __wrap_wait_for_interrupt(void)
 {
     if (!stopped) {
         uint32_t begin = TIM2->cnt;
-        if (patience != 0) {
+        if (waits) {
             __real_wait_for_interrupt();
         } else {
             while (!(SCB_ICSR & (BIT(26) | BIT(22)))) { /* instructions, so that the time of no other computer comes in */
@@ -293,7 +293,7 @@ void __wrap_wait_for_interrupt(void)
             }
         }
         idle += TIM2->cnt - begin;
-    } else if ((uint32_t)host(CLOCK, 0) - stopped_at > patience) {
-        go_on();
+    } else {
+        __real_wait_for_interrupt(); /* of a byte, of the host or of the other program */
     }
 }

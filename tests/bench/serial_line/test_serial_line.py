@@ -11,6 +11,8 @@ from serial_machines import PERIOD, Tiny, over_the_line, step, straight
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.bench.hardware.serial_line.device import About
+from mckibben.bench.hardware.serial_line.line import Arrivals
+from mckibben.bench.hardware.serial_line.messages import SampleMessage
 from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_process, in_thread
 from mckibben.errors import InputError, LineLostError
 
@@ -337,3 +339,20 @@ def test_without_pyserial_a_line_says_what_to_install(monkeypatch: pytest.Monkey
     with pytest.raises(InputError) as error:
         SerialHardware("/dev/ttyUSB0")
     one_line(error, "pyserial", "not installed", "mckibben[serial]")
+
+
+@pytest.mark.parametrize(
+    ("pace", "pause", "slowness"), [(1.0, 0.0, 1.0), (8.0, 0.0, 8.0), (1.0, 0.9, 1.0), (0.1, 0.0, 1.0)]
+)
+def test_a_device_may_be_silent_as_much_longer_as_its_time_is_slower(
+    pace: float, pause: float, slowness: float
+) -> None:
+    arrivals, samples = Arrivals(1e-2, False, 2), 10_000
+    for k in range(samples):
+        # a pause is in the first samples, where it is most of the time that has passed
+        arrivals.put(pace * k * 1e-2 + (pause if k > 3 else 0.0), SampleMessage(k, 1, 0, 0, 0, ()))
+        arrivals.take(k)
+        assert arrivals.slowness(1.0) <= max(slowness, 1.0)
+    assert arrivals.slowness(1.0) == pytest.approx(
+        slowness, rel=1.0 / (samples * 1e-2)
+    )  # 1 s beside that of the device

@@ -275,6 +275,7 @@ class Arrivals:
         self._damaged: float | None = None  # when damage was seen that no sample is known to miss
         self._newest, self._missing = -1, 0
         self._origin = 0.0  # when sample 0 was there, or should have been
+        self._first_at = self._newest_at = 0.0  # when sample 0 and the newest one were there
 
     def put(self, at: float, message: SampleMessage | Fault) -> None:
         """Add a message with its time of arrival [s]."""
@@ -306,6 +307,15 @@ class Arrivals:
                 self.repeated += 1
         return None
 
+    def slowness(self, beside: float) -> float:
+        """Time of the wall clock per time of the device from its first sample to the newest, at least 1.
+
+        Args:
+            beside: time added to that of the device, so that a pause in the first samples counts for little [s].
+        """
+        device = max(self._newest, 0) * self.period + beside
+        return max((self._newest_at - self._first_at) / device, 1.0) if device > 0.0 else 1.0
+
     def given_up(self, sample: int) -> float | None:
         """Time at which a damaged sample is given up [s]; None if no damage was received."""
         if self._damaged is None:
@@ -336,6 +346,7 @@ class Arrivals:
             self.answers_late += bool(message.flags & UNANSWERED)
             self.answers_damaged += bool(message.flags & DAMAGED)
         self._missing, self._newest = 0, message.sequence
+        self._first_at, self._newest_at = at if self._newest == 0 else self._first_at, at
         if self._damaged is not None and at > self._damaged:
             self._damaged = None
         return ReceivedSample(message, 0.0 if self.lock_step else self._late(message.sequence, at))

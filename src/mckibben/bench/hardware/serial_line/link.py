@@ -3,7 +3,8 @@
 The device is the clock: it sends a sample every period, and `wait` gives them one after the other. What is lost or damaged
 on the way is counted and never made up: the sample is still taken, with the newest reading and `fresh` False. The loop is
 over, and the machine told to vent, when more than `patience` samples in a row are missing, when nothing comes for a time,
-when the port is gone, and when the device has stopped or vented by itself.
+when the port is gone, and when the device has stopped or vented by itself. That time is one of the device: an emulated board
+whose second takes eight of the wall clock may be silent for eight times as long. A real board's second takes one.
 
 Lateness is counted from the first sample on by the clock of the host. The clocks of host and device may differ by 1e-4 of
 the time: by so much the time expected of a sample follows those that come later, and at once those that come earlier.
@@ -63,7 +64,7 @@ class SerialHardware(Hardware):
         watchdog: periods after its newest command at which the device vents by itself, at least 2. A sample that is lost
             without a trace is known by the next one, so that patience for one needs 3.
         patience: samples in a row that may be missing.
-        timeout: time for which nothing may come, or three periods where that is longer [s].
+        timeout: time of the device for which nothing may come, or three periods where that is longer [s].
         greeting: time within which the device must answer first [s].
         baud: bits per second of the port.
 
@@ -188,15 +189,17 @@ class SerialHardware(Hardware):
             self._line.close()
 
     def _wait(self, sample: int) -> ReceivedSample:
-        arrivals, silence = self._arrivals, max(self.timeout, SILENT * self._arrivals.period)
-        until = time.perf_counter() + silence
+        arrivals = self._arrivals
+        silence = max(self.timeout, SILENT * arrivals.period) * arrivals.slowness(self.timeout)
+        until, looked = time.perf_counter() + silence, False
         while (taken := arrivals.take(sample)) is None:
             now, given_up = time.perf_counter(), arrivals.given_up(sample)
             if given_up is not None and now >= given_up:
                 return arrivals.without(sample, now)
-            if now >= until:
-                raise EndedError(f"nothing came for {silence:g} s at sample {sample}")
-            self._receive((until if given_up is None else min(given_up, until)) - now)
+            if looked:
+                raise EndedError(f"nothing came for {silence:.3g} s at sample {sample}")
+            looked = now >= until  # once more, for it may have been this computer that paused
+            self._receive(max((until if given_up is None else min(given_up, until)) - now, 0.0))
         return taken
 
     def _receive(self, seconds: float) -> None:
