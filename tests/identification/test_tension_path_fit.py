@@ -73,6 +73,18 @@ def test_what_a_change_of_pressure_makes_of_the_tension_is_no_relaxation():
     assert fit_relaxation(path, tension, still).total.value < 0.8 * _relaxing(true)
 
 
+def test_what_a_span_that_is_not_held_makes_of_the_tension_is_no_relaxation():
+    time = np.linspace(0.0, 60.0, SAMPLES)
+    hunting = 6e-5 * np.sign(np.sin(4.0 * time)) * (time > 21.0)  # a slow loop with a motor that sticks
+    span = 0.13 + 0.006 * np.clip(time - 20.0, 0.0, 1.0) + hunting
+    path, still = SpanPath(time, span, np.full(SAMPLES, 3e5)), time >= 21.5
+    tension = 40.0 + 2e3 * hunting + np.random.default_rng(1).normal(0.0, 0.02, SAMPLES)
+    fit = fit_relaxation(path, tension, still, span_slope=(2.6e3, 8e2))  # a third too stiff, within its error
+    assert fit.total.low == 0.0
+    assert fit.total.high < 8.0  # 0.05 N over the stretch of 6 mm, by the noise
+    assert fit_relaxation(path, tension, still).total.low > 5.0 * fit.total.high
+
+
 def test_an_uncertain_path_before_the_stretch_widens_the_interval_of_the_relaxation():
     time = np.linspace(0.0, 60.0, SAMPLES)
     span = 0.14 - 0.02 * np.clip(time / 3.0, 0.0, 1.0) + 0.006 * np.clip(time - 20.0, 0.0, 1.0)

@@ -102,6 +102,7 @@ def fit_relaxation(
     *,
     stretch: int | None = None,
     pressure_slope: tuple[float, float] | None = None,
+    span_slope: tuple[float, float] | None = None,
     shortest: float = 0.5,
     longest: float = 30.0,
 ) -> RelaxationFit:
@@ -110,9 +111,10 @@ def fit_relaxation(
     What a hold tells is how much relaxes between a time after its begin and its end, not the sum of the elements, of which
     those that are faster or slower than the hold hardly change it. The interval of that total is its profile likelihood:
     all totals for which some distribution over the time constants, with no stiffness negative, fits hardly worse than the
-    best. Two things are fitted beside it, with priors: the tension that a change of pressure makes, and the share of the
-    path before the stretch that reached the muscle, which `HISTORY` spreads about 1 because a cord lengthens as the muscle
-    is filled. `UNSEEN` is added to the interval: the friction of the muscle holds back part of the force that relaxes.
+    best. Three things are fitted beside it, with priors: the tension that a change of pressure makes, that which a span that
+    is not held exactly makes, and the share of the path before the stretch that reached the muscle, which `HISTORY` spreads
+    about 1 because a cord lengthens as the muscle is filled. `UNSEEN` is added to the interval: the friction of the muscle
+    holds back part of the force that relaxes.
 
     Args:
         path: from a time at which the muscle was relaxed.
@@ -121,6 +123,7 @@ def fit_relaxation(
         stretch: first sample of the stretch; the path before it is taken as exact if left out.
         pressure_slope: tension per pressure at this length and its standard error [m^2]; pressures are taken as constant if
             left out.
+        span_slope: tension per span and its standard error [N/m]; the span is taken as constant if left out.
         shortest: time constant of the fastest element [s].
         longest: time constant of the slowest element [s].
 
@@ -136,13 +139,13 @@ def fit_relaxation(
     if stretch is not None:
         before = path._replace(span=np.where(np.arange(len(path.span)) < stretch, path.span, path.span[stretch]))
         earlier = np.asarray(_compiled().deflections(chain, *_steps(before)))[still]
-    slope, spread = pressure_slope or (0.0, 0.0)
-    moved = np.zeros(len(whole)) if pressure_slope is None else _smooth(path.time[still], path.pressure[still])
-    moved = moved - (moved[-1] if len(moved) else 0.0)
-    wanted = tension[still] - slope * moved
+    moved = _smooth(path.time[still], path.pressure[still])
+    changes = np.column_stack([moved - moved[-1], path.span[still] - np.median(path.span[still])])
+    slopes, spreads = np.array([pressure_slope or (0.0, 0.0), span_slope or (0.0, 0.0)]).T
+    wanted = tension[still] - changes @ slopes
     times = np.asarray(chain.time_constant)
     weights = np.exp(-WINDOW[0] / times) - np.exp(-WINDOW[1] / times)
-    likelihood = _RelaxationLikelihood(weights, whole, earlier, moved, wanted, spread, stretch is not None)
+    likelihood = _RelaxationLikelihood(weights, whole, earlier, changes, wanted, spreads, stretch is not None)
     return likelihood.fit(np.asarray(chain.time_constant))
 
 
@@ -161,9 +164,9 @@ class _RelaxationLikelihood:
     Args:
         whole: deflections of all elements (n, elements) [m].
         earlier: those from the path before the stretch (n, elements) [m].
-        moved: pressure less that at the end (n,) [Pa].
-        wanted: tension less what the pressure is expected to make (n,) [N].
-        spread: standard error of the tension per pressure [m^2].
+        changes: of the pressure [Pa] and of the span [m], (n, 2).
+        wanted: tension less what these are expected to make (n,) [N].
+        spreads: standard errors of the tension per pressure [m^2] and per span [N/m].
         history: whether the share of the earlier path is uncertain.
     """
 
@@ -172,19 +175,20 @@ class _RelaxationLikelihood:
         weights: np.ndarray,
         whole: np.ndarray,
         earlier: np.ndarray,
-        moved: np.ndarray,
+        changes: np.ndarray,
         wanted: np.ndarray,
-        spread: float,
+        spreads: np.ndarray,
         history: bool,
     ) -> None:
         self.weights = weights
         self.count, self.samples, self.history = whole.shape[1], len(wanted), history
         self.size = max(float(np.abs(whole).max()), 1e-12)
-        self.lever = max(float(np.abs(moved).max()), 1.0)
-        columns = [np.ones(len(wanted)), moved / self.lever, *((whole - earlier) / self.size).T]
+        levers = np.maximum(np.abs(changes).max(axis=0), (1.0, 1e-9))
+        columns = [np.ones(len(wanted)), *(changes / levers).T, *((whole - earlier) / self.size).T]
+        self.head = 1 + len(levers)  # columns before those of the elements
         matrix = np.column_stack([*columns, *(earlier / self.size).T, wanted - wanted.mean()])
         self.triangle = np.asarray(np.linalg.qr(matrix, mode="r"))
-        self.spread = spread * self.lever  # of the pressure's column [N]
+        self.spreads = spreads * levers  # of the columns of the changes [N]
         self.matrix, self.mean = matrix, float(wanted.mean())
         self.noise = 1.0
         solution = self.solve(1.0, None)[0]
@@ -192,14 +196,13 @@ class _RelaxationLikelihood:
         self.noise = max(float(np.std(error)) * widening([error]), 1e-9)  # of one sample, as if all were independent
 
     def _combined(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        n, r = self.count, self.triangle
-        return np.column_stack([r[:, :2], r[:, 2 : 2 + n] + share * r[:, 2 + n : 2 + 2 * n]]), r[:, -1]
+        n, r, at = self.count, self.triangle, self.head
+        return np.column_stack([r[:, :at], r[:, at : at + n] + share * r[:, at + n : at + 2 * n]]), r[:, -1]
 
     def _error(self, solution: np.ndarray, share: float) -> np.ndarray:
-        n, m = self.count, self.matrix
-        error: np.ndarray = (
-            m[:, :2] @ solution[:2] + (m[:, 2 : 2 + n] + share * m[:, 2 + n : 2 + 2 * n]) @ solution[2:] - m[:, -1]
-        )
+        n, m, at = self.count, self.matrix, self.head
+        elements = m[:, at : at + n] + share * m[:, at + n : at + 2 * n]
+        error: np.ndarray = m[:, :at] @ solution[:at] + elements @ solution[at:] - m[:, -1]
         return error
 
     def solve(self, share: float, total: float | None) -> tuple[np.ndarray, float]:
@@ -208,18 +211,18 @@ class _RelaxationLikelihood:
 
         matrix, wanted = self._combined(share)
         matrix, wanted = matrix / self.noise, wanted / self.noise
-        prior = np.zeros((1, matrix.shape[1]))
-        prior[0, 1] = 1.0 / self.spread if self.spread > 0.0 else 1e9
-        rows, values = [matrix, prior], [wanted, np.zeros(1)]
+        prior = np.zeros((self.head - 1, matrix.shape[1]))
+        prior[:, 1 : self.head] = np.diag(1.0 / np.maximum(self.spreads, 1e-9))
+        rows, values = [matrix, prior], [wanted, np.zeros(len(prior))]
         if total is not None:
             bound = np.zeros((1, matrix.shape[1]))
             weight = 1e4 * max(float(np.abs(matrix).max()), 1.0)
-            bound[0, 2:] = weight * self.weights
+            bound[0, self.head :] = weight * self.weights
             rows.append(bound)
             values.append(np.array([weight * total * self.size]))
-        low = np.array([-np.inf, -np.inf] + [0.0] * self.count)
+        low = np.array([-np.inf] * self.head + [0.0] * self.count)
         solution = optimize.lsq_linear(np.vstack(rows), np.concatenate(values), bounds=(low, np.inf), method="bvls").x
-        cost = float(np.sum((matrix @ solution - wanted) ** 2) + (prior @ solution)[0] ** 2)
+        cost = float(np.sum((matrix @ solution - wanted) ** 2) + np.sum((prior @ solution) ** 2))
         return solution, cost + ((share - 1.0) / HISTORY) ** 2
 
     def profile(self, total: float | None) -> tuple[np.ndarray, float, float]:
@@ -233,7 +236,7 @@ class _RelaxationLikelihood:
         from scipy import optimize
 
         solution, least, share = self.profile(None)
-        stiffness = solution[2:] / self.size
+        stiffness = solution[self.head :] / self.size
         total = float(stiffness @ self.weights)
 
         def beyond(value: float) -> float:

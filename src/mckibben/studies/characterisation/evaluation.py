@@ -59,6 +59,7 @@ MOST_SWING = 0.01  # standard deviation of the span that is to stand still, of t
 MOST_ERROR = 0.05  # rms error of the held-out points, of the largest tension
 SETTLED = 0.5  # after the stretch, which the pressure needs [s]
 SLOPE_ERROR = 0.3  # standard error of the tension per pressure beside the hold, a share: friction holds some of it
+STICKING = 1.5  # stiffness to small movements over that of the map: friction that sticks adds up to as much again
 LONGEST = 1.02  # up to which a law is meant, of the rest length
 PULLED = 0.02  # by which the vented muscle is pulled beyond its rest length, a share
 SEAT_ERROR = 1e-3  # of the span at which it gets taut, beside noise, of the rest length
@@ -384,7 +385,7 @@ def evaluate(
     zero_pressure = float(np.mean(_part(records["seat"], "zero", "seat")["pressure"]))
     path, tension, still = _held_path(records, zero_pressure)
     rows, rising, falling = _branches(records["map"], bounds, known, zero_pressure)
-    slope = _tension_per_pressure(rows, float(path.span[still][-1]), float(np.mean(path.pressure[still])), bounds)
+    slope, stiffness = _slopes(rows, float(path.span[still][-1]), float(np.mean(path.pressure[still])), bounds)
     stretch = _part(records["relaxation"], "stretch", "relaxation").time[0] - records["relaxation"].time[0]
     relaxation = fit_relaxation(
         path,
@@ -392,6 +393,7 @@ def evaluate(
         still,
         stretch=int(np.searchsorted(path.time, stretch)),
         pressure_slope=(slope, SLOPE_ERROR * abs(slope)),
+        span_slope=(STICKING * stiffness, (STICKING - 1.0) * stiffness),
     )
     chain = relaxation.chain()
     path, _ = _path(records["map"], zero_pressure)
@@ -447,13 +449,14 @@ def rest_volume(points: ForceMap, bounds: Bounds) -> float | None:
     return float(braid.volume(rest, thread_length=thread, turns=turns))
 
 
-def _tension_per_pressure(rows: np.ndarray, length: float, pressure: float, bounds: Bounds) -> float:
-    """Tension per pressure of a map near a length and a pressure [m^2]."""
+def _slopes(rows: np.ndarray, length: float, pressure: float, bounds: Bounds) -> tuple[float, float]:
+    """Tension per pressure [m^2] and per length [N/m] of a map near a length and a pressure."""
     at, under = (rows[:, 0] - length) / bounds.rest_length, 0.5 * (rows[:, 1] + rows[:, 3]) / pressure - 1.0
     tension = 0.5 * (rows[:, 2] + rows[:, 4])
     weight = np.exp(-0.5 * ((at / 0.03) ** 2 + (under / 0.3) ** 2))
     matrix = np.column_stack([np.ones(len(at)), at, under, at * under, at**2]) * weight[:, None]
-    return float(np.linalg.lstsq(matrix, tension * weight, rcond=None)[0][2]) / pressure
+    solution = np.linalg.lstsq(matrix, tension * weight, rcond=None)[0]
+    return float(solution[2]) / pressure, max(float(solution[1]) / bounds.rest_length, 0.0)
 
 
 def _held_path(records: dict[str, Recording], zero_pressure: float) -> tuple[SpanPath, np.ndarray, np.ndarray]:
