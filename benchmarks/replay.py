@@ -61,8 +61,11 @@ def plateaus(cut: str) -> tuple[mk.ForceMap, np.ndarray]:
     }
     keep = (columns["force_N"] > 1.0) & (columns["pressure_kPa"] > 50.0)
     values = (1e-3 * columns["test_length_mm"], 1e3 * columns["pressure_kPa"], columns["force_N"])
-    points = mk.ForceMap(f"AARL 10 mm, {cut} mm", *(column[keep] for column in values))
-    mean, run = np.empty(len(points)), columns["test_id"][keep]
+    mean, run = np.empty(int(keep.sum())), columns["test_id"][keep]
+    lengths = columns["test_length_mm"][keep]
+    # a file holds one test at one length
+    labels = np.array([f"{length:g} mm, test {one:g}" for length, one in zip(lengths, run, strict=True)])
+    points = mk.ForceMap(f"AARL 10 mm, {cut} mm", *(column[keep] for column in values), run=labels)
     for length in np.unique(points.length):
         at = points.length == length
         tensions = []
@@ -142,7 +145,7 @@ def replay(points: mk.ForceMap, mean: np.ndarray) -> dict[str, dict[int, list[fl
     fit, posterior = posterior_from(points, chosen)
     curves["next"][FIRST] = errors(points, mean, chosen, fit, posterior)
     for count in STAGES:
-        every = candidates_of(posterior, points.length, points.pressure)
+        every = candidates_of(posterior, points.length, points.pressure, runs=points.run)
         chosen = greedy(every, chosen, count, about)
         fit, posterior = posterior_from(points, chosen)
         curves["next"][count] = errors(points, mean, chosen, fit, posterior)

@@ -42,6 +42,16 @@ def test_the_information_is_that_of_linear_least_squares():
     assert line(places, noise=0.5).information(some) == pytest.approx(exact, rel=1e-12)
 
 
+def test_an_error_that_all_readings_share_hides_the_height_of_a_line_and_not_its_slope():
+    places = np.array([-1.0, 1.0])
+    plain = line(places, noise=1e-3)
+    shared = dataclasses.replace(plain, runs=np.full((2, 2), 9.0))
+    height, slope = shared.widths([0, 1])
+    # of a height of variance 1 and an error of variance 9, both seen as their sum: 9/10 of the variance are left
+    assert height == pytest.approx(np.sqrt(0.9), rel=1e-4)
+    assert slope == pytest.approx(plain.widths([0, 1])[1], rel=1e-4)  # noise of 1e-3 is left of either
+
+
 def test_a_line_is_measured_at_its_ends():
     chosen = choose(line(np.linspace(-1.0, 1.0, 5), noise=0.1), budget=2 * 3.0 + 4 * 6.0 + 1.0, wait=3.0)
     # two lengths and four readings fill the budget; the D-optimal design of a line has its points at the ends

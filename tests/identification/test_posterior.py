@@ -1,15 +1,25 @@
 """Posterior of a fit: the likelihood with its discrepancy, bands, files, and samples of a known distribution."""
 
+import dataclasses
+import functools
 import json
 
 import numpy as np
 import pytest
 
 import mckibben as mk
+from mckibben._jax import jax, jnp
 from mckibben.errors import InputError
 from mckibben.identification import sampler
 from mckibben.identification._samples import mixing_warnings
-from mckibben.identification.posterior import MapSensors, Posterior, SensorErrors, read_posterior
+from mckibben.identification.posterior import (
+    MapSensors,
+    Posterior,
+    SensorErrors,
+    posterior_of_fit,
+    read_posterior,
+    run_columns,
+)
 
 LENGTHS, PRESSURES = (a.ravel() for a in np.meshgrid(np.linspace(0.12, 0.15, 4), np.linspace(2e5, 5e5, 3)))
 
@@ -53,6 +63,59 @@ def test_the_likelihood_by_modes_is_that_of_the_whole_covariance():
         scores.append(exact - sampler.marginal(values, directions @ residual, noise, amplitude))
     # equal up to a constant, to the rounding of two factorisations
     assert scores[0] == pytest.approx(scores[1], abs=1e-9)
+
+
+def runs_of_a_map():
+    """Points of a map in three runs: labels (12,), columns (12, 3), modes of their errors and the places."""
+    labels = np.array(["a", "b", "c"])[np.arange(len(LENGTHS)) % 3]
+    places = np.stack([LENGTHS / 0.03, PRESSURES / 3e5], axis=1)
+    covariance = 0.25 * np.eye(len(LENGTHS)) + 0.01
+    return labels, run_columns(labels)[1], covariance, sampler.matern(places, places, 0.3)
+
+
+def test_the_likelihood_of_runs_is_that_of_the_whole_covariance_with_its_derivatives():
+    chance = np.random.default_rng(1)
+    _, columns, covariance, correlation = runs_of_a_map()
+    values, directions = sampler.ErrorModes.of(covariance, correlation)
+    differences, residual = [], chance.standard_normal(len(LENGTHS))
+    slope_by_run = jax.jit(jax.grad(functools.partial(sampler.marginal, xp=jnp), argnums=5))
+    z, padded = directions @ residual, np.pad(directions @ columns, ((0, 0), (0, 3)))
+    for noise, amplitude, run in ((1.0, 0.5, 0.0), (1.3, 2.0, 0.7), (0.8, 1.0, 30.0)):
+        whole = noise**2 * covariance + amplitude**2 * correlation + run**2 * columns @ columns.T
+        exact = -0.5 * (residual @ np.linalg.solve(whole, residual) + np.linalg.slogdet(whole)[1])
+        differences.append(exact - sampler.marginal(values, z, noise, amplitude, padded, run))
+        inverse = np.linalg.inv(whole)
+        pull = inverse @ residual
+        slope = run * (np.sum((columns.T @ pull) ** 2) - np.trace(columns.T @ inverse @ columns))
+        by_run = slope_by_run(values, z, noise, amplitude, padded, run)
+        # the derivative of a Gaussian's logarithm, to the rounding of an inverse
+        assert float(by_run) == pytest.approx(slope, rel=1e-8, abs=1e-12)
+        sizes = [np.array([size]) for size in (noise, amplitude)]
+        precision = sampler.Precision.of(values, *sizes, padded, np.array([run]))
+        assert directions.T @ precision.times(z[None])[0] == pytest.approx(pull, rel=1e-9)
+        onto = correlation[:2] @ directions.T
+        squares = np.diag(correlation[:2] @ inverse @ correlation[:2].T)
+        assert precision.squares(onto)[0] == pytest.approx(squares, rel=1e-9)
+    # equal up to a constant, to the rounding of two factorisations
+    assert differences == pytest.approx([differences[0]] * 3, abs=1e-9)
+
+
+def test_intervals_of_the_discrepancy_hold_it_where_runs_differ_and_not_where_they_pass_for_one():
+    chance, (_, columns, covariance, correlation) = np.random.default_rng(7), runs_of_a_map()
+    modes = sampler.ErrorModes.of(covariance, correlation)
+    count, amplitude, run = 500, 1.0, 2.0
+    roots = [np.linalg.cholesky(x) for x in (covariance, correlation + 1e-12 * np.eye(len(LENGTHS)))]
+    errors, truth = (chance.standard_normal((count, len(LENGTHS))) @ root.T for root in roots)
+    measured = truth + errors + run * chance.standard_normal((count, 3)) @ columns.T
+    onto, sizes = correlation @ modes.directions.T, (np.ones(count), np.full(count, amplitude))
+    shares = []
+    for told in (modes.directions @ columns, None):
+        precision = sampler.Precision.of(modes.values, *sizes, told, np.full(count, run))
+        mean, deviation = sampler.discrepancy_given(precision, onto, measured @ modes.directions.T, sizes[1])
+        shares.append(float((np.abs(truth - mean) < 1.96 * deviation).mean()))
+    # 500 maps of 12 points that share three errors: at least 1500 independent, a standard error below 0.6 %
+    assert shares[0] == pytest.approx(0.95, abs=0.02)
+    assert shares[1] < 0.7  # runs off by four times the noise pass for independent points
 
 
 def test_the_prior_reaches_eight_deviations_of_the_linearised_fit_and_no_bound_further():
@@ -117,6 +180,38 @@ def test_a_discrepancy_follows_the_points_and_opens_away_from_them():
     assert wrong.tension(0.12, 9e5, measured=True).high > away.low
 
 
+def test_readings_of_a_known_run_share_its_error_and_a_new_run_adds_one():
+    """Against the conditional Gaussian of the dense covariance of discrepancy and errors."""
+    labels, columns, _, _ = runs_of_a_map()
+    tension = np.asarray(mk.muscle("nylon", law="gas_spring").law.tension(LENGTHS, PRESSURES)) + columns @ [
+        3.0,
+        -2.0,
+        0.0,
+    ]
+    one = posterior(4.0, points=tension)
+    one = dataclasses.replace(one, run=np.full(len(one), 2.5), points=dataclasses.replace(one.points, run=labels))
+    at = LENGTHS[:4] + 1e-3, PRESSURES[:4]
+    some = one.run_covariance(*at, runs=["a", "b", "new", "new"])
+    places, there = one._places(LENGTHS, PRESSURES, None), one._places(*at, None)  # noqa: SLF001
+    data = 0.25 * np.eye(12) + 16.0 * sampler.matern(places, places, 0.3) + 6.25 * columns @ columns.T
+    member = np.zeros((4, 12))
+    member[0], member[1] = 6.25 * (labels == "a"), 6.25 * (labels == "b")
+    smooth = 16.0 * sampler.matern(there, places, 0.3)
+    prior = 6.25 * np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 1, 1]])
+    # the same Gaussian by another factorisation, to its rounding
+    assert some.errors == pytest.approx(prior - member @ np.linalg.solve(data, member.T), abs=1e-9)
+    assert some.across == pytest.approx(-smooth @ np.linalg.solve(data, member.T), abs=1e-9)
+    residual = tension - one.signed_tensions(LENGTHS, PRESSURES)[0]
+    assert some.mean[0] == pytest.approx(member @ np.linalg.solve(data, residual), abs=1e-9)
+    mean, _ = one._discrepancy(*at, None)  # noqa: SLF001
+    assert mean[0] == pytest.approx(smooth @ np.linalg.solve(data, residual), abs=1e-8)
+    assert np.array_equal(one.run_covariance(*at).errors, np.full((4, 4), 6.25))
+    # a further run shows more than the noise: twice 1.96 times sqrt(0.5^2 + 2.5^2) at least, of 200 draws within a fifth
+    wide, narrow = one.tension(*at, measured=True), one.tension(*at)
+    added = np.sqrt((wide.high - wide.low) ** 2 - (narrow.high - narrow.low) ** 2)
+    assert added == pytest.approx(2.0 * 1.96 * np.hypot(0.5, 2.5), rel=0.2)
+
+
 def test_joint_intervals_hold_all_parameters_at_once():
     drawn = posterior(0.0, spread=0.05)
     both, each = drawn.joint_intervals(), drawn.intervals()
@@ -130,10 +225,13 @@ def test_joint_intervals_hold_all_parameters_at_once():
 
 def test_a_posterior_of_a_file_gives_the_same_bands(tmp_path):
     drawn = posterior(3.0, spread=0.02)
+    runs = dataclasses.replace(drawn.points, run=runs_of_a_map()[0])
+    drawn = dataclasses.replace(drawn, run=np.full(len(drawn), 1.5), points=runs)
     path = tmp_path / "fit.json"
     path.write_text(json.dumps({"fits": [{"law": "ideal"}, {"law": "gas_spring", "posterior": drawn.to_dict()}]}))
     back = read_posterior(path)
-    assert np.array_equal(back.tension(0.131, 3e5), drawn.tension(0.131, 3e5))
+    assert np.array_equal(back.tension(0.131, 3e5, measured=True), drawn.tension(0.131, 3e5, measured=True))
+    assert back.run_error == 1.5
     assert back.laws(3)[1] == drawn.laws(3)[1]
 
 
@@ -160,6 +258,22 @@ def test_impossible_sensors_and_counts_are_refused():
         MapSensors(tension=1.0, pressure=-1.0)
     with pytest.raises(InputError, match="between 1 and 200"):
         posterior(0.0).rows(201)
+
+
+@pytest.mark.slow
+def test_points_of_one_run_are_drawn_as_points_without_runs():
+    pytest.importorskip("numpyro")
+    law = mk.muscle("nylon", law="gas_spring").law
+    noise = np.random.default_rng(0).standard_normal(len(LENGTHS))
+    points = mk.ForceMap("virtual", LENGTHS, PRESSURES, np.asarray(law.tension(LENGTHS, PRESSURES)) + noise)
+    fit = mk.fit(points.with_rest_length(0.14), law="gas_spring", schemes=())
+    options = {"draws": 200, "warm_up": 100}
+    plain, one = posterior_of_fit(fit, **options), posterior_of_fit(fit, runs=["a"] * len(LENGTHS), **options)
+    several = posterior_of_fit(fit, runs=runs_of_a_map()[0], **options)
+    assert one.run is None and several.run is not None and several.run_error > 0.0
+    assert all(np.array_equal(one.samples[name], plain.samples[name]) for name in plain.samples)  # to the last bit
+    with pytest.raises(InputError, match="runs must be 12 labels"):
+        posterior_of_fit(fit, runs=["a"], **options)
 
 
 @pytest.mark.slow

@@ -26,6 +26,18 @@ def test_joined_maps_keep_what_all_of_them_know_and_say_where_rows_were_left_out
         both.save("both.xls")
 
 
+def test_joined_maps_and_rows_with_a_label_are_runs(tmp_path):
+    both = mk.ForceMap.joined([UP, DOWN])
+    assert both.run.tolist() == ["up", "up", "down"]
+    read = mk.read(both.save(tmp_path / "both.csv"))
+    assert np.array_equal(read.run, both.run)
+    again = mk.ForceMap.joined([read, UP])
+    assert again.run.tolist() == ["both.csv up", "both.csv up", "both.csv down", "up", "up"]
+    assert mk.ForceMap.joined([UP, UP]).run is None  # parts of one map
+    (tmp_path / "tests.csv").write_text("length_mm,pressure_bar,force_N,test_id\n120,3,20,8\n130,3,35,9\n")
+    assert mk.read(tmp_path / "tests.csv").run.tolist() == ["8", "9"]
+
+
 @pytest.mark.parametrize(
     "header", ["contraction_fraction", "contraction [-]", "contraction_percent", "contraction [%]"]
 )

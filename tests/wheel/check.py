@@ -166,6 +166,7 @@ CALLS: dict[str, list[Call]] = {
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),
         Call(("DMSP-20-300", "--law", "ideal", "--length-error", "0.5 mm")),
+        Call((str(MAP), str(MAP), "--runs", "--rest-length", "30 cm", "--law", "ideal")),
         needs("report", "DMSP-20-300", "--out", "fit.pdf"),
         needs("posterior", "DMSP-20-300", "--law", "ideal", "--posterior"),
         Call(("no.csv", "--friction", "dahl"), says=("File not found: no.csv",)),

@@ -108,6 +108,10 @@ def fit(
         ),
     ] = False,
     draws: Annotated[int, typer.Option("--draws", metavar="N", help="Number of samples of the posterior.")] = DRAWS,
+    runs: Annotated[
+        bool,
+        typer.Option("--runs", help="The tables are runs of one muscle: fit them together; each run has an error."),
+    ] = False,
     friction: Annotated[
         str | None,
         typer.Option(
@@ -169,11 +173,11 @@ def fit(
             return
         for place in files["report"]:
             document.checked_place(place, field="--out")
-        if files["specimen"] and len(tables) > 1:
+        if files["specimen"] and len(tables) > 1 and not runs:
             raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
         rankings, warnings = _ranked(
             tables, law, rest_length, like, change, column, unit, branch, pressure_zero, train_below, slack=slack,
-            length_error=length_error, **format_options(sheet, topic, gear_ratio),
+            length_error=length_error, runs=runs, **format_options(sheet, topic, gear_ratio),
         )  # fmt: skip
         samples = (
             [_posteriors(ranking, rig, draws, every=len(law or ()) > 1) for ranking in rankings] if posterior else []
@@ -238,6 +242,9 @@ def show_posterior(samples: Posterior) -> None:
         f"What the law has no parameter for: {size:.3g} N ({100.0 * size / largest:.2g} % of the largest tension); "
         f"noise of the tension: {noise:.3g} N."
     )
+    if samples.run is not None and samples.points.run is not None:
+        count = len(np.unique(samples.points.run))
+        typer.echo(f"Error that the points of one run share, from {count} runs: {samples.run_error:.3g} N.")
     for warning in samples.warnings:
         typer.echo(f"note: {warning}")
     typer.echo("")
@@ -276,6 +283,7 @@ def _ranked(
     *,
     slack: bool,
     length_error: str | None,
+    runs: bool,
     **options: Any,
 ) -> tuple[list[Ranking], list[list[str]]]:
     """Read the tables and rank the laws on each; with the cautions about each table."""
@@ -292,9 +300,18 @@ def _ranked(
     }
     with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
         loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in tables]
+        if runs:
+            loaded = [_of_one_muscle(loaded)]
         warnings = [_cautions(points, spec) for points, spec in loaded]
         rankings = [_ranking(points, spec, law, change, below, slack, length_error) for points, spec in loaded]
         return rankings, warnings
+
+
+def _of_one_muscle(loaded: list[tuple[ForceMap, Specimen | None]]) -> tuple[ForceMap, Specimen | None]:
+    """All tables as one, of which each is a run."""
+    if len(loaded) < 2:
+        raise InputError("--runs", None, "is allowed only with two tables or more")
+    return type(loaded[0][0]).joined([points for points, _ in loaded], f"{len(loaded)} runs"), loaded[0][1]
 
 
 def _cautions(points: ForceMap, spec: Specimen | None) -> list[str]:

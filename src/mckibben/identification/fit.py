@@ -200,7 +200,8 @@ class Fit(ErrorMeasures):
 
         Args:
             sensors: standard uncertainties of the map's values; found from the data where left out.
-            **options: ``draws``, ``seed``, ``slack``, ``discrepancy``, ``chains`` and ``warm_up`` of `posterior_of_fit`.
+            **options: ``draws``, ``seed``, ``slack``, ``discrepancy``, ``runs``, ``chains`` and ``warm_up`` of
+                `posterior_of_fit`.
 
         Raises:
             ConvergenceError: the fit did not converge.

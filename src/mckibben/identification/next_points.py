@@ -5,7 +5,8 @@ discrepancy to the parameters, so each sample predicts the tension of its law to
 leave open of the discrepancy is a covariance beside. From both follows what a set of measurements would leave, in the linear
 approximation: of the parameters (the mutual information of parameters and measurements is largest), or of the tension at
 stated points (the mean variance is smallest). Two laws are told apart by the distance of their predictions, in standard
-deviations of what both leave open and of the noise. Points are taken one after the other, each the one that gains most per
+deviations of what both leave open and of the noise. All readings of the measurement are those of one new run, and share the
+error that runs have, where the data tell its size. Points are taken one after the other, each the one that gains most per
 second of machine time, until the budget is spent; then single points are exchanged as long as that gains.
 Every point is reached with rising pressure after the muscle was vented at its length, so that all lie on one branch of the
 hysteresis, and is held before it counts, so that creep has passed.
@@ -43,9 +44,11 @@ class Candidates:
         pressure: gauge (m,) [Pa].
         predicted: covariance between them of the tension that the samples predict (m, m) [N^2].
         discrepancy: covariance of what the data leave open of the discrepancy (m, m) [N^2].
-        parameters: covariance of the predicted tension with each parameter (m, p).
+        parameters: covariance of the reading that is predicted with each parameter (m, p).
         spread: covariance of the parameters (p, p).
         noise: standard deviation of a reading [N].
+        runs: what the errors of runs add to the covariance of readings (m, m) [N^2].
+        across: what they add to the covariance of the tension at a point, by rows, with readings (m, m) [N^2].
     """
 
     length: np.ndarray
@@ -55,11 +58,16 @@ class Candidates:
     parameters: np.ndarray
     spread: np.ndarray
     noise: float
+    runs: np.ndarray | float = 0.0
+    across: np.ndarray | float = 0.0
 
     def readings(self, chosen: list[int]) -> np.ndarray:
         """Covariance of readings at some points [N^2]."""
         some = np.ix_(chosen, chosen)
-        return np.asarray(self.predicted[some] + self.discrepancy[some] + self.noise**2 * np.eye(len(chosen)))
+        errors = self.noise**2 * np.eye(len(chosen)) + (
+            self.runs[some] if isinstance(self.runs, np.ndarray) else self.runs
+        )
+        return np.asarray(self.predicted[some] + self.discrepancy[some] + errors)
 
     def information(self, chosen: list[int]) -> float:
         """Mutual information of the parameters and readings at some points [nat]."""
@@ -91,7 +99,7 @@ class Candidates:
         whole = self.predicted + self.discrepancy
         if not chosen:
             return float(np.diag(whole)[at].mean())
-        across = whole[at][:, chosen]
+        across = (whole + self.across)[at][:, chosen]
         known = np.einsum("ij,ji->i", across, np.linalg.solve(self.readings(chosen), across.T))
         return float((np.diag(whole)[at] - known).mean())
 
@@ -104,7 +112,8 @@ class LawContrast:
         length: (m,) [m].
         pressure: gauge (m,) [Pa].
         tensions: by each law, with its discrepancy (2, m) [N].
-        open: covariance between the points of what a law leaves open of the tension, mean of both laws (m, m) [N^2].
+        open: covariance between readings at the points, of what a law leaves open of the tension and of the error of the
+            run, mean of both laws (m, m) [N^2].
         noise: standard deviation of a reading [N].
     """
 
@@ -235,7 +244,12 @@ def _step(label: str, *content: str) -> list[str]:
 
 
 def candidates_of(
-    posterior: Posterior, length: np.ndarray, pressure: np.ndarray, *, noise: float | None = None
+    posterior: Posterior,
+    length: np.ndarray,
+    pressure: np.ndarray,
+    *,
+    noise: float | None = None,
+    runs: Sequence[str] | np.ndarray | None = None,
 ) -> Candidates:
     """What a posterior says of points that could be measured, (m,) each.
 
@@ -244,9 +258,13 @@ def candidates_of(
         length: [m].
         pressure: gauge [Pa].
         noise: standard deviation of a reading [N]; that of the posterior by default.
+        runs: label of the run of each reading, which may be one of the measurements so far; one new run by default.
     """
     tension = posterior.signed_tensions(length, pressure) + posterior.mean_discrepancy(length, pressure)
     centred = tension - tension.mean(axis=0)
+    errors = posterior.run_covariance(length, pressure, runs)
+    error = errors.mean - errors.mean.mean(axis=0)
+    together = centred.T @ error / len(centred)
     values = np.stack(list(posterior.samples.values()), axis=1)
     values = values - values.mean(axis=0)
     return Candidates(
@@ -254,9 +272,11 @@ def candidates_of(
         pressure=pressure,
         predicted=centred.T @ centred / len(centred),
         discrepancy=posterior.discrepancy_covariance(length, pressure),
-        parameters=centred.T @ values / len(centred),
+        parameters=(centred + error).T @ values / len(centred),
         spread=values.T @ values / len(values),
         noise=noise or _noise(posterior),
+        runs=errors.errors + errors.across + errors.across.T + together + together.T + error.T @ error / len(error),
+        across=errors.across + together,
     )
 
 
@@ -276,7 +296,8 @@ def contrast_of(
         tension = one.signed_tensions(length, pressure) + one.mean_discrepancy(length, pressure)
         centred = tension - tension.mean(axis=0)
         means.append(tension.mean(axis=0))
-        spreads.append(centred.T @ centred / len(centred) + one.discrepancy_covariance(length, pressure))
+        whole = centred.T @ centred / len(centred) + one.discrepancy_covariance(length, pressure)
+        spreads.append(whole + one.run_covariance(length, pressure).errors)
     return LawContrast(
         length=length,
         pressure=pressure,

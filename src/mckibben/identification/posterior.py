@@ -4,6 +4,8 @@ A confidence interval of least squares assumes that the law is right and the err
 wrong: a smooth discrepancy over contraction and pressure takes up what it has no parameter for, and its size is found from
 the data (`sampler` states the likelihood). Intervals of parameters become wider by as much as the discrepancy can stand for
 them, and bands of the tension hold the discrepancy: narrow where there are points, wide away from them.
+Points of one run share an error of their own (zero of a sensor, temperature, rate, how the muscle settled): where a map was
+measured in several runs, its size is found too, and many points of a run do not pass for as many independent ones.
 Range: static maps; a hysteresis between rising and falling pressure counts as noise.
 """
 
@@ -11,8 +13,8 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -39,6 +41,8 @@ if TYPE_CHECKING:
 DISCREPANCY = 0.02
 # Standard deviation of the tension where no sensor is known, as a share of the largest tension; its size is then fitted.
 UNKNOWN_SENSOR = 2e-3
+# Scale of the prior of the error that the points of a run share, as a share of the largest tension.
+RUN_ERROR = 5e-3
 WRITTEN_BY = "the command fit writes one with its option for the posterior and a result as .json"
 
 
@@ -113,6 +117,20 @@ class SensorErrors(NamedTuple):
         return np.asarray(np.diag(self.noise**2) + self.shared.T @ self.shared)
 
 
+class RunCovariance(NamedTuple):
+    """What the errors of runs add to readings at points (m,), given the data.
+
+    Attributes:
+        mean: of each sample (d, m) [N].
+        across: covariance of the discrepancy at a point, by rows, with the error of a reading (m, m) [N^2].
+        errors: covariance of the errors of readings (m, m) [N^2].
+    """
+
+    mean: np.ndarray
+    across: np.ndarray
+    errors: np.ndarray
+
+
 class Band(NamedTuple):
     """Quantiles of a prediction at each point (n,): lower end, median and upper end."""
 
@@ -139,6 +157,8 @@ class Posterior:
         effective: fewest independent samples of a parameter.
         divergences: count of the samples at which the sampler lost its path.
         worst: name of the parameter on which the chains agree least.
+        run: standard deviation of the error that all points of a run share (d,) [N]; None where the points are of one run,
+            which says nothing of others.
     """
 
     law: str
@@ -154,6 +174,7 @@ class Posterior:
     effective: float
     divergences: int
     worst: str = ""
+    run: np.ndarray | None = None
 
     plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("report.figures.plots:PosteriorPlots")
     """Plots: called, the tension with its bands; ``plot.parameters`` the parameters by pairs."""
@@ -171,6 +192,11 @@ class Posterior:
     def sensor_noise(self) -> float:
         """Standard deviation of a measured tension by its sensors, before the factors `noise` [N]."""
         return float(np.sqrt(np.mean(self.errors.noise**2)))
+
+    @property
+    def run_error(self) -> float:
+        """Median of the standard deviation of the error that all points of a run share [N]; 0 where it is not known."""
+        return 0.0 if self.run is None else float(np.median(self.run))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -238,7 +264,7 @@ class Posterior:
             length: of the muscle [m], shape (q,) or one number.
             pressure: gauge pressure [Pa], likewise.
             confidence: share of the samples within the band, at each point by itself.
-            measured: with the noise of the load cell, as a further measurement would show it.
+            measured: with the noise of the load cell and the error of a run, as a further run would show it.
             discrepancy: with what the law has no parameter for; without it the band is that of the law alone.
             **changes: parameters that replace known ones [SI].
 
@@ -259,6 +285,8 @@ class Posterior:
         drawn = np.maximum(drawn, 0.0)
         if measured:
             drawn = drawn + self.noise[:, None] * self.sensor_noise * chance.standard_normal(drawn.shape)
+            if self.run is not None:
+                drawn = drawn + (self.run * chance.standard_normal(len(self)))[:, None]
         tail = 0.5 - 0.5 * confidence
         return Band(*np.quantile(drawn, (tail, 0.5, 1.0 - tail), axis=0))
 
@@ -312,31 +340,81 @@ class Posterior:
         """Covariance of the discrepancy between points (q,), given the data, for its median amplitude (q, q) [N^2]."""
         if not self.amplitude.any():
             return np.zeros((len(length), len(length)))
-        here, scale = _coordinates(self.points)
-        there, _ = _coordinates(
-            ForceMap("", length, pressure, np.ones(len(length)), rest_length=_rests(self.points, len(length), None)),
-            scale,
-        )
-        values, directions = self._modes
-        size, noise = float(np.median(self.amplitude)) ** 2, float(np.median(self.noise)) ** 2
-        onto = sampler.matern(there, here, self.length) @ directions.T
-        known = size**2 * (onto / (noise + size * values)) @ onto.T
+        there = self._places(length, pressure, None)
+        size, onto = float(np.median(self.amplitude)) ** 2, self._onto(there)
+        known = size**2 * onto @ self._median_precision.times(onto).T
         return np.asarray(size * sampler.matern(there, there, self.length) - known)
+
+    def run_covariance(
+        self, length: np.ndarray, pressure: np.ndarray, runs: Sequence[str] | np.ndarray | None = None
+    ) -> RunCovariance:
+        """Errors of runs in readings at points (m,), given the data, for the median sizes of all errors.
+
+        Args:
+            length: [m].
+            pressure: gauge [Pa].
+            runs: label of the run of each reading (m,): of a run of the data, of whose error they tell, or of a new one;
+                one new run of all readings by default.
+        """
+        count = len(length)
+        nothing = RunCovariance(np.zeros((len(self), count)), np.zeros((count, count)), np.zeros((count, count)))
+        if self.run is None or self._run_modes is None:
+            return nothing
+        size, labels = self.run_error**2, np.zeros(count) if runs is None else np.asarray(runs)
+        prior = size * (labels[:, None] == labels)
+        if runs is None:
+            return nothing._replace(errors=prior)
+        known = run_columns(self.points.run)[0]
+        member = (labels[:, None] == known).astype(float) @ self._run_modes.T  # (m, n): covariance with the modes
+        residuals = self._residuals @ self._modes.directions.T
+        mean = self.run[:, None] ** 2 * self._precision().times(residuals) @ member.T
+        explained = self._median_precision.times(member).T
+        size_of_discrepancy = float(np.median(self.amplitude)) ** 2
+        across = -size * size_of_discrepancy * self._onto(self._places(length, pressure, None)) @ explained
+        return RunCovariance(mean, across, np.asarray(prior - size**2 * member @ explained))
 
     def _discrepancy(
         self, length: np.ndarray, pressure: np.ndarray, rest: Any, *, rows: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the discrepancy at points (q,), given the data, of samples (d, q) [N]."""
         some = np.arange(len(self)) if rows is None else rows
-        here, scale = _coordinates(self.points)
-        there, _ = _coordinates(
-            ForceMap("", length, pressure, np.ones(len(length)), rest_length=_rests(self.points, len(length), rest)),
-            scale,
+        residuals = self._residuals[some] @ self._modes.directions.T
+        onto = self._onto(self._places(length, pressure, rest))
+        return sampler.discrepancy_given(self._precision(some), onto, residuals, self.amplitude[some])
+
+    def _places(self, length: np.ndarray, pressure: np.ndarray, rest: Any) -> np.ndarray:
+        """Coordinates of points (q,) in the ranges of the data (q, 2)."""
+        rests = _rests(self.points, len(length), rest)
+        return _coordinates(ForceMap("", length, pressure, np.ones(len(length)), rest_length=rests), self._scale)[0]
+
+    def _onto(self, places: np.ndarray) -> np.ndarray:
+        """Correlation of the discrepancy at places with the modes of the data (q, n)."""
+        here, _ = _coordinates(self.points)
+        return np.asarray(sampler.matern(places, here, self.length) @ self._modes.directions.T)
+
+    @functools.cached_property
+    def _scale(self) -> np.ndarray:
+        return _coordinates(self.points)[1]
+
+    def _precision(self, rows: np.ndarray | None = None) -> sampler.Precision:
+        """Inverse covariance of the modes of some samples."""
+        some = slice(None) if rows is None else rows
+        run = None if self.run is None else self.run[some]
+        return sampler.Precision.of(self._modes.values, self.noise[some], self.amplitude[some], self._run_modes, run)
+
+    @functools.cached_property
+    def _median_precision(self) -> sampler.Precision:
+        """Inverse covariance of the modes for the median sizes of all errors; of one sample."""
+        noise, amplitude, run = (
+            None if one is None else np.array([np.median(one)]) for one in (self.noise, self.amplitude, self.run)
         )
-        directions = self._modes.directions
-        onto = sampler.matern(there, here, self.length) @ directions.T  # (q, n)
-        residuals = self._residuals[some] @ directions.T
-        return sampler.discrepancy_given(self._modes, onto, residuals, self.noise[some], self.amplitude[some])
+        assert noise is not None and amplitude is not None
+        return sampler.Precision.of(self._modes.values, noise, amplitude, self._run_modes, run)
+
+    @functools.cached_property
+    def _run_modes(self) -> np.ndarray | None:
+        """What the error of each run adds to the modes (n, r); None where runs have none of their own."""
+        return None if self.run is None else self._modes.directions @ run_columns(self.points.run)[1]
 
     @functools.cached_property
     def _modes(self) -> sampler.ErrorModes:
@@ -361,6 +439,9 @@ class Posterior:
             "correlation_length": self.length,
             "known": {n: np.asarray(v).tolist() for n, v in self.known.items()},
             "points": {k: None if v is None else np.asarray(v).tolist() for k, v in arrays.items()},
+            "runs": None if self.points.run is None else [str(label) for label in self.points.run],
+            "run_error": None if self.run is None else self.run_error,
+            "run_samples": None if self.run is None else self.run.tolist(),
             "sensor_noise": self.errors.noise.tolist(),
             "shared_errors": self.errors.shared.tolist(),
             "seed": self.seed,
@@ -385,6 +466,7 @@ class Posterior:
             samples = {str(n): np.asarray(v, float) for n, v in values["samples"].items()}
             for name, column in samples.items():
                 fields[name].check(f"posterior.{name}", column)
+            runs, run = values.get("runs"), values.get("run_samples")
             known = {n: np.asarray(v, float) if np.ndim(v) else float(v) for n, v in values["known"].items()}
             made = cls(
                 law=law,
@@ -392,7 +474,7 @@ class Posterior:
                 noise=np.asarray(values["noise_samples"], float),
                 amplitude=np.asarray(values["discrepancy_samples"], float),
                 known=known,
-                points=ForceMap("posterior", **arrays),  # type: ignore[arg-type]
+                points=ForceMap("posterior", run=None if runs is None else np.array(runs, str), **arrays),  # type: ignore[arg-type]
                 errors=SensorErrors(
                     np.asarray(values["sensor_noise"], float),
                     np.asarray(values["shared_errors"], float).reshape(-1, len(values["sensor_noise"])),
@@ -403,10 +485,15 @@ class Posterior:
                 effective=float(values["effective"]),
                 divergences=int(values["divergences"]),
                 worst=str(values.get("worst", "")),
+                run=None if run is None else np.asarray(run, float),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError("posterior", None, f"must be a posterior as `Fit.posterior` draws it: {error!r}") from None
         shapes = {len(made.noise), len(made.amplitude), *map(len, samples.values())}
+        if made.run is not None:
+            shapes.add(len(made.run))
+            if made.points.run is None or len(made.points.run) != len(made.points):
+                raise InputError("posterior.runs", None, "must have the run of each point")
         if len(shapes) != 1 or len(made.errors.noise) != len(made.points) or not len(made):
             raise InputError("posterior", None, "must have as many values of each parameter as samples")
         return made
@@ -418,6 +505,7 @@ def posterior_of_fit(
     sensors: MapSensors | None = None,
     slack: ForceMap | None = None,
     discrepancy: float | None = None,
+    runs: Sequence[str] | np.ndarray | None = None,
     draws: int = sampler.DRAWS,
     chains: int = sampler.CHAINS,
     warm_up: int = sampler.WARM_UP,
@@ -431,6 +519,8 @@ def posterior_of_fit(
         slack: points without tension that say where the law may not pull.
         discrepancy: scale of the prior of the discrepancy's standard deviation [N]; by default 2 % of the largest
             tension, and 0 for a law that is known to be right.
+        runs: label of the run in which each point of the fit was measured (n,); those of the map by default. The points of
+            a run share an error, if there are several.
         draws: count of the samples.
         chains: chains that run beside each other.
         warm_up: samples of each chain that adapt the step and are left out.
@@ -454,14 +544,22 @@ def posterior_of_fit(
     amplitude = DISCREPANCY * top if discrepancy is None else float(discrepancy)
     if not (np.isfinite(amplitude) and amplitude >= 0.0):
         raise InputError("discrepancy", amplitude, "must be 0 N or more")
+    points = points if runs is None else replace(points, run=_checked_runs(runs, len(points)))
+    labels, columns = run_columns(points.run)
+    several = columns if len(labels) > 1 else None
     coordinates, _ = _coordinates(points)
     residual = points.tension - predicted
     sizes = sampler.error_sizes(
-        residual, coordinates, errors.covariance, max(5.0 * amplitude, 1e-6 * top), noise_known=sensors is not None
+        residual,
+        coordinates,
+        errors.covariance,
+        max(5.0 * amplitude, 1e-6 * top),
+        noise_known=sensors is not None,
+        runs=several,
     )
     smooth = sampler.matern(coordinates, coordinates, sizes.length)
     slopes = problem.functions()[1](start)[: len(points)]
-    whole = sizes.covariance(errors.covariance, smooth, amplitude)
+    whole = sizes.covariance(errors.covariance, smooth, amplitude, several)
     low, high = sampler.around(start, slopes, whole, *_plausible(problem, start))
     evidence = sampler.Evidence(
         model=_law_model(law_type(fit.law), free, tuple(sorted(known))),
@@ -479,6 +577,8 @@ def posterior_of_fit(
         start=start,
         noise_known=sensors is not None,
         amplitude=amplitude,
+        runs=columns[:, :0] if several is None else several,
+        run_scale=RUN_ERROR * top,
     )
     drawn = sampler.sample(evidence, draws=draws, chains=chains, warm_up=warm_up, seed=seed)
     return Posterior(
@@ -495,7 +595,22 @@ def posterior_of_fit(
         effective=drawn.effective,
         divergences=drawn.divergences,
         worst=(*free, "the noise")[drawn.worst],
+        run=drawn.run,
     )
+
+
+def run_columns(labels: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Labels of the runs (r,), and 1 where a point is of a run, else 0 (n, r); no column where runs are not known."""
+    if labels is None:
+        return np.zeros(0, str), np.zeros((0, 0))
+    known = np.unique(labels)
+    return known, (np.asarray(labels)[:, None] == known).astype(float)
+
+
+def _checked_runs(runs: Sequence[str] | np.ndarray, count: int) -> np.ndarray:
+    if len(runs) != count:
+        raise InputError("runs", len(runs), f"must be {count} labels, one of each point with tension")
+    return np.array([str(label) for label in runs])
 
 
 def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> Posterior:

@@ -270,6 +270,7 @@ def posterior_of_records(
     predicted = predicted[some]
     onto = sampler.matern(places, places[rows], sizes.length) @ modes.directions.T
     error = (problem.measured[rows] - predicted[:, rows]) @ modes.directions.T
+    precision = sampler.Precision.of(modes.values, drawn.noise[some], drawn.amplitude[some])
     return RecordPosterior(
         samples=dict(zip(problem.names, problem.values(drawn.parameters).T, strict=True)),
         units=dict(zip(problem.names, problem.units, strict=True)),
@@ -278,7 +279,7 @@ def posterior_of_records(
         measured=problem.measured,
         group=problem.group,
         predicted=predicted,
-        discrepancy=np.stack(sampler.discrepancy_given(modes, onto, error, drawn.noise[some], drawn.amplitude[some])),
+        discrepancy=np.stack(sampler.discrepancy_given(precision, onto, error, drawn.amplitude[some])),
         unit=problem.unit,
         length=sizes.length,
         seed=seed,

@@ -2,17 +2,24 @@
 
 The measurement y (n,) of a prediction m(x) is taken as
 
-    y = m(x) + d + e,     e ~ N(0, k^2 S),     d ~ N(0, s^2 C)
+    y = m(x) + d + Z o + e,     e ~ N(0, k^2 S),     d ~ N(0, s^2 C),     o ~ N(0, t^2 I)
 
-with the covariance S of the sensors, known up to the factor k, and a discrepancy d: a smooth Gaussian process of unit
-variance C and amplitude s, which stands for what the model has no parameter for. Both are integrated out in closed form;
-with S = R R' and the eigenvectors U and eigenvalues c of R^-1 C R^-T, and z = U' R^-1 (y - m), the likelihood is
+with the covariance S of the sensors, known up to the factor k, a discrepancy d: a smooth Gaussian process of unit
+variance C and amplitude s, which stands for what the model has no parameter for, and an error o of each run, which all its
+values share (Z is 1 where a value is of a run), with the standard deviation t. All are integrated out in closed form;
+with S = R R' and the eigenvectors U and eigenvalues c of R^-1 C R^-T, z = U' R^-1 (y - m), and v = k^2 + s^2 c, the
+likelihood of values without runs is
 
-    log p = -1/2 sum( z^2/(k^2 + s^2 c) + log(k^2 + s^2 c) )
+    log p = -1/2 sum( z^2/v + log v )
 
-so that a step of the sampler needs one prediction with its derivatives and no factorisation. Points without tension say
+so that a step of the sampler needs one prediction with its derivatives and no factorisation. With runs, W = U' R^-1 Z and
+A = v^-1/2 W, the covariance of z is v + t^2 W W', of low rank beside its diagonal, and by Woodbury's identity
+
+    log p = -1/2 sum( z^2/v + log v ) + t^2/2 b' M^-1 b - 1/2 log det M,     M = I + t^2 A' A,     b = A' v^-1/2 z
+
+with one factorisation of a matrix of the size of the number of runs. Points without tension say
 that the model may not pull there: each gives the probability that the prediction is not positive.
-Priors: x uniform between its bounds, within `REACH` standard deviations of the fit (`around`); log k normal; s with
+Priors: x uniform between its bounds, within `REACH` standard deviations of the fit (`around`); log k normal; s, and t, with
 much of its mass near zero, so that a discrepancy costs little where the law is right, and with the tail of a Cauchy
 distribution, so that one that is much larger than expected need not pass for noise. Bounds that are far too wide outweigh
 the data: a muscle that never pulls, its tension all discrepancy, has few parameters that matter and so the larger volume.
@@ -27,7 +34,7 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,11 +56,12 @@ class HostModel(NamedTuple):
 CHAINS, WARM_UP, DRAWS = 4, 500, 2000
 LENGTHS = (0.15, 0.3, 0.6)  # correlation lengths of the discrepancy that are tried, of the range of each coordinate
 KNOWN_NOISE, UNKNOWN_NOISE = 0.1, 1.0  # standard deviation of log k where the sensors are known, and where not
-SHAPE = 0.3  # power of the discrepancy's amplitude below its scale, of the prior of its logarithm; above it is -1
+SHAPE = 0.3  # power of s and of t below its scale, of the prior of its logarithm; above it is -1
 FAR = 1e9  # stands for a prediction that is not finite
 SEARCH = 300  # iterations of the search for the mode
 TREE_DEPTH = 8
 ROUNDS = 4  # of all chains, each of a warm-up and samples
+RUN_COLUMNS = 6  # the count of runs is filled up to a multiple of it
 REACH = 8.0  # of the uniform prior to either side of the fit, in standard deviations of the linearised model
 EDGE = 1e-6  # share of the room between the bounds within which no search begins
 
@@ -95,6 +103,8 @@ class Evidence:
         noise_known: whether the covariance is that of a known sensor, else its size is found from the data.
         amplitude: scale of the prior of the discrepancy's amplitude, in the unit of the values; no discrepancy where 0.
         host: prediction and derivatives that `host_model` calls.
+        runs: 1 where a value belongs to a run, else 0 (n, r); no column where runs have no error of their own.
+        run_scale: scale of the prior of the error of a run, in the unit of the values.
     """
 
     model: Model
@@ -108,6 +118,8 @@ class Evidence:
     noise_known: bool
     amplitude: float
     host: HostModel | None = None
+    runs: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    run_scale: float = 1.0
 
     @property
     def noise_spread(self) -> float:
@@ -118,6 +130,7 @@ class Evidence:
 class Draws(NamedTuple):
     """Samples of a posterior: parameters (d, p), factor k of the noise (d,), amplitude s (d,), and how well they mixed.
 
+    `run` is the standard deviation t of the error of a run (d,), None without runs.
     `worst` is the place of the parameter on which the chains agree least, p for the noise.
     """
 
@@ -128,6 +141,7 @@ class Draws(NamedTuple):
     effective: float
     divergences: int
     worst: int = 0
+    run: np.ndarray | None = None
 
 
 def around(
@@ -158,47 +172,136 @@ def matern(first: np.ndarray, second: np.ndarray, length: float) -> np.ndarray:
     return correlation
 
 
-def marginal(values: np.ndarray, coefficients: np.ndarray, noise: Any, amplitude: Any) -> Any:
-    """Logarithm of the likelihood of coefficients z (n,), for eigenvalues c (n,), up to a constant."""
+def marginal(
+    values: np.ndarray,
+    coefficients: Any,
+    noise: Any,
+    amplitude: Any,
+    runs: Any = None,
+    deviation: Any = 0.0,
+    xp: Any = np,
+) -> Any:
+    """Logarithm of the likelihood of coefficients z, up to a constant.
+
+    Args:
+        values: eigenvalues c (n,).
+        coefficients: z (n,).
+        noise: factor k of the noise.
+        amplitude: s of the discrepancy.
+        runs: W, what each run adds to the coefficients (n, r); none where left out.
+        deviation: standard deviation t of the error of a run.
+        xp: library of the arrays, NumPy or that of JAX.
+    """
     variance = noise**2 + amplitude**2 * values
-    return -0.5 * (coefficients**2 / variance + np.log(variance)).sum()
+    independent = -0.5 * (coefficients**2 / variance + xp.log(variance)).sum()
+    if runs is None:
+        return independent
+    scale = xp.sqrt(variance)
+    columns = runs / scale[:, None]
+    root = xp.linalg.cholesky(xp.eye(runs.shape[1]) + deviation**2 * columns.T @ columns)
+    shared = _solve_lower(root, columns.T @ (coefficients / scale), xp)
+    return independent + 0.5 * deviation**2 * (shared**2).sum() - xp.log(xp.diagonal(root)).sum()
+
+
+def _solve_lower(root: Any, right: Any, xp: Any) -> Any:
+    """Solution of a lower triangular system."""
+    if xp is np:
+        return np.linalg.solve(root, right)
+    return jax.scipy.linalg.solve_triangular(root, right, lower=True)
+
+
+class Precision(NamedTuple):
+    """Inverse covariance of coefficients z for samples of k, s and t, applied without a factorisation of size n.
+
+    Attributes:
+        inverse: 1/v of each sample (d, n).
+        columns: W (n, r), or none without runs.
+        inner: t^2 M^-1 of each sample (d, r, r), or none without runs.
+    """
+
+    inverse: np.ndarray
+    columns: np.ndarray | None
+    inner: np.ndarray | None
+
+    @classmethod
+    def of(
+        cls,
+        values: np.ndarray,
+        noise: np.ndarray,
+        amplitude: np.ndarray,
+        runs: np.ndarray | None = None,
+        deviation: np.ndarray | None = None,
+    ) -> Precision:
+        """Of eigenvalues c (n,), samples of k, s and t (d,), and what runs add to the coefficients (n, r)."""
+        inverse = 1.0 / (noise[:, None] ** 2 + amplitude[:, None] ** 2 * values)
+        if runs is None or deviation is None:
+            return cls(inverse, None, None)
+        size = deviation[:, None, None] ** 2
+        matrix = np.eye(runs.shape[1]) + size * np.einsum("nr,dn,ns->drs", runs, inverse, runs, optimize=True)
+        return cls(inverse, runs, size * np.linalg.inv(matrix))
+
+    def times(self, coefficients: np.ndarray) -> np.ndarray:
+        """Product with the coefficients of each sample (d, n)."""
+        scaled = coefficients * self.inverse
+        if self.columns is None or self.inner is None:
+            return np.asarray(scaled)
+        shared = np.einsum("drs,ds->dr", self.inner, scaled @ self.columns)
+        return np.asarray(scaled - self.inverse * (shared @ self.columns.T))
+
+    def squares(self, rows: np.ndarray) -> np.ndarray:
+        """Squared length of rows (q, n) in each sample's metric (d, q)."""
+        whole = self.inverse @ (rows**2).T
+        if self.columns is None or self.inner is None:
+            return np.asarray(whole)
+        shared = np.einsum("qn,dn,nr->dqr", rows, self.inverse, self.columns, optimize=True)
+        return np.asarray(whole - np.einsum("dqr,drs,dqs->dq", shared, self.inner, shared, optimize=True))
 
 
 def discrepancy_given(
-    modes: ErrorModes, onto: np.ndarray, residuals: np.ndarray, noise: np.ndarray, amplitude: np.ndarray
+    precision: Precision, onto: np.ndarray, residuals: np.ndarray, amplitude: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation of the discrepancy at places, given the data, of samples (d, q).
 
     Args:
-        modes: errors of the measured values.
+        precision: of the coefficients.
         onto: correlation of the places with the modes (q, n).
         residuals: measurement less prediction of each sample, as modes (d, n).
-        noise: factor on the noise of each sample (d,).
         amplitude: of the discrepancy of each sample (d,).
     """
     size = amplitude[:, None] ** 2
-    variance = noise[:, None] ** 2 + size * modes.values
-    mean = size * (residuals / variance) @ onto.T
-    left = size - size**2 * (1.0 / variance) @ (onto**2).T
+    mean = size * precision.times(residuals) @ onto.T
+    left = size - size**2 * precision.squares(onto)
     return mean, np.sqrt(np.maximum(left, 0.0))
 
 
 class ErrorSizes(NamedTuple):
-    """Errors under which some residuals are the most probable: correlation length, factor k of the noise, amplitude s."""
+    """Errors under which some residuals are the most probable.
+
+    Attributes:
+        length: correlation length.
+        noise: factor k of the noise.
+        amplitude: s of the discrepancy.
+        run: standard deviation t of the error of a run; 0 without runs.
+    """
 
     length: float
     noise: float
     amplitude: float
+    run: float = 0.0
 
-    def covariance(self, sensors: np.ndarray, smooth: np.ndarray, amplitude: float) -> np.ndarray:
-        """Covariance (n, n) of sensors and discrepancy, at least of their own and of a stated amplitude.
+    def covariance(
+        self, sensors: np.ndarray, smooth: np.ndarray, amplitude: float, runs: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Covariance (n, n) of sensors, discrepancy and runs, at least of their own and of a stated amplitude.
 
         Args:
             sensors: covariance of the sensors (n, n).
             smooth: correlation of the discrepancy (n, n).
             amplitude: least amplitude of the discrepancy.
+            runs: 1 where a value belongs to a run, else 0 (n, r).
         """
-        return np.asarray(max(self.noise, 1.0) ** 2 * sensors + max(self.amplitude, amplitude) ** 2 * smooth)
+        whole = np.asarray(max(self.noise, 1.0) ** 2 * sensors + max(self.amplitude, amplitude) ** 2 * smooth)
+        return whole if runs is None else whole + self.run**2 * runs @ runs.T
 
 
 def error_sizes(
@@ -209,6 +312,7 @@ def error_sizes(
     *,
     noise_known: bool,
     tried: Sequence[float] = LENGTHS,
+    runs: np.ndarray | None = None,
 ) -> ErrorSizes:
     """The errors under which the residuals of the least squares are the most probable.
 
@@ -219,15 +323,20 @@ def error_sizes(
         top: largest amplitude to try [unit of the residual].
         noise_known: whether the covariance is that of a known sensor.
         tried: correlation lengths, of the range of each coordinate.
+        runs: 1 where a value belongs to a run, else 0 (n, r).
     """
     noises = np.geomspace(0.8, 1.25, 3) if noise_known else np.geomspace(0.3, 30.0, 9)
     size = np.sqrt(np.diag(covariance).mean())
     amplitudes = np.geomspace(0.1 * size, max(top, size), 9)
+    deviations = [0.0] if runs is None else amplitudes
     scores: dict[ErrorSizes, float] = {}
     for length in tried:
         values, directions = ErrorModes.of(covariance, matern(coordinates, coordinates, length))
-        z = directions @ residual
-        scores |= {ErrorSizes(length, k, s): float(marginal(values, z, k, s)) for k in noises for s in amplitudes}
+        z, columns = directions @ residual, None if runs is None else directions @ runs
+        scores |= {
+            ErrorSizes(length, k, s, t): float(marginal(values, z, k, s, columns, t))
+            for k in noises for s in amplitudes for t in deviations
+        }  # fmt: skip
     return max(scores, key=scores.__getitem__)
 
 
@@ -256,7 +365,7 @@ def sample(
 
 
 class _Round(NamedTuple):
-    """Unbounded samples of all chains (chains, each, p + 2), and whether the sampler lost its path at each."""
+    """Unbounded samples of all chains (chains, each, p + 2; with runs p + 3), and whether the sampler lost its path."""
 
     places: np.ndarray
     lost: np.ndarray
@@ -288,7 +397,7 @@ def _rounds(
         rounds.append(_Round(centre + np.asarray(chain) @ spread.T, np.asarray(lost)))
         tails = [_Round(*(np.concatenate(part, axis=1) for part in zip(*rounds[i:], strict=True)))
                  for i in range(len(rounds))]  # fmt: skip
-        both = [(tail, _mixing(tail)) for tail in tails]
+        both = [(tail, _mixing(tail, len(data["low"]) + 1)) for tail in tails]
         best = min(both, key=lambda one: (not one[1].enough(one[0].lost.size), one[1].r_hat))
         if best[1].enough(best[0].lost.size):
             break
@@ -306,11 +415,11 @@ def _root(covariance: np.ndarray) -> np.ndarray:
     return root
 
 
-def _mixing(one: _Round) -> _Mixing:
+def _mixing(one: _Round, counted: int) -> _Mixing:
     from numpyro import diagnostics
 
-    # all but the discrepancy's amplitude, which a law that is right leaves open over many orders
-    columns = np.moveaxis(one.places, -1, 0)[:-1]
+    # all but the sizes of discrepancy and runs, which data without these leave open over many orders
+    columns = np.moveaxis(one.places, -1, 0)[:counted]
     ratios = np.array([float(diagnostics.split_gelman_rubin(column)) for column in columns])
     ratios = np.nan_to_num(ratios, nan=np.inf)  # of chains that never moved
     effective = min(float(diagnostics.effective_sample_size(column)) for column in columns)
@@ -324,7 +433,7 @@ def _draws(evidence: Evidence, drawn: tuple[_Round, _Mixing], each: int) -> Draw
     (places, lost), mixing = drawn
     count = len(evidence.start)
     some = np.linspace(0, places.shape[1] - 1, each).round().astype(int)
-    flat = places[:, some].reshape(-1, count + 2)
+    flat = places[:, some].reshape(-1, places.shape[-1])
     share = len(flat) / lost.size
     return Draws(
         parameters=evidence.low + (evidence.high - evidence.low) * ndtr(flat[:, :count]),
@@ -334,6 +443,7 @@ def _draws(evidence: Evidence, drawn: tuple[_Round, _Mixing], each: int) -> Draw
         effective=min(mixing.effective, float(len(flat))),
         divergences=round(share * mixing.divergences),
         worst=mixing.worst,
+        run=np.exp(flat[:, count + 2]) if evidence.runs.size else None,
     )
 
 
@@ -371,11 +481,18 @@ def _predicted(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _data(evidence: Evidence) -> dict[str, Any]:
-    return {
+    directions = evidence.modes.directions
+    runs = {}
+    if evidence.runs.size:
+        # columns of zeros change nothing, and one compiled function serves any number of runs up to theirs
+        room = -evidence.runs.shape[1] % RUN_COLUMNS
+        columns = np.pad(directions @ evidence.runs, ((0, 0), (0, room)))
+        runs = {"runs": columns, "run_scale": np.asarray(evidence.run_scale)}
+    return runs | {
         "inputs": evidence.inputs,
         "measured": evidence.measured,
         "values": evidence.modes.values,
-        "directions": evidence.modes.directions,
+        "directions": directions,
         "slack_variance": evidence.slack_variance,
         "low": evidence.low,
         "high": evidence.high,
@@ -386,7 +503,7 @@ def _data(evidence: Evidence) -> dict[str, Any]:
 
 
 def _potential(u: Any, data: Any, model: Model) -> Any:
-    """Negative logarithm of the posterior of unbounded parameters (p + 2,): normal scores, log k, log s."""
+    """Negative logarithm of the posterior of unbounded parameters (p + 2,): normal scores, log k, log s; of runs log t."""
     count, points = len(data["low"]), len(data["measured"])
     inner, log_noise, log_amplitude = u[:count], u[count], u[count + 1]
     x = data["low"] + (data["high"] - data["low"]) * jax.scipy.special.ndtr(inner)
@@ -394,20 +511,29 @@ def _potential(u: Any, data: Any, model: Model) -> Any:
     prior -= 0.5 * (log_noise / data["spread_of_noise"]) ** 2
     noise, amplitude = jnp.exp(log_noise), jnp.exp(log_amplitude)
     # Without a discrepancy its amplitude is a normal number that nothing depends on.
-    heavy = SHAPE * log_amplitude - 0.5 * (1.0 + SHAPE) * jnp.log1p((amplitude / data["amplitude"]) ** 2)
+    heavy = _log_prior_of_size(log_amplitude, amplitude, data["amplitude"])
     prior += jnp.where(data["with_discrepancy"] > 0.0, heavy, -0.5 * log_amplitude**2)
     amplitude = amplitude * data["with_discrepancy"]
     predicted = model(x, data["inputs"])
     z = data["directions"] @ (data["measured"] - predicted[:points])
-    variance = noise**2 + amplitude**2 * data["values"]
-    likelihood = -0.5 * (z**2 / variance + jnp.log(variance)).sum()
-    wide = jnp.sqrt(noise**2 * data["slack_variance"] + amplitude**2)
+    run: Any = 0.0
+    runs = data.get("runs")  # present or not when this is traced
+    if runs is not None:
+        run = jnp.exp(u[count + 2])
+        prior += _log_prior_of_size(u[count + 2], run, data["run_scale"])
+    likelihood = marginal(data["values"], z, noise, amplitude, runs, run, jnp)
+    wide = jnp.sqrt(noise**2 * data["slack_variance"] + amplitude**2 + run**2)
     likelihood += jax.scipy.stats.norm.logcdf(-predicted[points:] / wide).sum()
     return -prior - likelihood
 
 
+def _log_prior_of_size(logarithm: Any, size: Any, scale: Any) -> Any:
+    """Logarithm of the prior of the logarithm of s or t."""
+    return SHAPE * logarithm - 0.5 * (1.0 + SHAPE) * jnp.log1p((size / scale) ** 2)
+
+
 def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Mode of the posterior, and a root of the covariance there, in unbounded parameters (p + 2,)."""
+    """Mode of the posterior, and a root of the covariance there, in unbounded parameters (p + 2 or, with runs, p + 3,)."""
     from scipy import optimize, special
 
     count, value_and_slope = len(evidence.start), _compiled_potential(evidence.model)
@@ -418,15 +544,17 @@ def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:
 
     room = evidence.high - evidence.low
     share = np.clip((evidence.start - evidence.low) / room, EDGE, 1.0 - EDGE)
-    begin = np.concatenate([special.ndtri(share), [0.0, 0.0]])
+    begin = np.concatenate(
+        [special.ndtri(share), [0.0, 0.0], [np.log(evidence.run_scale)] if evidence.runs.size else []]
+    )
     if evidence.amplitude > 0.0:
-        begin[-1] = np.log(0.2 * evidence.amplitude)
+        begin[count + 1] = np.log(0.2 * evidence.amplitude)
     found = optimize.minimize(objective, begin, jac=True, method="BFGS", options={"maxiter": SEARCH})
     centre = found.x if np.isfinite(found.fun) and found.fun <= objective(begin)[0] else begin
-    curvature = np.empty((count + 2, count + 2))
-    for i in range(count + 2):
+    curvature = np.empty((len(begin), len(begin)))
+    for i in range(len(begin)):
         # a step that changes the potential by about one hundredth, from the search's own estimate of the covariance
-        step = np.zeros(count + 2)
+        step = np.zeros(len(begin))
         step[i] = 0.1 * np.sqrt(np.clip(found.hess_inv[i, i], 1e-16, 1.0))
         up, down = objective(centre + step)[1], objective(centre - step)[1]
         curvature[i] = (up - down) / (2.0 * step[i])

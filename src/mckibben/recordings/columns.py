@@ -41,6 +41,7 @@ COLUMNS = {
                 "forza", "forca"),
     "rest_length": ("rest_length", "resting_length", "l0", "initial_length", "ruhelange", "ruhelaenge"),
     "branch": ("branch", "direction", "richtung"),
+    "run": ("run", "run_id", "trial", "test_id", "versuch", "lauf", "essai", "ensayo", "prova", "ensaio"),
     "diameter": ("diameter", "inner_diameter", "rest_diameter", "bore", "durchmesser", "diametre", "diametro"),
 }  # fmt: skip
 TIMES = ("time", "t", "timestamp", "time_stamp", "elapsed_time", "zeit", "zeitstempel", "temps", "tiempo", "tempo")

@@ -37,7 +37,15 @@ from .columns import (
     quantity_of,
     table_labels,
 )
-from .force_map import ForceMap, choose_map_columns, even_table, map_of_table, read_force_map, unit_of
+from .force_map import (
+    TEXT_QUANTITIES,
+    ForceMap,
+    choose_map_columns,
+    even_table,
+    map_of_table,
+    read_force_map,
+    unit_of,
+)
 from .formats import ForeignTable, ImportResult, format_of, load, writer_of
 from .mcap import read_log
 from .recording import Recording
@@ -239,7 +247,7 @@ def _map_uses(table: ForeignTable, columns: Mapping[str, str | int], units: Mapp
         quantity = chosen.get(label, "")
         unit, absolute = unit_of(label, quantity)
         unit = units_by_name.get(quantity) or (
-            "" if quantity == "branch" or unit is None else f"{unit} abs" if absolute else unit
+            "" if quantity in TEXT_QUANTITIES or unit is None else f"{unit} abs" if absolute else unit
         )
         uses.append(ColumnUse(column.label, quantity, unit))
     return tuple(uses)

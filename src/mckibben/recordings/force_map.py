@@ -43,7 +43,8 @@ class ForceMap:
     """Static points of one or more muscles of a kind; arrays of equal shape (n,), SI.
 
     `tension` at or below zero means that the muscle hung slack: such a point says where the law must not pull, but not
-    how large the tension is, and fits leave it out.
+    how large the tension is, and fits leave it out. `run` labels the run (recording, file) in which each point was
+    measured: points of one run share errors.
 
     Examples:
         >>> import mckibben as mk
@@ -61,6 +62,7 @@ class ForceMap:
     rest_length: np.ndarray | None = None
     branch: np.ndarray | None = None
     diameter: np.ndarray | None = None
+    run: np.ndarray | None = None
     remarks: tuple[str, ...] = ()  # what was left out on reading, in words
 
     def __post_init__(self) -> None:
@@ -92,7 +94,8 @@ class ForceMap:
         """The points of several maps as one.
 
         Args:
-            maps: one or more; what not all of them know, such as a rest length, is left out.
+            maps: one or more; what not all of them know, such as a rest length, is left out. Maps of different names are
+                different runs.
             name: of the map.
 
         Raises:
@@ -103,6 +106,8 @@ class ForceMap:
             raise InputError("maps", None, "must be one or more")
         shared = [key for key in _ARRAYS if all(getattr(one, key) is not None for one in each)]
         columns = {key: np.concatenate([getattr(one, key) for one in each]) for key in shared}
+        if len({one.name for one in each}) > 1:
+            columns["run"] = np.concatenate([_runs_by_name(one) for one in each])
         remarks = tuple(f"{one.name}: {remark}" for one in each for remark in one.remarks)
         return cls(name=name, remarks=remarks, **columns)
 
@@ -162,7 +167,7 @@ class ForceMap:
         return contraction
 
 
-_ARRAYS = ("length", "pressure", "tension", "rest_length", "branch", "diameter")
+_ARRAYS = ("length", "pressure", "tension", "rest_length", "branch", "diameter", "run")
 
 
 UNITS = {
@@ -184,6 +189,15 @@ PLAUSIBLE = {
 }
 # A largest pressure or tension below this is no muscle either: bar read as pascal, kN as N, swapped columns.
 LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
+
+
+def _runs_by_name(points: ForceMap) -> np.ndarray:
+    """Label of the run of each point, with the name of its map (n,)."""
+    runs = [""] * len(points) if points.run is None else points.run
+    return np.array([f"{points.name} {run}".strip() for run in runs], str)
+
+
+TEXT_QUANTITIES = ("branch", "run")  # quantities whose values are words
 LEFT_OUT = "-"
 MOST_ROWS = 400  # of a recording: its samples follow one another so closely that more say nothing more
 ALIASES = {"force": "tension", "strain": "contraction", "l0": "rest_length"}  # words for `columns` and `units`
@@ -250,8 +264,8 @@ def map_of_table(
     data = {}
     for quantity, label in chosen.items():
         column = table.columns[header.index(label)]._replace(label=label)
-        if quantity == "branch":
-            data[quantity] = np.array([str(cell).strip() for cell in column.values])
+        if quantity in TEXT_QUANTITIES:
+            data[quantity] = np.array([_word(cell) for cell in column.values])
             continue
         numbers = column_numbers(column, table.rows, where)
         _check_finite(numbers, label, table, where)
@@ -260,7 +274,7 @@ def map_of_table(
     keep, remarks = without_blank_rows(_labelled(table, header), used, where)
     for quantity, label in chosen.items():
         data[quantity] = data[quantity][keep]
-        if quantity != "branch":
+        if quantity not in TEXT_QUANTITIES:
             unit, absolute = _unit(label, units_by_name.get(quantity), quantity, where)
             shortens = quantity == "contraction" and converts(unit, "m")  # such as the travel of a testing machine
             scale = to_si(1.0, unit, "m" if shortens else UNITS[quantity], field=label, where=where)
@@ -436,6 +450,11 @@ def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> 
         raise InputError(column, with_unit(float(values.max()), unit), problem, where=where)
 
 
+def _word(cell: object) -> str:
+    """A cell as a word; a whole number without decimals."""
+    return f"{cell:g}" if isinstance(cell, float | np.floating) else str(cell).strip()
+
+
 def _keep_branch(points: ForceMap, branch: str | None, where: str) -> ForceMap:
     if branch is None:
         return points
@@ -453,9 +472,10 @@ def _check_direction(points: ForceMap, where: str) -> None:
     """
     room = 0.1 * points.largest
     rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
-    names = (
-        np.zeros(len(points), dtype=int) if points.branch is None else np.unique(points.branch, return_inverse=True)[1]
-    )
+    words = [column for column in (points.branch, points.run) if column is not None]
+    names = np.zeros(len(points), dtype=int)
+    if words:
+        names = np.unique(["/".join(each) for each in zip(*words, strict=True)], return_inverse=True)[1]
     for fixed, moving, over in (("length", "pressure", "Pa"), ("pressure", "length", "m")):
         groups = np.stack([getattr(points, fixed), rest, names], axis=1)
         group = np.unique(groups, axis=0, return_inverse=True)[1].ravel()

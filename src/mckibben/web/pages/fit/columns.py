@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NAMES = {
     "length": "Length", "contraction": "Contraction", "pressure": "Pressure", "tension": "Tension",
-    "rest_length": "Rest length", "branch": "Branch", "diameter": "Diameter",
+    "rest_length": "Rest length", "branch": "Branch", "diameter": "Diameter", "run": "Run",
 }  # fmt: skip
 COLOURS = {"length": "L", "contraction": "L", "pressure": "P", "tension": "F", "rest_length": "L", "diameter": "L"}
 LENGTHS = ("m", "cm", "mm", "inch")
