@@ -51,25 +51,25 @@ class SeatedBraidMemory:
         step = -(-max(len(record) for record in train) // MOST)
         thin = [record.every(step) for record in train]
         held = [h[::step] for h in held_back(train)]
-        paths = [self._path(record) for record in thin]
+        paths = [self.path_of(record) for record in thin]
         left = [record.outputs["tension"] - path[0] for record, path in zip(thin, paths, strict=True)]
         taut = [record.outputs["tension"] > 0.0 for record in thin]
         errors, used = [], [t & ~h for t, h in zip(taut, held, strict=True)]
         for creeps in (False, True):
-            values = _fitted(paths, left, used, creeps)
+            values = fit_memory(paths, left, used, creeps)
             rest = np.concatenate(
-                [(_resistance(values, *p) - r)[t & h] for p, r, t, h in zip(paths, left, taut, held, strict=True)]
+                [(resistance(values, *p) - r)[t & h] for p, r, t, h in zip(paths, left, taut, held, strict=True)]
             )
             errors.append(float(np.mean(rest**2)))
         self.creeps = errors[1] < errors[0]
-        self.values = _fitted(paths, left, taut, self.creeps)
+        self.values = fit_memory(paths, left, taut, self.creeps)
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
         """Tension over time from length and pressure, never a push."""
-        tension, *path = self._path(record)
-        return {"tension": np.maximum(tension + _resistance(self.values, tension, *path), 0.0)}
+        tension, *path = self.path_of(record)
+        return {"tension": np.maximum(tension + resistance(self.values, tension, *path), 0.0)}
 
-    def _path(self, record: BenchmarkRecord) -> tuple[np.ndarray, ...]:
+    def path_of(self, record: BenchmarkRecord) -> tuple[np.ndarray, ...]:
         """Tension of the law [N], motion of the braid since the sample before [m], pressure [Pa] and time step [s]."""
         law = self.static.law_for(record)
         length, pressure = record.inputs["length"], record.inputs["pressure"]
@@ -82,7 +82,16 @@ class SeatedBraidMemory:
         return np.asarray(law.tension(length, pressure)), moved, pressure, np.diff(record.time, prepend=record.time[0])
 
 
-def _resistance(values: Any, tension: Any, moved: Any, pressure: Any, duration: Any) -> Any:
+def resistance(values: Any, tension: Any, moved: Any, pressure: Any, duration: Any) -> Any:
+    """Force of friction and creep along a path of `SeatedBraidMemory.path_of` (n,) [N].
+
+    Args:
+        values: friction without pressure [N] and per pressure [m^2], stiffness of the contact and of all elements [N/m].
+        tension: of the law, which changes nothing.
+        moved: motion of the braid since the sample before (n,) [m].
+        pressure: gauge pressure (n,) [Pa].
+        duration: since the sample before (n,) [s].
+    """
     return np.asarray(_run(jnp.asarray(values), moved, pressure, np.maximum(duration, 0.0)))
 
 
@@ -106,7 +115,7 @@ def _force(values: Any, moved: Any, pressure: Any, duration: Any) -> Any:
 _run: Callable[..., Any] = jax.jit(_force)
 
 
-def _fitted(
+def fit_memory(
     paths: Sequence[tuple[np.ndarray, ...]], left: Sequence[np.ndarray], used: Sequence[np.ndarray], creeps: bool
 ) -> np.ndarray:
     """Parameters by least squares of what the law leaves, in their logarithms; the elements have none without creep."""
