@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+import mckibben as mk
 from mckibben.cli.fit import show_ranking
 from mckibben.errors import InputError
 from mckibben.identification import fit, rank
@@ -100,3 +101,11 @@ def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     assert [f["at_bound"] for f in study.to_dict()["fits"]] == [[], ["wall_thickness"]]
     assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
     assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]
+
+
+@pytest.mark.parametrize(
+    ("table", "said"), [(None, "table is missing: a table"), (3, "table must be a table .* got int")]
+)
+def test_a_fit_of_nothing_says_what_may_be_fitted(table, said) -> None:
+    with pytest.raises(InputError, match=said):
+        mk.fit(table)

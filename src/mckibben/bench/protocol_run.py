@@ -16,6 +16,7 @@ from ..documents import JsonValue
 from ..engine import sampled
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
+from ..muscles.contradiction import volume_contradiction
 from ..recordings.recording import Recording
 from . import channels
 from .hardware.clock import Clock
@@ -260,6 +261,11 @@ class ProtocolRun:
         except LineLostError as error:
             self.state.result, self.state.message = "stopped", str(error)
             self._event(self.state.message, code="lost_line")
+        except ConvergenceError:
+            contradiction = volume_contradiction(self.prepared.unit.law, segment.start_span)
+            if contradiction is None:
+                raise
+            raise contradiction from None
         finally:
             chunks.close()
         self.table.end(self.state.time, "until" if self.state.result == "done" else "stop")

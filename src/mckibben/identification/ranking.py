@@ -215,6 +215,11 @@ def load_table(
     rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     if isinstance(table, ForceMap):
         return (table if rest is None else table.with_rest_length(rest)), spec
+    untyped: object = table  # of a caller whose types nobody checked
+    if not isinstance(untyped, str | os.PathLike):
+        wanted = "a table that was read, its file, or the id of a specimen that ships with one"
+        problem = f"is missing: {wanted}" if untyped is None else f"must be {wanted}, got {type(untyped).__name__}"
+        raise InputError("table", None, problem)
     name = os.fspath(table)
     if not Path(name).suffix and name.lower() in [known.lower() for known in specimen_ids()]:
         spec = muscle_specimen(name)
