@@ -5,7 +5,7 @@ import pytest
 
 from mckibben.identification.length_spread import LengthEvidence
 
-STATED, MUSCLES, LENGTHS = 5e-4, 12, 3
+STATED, MUSCLES, LENGTHS = 5e-4, 8, 3
 
 
 def evidence(of_muscles: float, of_lengths: float, muscles: int = MUSCLES) -> LengthEvidence:
@@ -29,9 +29,9 @@ def evidence(of_muscles: float, of_lengths: float, muscles: int = MUSCLES) -> Le
 @pytest.mark.parametrize(("of_muscles", "of_lengths"), [(1.0, 0.3), (0.3, 1.0), (2.0, 2.0)])
 def test_the_reach_is_that_of_the_two_spreads(of_muscles: float, of_lengths: float) -> None:
     fitted, other = evidence(of_muscles, of_lengths).reach()
-    # The deviation of 24 lengths is known to 14 %, that of 12 muscles to 20 %; an average over it is wider, never narrower.
-    assert fitted == pytest.approx(1.96 * STATED * of_lengths, rel=0.14)
-    assert other == pytest.approx(1.96 * STATED * np.hypot(of_muscles, of_lengths), rel=0.2)
+    # Of 24 lengths within 8 muscles the deviation is known to 18 %, of 8 muscles to 25 %; what is averaged over it is wider.
+    assert fitted == pytest.approx(1.96 * STATED * of_lengths, rel=0.18)
+    assert other == pytest.approx(1.96 * STATED * np.hypot(of_muscles, of_lengths), rel=0.25)
 
 
 def test_a_muscle_that_was_not_fitted_is_less_sure_than_one_that_was_the_more_so_the_fewer_were() -> None:

@@ -137,6 +137,29 @@ def test_a_muscle_of_another_length_is_used_as_far_in_proportion_as_those_of_the
     assert float(law.build().upper_length) == pytest.approx(0.204, rel=1e-12)
 
 
+def test_the_interval_of_a_muscle_that_was_not_fitted_holds_how_far_muscles_differ_in_length() -> None:
+    values = {
+        "stiffness_per_pressure": 0.01,
+        "shortest_length": 0.05,
+        "threshold_pressure": 2e4,
+        "passive_stiffness": 1e3,
+    }
+    law = replace(
+        found(None),
+        law="linear_threshold",
+        known={"rest_length": np.array([0.1, 0.2]), "upper_length": 0.3},
+        parameters={n: Estimate(v, v, v, "1") for n, v in values.items()},
+        correlation=None,
+        error=np.zeros(1),
+        length_reach=(1e-3, 2e-3),
+    )
+    for rest, reach in ((0.2, 1e-3), (0.15, 2e-3)):
+        one = law.predict(0.95 * rest, 4e5, rest_length=rest, upper_length=0.3)
+        stiffness = float(law.build(rest_length=rest, upper_length=0.3).stiffness(0.95 * rest, 4e5))
+        # The parameters are known, the law leaves nothing, and is straight here: only the length remains. Rounding.
+        assert 0.5 * (one.high - one.low) == pytest.approx(reach * stiffness, rel=1e-9)
+
+
 def test_a_fit_that_leaves_a_parameter_open_predicts_no_interval() -> None:
     law = found("0.5 mm")
     open_gain = law.parameters["gain"]._replace(low=-np.inf, high=np.inf)
