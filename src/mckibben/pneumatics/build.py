@@ -13,7 +13,7 @@ from typing import Any
 
 from ..components.flow import FlowElement
 from ..errors import InputError, choice
-from ..quantities import Quantity, declared, parse
+from ..quantities import Quantity, declared, parse, with_unit
 from ..registry import Registry
 from ..specimens import Specimen
 from ..specimens.parts import bore_of
@@ -24,7 +24,16 @@ from .leak import Leak
 from .orifice import Orifice
 from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, SizeStatement, canonical, has_size
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
-from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, Solenoid, SpoolValve, ThreeWayValve
+from .valves import (
+    CheckValve,
+    OnOffValve,
+    PilotStage,
+    PressureRegulator,
+    QuickExhaust,
+    Solenoid,
+    SpoolValve,
+    ThreeWayValve,
+)
 
 
 def _required_of_element(kind: Any) -> str | None:
@@ -115,6 +124,11 @@ def passages_of(kind: str) -> tuple[str, ...]:
 def is_driven(kind: str) -> bool:
     """Whether an element has a solenoid, whose times are stated among its keys."""
     return any(f.type in ("Solenoid", Solenoid) for f in dataclasses.fields(ELEMENTS[kind]))
+
+
+def may_be_piloted(kind: str) -> bool:
+    """Whether an element may have a pilot stage, whose pressures are stated among its keys."""
+    return any(f.type in ("PilotStage | None", PilotStage) for f in dataclasses.fields(ELEMENTS[kind]))
 
 
 def build_element(
@@ -217,6 +231,8 @@ def known_keys(kind: str) -> dict[str, Quantity]:
     known = dict(declared(ELEMENTS[kind]))
     if is_driven(kind):
         known |= declared(Solenoid)
+    if may_be_piloted(kind):
+        known |= declared(PilotStage)
     for way in WAYS.get(kind, ()):
         known |= {**way.needs, **way.may}
     passages = passages_of(kind)
@@ -296,8 +312,20 @@ def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElem
     if is_driven(kind):
         times = {key: rest.pop(key) for key in declared(Solenoid) if key in rest}
         parts["drive"] = _one(Solenoid, (), times, f"{kind}.", where)
+    pilot = {key: rest.pop(key) for key in declared(PilotStage) if key in rest} if may_be_piloted(kind) else {}
+    if pilot:
+        parts["pilot"] = _pilot(pilot, f"{kind}.", where)
     built: FlowElement = _one(ELEMENTS[kind], WAYS.get(kind, ()), rest, f"{kind}.", where, parts)
     return built
+
+
+def _pilot(pressures: Mapping[str, float], prefix: str, where: str | None) -> PilotStage:
+    stage: PilotStage = _one(PilotStage, (), pressures, prefix, where)
+    rated, spring = (pressures[key] for key in ("pilot_rated_pressure_abs", "pilot_spring_pressure_abs"))
+    if not rated > spring:
+        demand = f"must be above the {with_unit(spring, 'Pa')} of pilot_spring_pressure_abs"
+        raise InputError(f"{prefix}pilot_rated_pressure_abs", with_unit(rated, "Pa"), demand, where=where)
+    return stage
 
 
 def _one(

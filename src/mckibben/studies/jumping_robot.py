@@ -37,6 +37,9 @@ def robot_plan() -> CircuitPlan:
 def read_trial(folder: str | Path) -> Recording:
     """Read the folder of a trial as a recording: measured pressures, valve commands, and angles turned since the start.
 
+    Time is that of the valves' commands, in whole periods from 0; most records begin 1 ms after that, and hold their first
+    pressures until then.
+
     Raises:
         MissingDataError: if a file is not there.
         InputError: names the file and what is wrong with it.
@@ -49,7 +52,7 @@ def read_trial(folder: str | Path) -> Recording:
     columns: dict[str, str | int] = {"time": 1}
     columns.update({f"{n}.pressure": i for i, n in enumerate(names, 2)})
     units = {f"{n}.pressure": "kPa" for n in names}
-    record = read_record(folder / PRESSURES, columns=columns, units=units)
+    record = _on_the_valves_clock(read_record(folder / PRESSURES, columns=columns, units=units))
     opened, closed = _numbers(folder / VALVES, (2, len(MUSCLES)))
     angles = _numbers(folder / ANGLES, (None, len(MUSCLES)))
     frames = _numbers(folder / FRAMES, (None, 1))[:, 0]
@@ -68,6 +71,14 @@ def read_trial(folder: str | Path) -> Recording:
             turned, unit="1", kind="measured", meaning="angle turned since the start, in radians"
         )
     return record.with_channels(added).with_meta(title=folder.name)
+
+
+def _on_the_valves_clock(record: Recording) -> Recording:
+    """A record interpolated to multiples of its period from 0, when the first valves were switched on."""
+    period = record.period
+    time = period * np.arange(int(np.floor(record.time[-1] / period + 1e-9)) + 1)
+    channels = {n: c.with_values(np.interp(time, record.time, c.values)) for n, c in record.channels.items()}
+    return Recording(time, channels, record.meta)
 
 
 def robot_trial(folder: str | Path, plan: CircuitPlan) -> Trial:

@@ -2,6 +2,7 @@
 
 from .check_valve import CheckValve
 from .on_off_valve import OnOffValve
+from .pilot_stage import PilotStage
 from .pressure_regulator import PressureRegulator
 from .quick_exhaust import QuickExhaust
 from .solenoid import Solenoid
@@ -11,6 +12,7 @@ from .three_way_valve import ThreeWayValve
 __all__ = [
     "CheckValve",
     "OnOffValve",
+    "PilotStage",
     "PressureRegulator",
     "QuickExhaust",
     "Solenoid",

@@ -3,7 +3,8 @@
     w = x(t) w_ISO(Pa, Pb)
 
 The opening x follows the command as `mckibben.pneumatics.valves.solenoid` says, w_ISO as ISO 6358-1:2013 says. Range: both
-directions of flow alike; the motion does not depend on the pressures.
+directions of flow alike. The motion does not depend on the pressures, unless the valve has a pilot stage
+(`mckibben.pneumatics.valves.pilot_stage`), which takes its gas from the first port.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from ..._jax import Tree
 from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ..orifice import Orifice, opening_flow, steepest_slope
+from .pilot_stage import PilotStage
 from .solenoid import Solenoid
 
 
@@ -24,6 +26,7 @@ class OnOffValve(TwoPort):
     commanded: ClassVar[bool] = True
     passage: Orifice = field(kw_only=True)
     drive: Solenoid = field(kw_only=True)
+    pilot: PilotStage | None = field(kw_only=True, default=None)
 
     def initial(self) -> Tree:
         """Closed."""
@@ -34,8 +37,10 @@ class OnOffValve(TwoPort):
         return opening_flow(self.passage, a, b, self.drive.opening(state))
 
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
-        """Rates of change of flux and stroke [1/s]."""
-        return self.drive.rates(state, command)
+        """Rates of change of flux, or of the pilot's pressure, and of stroke [1/s]."""
+        if self.pilot is None:
+            return self.drive.rates(state, command)
+        return self.pilot.rates(self.drive, state, command, a.pressure_abs)
 
     def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slope at equal pressures; of the open valve where it is on its way [kg/(s Pa)]."""

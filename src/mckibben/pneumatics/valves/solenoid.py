@@ -52,11 +52,14 @@ class Solenoid(Module):
         """Rates of flux and stroke [1/s]."""
         wanted = share(jnp.asarray(command, float))
         dead = jnp.where(wanted > state.flux, self.opening_dead_time, self.closing_dead_time)
-        flux = (wanted - state.flux) * HALF / dead
+        return Plunger((wanted - state.flux) * HALF / dead, self.stroke_rate(state))
+
+    def stroke_rate(self, state: Plunger) -> Scalar:
+        """Rate of the stroke [1/s], towards the stop to which the flux drives the plunger."""
         drive = between((state.flux - 0.5) / WIDTH, -1.0, 1.0)
         opens = (1.0 - SEAT) / self.opening_time * share((1.0 - state.stroke) / SEAT)
         closes = (1.0 - SEAT) / self.closing_time * share(state.stroke / SEAT)
-        return Plunger(flux, drive * jnp.where(drive >= 0.0, opens, closes))
+        return drive * jnp.where(drive >= 0.0, opens, closes)
 
     def opening(self, state: Plunger) -> Scalar:
         """Share that is open [1]."""
