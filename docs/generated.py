@@ -44,7 +44,7 @@ def parameters(_: Path) -> str:
     from mckibben.pneumatics.gas import Gas
     from mckibben.pneumatics.heat import Polytropic, WallHeat
     from mckibben.pneumatics.orifice import Orifice
-    from mckibben.pneumatics.valves import Solenoid
+    from mckibben.pneumatics.valves import PilotStage, Solenoid
     from mckibben.pneumatics.volume import CompliantVolume, FixedVolume
 
     parts = []
@@ -59,6 +59,7 @@ def parameters(_: Path) -> str:
         "Pneumatic elements": {
             "passage (of every valve)": Orifice,
             "drive (of switching valves)": Solenoid,
+            "pilot (of on_off_valve, optional)": PilotStage,
             **ELEMENTS,
         },
         "Volumes and heat": {

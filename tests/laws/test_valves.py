@@ -1,5 +1,6 @@
 """Valves, regulators, leaks and compressors: what each is for, and what all owe to the gas that passes them."""
 
+import functools
 import itertools
 import re
 
@@ -23,6 +24,7 @@ from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.valves import (
     CheckValve,
     OnOffValve,
+    PilotStage,
     PressureRegulator,
     QuickExhaust,
     Solenoid,
@@ -246,15 +248,15 @@ def test_a_check_valve_cracks_opens_and_lets_nothing_back():
 # ---- switching valves ----
 
 
-def opening_after(command, *, drive=DRIVE, step=2e-5):
+def opening_after(command, *, rates=DRIVE.rates, start=None, step=2e-5):
     """Opening at every step, from rest."""
 
     def one(state, u):
-        k1 = drive.rates(state, u)
-        k2 = drive.rates(jax.tree.map(lambda s, k: s + 0.5 * step * k, state, k1), u)
-        return jax.tree.map(lambda s, k: s + step * k, state, k2), drive.opening(state)
+        k1 = rates(state, u)
+        k2 = rates(jax.tree.map(lambda s, k: s + 0.5 * step * k, state, k1), u)
+        return jax.tree.map(lambda s, k: s + step * k, state, k2), DRIVE.opening(state)
 
-    return np.asarray(jax.jit(lambda u: jax.lax.scan(one, drive.initial(), u))(jnp.asarray(command))[1])
+    return np.asarray(jax.jit(lambda u: jax.lax.scan(one, start or DRIVE.initial(), u))(jnp.asarray(command))[1])
 
 
 def test_a_switching_valve_takes_its_dead_and_switching_times():
@@ -268,6 +270,41 @@ def test_a_switching_valve_takes_its_dead_and_switching_times():
     shut = (np.argmax(opening[on:] <= 0.0)) * step
     assert 2e-3 < leaving < 2e-3 + 1e-3 / 9.0 + 1e-4
     assert shut == pytest.approx(2e-3 + 1e-3, abs=1e-4)
+
+
+INLETS = np.array(
+    [2.9e5, 3.2e5, 4e5, 6e5, 9e5]
+)  # of a pilot-operated valve that is rated at 6 bar, with a spring of 3 bar
+
+
+@functools.cache
+def piloted_motion():
+    """When a pilot-operated valve begins to open and to close, at each of the inlet pressures [s]; never: nan."""
+    pilot = PilotStage(pilot_rated_pressure_abs=6e5, pilot_spring_pressure_abs=3e5)
+    valve, step, on = OnOffValve(passage=WIDE, drive=DRIVE, pilot=pilot), 2e-5, 1000
+    start = jax.tree.map(lambda x: jnp.zeros(len(INLETS)), valve.initial())
+    command = (np.arange(2 * on) < on).astype(float)
+    opening = opening_after(command, rates=lambda s, u: valve.rates(gas(INLETS, P0), s, (), u), start=start).T
+    return (
+        np.array([[np.argmax(o > 0.0), np.argmax(o[on:] < 1.0)] if o.any() else [np.nan] * 2 for o in opening]).T * step
+    )
+
+
+def test_a_pilot_operated_valve_opens_the_later_and_closes_the_sooner_the_lower_its_inlet_pressure():
+    inlets, (opened, closed) = INLETS[2:], piloted_motion()[:, 2:]
+    # At its rated pressure it has the stated times: the seat is left after a ninth of the opening and closing time.
+    seats = 2e-3 / 9.0, 1e-3 / 9.0
+    assert opened[1] == pytest.approx(3e-3 + seats[0], abs=1e-4)
+    assert closed[1] == pytest.approx(2e-3 + seats[1], abs=1e-4)
+    # Filled through a choked orifice, emptied through one; the piston's ramp, 0.3 ms wide at 6 bar, varies with both.
+    np.testing.assert_allclose(opened - seats[0], 3e-3 * 6e5 / inlets, atol=2e-4)
+    np.testing.assert_allclose(closed - seats[1], 2e-3 * np.log(inlets / 2.7e5) / np.log(6.0 / 2.7), atol=2e-4)
+
+
+def test_a_pilot_operated_valve_stays_closed_below_the_pressure_of_its_spring():
+    opened, _ = piloted_motion()
+    assert np.isnan(opened[0])
+    assert 3e-3 * 6.0 / 3.2 < opened[1] < 20e-3
 
 
 def test_short_pulses_are_ballistic():

@@ -23,23 +23,25 @@ pytestmark = needs(NAME)
 def test_a_trial_is_read_with_its_valves_and_angles() -> None:
     record = read_trial(JUMPS / "0p09_65psi")
     assert record["tank.pressure"][0] == pytest.approx(466.1e3)
+    # the clock is that of the commands; the file begins 1 ms later, and its next value is 466.93 kPa at 3 ms
+    np.testing.assert_allclose(record.time, 2e-3 * np.arange(len(record.time)), atol=1e-12)
+    assert record["tank.pressure"][1] == pytest.approx(466.515e3)
     for m in MUSCLES:
-        # open for 90 ms of samples 2 ms apart
-        assert record[f"open_{m}"].sum() == pytest.approx(45, abs=1)
-        # the first pressure comes 1 ms after the first frame, in which a joint turns by less than 3 rad/s
-        assert 0.0 <= record[f"angle_{m}"][0] < 3e-3
+        # open for 90 ms of samples 2 ms apart, from the first one on
+        np.testing.assert_array_equal(np.flatnonzero(record[f"open_{m}"]), np.arange(45))
+        assert record[f"angle_{m}"][0] == 0.0
         assert record[f"angle_{m}"].max() > 2.0
 
 
 @pytest.mark.slow
 def test_a_jump_that_was_not_fitted_is_predicted_from_one_that_was() -> None:
-    # Four parameters and one jump, where the study has twenty and three.
+    # Four parameters and one jump, where the study has twenty-one and three.
     free = ("nodes.tank.size", "nodes.muscle_*_*.swept", "elements.*.drive.opening_dead_time", "signals.vent.delay")
     found, _ = robot_study([JUMPS / "0p06_65psi"], [JUMPS / "0p09_65psi"], free=free, evaluations=6)
-    # 60 and 70 mbar, with the first guesses 143 and 151; the last of the six evaluations still gains, so 5 %.
-    assert found.rms() == pytest.approx(6.0e3, rel=0.05)
-    assert found.rms(fitted=False) == pytest.approx(7.0e3, rel=0.05)
-    # What the data fix is when a valve moves: 13 to 15 ms after its command on the page of the study.
+    # 62 and 71 mbar, with the first guesses 139 and 153; the last of the six evaluations still gains, so 5 %.
+    assert found.rms() == pytest.approx(6.2e3, rel=0.05)
+    assert found.rms(fitted=False) == pytest.approx(7.1e3, rel=0.05)
+    # What the data fix is when a valve moves: 13 to 17 ms after its command on the page of the study.
     delay = found.parameters["elements.*.drive.opening_dead_time"]
     assert 0.005 < delay.low < delay.value < delay.high < 0.03
 
@@ -59,9 +61,8 @@ def test_each_jump_is_predicted_from_the_others_as_the_page_of_the_study_says() 
         print(f"\n{fold.trial}: predicted {fold.rms:.0f} Pa, fit to the others {fold.fit.rms():.0f} Pa")
         # Whole mbar; 40 evaluations do not converge, and another processor leaves the flat directions elsewhere.
         np.testing.assert_allclose([*errors, fold.rms, fold.fit.rms()], stated, rtol=0.03, atol=150.0)
-    # The aim is 65 mbar; the jump from another pressure than all that were fitted misses it.
-    assert [fold.trial for fold in folds() if fold.rms > 6.5e3] == ["0p02_knee_80psi"]
     for fold in folds():
+        assert fold.rms < 6.5e3  # the aim
         delay = fold.fit.parameters["elements.*.drive.opening_dead_time"]
         assert 0.008 < delay.low < delay.value < delay.high < 0.025
 

@@ -8,7 +8,7 @@ from mckibben.components.flow import GasState
 from mckibben.errors import InputError
 from mckibben.pneumatics.build import ELEMENTS, build_element, known_keys, valve_from_specimen
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.valves import PressureRegulator, SpoolValve
+from mckibben.pneumatics.valves import OnOffValve, PressureRegulator, SpoolValve
 from mckibben.quantities import declared, values
 from mckibben.specimens import specimen, specimen_ids
 
@@ -53,6 +53,19 @@ def test_every_kind_is_built_and_names_its_keys(kind: str) -> None:
     said = refusal(kind, GOOD[kind] | {"colour": "red"})
     assert f"{kind}.colour" in said
     assert all(key in said for key in known_keys(kind))
+
+
+def test_a_pilot_stage_is_stated_by_both_of_its_pressures() -> None:
+    rated, spring = {"pilot_rated_pressure_abs": "6 bar"}, {"pilot_spring_pressure_abs": "2.5 bar"}
+    direct = build_element("on_off_valve", GOOD["on_off_valve"])
+    piloted = build_element("on_off_valve", GOOD["on_off_valve"] | rated | spring)
+    assert isinstance(direct, OnOffValve) and isinstance(piloted, OnOffValve)
+    assert direct.pilot is None and piloted.pilot is not None
+    assert values(piloted.pilot) == {"pilot_rated_pressure_abs": 6e5, "pilot_spring_pressure_abs": 2.5e5}
+    assert "pilot_spring_pressure_abs is missing" in refusal("on_off_valve", GOOD["on_off_valve"] | rated)
+    low = refusal("on_off_valve", GOOD["on_off_valve"] | {"pilot_rated_pressure_abs": "2 bar"} | spring)
+    assert "must be above the 2.5 bar of pilot_spring_pressure_abs, got 2 bar" in low
+    assert "three_way_valve has" in refusal("three_way_valve", GOOD["three_way_valve"] | rated | spring)
 
 
 def test_the_ways_to_state_a_passage_agree() -> None:

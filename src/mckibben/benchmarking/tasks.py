@@ -219,8 +219,8 @@ INTERLEAVED = (
 )
 ONE_ROBOT = "Only one robot was measured: the interval is over jumps."
 ON_JUMPS = (
-    "The jump from 80 psi lies outside of what the others show. The saturation of the muscles' volume in the circuit was"
-    " chosen after its errors on these jumps had been seen."
+    "The jump from 80 psi lies outside of what the others show. The saturation of the muscles' volume in the circuit and"
+    " its pilot-operated valves were chosen after its errors on these jumps had been seen."
 )
 ONE_PAIR = "Only one pair was measured: the interval is over periods, and says nothing about other pairs."
 SMOOTHED = (

@@ -72,7 +72,7 @@ def study_robot(
         typer.Option(metavar="FOLDER", help="Trial to predict with the fitted parameters."),
     ] = None,
     each: Annotated[bool, typer.Option("--each", help="Predict each trial by a fit to all the others.")] = False,
-    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 20.")] = None,
+    free: Annotated[list[str] | None, typer.Option(metavar="PATH", help="Parameter to fit instead of all 21.")] = None,
     evaluations: Annotated[
         int, typer.Option(metavar="N", min=1, help="Largest number of evaluations of the circuit.")
     ] = 40,

@@ -1,8 +1,8 @@
 """Pilot stage of a switching valve: a chamber that the inlet fills, and a piston between it and a spring.
 
-    dc/dt = f p/p_r,   f = (1 + W)/(2 dead time of opening)              switched on, until the chamber has the inlet pressure
+    dc/dt = f p/p_r,   f = (1 + W)/(2 dead time of opening)              switched on, until P = p
     dc/dt = -c/tau,    tau = dead time of closing/ln(p_r/(p_s (1 - W)))  switched off
-    c = P/(2 p_s)                                                        P the pressure of the chamber, p that of the inlet
+    c = P/(2 p_s)      P the pressure of the chamber, p that of the inlet
 
 The coil of a pilot-operated valve connects the chamber with the inlet or with the room. The piston moves as the flux of a
 direct-acting valve makes its plunger move (`mckibben.pneumatics.valves.solenoid`, also of W), with the chamber's pressure in
@@ -24,7 +24,9 @@ from ...quantities import quantity
 from .shares import between, share
 from .solenoid import WIDTH, Plunger, Solenoid
 
-LEAST = 1e-2  # logarithm of the ratio of rated pressure and spring's, below which it counts as this one: tau stays positive
+LEAST = (
+    1e-2  # logarithm of the ratio of rated pressure and spring's, below which it counts as this one: tau stays positive
+)
 
 
 class PilotStage(Module):
