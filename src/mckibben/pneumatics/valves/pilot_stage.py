@@ -24,9 +24,7 @@ from ...quantities import quantity
 from .shares import between, share
 from .solenoid import WIDTH, Plunger, Solenoid
 
-LEAST = (
-    1e-2  # logarithm of the ratio of rated pressure and spring's, below which it counts as this one: tau stays positive
-)
+LEAST = 1e-2  # least logarithm of rated pressure over spring pressure that counts, so that tau stays positive
 
 
 class PilotStage(Module):
