@@ -248,6 +248,11 @@ def test_a_check_valve_cracks_opens_and_lets_nothing_back():
 # ---- switching valves ----
 
 
+def at_rest(count):
+    """Several drives at rest."""
+    return jax.tree.map(lambda x: jnp.zeros(count), DRIVE.initial())
+
+
 def opening_after(command, *, rates=DRIVE.rates, start=None, step=2e-5):
     """Opening at every step, from rest."""
 
@@ -282,9 +287,10 @@ def piloted_motion():
     """When a pilot-operated valve begins to open and to close, at each of the inlet pressures [s]; never: nan."""
     pilot = PilotStage(pilot_rated_pressure_abs=6e5, pilot_spring_pressure_abs=3e5)
     valve, step, on = OnOffValve(passage=WIDE, drive=DRIVE, pilot=pilot), 2e-5, 1000
-    start = jax.tree.map(lambda x: jnp.zeros(len(INLETS)), valve.initial())
     command = (np.arange(2 * on) < on).astype(float)
-    opening = opening_after(command, rates=lambda s, u: valve.rates(gas(INLETS, P0), s, (), u), start=start).T
+    opening = opening_after(
+        command, rates=lambda s, u: valve.rates(gas(INLETS, P0), s, (), u), start=at_rest(len(INLETS))
+    ).T
     return (
         np.array([[np.argmax(o > 0.0), np.argmax(o[on:] < 1.0)] if o.any() else [np.nan] * 2 for o in opening]).T * step
     )
@@ -309,7 +315,8 @@ def test_a_pilot_operated_valve_stays_closed_below_the_pressure_of_its_spring():
 
 def test_short_pulses_are_ballistic():
     pulses = np.array([1.0, 2.5, 3.4, 3.8, 4.2, 6.0]) * 1e-3  # dead time 3 ms, opening time 2 ms
-    peaks = np.array([opening_after((np.arange(1000) * 2e-5 < pulse).astype(float)).max() for pulse in pulses])
+    commands = (2e-5 * np.arange(1000)[:, None] < pulses).astype(float)
+    peaks = opening_after(commands, start=at_rest(len(pulses))).max(axis=0)
     np.testing.assert_array_equal(peaks[:2], 0.0)  # the flux never came to one half
     assert np.all(np.diff(peaks[1:5]) > 0.0) and np.all(peaks[2:4] < 1.0)  # opens a little, and turns back
     assert peaks[-1] == 1.0
