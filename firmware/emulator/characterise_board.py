@@ -10,7 +10,6 @@ sensors is not the same. A folder with stages that were run already is continued
 
 import argparse
 import json
-import math
 import signal
 import subprocess
 import sys
@@ -36,20 +35,14 @@ MUSCLE, REST_LENGTH, PRESSURE = "nylon", 0.14, "5 bar"  # rest length [m]
 SPANS = (0.84, 0.98)  # of the comparison, of the rest length
 PRESSURES = (1.5e5, 4.75e5)  # and its gauge pressures [Pa]
 POINTS = 12  # of each
+BEFORE = "board.json"  # in the folder: samples and times of the board in all the runs that made its recordings
 
 
-class Watched:
-    """A machine of counts that keeps what the board's samples take by the wall clock.
-
-    Attributes:
-        samples: that were taken.
-        pauses: longest times between two of them [s], longest first.
-    """
+class Counted:
+    """A machine of counts that counts its samples."""
 
     def __init__(self, machine: Any) -> None:
-        self.machine, self.samples, self.pauses = machine, 0, [0.0] * 3
-        self.names = machine.names
-        self._at = math.inf
+        self.machine, self.samples, self.names = machine, 0, machine.names
 
     @property
     def period(self) -> float:
@@ -67,9 +60,6 @@ class Watched:
 
     def sample(self) -> tuple[Any, int]:
         """Return the counts of the channels and of the encoder."""
-        now = time.monotonic()
-        self.pauses = sorted([*self.pauses, now - self._at], reverse=True)[:3]
-        self._at = now
         counts: tuple[Any, int] = self.machine.sample()
         return counts
 
@@ -97,7 +87,7 @@ def on_board(board: str, folder: Path, samples: int | None = None, **images: Pat
     rig = mk.rig(board)
     unit = unit_from_specimen(muscle_specimen(MUSCLE))
     setup = ManualSetup(rig, span=REST_LENGTH, muscle=unit, plumbing=layout_of(rig))
-    machine = Watched(SegmentMachine(setup.prepared, 0, setup.segment, setup.timing).at_interface())
+    machine = Counted(SegmentMachine(setup.prepared, 0, setup.segment, setup.timing).at_interface())
     begun = time.monotonic()
     with BOARDS[board].emulated(machine, patience=60.0, **images) as emulated:
         words = ["--on", f"serial:{emulated.port}", "--rest-length", f"{REST_LENGTH} m"]
@@ -112,14 +102,19 @@ def on_board(board: str, folder: Path, samples: int | None = None, **images: Pat
     seconds = time.monotonic() - begun
     if process.returncode != (130 if samples is not None else 0):
         sys.exit(f"{board}: characterise ended with {process.returncode}: {err.strip()[-1000:]}")
-    device = machine.samples * machine.period
+    figures = {
+        "samples": machine.samples,
+        "device_seconds": round(machine.samples * machine.period, 1),
+        "seconds": round(seconds, 1),
+    }
+    place = folder / BEFORE
+    before = json.loads(place.read_text(encoding="utf-8")) if place.exists() else dict.fromkeys(figures, 0)
+    figures = {key: round(value + before[key], 1) for key, value in figures.items()}
+    place.write_text(json.dumps(figures) + "\n", encoding="utf-8")
     return {
         "result": None if samples is not None else json.loads(out),
-        "samples": machine.samples,
-        "device_seconds": round(device, 1),
-        "seconds": round(seconds, 1),
-        "vented": emulated.outputs[-1] == (0, BOARDS[board].MOTOR_REST, True),
-        "longest_pauses": [round(pause, 3) for pause in machine.pauses],
+        **figures,
+        "vented": emulated.outputs[-1][0] == 0 and emulated.outputs[-1][2],
     }
 
 
@@ -138,6 +133,7 @@ def compare(board: str, folder: Path) -> dict[str, Any]:
     there = on_board(board, folder / f"{board}-emulated")
     simulated, emulated = on_rig(board, folder / f"{board}-simulated"), there["result"]
     muscles = [mk.muscle(folder / f"{board}-{way}" / "characterised.toml") for way in ("emulated", "simulated")]
+    true = mk.muscle(MUSCLE)
     spans, pressures = (
         grid.ravel() for grid in np.meshgrid(REST_LENGTH * np.linspace(*SPANS, POINTS), np.linspace(*PRESSURES, POINTS))
     )
@@ -150,25 +146,25 @@ def compare(board: str, folder: Path) -> dict[str, Any]:
         "held-out points, rms error [N]": [d["held_out_error"] * d["largest_tension"] for d in (emulated, simulated)],
         "half width of a tension's interval [N]": [d["tension_interval"] for d in (emulated, simulated)],
         "largest tension [N]": [d["largest_tension"] for d in (emulated, simulated)],
-        "friction at 3.5 bar [N]": [float(np.sum(m.friction.largest_force(3.5e5))) for m in muscles],
+        "friction at 3.5 bar [N]": [float(np.sum(m.friction.largest_force(3.5e5))) for m in (*muscles, true)],
         "machine time [s]": [d["machine_time"] for d in (emulated, simulated)],
     }
-    for name, unit in (("relaxation.1_to_30_s", "N/m"), ("leak.decay", "1/s")):
-        for end in ("value", "low", "high"):
-            rows[f"{name}, {end} [{unit}]"] = [d["estimates"][name][end] for d in (emulated, simulated)]
+    for name, title in (("relaxation.1_to_30_s", "relaxation [N/m]"), ("leak.decay", "leak [1/s]")):
+        for end, words in (("value", ""), ("low", ", 95 %: from"), ("high", ", to")):
+            rows[f"{title}{words}"] = [d["estimates"][name][end] for d in (emulated, simulated)]
+            rows[f"{title}{words}"] += [0.0] if end == "value" else []  # this muscle has neither
     rows["taut at [m]"] = [d["seat"]["value"] for d in (emulated, simulated)]
     print(f"\n{board}: characterised in its emulator and on the simulated rig", flush=True)
-    print(f"{'':42}{'emulated':>12}{'simulated':>12}")
+    print(f"{'':42}{'emulated':>14}{'simulated':>14}{'true':>14}")
     for name, values in rows.items():
-        print(f"{name:42}" + "".join(f"{value:12.5g}" for value in values))
-    print(f"{'law':42}{emulated['law']:>12}{simulated['law']:>12}")
+        print(f"{name:42}" + "".join(f"{value:14.5g}" for value in values))
+    print(f"{'law':42}{emulated['law']:>14} {simulated['law']}")
     rms, most = float(np.sqrt(np.mean(difference**2))), float(np.abs(difference).max())
     print(
         f"tension at {len(spans)} spans and pressures: {rms:.3g} N rms apart, {most:.3g} N at most, of {largest:.3g} N"
     )
     print(
-        f"{there['samples']} samples, {there['device_seconds']:.0f} s of the board, in {there['seconds']:.0f} s; "
-        f"longest pauses {', '.join(f'{p:.2g}' for p in there['longest_pauses'])} s",
+        f"{there['samples']} samples, {there['device_seconds']:.0f} s of the board, in {there['seconds']:.0f} s",
         flush=True,
     )
     figures = {key: value for key, value in there.items() if key != "result"}
