@@ -9,10 +9,12 @@ import numpy as np
 
 from .._jax import Tree, jax
 from ..assembly.accounts import accounts
+from ..bench.hardware.pneumatics import MUSCLE
 from ..bench.segment import SensorNoise
 from ..engine import sampled
 from ..engine.native import ENGINES, call_compiled
 from ..errors import InputError
+from ..muscles.contradiction import volume_contradiction
 from . import march
 from .kernels import KernelKey, LaneKernels, at_rest, channels_of
 from .lanes import BuiltVariant, LaneGroup, LanePlanner, VariantFamily
@@ -171,7 +173,11 @@ class _Piece:
             if self.code[lane]:
                 continue
             if lane in found.failed:
-                self.code[lane], self.message[lane] = int(found.failed[lane].outcome), found.failed[lane].message
+                failed = found.failed[lane]
+                self.code[lane], self.message[lane] = int(failed.outcome), failed.message
+                self.message[lane] += self._contradiction(
+                    kernels.tree(_lane(leaves, kernels.kind.shared, lane)), part, lane
+                )
             elif lane in found.stopped:
                 self.code[lane] = int(VariantOutcome.STOPPED)
                 self.message[lane] = self._why(kernels, _lane(leaves, kernels.kind.shared, lane), part, lane, found)
@@ -181,6 +187,13 @@ class _Piece:
                 self.gathered[lane].append((self.period * (offset[lane] + at), found.step[lane, at], samples))
             if kernels.kind.accounts:
                 self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
+
+    def _contradiction(self, tree: Mapping[str, Tree], part: int, lane: int) -> str:
+        """Why a law has no volume for its gas, as the end of a sentence; empty where it has one, or there is no muscle."""
+        unit = tree["plant"].machine.units.get(MUSCLE)
+        span = self.lanes[lane].built.parts[part].start_span
+        found = None if unit is None else volume_contradiction(unit.law, span)
+        return "" if found is None else f" {str(found)[:1].upper()}{str(found)[1:]}."
 
     def _why(self, kernels: LaneKernels, leaves: Tree, part: int, lane: int, found: MarchedPart) -> str:
         """Describe why a machine stopped, in the words of `bench.run`."""
