@@ -35,6 +35,8 @@ from mckibben.muscles.creep import MaxwellChain
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 from mckibben.muscles.laws import LAWS
+from mckibben.studies.characterisation.evaluation import MOST_GAIN, advance, gain_change
+from mckibben.studies.characterisation.stages import Progression
 
 OUT = Path(__file__).with_suffix(".json")
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "characterise-a-muscle.md"
@@ -47,6 +49,7 @@ TRUTHS = {
     "linear_threshold": ("linear_threshold", "three_element"),
 }
 FAULTS = ("leak", "tension_drift", "clamp_slack", "pressure_drift")
+DRIFT = 0.01  # of a gain over the whole run, of which the table says how often it is found
 SHARES = np.linspace(0.08, 0.96, 8)  # of the taut length range at a pressure
 
 
@@ -181,6 +184,7 @@ def study(number: int, seed: int) -> dict[str, Any]:
     total = found.evaluation.relaxation.total
     own = np.abs(predicted - alone) / largest
     return row | {
+        "gain_change": gain_changes(found),
         "error": [round(float(e), 5) for e in error / largest],
         "worst": float(np.abs(error).max() / largest),
         "rms": float(np.sqrt(np.mean(error**2)) / largest),
@@ -195,6 +199,36 @@ def study(number: int, seed: int) -> dict[str, Any]:
         "relaxation": [total.value, total.low, total.high, true_relaxation(muscle.unit, found.records["relaxation"])],
         "volume": [volume_of(m, muscle.rest_length, middle) for m in (law.law, muscle.unit.law)],
     }
+
+
+def gain_changes(found: mk.Characterisation) -> dict[str, list[float]]:
+    """Change of a loop at its repetition with the end of its interval nearer to zero, as recorded and with gains that drift.
+
+    The readings of a sensor are multiplied by a gain that goes evenly from 1 to 1 +- `DRIFT` over the whole run.
+    """
+    made, total = {}, sum(stage.seconds for stage in found.stages)
+    for name, sensor, drift in (
+        ("sound", "tension", 0.0),
+        ("load cell up", "tension", DRIFT),
+        ("load cell down", "tension", -DRIFT),
+        ("pressure sensor up", "pressure", DRIFT),
+        ("pressure sensor down", "pressure", -DRIFT),
+    ):
+        records, before = {}, 0.0
+        for stage in found.stages:
+            record = found.records[stage.stage]
+            channel = record.channels[sensor]
+            values = channel.values * (1.0 + drift * (before + record.time) / total)
+            channels = record.channels | {sensor: dataclasses.replace(channel, values=values)}
+            records[stage.stage] = dataclasses.replace(record, channels=channels)
+            before += stage.seconds
+        known = Progression()
+        for stage in found.stages:
+            known = advance(stage.stage, records[stage.stage], found.bounds, known)
+        change = gain_change(records, found.bounds, known)
+        nearest = max(change.low, -change.high, 0.0)
+        made[name] = [change.value, nearest]
+    return made
 
 
 def volume_of(law: Any, length: float, pressure: float) -> float | None:
@@ -244,6 +278,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "friction, median error": float(np.median([abs(a / b - 1.0) for r in passed for a, b in [r["friction"]]]))
             if passed
             else 0.0,
+            "gain that drifts by 1 %, found": share_of_drifts(passed),
+            "change without a drift, largest": max((abs(r["gain_change"]["sound"][0]) for r in passed), default=0.0),
             "machine time, longest": max((r["machine_time"] for r in passed), default=0.0),
         }
     return made
@@ -253,6 +289,12 @@ def share_within(rows: list[dict[str, Any]]) -> float:
     """Share of the muscles whose true relaxation lies in its interval."""
     ends = [r["relaxation"] for r in rows]
     return float(np.mean([low <= true <= high for _, low, high, true in ends])) if ends else 0.0
+
+
+def share_of_drifts(rows: list[dict[str, Any]]) -> float:
+    """Share of the drifting gains that the repeated loop shows."""
+    nearest = [end for r in rows for name, (_, end) in r["gain_change"].items() if name != "sound"]
+    return float(np.mean([end > MOST_GAIN for end in nearest])) if nearest else 0.0
 
 
 def table(result: dict[str, Any]) -> str:
@@ -265,11 +307,11 @@ def table(result: dict[str, Any]) -> str:
             value = result["summary"][column][name]
             some = result["summary"][column]
             if some["muscles"] == some["failed and said so"] and name.startswith(
-                ("error", "tensions", "of the muscle", "relaxation", "friction", "machine")
+                ("error", "tensions", "of the muscle", "relaxation", "friction", "gain", "change", "machine")
             ):
                 cells.append("\N{EN DASH}")
                 continue
-            if name.startswith(("error", "tensions", "of the muscle", "relaxation", "friction")):
+            if name.startswith(("error", "tensions", "of the muscle", "relaxation", "friction", "gain", "change")):
                 cells.append(f"{100.0 * value:.2g} %" if value < 0.995 else "100 %")
             elif name.startswith("machine"):
                 cells.append(f"{value / 60.0:.1f} min")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from test_broken_input import POSTERIOR
 
+import mckibben as mk
 from mckibben.cli import fit as fit_command
 from mckibben.cli import main
 from mckibben.identification.next_points import LawTest
@@ -56,6 +57,21 @@ def test_two_laws_of_a_fit_are_told_apart_in_words_and_numbers(run, fit, tmp_pat
 def test_the_first_law_of_a_fit_is_the_one_that_is_asked_about(run, fit):
     code, out, _ = run("--from", fit, "--budget", "30 s", "--json")
     assert code == 0 and set(json.loads(out)["expected"]) == set(POSTERIOR["samples"])
+
+
+def test_a_question_outside_of_the_measured_map_is_answered_with_a_caution(run, fit):
+    asked = ("--from", fit, "--budget", "30 s", "--length", "18 cm", "--pressure", "3 bar")
+    code, _, err = run(*asked)
+    assert code == 0 and "caution: a length of 18 cm is outside of the measured 12 cm to 14 cm" in err
+    code, out, _ = run(*asked, "--json")
+    assert code == 0 and "where the intervals are a guess" in json.loads(out)["warnings"][0]
+
+
+def test_the_protocol_is_one_that_the_slowest_rig_takes(run, fit, tmp_path):
+    place = tmp_path / "next.toml"
+    code, _, _ = run("--from", fit, "--budget", "30 s", "--rig", "uno", "--out", str(place))
+    low, high = mk.rig("uno").limits("direct").sample_rates
+    assert code == 0 and low <= mk.protocol(place).sample_rate <= high
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,19 @@ def posterior(amplitude, *, count=200, spread=0.0, points=None):
     )
 
 
+def test_a_posterior_refuses_the_muscle_of_another_fit_and_says_which_points_lie_outside_of_its_map():
+    samples = posterior(0.5)
+    samples.check_muscle(mk.muscle("nylon", law="gas_spring").law, "nylon")
+    with pytest.raises(
+        InputError, match="not that of the muscle festo-10mm, whose tensions miss the 12 measured points"
+    ):
+        samples.check_muscle(mk.muscle("festo-10mm").law, "festo-10mm")
+    assert samples.beyond([0.12, 0.15], [2e5, 5e5]) is None
+    said = samples.beyond([0.13, 0.17], 3e5)
+    assert said == "a length of 17 cm is outside of the measured 12 cm to 15 cm, where the intervals are a guess"
+    assert "a pressure of 8 bar is outside of the measured 2 bar to 5 bar" in str(samples.beyond(0.13, 8e5))
+
+
 def test_the_likelihood_by_modes_is_that_of_the_whole_covariance():
     chance = np.random.default_rng(1)
     places = chance.uniform(size=(9, 2))
@@ -238,8 +251,11 @@ def test_a_posterior_of_a_file_gives_the_same_bands(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[]", "is no file of a fit with its posterior; the command fit writes one"),
-        ('{"fits": [{"law": "ideal"}]}', "is a fit without a posterior"),
+        (
+            "[]",
+            "is not the result of a fit with samples of its posterior; `mckibben fit TABLE",
+        ),
+        ('{"fits": [{"law": "ideal"}]}', "is the result of a fit without samples of its posterior"),
         ('{"fits": [{"law": "ideal", "posterior": {"law": "ideal"}}]}', "must be a posterior as"),
     ],
 )

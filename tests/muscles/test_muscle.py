@@ -1,5 +1,6 @@
 """A muscle as one object: questions with units, warnings of slips, and what it is made of."""
 
+import dataclasses
 import pickle
 import warnings
 
@@ -10,7 +11,9 @@ import pytest
 import mckibben as mk
 from mckibben.assembly.build import unit_from_muscle, unit_from_specimen
 from mckibben.errors import InputError, PlausibilityWarning
+from mckibben.identification.fit import measured_range
 from mckibben.muscles.hysteresis import Coulomb, FrictionLimit, MaxwellSlip
+from mckibben.muscles.plausible import usual_pressure
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +67,21 @@ def test_no_usual_value_warns(muscle):
         warnings.simplefilter("error")
         muscle.tension(np.linspace(0.1, 0.15, 3), 0.0)
         muscle.tension("14 cm", "8 bar")
+
+
+def test_a_fitted_muscle_warns_where_its_law_answers_beyond_the_measured_points():
+    points = mk.ForceMap("map", np.array([0.11, 0.14]), np.array([2e5, 4e5]), np.array([8.0, 70.0]))
+    nylon = mk.specimen("nylon")
+    fitted = mk.muscle(dataclasses.replace(nylon, id="mine", properties=nylon.properties | measured_range(points)))
+    assert fitted.tension("12 cm", "4 bar") == mk.muscle("nylon").tension("12 cm", "4 bar")  # warnings are errors
+    with pytest.warns(
+        PlausibilityWarning, match="a pressure of 5 bar is beyond the measured ones of mine, up to 4 bar"
+    ):
+        fitted.tension("12 cm", "5 bar")
+    for length in (0.105, 0.15):
+        with pytest.warns(PlausibilityWarning, match=f"a length of {100 * length:g} cm .* of mine, 11 cm to 14 cm"):
+            fitted.tension(np.array([0.12, length]), 3e5)
+    assert usual_pressure(fitted.specimen) == 4e5  # less than the usual 5 bar: nothing was measured there
 
 
 def test_a_text_without_a_unit_is_refused(muscle):

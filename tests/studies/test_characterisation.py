@@ -15,8 +15,10 @@ import mckibben as mk
 from mckibben.errors import InputError, StageError
 from mckibben.specimens import save_specimen
 from mckibben.studies.characterisation.evaluation import (
+    MOST_GAIN,
     advance,
     clamp_of,
+    gain_change,
     half_width,
     leak_of,
     rest_volume,
@@ -31,7 +33,7 @@ from mckibben.studies.characterisation.stages import (
     pressures_of,
     protocol_of,
 )
-from mckibben.studies.characterisation.verb import plan
+from mckibben.studies.characterisation.verb import plan, recording_folder, settings_of
 
 
 def test_the_plan_takes_less_than_ten_minutes_of_machine_time():
@@ -75,8 +77,71 @@ def test_an_argument_out_of_range_is_refused_before_anything_moves(options, said
 
 def test_a_folder_of_another_characterisation_is_refused(tmp_path):
     (tmp_path / "characterisation.json").write_text(json.dumps({"rig": "paper"}))
+    (tmp_path / "1-seat.nc").touch()
     with pytest.raises(InputError, match="its rig is 'paper', not 'modern'; use another folder"):
         mk.characterise("modern", muscle="nylon", out=tmp_path)
+
+
+def test_a_folder_without_recordings_takes_other_settings_and_one_with_a_changed_muscle_is_refused(tmp_path):
+    rig, nylon = mk.rig("modern"), mk.specimen("nylon")
+
+    def settings(pressure, muscle):
+        bounds = Bounds.of(rig, "direct", rest_length=0.14, pressure=pressure)
+        return settings_of(rig, "direct", bounds, 0, muscle)
+
+    for pressure in (4e5, 5e5):  # with the first nothing was recorded
+        recording_folder(tmp_path, settings(pressure, nylon))
+    (tmp_path / "1-seat.nc").touch()
+    recording_folder(tmp_path, settings(5e5, nylon))
+    with pytest.raises(InputError, match="its max_pressure is 5 bar, not 4 bar; use another folder"):
+        recording_folder(tmp_path, settings(4e5, nylon))
+    changed = dataclasses.replace(
+        nylon, laws={"linear_threshold": dict(list(nylon.laws["linear_threshold"].items())[1:])}
+    )
+    with pytest.raises(InputError, match="the muscle has changed since its stages were recorded"):
+        recording_folder(tmp_path, settings(5e5, changed))
+
+
+def _loops(pressures, *, names, gain=0.0, memory=0.0, noise=0.05):
+    """Loops of a spring of 14 cm with friction of 1 N at pressures [Pa], a memory of what was before [N], and the zeros."""
+    rng, rate, steps, columns = np.random.default_rng(3), 100.0, [], []
+    for pressure, name in zip(pressures, names, strict=True):
+        for way, spans in (("shorten", np.linspace(0.14, 0.11, 750)), ("lengthen", np.linspace(0.11, 0.14, 750))):
+            friction = 1.0 if way == "lengthen" else -1.0
+            columns.append(
+                (f"{way} {name}", spans, np.full(750, pressure), 2e-2 * pressure * (spans - 0.105) + friction)
+            )
+    columns.append(("zero", np.full(150, 0.136), np.zeros(150), np.zeros(150)))
+    begin, channels = 0.0, {"span": [], "pressure": [], "tension": []}
+    for i, (label, span, pressure, tension) in enumerate(columns, 1):
+        end = begin + len(span) / rate
+        steps.append(
+            {"label": label, "start": begin, "end": end, "recorded": True, "case": {}, "path": f"steps.{i}", "index": i}
+        )
+        if label != "zero":
+            tension = tension + memory * np.exp(-(begin + np.arange(len(span)) / rate) / 10.0)
+        channels["span"].append(span)
+        channels["pressure"].append(pressure)
+        channels["tension"].append((1.0 + gain) * tension + rng.normal(0.0, noise, len(span)))
+        begin = end
+    units = {"span": "m", "pressure": "Pa", "tension": "N"}
+    made = {n: mk.Channel(np.concatenate(v), units[n], "measured") for n, v in channels.items()}
+    return mk.Recording(np.arange(len(made["span"].values)) / rate, made, {"steps": steps})
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.01, -0.01])
+def test_a_gain_that_has_changed_is_found_beside_friction_and_a_memory_of_the_stretches_before(gain):
+    bounds = plan("modern", rest_length="14 cm").bounds
+    known = Progression(top=6e5, largest=420.0, again=3)
+    records = {
+        "map": _loops((3e5, 4e5), names=("3", "4")),
+        "held-out": _loops((3e5,), names=("again",), gain=gain, memory=2.0),  # 1 % of the tension, as much as the gain
+    }
+    change = gain_change(records, bounds, known)
+    # A sixth of what is refused: 10 s lie between the two time constants that are fitted, and the cell has noise.
+    assert change.value == pytest.approx(gain, abs=5e-4)
+    assert change.low < change.value < change.high < change.value + MOST_GAIN
+    assert (change.low > MOST_GAIN or change.high < -MOST_GAIN) == (gain != 0.0)
 
 
 def test_a_motor_that_does_not_hold_a_slack_muscle_still_is_refused():

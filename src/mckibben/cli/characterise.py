@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -226,6 +227,21 @@ def _print(outcome: Characterisation, out: Path) -> None:
         f"{len(found.held_out)} held-out points: {100.0 * outcome.held_out_error:.2g} % rms of the largest tension, "
         f"{with_unit(found.largest, 'N', 3)}; a predicted tension is known to {found.half_width:.2g} N (95 %)."
     )
+    lowest, highest = (with_unit(p, "Pa", 3) for p in outcome.measured_pressures)
+    change = found.gain_change
+    typer.echo(
+        f"The map is of {lowest} to {highest} and {with_unit(float(found.points.length.min()), 'm', 3)} to "
+        f"{with_unit(float(found.points.length.max()), 'm', 3)}; beyond it the law alone answers."
+    )
+    if math.isfinite(change.value):
+        half = 100.0 * (change.high - change.value)
+        typer.echo(f"One loop, measured again at the end, has changed by {100.0 * change.value:+.2f} +- {half:.2f} %.")
+    if not outcome.knows_volume:
+        typer.echo(
+            "mckibben: caution: these tensions are those of no ideal braid, so that the volume is not known, which commands "
+            f"that fill the muscle need; measure it, and state rest_volume under laws.{outcome.law} in the specimen's file",
+            err=True,
+        )
     short, long = (with_unit(by, "m", 2) for by in found.clamp)
     typer.echo(f"Lengths are spans of the rig, which may be {short} to {long} longer than the muscle itself.")
     typer.echo(f"{outcome.seconds / 60.0:.1f} min of machine time. Written: {out / 'report.html'}")

@@ -139,7 +139,10 @@ def tension(
         warnings = [] if biological else caution(*_cautions(lengths, length, drives, pressure, built, spec))
         points = [_point(built, at, drive, biological) for at in lengths for drive in drives]
         if from_posterior is not None:
-            _add_bands(points, identification.read_posterior(from_posterior, law=chosen))
+            posterior = identification.read_posterior(from_posterior, law=chosen)
+            posterior.check_muscle(built, name)
+            warnings += caution(posterior.beyond(lengths, drives))
+            _add_bands(points, posterior)
         about: dict[str, Any] = {"law": chosen, "specimen": None if spec is None else spec.id, "warnings": warnings}
         defaults = [] if spec is not None else _defaults(built, change, chosen)
         if spec is None:
@@ -213,6 +216,7 @@ def _cautions(
 ) -> list[str | None]:
     longest, single = float(built.length_range()[1]), len(lengths) == 1
     said = [muscles.plausible.length_caution(at, longest, text=length if single else None) for at in lengths]
+    said.append(muscles.plausible.measured_length_caution((min(lengths), max(lengths)), spec))
     highest = max(drives)
     said += [muscles.plausible.pressure_caution(highest, spec, text=pressure)] if pressure is not None else []
     return list(dict.fromkeys(said))

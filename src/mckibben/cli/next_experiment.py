@@ -13,7 +13,7 @@ from ..documents import write_text
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ._outputs import OBJECT, TABLE, OutputKinds, Paths
-from ._terminal import Json, Law, print_json, table
+from ._terminal import Json, Law, caution, print_json, table
 
 if TYPE_CHECKING:
     from ..bench.rig import Rig
@@ -88,8 +88,9 @@ def choose_next(
                 chosen = identification.next_points.next_experiment(posteriors[0], question=question, **limits)
         except InputError as error:
             raise error.changed(field=f"--{error.field}") from None
+        warnings = caution(None if question is None else posteriors[0].beyond(*question))
         rows, units = _rows(chosen)
-        content = _content(chosen, rows)
+        content = _content(chosen, rows) | {"warnings": warnings}
         files.write("protocol", lambda path: write_text(path, chosen.protocol()))
         files.write_rows(rows, units)
         files.write_result(content)

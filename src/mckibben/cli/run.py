@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import components, identification
+from .. import components, identification, muscles
 from ..analysis import segments
 from ..assembly import build
 from ..batch import predictive, run_template
@@ -252,6 +252,7 @@ def _posterior(path: Path, muscle: str, law: str | None, draws: int) -> Posterio
         samples.rows(draws)
     except InputError as error:
         raise error.changed(field="--draws") from None
+    samples.check_muscle(muscles.build.law_from_specimen(spec, samples.law), muscle)
     return samples
 
 

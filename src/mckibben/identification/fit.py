@@ -587,9 +587,26 @@ def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: 
         title=title,
         sources=list(dict.fromkeys(key for f in good for key in law_type(f.law).cites)),
         law=good[0].law,
-        properties={} if like is None else like.properties,
+        properties=({} if like is None else like.properties) | measured_range(good[0].points),
         laws={f.law: _numbers(f) for f in good},
     )
+
+
+def measured_range(points: ForceMap) -> dict[str, SpecimenNumber]:
+    """Highest pressure and shortest and longest length of measured points, as properties of a specimen.
+
+    Args:
+        points: to which a law was fitted.
+    """
+    ends = {
+        "highest_measured_pressure": (float(points.pressure.max()), "Pa"),
+        "shortest_measured_length": (float(points.length.min()), "m"),
+        "longest_measured_length": (float(points.length.max()), "m"),
+    }
+    note = "of the points to which the laws were fitted"
+    return {
+        name: SpecimenNumber(value=float(f"{value:.6g}"), unit=unit, note=note) for name, (value, unit) in ends.items()
+    }
 
 
 def _numbers(f: Fit) -> dict[str, SpecimenNumber]:

@@ -31,6 +31,7 @@ from .uncertainty import Estimate
 
 GRID = (7, 9)  # lengths and pressures of the candidates
 MOVE, VENT, READ = 2.0, 3.0, 1.0  # time to a point, to an empty muscle at another length, and of a reading [s]
+RATE = 100.0  # samples per second of the protocol, which every rig takes [1/s]
 SWEEPS = 3  # exchanges of every point, at most
 UNCHANGED = 0.95  # of the width of an interval: what is left of one that measurements do not narrow
 
@@ -223,6 +224,7 @@ def protocol_of_points(lengths: np.ndarray, pressures: np.ndarray, wait: float) 
         "schema = 1",
         'name = "next"',
         f'title = "The next {len(lengths)} points"',
+        f'sample_rate = "{RATE:g} Hz"',
         'needs = ["pressure sensor", "span sensor", "tension sensor"]',
     ]
     before = float("nan")

@@ -26,7 +26,7 @@ from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..quantities import declared
+from ..quantities import declared, with_unit
 from ..recordings import ForceMap
 from . import sampler
 from ._samples import interval_ends, joint_interval_ends, mixing_warnings
@@ -43,7 +43,10 @@ DISCREPANCY = 0.02
 UNKNOWN_SENSOR = 2e-3
 # Scale of the prior of the error that the points of a run share, as a share of the largest tension.
 RUN_ERROR = 5e-3
-WRITTEN_BY = "the command fit writes one with its option for the posterior and a result as .json"
+ANOTHER_MUSCLE = (
+    0.3  # rms of the measured points that a law misses, of the largest tension, above which it is another muscle
+)
+WRITTEN_BY = "`mckibben fit TABLE --posterior --out fit.json` writes one"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,6 +238,48 @@ class Posterior:
             build_law(self.law, known | {n: float(v[i]) for n, v in self.samples.items()} | changes)
             for i in self.rows(count)
         ]
+
+    def check_muscle(self, law: TensionLaw, name: str) -> None:
+        """Refuse a muscle that is not the one whose posterior this is, by its tensions at the measured points.
+
+        Args:
+            law: of the muscle.
+            name: of the muscle, for the sentence.
+
+        Raises:
+            InputError: its tensions miss the measured ones by more than `ANOTHER_MUSCLE` of the largest.
+        """
+        points = self.points.select(self.points.taut)
+        miss = np.asarray(law.tension(points.length, points.pressure)) - points.tension
+        share = float(np.sqrt(np.mean(miss**2)) / np.max(points.tension))
+        if not share <= ANOTHER_MUSCLE:
+            most = "more than the largest" if share > 1.0 else f"{100.0 * share:.2g} % rms of the largest"
+            said = (
+                f"the posterior is not that of the muscle {name}, whose tensions miss the {len(points)} measured points of "
+                f"the posterior by {most}; "
+                "take the specimen of the same fit, which `mckibben fit TABLE --out my-muscle.toml` writes"
+            )
+            raise InputError("posterior", name, "must be that of the muscle", sentence=said)
+
+    def beyond(self, length: Any, pressure: Any) -> str | None:
+        """Caution about points outside of the measured map, where the intervals are a guess; None if all are within.
+
+        Args:
+            length: [m].
+            pressure: gauge [Pa].
+        """
+        beyond = []
+        for name, values, measured, unit in (
+            ("length", length, self.points.length, "m"),
+            ("pressure", pressure, self.points.pressure, "Pa"),
+        ):
+            low, high = float(measured.min()), float(measured.max())
+            slack = 0.02 * high  # spans and pressures as set and as measured differ a little
+            wrong = [float(v) for v in np.atleast_1d(values) if not low - slack <= float(v) <= high + slack]
+            if wrong:
+                ends = f"{with_unit(low, unit, 3)} to {with_unit(high, unit, 3)}"
+                beyond.append(f"a {name} of {with_unit(wrong[-1], unit, 4)} is outside of the measured {ends}")
+        return f"{' and '.join(beyond)}, where the intervals are a guess" if beyond else None
 
     def rows(self, count: int | None = None) -> np.ndarray:
         """Places of some samples, evenly from all of them.
@@ -629,10 +674,10 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
         fits = [f for one in content.get("maps", [content]) for f in one["fits"]]
         having = {str(f["law"]): f["posterior"] for f in reversed(fits) if f.get("posterior")}
     except (KeyError, TypeError, AttributeError, ValueError):
-        said = f"{where} is no file of a fit with its posterior; {WRITTEN_BY}"
+        said = f"{where} is not the result of a fit with samples of its posterior; {WRITTEN_BY}"
         raise InputError("posterior", where, "must be such a file", sentence=said) from None
     if not having:
-        said = f"{where} is a fit without a posterior; {WRITTEN_BY}"
+        said = f"{where} is the result of a fit without samples of its posterior; {WRITTEN_BY}"
         raise InputError("posterior", where, "must be a fit with one", sentence=said)
     name = list(having)[-1] if law is None else law
     if name not in having:

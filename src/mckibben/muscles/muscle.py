@@ -24,7 +24,7 @@ from ..errors import InputError, PlausibilityWarning
 from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
 from .law import LawState, TensionLaw, law_name
-from .plausible import length_caution, pressure_caution
+from .plausible import length_caution, measured_length_caution, pressure_caution
 
 if TYPE_CHECKING:
     from ..report.figures.plots import MusclePlots
@@ -232,6 +232,7 @@ class Muscle(Module):
         largest = _largest(length)
         if largest is not None and self.longest_length is not None:
             _warn(length_caution(largest, self.longest_length, text=_typed(value, largest)))
+            _warn(measured_length_caution((float(np.min(length)), float(np.max(length))), self.specimen))
         return length
 
     def _drive(self, value: Quantity) -> Any:

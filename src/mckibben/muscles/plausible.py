@@ -21,6 +21,11 @@ SLIP = 3.0
 LEAST_PRESSURE = 2e3  # [Pa]; inflates nothing
 PRESSURE_UNITS = ("bar", "kPa", "psi", "mbar", "Pa", "MPa")
 LENGTH_UNITS = ("cm", "mm", "m", "inch")
+MEASURED_PRESSURE, MEASURED_LENGTHS = (
+    "highest_measured_pressure",
+    ("shortest_measured_length", "longest_measured_length"),
+)
+BEYOND = 0.02  # by which a value may exceed the measured ones without a word, a share
 
 
 def highest_pressure(spec: Specimen | None = None) -> tuple[float, str]:
@@ -32,8 +37,10 @@ def highest_pressure(spec: Specimen | None = None) -> tuple[float, str]:
 
 
 def usual_pressure(spec: Specimen) -> float:
-    """Gauge pressure at which a muscle is computed where none is stated [Pa]: 5 bar, less if it is rated for less."""
-    return min(USUAL_PRESSURE, highest_pressure(spec)[0])
+    """Gauge pressure at which a muscle is computed where none is stated [Pa]: 5 bar, less if rated or measured for less."""
+    measured = spec.properties.get(MEASURED_PRESSURE)
+    most = USUAL_PRESSURE if measured is None else spec.property_si(MEASURED_PRESSURE, "Pa")
+    return min(USUAL_PRESSURE, most, highest_pressure(spec)[0])
 
 
 def pressure_caution(pressure: float, spec: Specimen | None = None, *, text: str | None = None) -> str | None:
@@ -50,11 +57,39 @@ def pressure_caution(pressure: float, spec: Specimen | None = None, *, text: str
         meant = _likely(text, "Pa", PRESSURE_UNITS, LEAST_PRESSURE, most, USUAL_PRESSURE)
         return f"a pressure of {shown} inflates no muscle{meant}" if meant else None
     if pressure <= most:
-        return None
+        return None if spec is None else _beyond_measured_pressure(pressure, spec)
     said = f"a pressure of {shown} is beyond the range of the laws: {whose} {with_unit(most, 'Pa')}"
     if pressure <= SLIP * most:
         return said
     return said + _likely(text, "Pa", PRESSURE_UNITS, 0.02 * most, most, USUAL_PRESSURE)
+
+
+def _beyond_measured_pressure(pressure: float, spec: Specimen) -> str | None:
+    """Caution about a gauge pressure above those to which a muscle's laws were fitted [Pa]."""
+    if MEASURED_PRESSURE not in spec.properties:
+        return None
+    measured = spec.property_si(MEASURED_PRESSURE, "Pa")
+    if pressure <= (1.0 + BEYOND) * measured:
+        return None
+    shown, most = with_unit(pressure, "Pa"), with_unit(measured, "Pa", 3)
+    return f"a pressure of {shown} is beyond the measured ones of {spec.id}, up to {most}: the law alone answers there"
+
+
+def measured_length_caution(lengths: Iterable[float], spec: Specimen | None) -> str | None:
+    """Caution about lengths outside of those to which a muscle's laws were fitted; None if all are within, or not known.
+
+    Args:
+        lengths: between the anchors [m].
+        spec: the muscle, whose file may state the measured lengths.
+    """
+    if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
+        return None
+    low, high = (spec.property_si(name, "m") for name in MEASURED_LENGTHS)
+    beyond = [length for length in lengths if not (1.0 - BEYOND) * low <= length <= (1.0 + BEYOND) * high]
+    if not beyond:
+        return None
+    shown, ends = with_unit(beyond[0], "m"), f"{with_unit(low, 'm', 3)} to {with_unit(high, 'm', 3)}"
+    return f"a length of {shown} is beyond the measured ones of {spec.id}, {ends}: the law alone answers there"
 
 
 def likely_pressure(text: str) -> str:

@@ -48,6 +48,11 @@ READING = (
         "sensor shows the slack: what tells is the span at which the vented muscle gets taut, beside the rest length as "
         "measured. The tension at a length of the muscle itself is known only as far as both agree.",
     ),
+    (
+        "A loop again at the end",
+        "one loop of the map, measured again as the last: a gain of the load cell or of the pressure sensor that drifts "
+        "changes its tensions. More than 0.3 % beyond its interval, and the specimen is not to be used.",
+    ),
     ("Intervals", "95 %; those of the law's parameters take errors as independent and the law as right."),
 )
 
@@ -85,7 +90,7 @@ def _words(value: float, unit: str, digits: int = 4) -> str:
 
 
 def _result(found: Characterisation) -> list[Block]:
-    evaluation = found.evaluation
+    evaluation, points = found.evaluation, found.evaluation.points
     title, half = law_type(found.law).title, _words(evaluation.half_width, "N", 2)
     share = f"{100.0 * found.held_out_error:.2g}\N{NO-BREAK SPACE}%"
     words = f"The law {title} with friction predicts {len(evaluation.held_out)} held-out points to {share} rms of the "
@@ -95,6 +100,12 @@ def _result(found: Characterisation) -> list[Block]:
         ("Taut, vented", _seat(found)),
         ("Span less length of the muscle", " to ".join(_words(by, "m", 2) for by in evaluation.clamp)),
         ("Leak", _leak(found)),
+        ("Measured pressures", " to ".join(_words(p, "Pa", 3) for p in found.measured_pressures)),
+        (
+            "Measured lengths",
+            " to ".join(_words(float(end), "m", 3) for end in (points.length.min(), points.length.max())),
+        ),
+        ("A loop again at the end", _again(found)),
         ("Machine time", f"{found.seconds / 60.0:.1f} min"),
     ]
     rows = tuple(
@@ -107,7 +118,12 @@ def _result(found: Characterisation) -> list[Block]:
         TableColumn("95 %: from", number=True),
         TableColumn("to", number=True),
     )
-    said = [*evaluation.fits[0].warnings, *evaluation.friction.warnings]
+    said = [*evaluation.fits[0].warnings, *(f"friction: {warning}" for warning in evaluation.friction.warnings)]
+    if not found.knows_volume:
+        said.append(
+            "these tensions are those of no ideal braid, so that the volume is not known, which commands that fill the "
+            f"muscle need; measure it and state rest_volume under laws.{found.law} in the specimen's file"
+        )
     return [
         Paragraph(words, "lead"),
         *([NoteBox("Not to be used", (found.failure,), "stop")] if found.failure else []),
@@ -122,6 +138,15 @@ def _seat(found: Characterisation) -> str:
     if not math.isfinite(seat.value):
         return "not up to 2 % longer"
     return f"{_words(seat.value, 'm')} ({_words(seat.low, 'm')} to {_words(seat.high, 'm')})"
+
+
+def _again(found: Characterisation) -> str:
+    change = found.evaluation.gain_change
+    if not math.isfinite(change.value):
+        return "has no lengths in common with the one of the map"
+    ends = (f"{100.0 * v:+.2f}" for v in (change.value, change.low, change.high))
+    value, low, high = (end.replace("-", "−") for end in ends)
+    return f"tensions changed by {value} % ({low} to {high} %)"
 
 
 def _leak(found: Characterisation) -> str:
@@ -146,8 +171,8 @@ def _prediction(found: Characterisation) -> list[Block]:
     return [
         Figure(
             characterisation_figures.loops_figure(found),
-            "Tension over the span, six pressures. The lower branch of a loop is that of shortening.",
-            "Loops of tension over span at six pressures, measured and fitted.",
+            "Tension over the span where the muscle pulls. The lower branch of a loop is that of shortening.",
+            "Loops of tension over span, one per pressure, measured and fitted.",
         ),
         Figure(
             characterisation_figures.held_out_figure(found),
@@ -167,10 +192,15 @@ def _prediction(found: Characterisation) -> list[Block]:
 
 def _measurement(found: Characterisation) -> list[Block]:
     rows = tuple(
-        TableRow((s.stage, STAGES[s.stage], f"{s.seconds:.0f}", "from its recording" if s.resumed else "run"))
+        TableRow((s.stage, STAGES[s.stage], f"{s.seconds:.0f}", "from the folder" if s.resumed else "new"))
         for s in found.stages
     )
-    columns = (TableColumn("Stage"), TableColumn("", wide=True), TableColumn("Time", "s", True), TableColumn(""))
+    columns = (
+        TableColumn("Stage"),
+        TableColumn("", wide=True),
+        TableColumn("Time", "s", True),
+        TableColumn("Recording"),
+    )
     errors = ", ".join(f"{law_type(f.law).title} {f.rmse:.2f}\N{NO-BREAK SPACE}N" for f in found.evaluation.fits)
     return [
         ReportTable(columns, rows, "Stages"),

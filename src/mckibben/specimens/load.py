@@ -37,6 +37,9 @@ KNOWN_PROPERTIES = {
     "creep_stiffness": "N/m",  # of Maxwell elements beside the braid, as many as time constants
     "creep_time_constants": "s",
     "leak_decay": "1/s",  # share of the pressure that the shut muscle loses per second
+    "highest_measured_pressure": "Pa",  # gauge; of the points to which the laws were fitted
+    "shortest_measured_length": "m",
+    "longest_measured_length": "m",
     "tension_uncertainty": "N",  # half width of the 95 % interval of a predicted tension
     "flow_into_the_room": "m^3/s",
     "flow": "m^3/s",  # the same, in files of before

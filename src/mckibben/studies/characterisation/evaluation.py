@@ -22,7 +22,7 @@ import numpy as np
 
 from ...analysis.loops import TensionPath
 from ...errors import InputError, StageError
-from ...identification.fit import Fit, fit_all, fitted_specimen
+from ...identification.fit import Fit, fit_all, fitted_specimen, measured_range
 from ...identification.tension_path_fit import (
     AT_PRESSURE,
     ELEMENTS,
@@ -40,13 +40,16 @@ from ...muscles.laws import LAWS
 from ...quantities import with_unit
 from ...recordings import ForceMap, Recording
 from ...specimens import Specimen, SpecimenNumber
-from .stages import ISOBARS, Bounds, Progression
+from .stages import AGAIN, ISOBARS, Bounds, Progression
 
 SAMPLES = 3000  # of a path to which every recording is resampled, so that what is compiled serves all
 PAIRS = 120  # points of the map
 WINDOW = 0.012  # half width in which a branch is read, of the rest length
 ENDS = (0.06, 0.04)  # of a loop's length range that is left out where it is short and where it is long
 TAUT = 0.02  # of the largest tension, above which a point counts
+PULLS = 0.4  # of the largest tension, from which on a loop shows a gain that changes
+MEMORIES = (3.0, 15.0)  # time constants of what is left of the relaxation from before [s]
+MOST_GAIN = 0.003  # by which the tensions of that loop may have changed at its repetition, beyond the error of that
 LEAST_LOOP = 0.02  # length range of a loop that counts, of the rest length
 LEAST_TENSION = 3.0  # largest tension that a muscle must reach [N], and in noise of the cell
 NOISES = 40.0
@@ -93,6 +96,8 @@ class Evaluation:
         held_out: points of the last stage.
         half_width: of the 95 % interval of a predicted tension [N].
         largest: largest tension [N].
+        gain_change: by which the tensions of a loop at equal pressure have changed from the map to the end, a share: by a
+            gain of the load cell or the pressure sensor; with its 95 % interval.
     """
 
     points: ForceMap
@@ -106,6 +111,7 @@ class Evaluation:
     held_out: tuple[HeldOut, ...]
     half_width: float
     largest: float
+    gain_change: Estimate
 
     @property
     def error(self) -> np.ndarray:
@@ -153,7 +159,7 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
             raise StageError(
                 stage, f"the muscle pulls along less than {share} at every pressure; check the rest length"
             )
-        return dataclasses.replace(known, isobars=isobars)
+        return dataclasses.replace(known, isobars=isobars, again=_repeated_loop(record, known))
     return known
 
 
@@ -187,6 +193,12 @@ def _loop_end(record: Recording, i: int, bounds: Bounds) -> tuple[float, float]:
     settled = _part(record, f"settle {i}", "map")
     shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
     return float(np.mean(settled["pressure"])), min(shortest, bounds.rest_length)
+
+
+def _repeated_loop(record: Recording, known: Progression) -> int:
+    """Number of the loop that is measured again at the end: the earliest that pulls well, long before its repetition."""
+    pulls = [float(np.max(_part(record, f"lengthen {i}", "map")["tension"])) for i in range(1, ISOBARS + 1)]
+    return next((i for i, pull in enumerate(pulls, 1) if pull - known.zero >= PULLS * known.largest), ISOBARS)
 
 
 def _part(record: Recording, label: str, stage: str) -> Recording:
@@ -429,7 +441,63 @@ def evaluate(
         held_out=held_out,
         half_width=half_width(errors, gain_error * known.largest),
         largest=known.largest,
+        gain_change=gain_change(records, bounds, known),
     )
+
+
+def gain_change(records: dict[str, Recording], bounds: Bounds, known: Progression) -> Estimate:
+    """Share by which the tensions of a loop have changed from the map to its repetition at the end, with its 95 % interval.
+
+    At a length l of a branch, and at equal readings of the pressure, the tension has changed by
+
+        T'(l) - T(l) = g T(l) + a exp(-t/3 s) + b exp(-t/15 s) +- c
+
+    with the time t since the begin of the loop. The exponentials are what is left of the relaxation from before, since the
+    muscle was stretched in another way; c is friction, of opposite sign on the branches. g is a gain of the load cell or
+    of the pressure sensor that has changed, or a muscle that has.
+
+    Args:
+        records: by stage.
+        bounds: of the characterisation.
+        known: found by the stages.
+
+    Returns:
+        NaN with an open interval where the loops have no lengths in common.
+    """
+    first, last = records["map"], records["held-out"]
+    near = known.again + 1 if known.again < ISOBARS else known.again - 1
+    loops = [_loop(first, str(known.again)), _loop(last, AGAIN), _loop(first, str(near))]
+    ends = [(float(part["span"].min()), float(part["span"].max())) for loop in loops for part in loop]
+    low, high = max(a for a, _ in ends), min(b for _, b in ends)
+    if high - low < LEAST_LOOP * bounds.rest_length:
+        return Estimate(float("nan"), -float("inf"), float("inf"), "1")
+    lengths = np.linspace(low + ENDS[0] * (high - low), high - ENDS[1] * (high - low), PAIRS // ISOBARS)
+    read = [
+        np.array([[_read(part, name, lengths, bounds.rest_length) - zero for part in loop] for name, zero in zeros])
+        for loop, zeros in zip(loops, map(_zeros, (first, last, first)), strict=True)
+    ]  # of each loop the tension and the pressure (2, branches, lengths)
+    mean, above = read[0].mean(axis=1), read[2].mean(axis=1)
+    slope = (above[0] - mean[0]) / (above[1] - mean[1])
+    change = np.ravel(read[1][0] - read[0][0] - slope * (read[1][1] - read[0][1]))
+    shorten, lengthen = loops[1][1], loops[1][0]
+    times = np.concatenate([_times(part, lengths) for part in (lengthen, shorten)]) - shorten.time[0]
+    signs = np.repeat([1.0, -1.0], len(lengths))
+    matrix = np.column_stack([np.tile(mean[0], 2), *(np.exp(-times / t) for t in MEMORIES), signs])
+    solution = np.linalg.lstsq(matrix, change, rcond=None)[0]
+    names = ("gain", *(f"memory {t:g} s" for t in MEMORIES), "friction")
+    spread = uncertainty(matrix, matrix @ solution - change, names)
+    half = float(spread.quantile * spread.standard_error[0])
+    return Estimate(float(solution[0]), float(solution[0]) - half, float(solution[0]) + half, "1")
+
+
+def _loop(record: Recording, name: str) -> list[Recording]:
+    return [_part(record, f"{way} {name}", "held-out") for way in ("lengthen", "shorten")]
+
+
+def _zeros(record: Recording) -> list[tuple[str, float]]:
+    """Channels of tension and pressure with their readings at the end, vented and slack."""
+    end = _part(record, "zero", "held-out")
+    return [(name, float(np.mean(end[name]))) for name in ("tension", "pressure")]
 
 
 def rest_volume(points: ForceMap, bounds: Bounds) -> float | None:
@@ -542,6 +610,7 @@ def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> 
     note = f"as measured, to {100.0 * bounds.rest_length_error:g} %{taut}; lengths are spans, with clamps and tendon"
     properties = {
         "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note=note),
+        **measured_range(found.points),
         "tension_uncertainty": SpecimenNumber(
             value=error, unit="N", note="half width of the 95 % interval of a predicted tension, from held-out points"
         ),

@@ -6,7 +6,8 @@
     map         loops of the span at constant pressures, rising from loop to loop: shortened until slack, lengthened back;
                 then slack for the zeros
     relaxation  a stretch at constant pressure, and a hold
-    held-out    holds at pressures and lengths that the map does not have, reached by shortening and lengthening
+    held-out    holds at pressures and lengths that the map does not have, reached by shortening and lengthening; then one
+                loop of the map again, which shows a gain that has changed, and slack for the zeros
 
 Every stage begins and ends vented at the rest length. No set-point lies beyond the limits of the rig; a step at which the
 tension may become too large ends by a test of the load cell.
@@ -35,6 +36,7 @@ STAGES = {
 RATE = 100.0  # samples per second of the recordings [1/s]
 MARGIN = 0.9  # of what a rig bears
 ISOBARS = 6
+AGAIN = "again"  # in the labels of the loop that is measured again
 SPEED = 0.02  # of the loops [rest lengths/s]
 SHORTEST = 0.6  # span, of the rest length
 STRETCH, STRETCH_TIME, RELAX, HOLD = 0.04, 1.0, 40.0, 40.0  # [rest lengths], [s]
@@ -143,6 +145,7 @@ class Progression:
         top: highest gauge pressure that the muscle may have [Pa].
         largest: largest tension at it [N].
         isobars: pressure [Pa] and shortest taut length [m] of each loop of the map.
+        again: number of the loop that is measured again at the end, from 1.
     """
 
     zero: float = 0.0
@@ -151,6 +154,7 @@ class Progression:
     top: float = 0.0
     largest: float = 0.0
     isobars: tuple[tuple[float, float], ...] = ()
+    again: int = ISOBARS
 
     def shortest_at(self, pressure: float) -> float:
         """Shortest taut length at a pressure [m], between those of the map."""
@@ -273,22 +277,31 @@ def _ramp(bounds: Bounds, known: Progression) -> list[str]:
 
 
 def _map(bounds: Bounds, known: Progression) -> list[str]:
+    steps = [_step("rest", span=(bounds.rest_length, _taken(0.5)), pressure=(0.0, 0.5), hold=1.0)]
+    for i, pressure in enumerate(pressures_of(known.top), 1):
+        steps += _loop(str(i), pressure, bounds, known)
+    return [*steps, *_zeros(bounds)]
+
+
+def _loop(name: str, pressure: float, bounds: Bounds, known: Progression) -> list[str]:
+    """A loop of the map at a pressure [Pa]: shortened until slack, and lengthened back."""
     rest, speed = bounds.rest_length, SPEED * bounds.rest_length
     time = (rest - bounds.shortest) / speed
-    steps = [_step("rest", span=(rest, _taken(0.5)), pressure=(0.0, 0.5), hold=1.0)]
-    for i, pressure in enumerate(pressures_of(known.top), 1):
-        steps += [
-            _step(f"approach {i}", span=(rest, _taken(1.5)), pressure=(pressure, 1.5), hold=1.5),
-            _step(f"settle {i}", hold=1.5),
-            _step(f"shorten {i}", span=(bounds.shortest, _at(speed)), hold=time, until=_below(known.slack, known)),
-            _step(
-                f"lengthen {i}", span=(rest, _taken(time)), hold=time, until=_above(bounds.tension / MARGIN**0.5, known)
-            ),
-        ]
     return [
-        *steps,
+        _step(f"approach {name}", span=(rest, _taken(1.5)), pressure=(pressure, 1.5), hold=1.5),
+        _step(f"settle {name}", hold=1.5),
+        _step(f"shorten {name}", span=(bounds.shortest, _at(speed)), hold=time, until=_below(known.slack, known)),
+        _step(
+            f"lengthen {name}", span=(rest, _taken(time)), hold=time, until=_above(bounds.tension / MARGIN**0.5, known)
+        ),
+    ]
+
+
+def _zeros(bounds: Bounds) -> list[str]:
+    """Vented and slack, for the zeros of the sensors."""
+    return [
         _step("empty", pressure=(0.0, 1.5), record=False),
-        _step("slacken", span=(0.97 * rest, _taken(1.5)), record=False),
+        _step("slacken", span=(0.97 * bounds.rest_length, _taken(1.5)), record=False),
         _step("drain", hold=DRAIN, record=False),
         _step("zero", hold=1.5),
     ]
@@ -333,4 +346,5 @@ def _held_out(bounds: Bounds, known: Progression) -> list[str]:
                 _step(f"move {i}.{j}", span=(length, _taken(3.0))),
                 _step(f"point {i}.{j}", hold=2.0),
             ]
-    return steps
+    again = pressures_of(known.top)[known.again - 1]
+    return [*steps, *_loop(AGAIN, again, bounds, known), *_zeros(bounds)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -33,7 +34,7 @@ from ...quantities import in_si, with_unit
 from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from .evaluation import GAIN_ERROR, MOST_ERROR, Evaluation, advance, evaluate, muscle_of, specimen_of
+from .evaluation import GAIN_ERROR, MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
 from .stages import LENGTH_ERROR, STAGES, Bounds, Progression, planned, protocol_of
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from ...identification.uncertainty import Estimate
 
 SETTINGS = "characterisation.json"  # in the folder: what its recordings were made with
+POINTS = "points.csv"  # in the folder: points of the map, without friction and relaxation
+CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle"}  # settings that are digests, and what of
 SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
 Progress = Callable[[float, float, str], None]  # machine time done and planned [s], and the stage
 
@@ -106,8 +109,27 @@ class Characterisation:
         return float(np.sqrt(np.mean(self.evaluation.error**2))) / self.evaluation.largest
 
     @property
+    def measured_pressures(self) -> tuple[float, float]:
+        """Lowest and highest gauge pressure of the map's points [Pa]; at a loop below the lowest the muscle was slack."""
+        pressure = self.evaluation.points.pressure
+        return float(pressure.min()), float(pressure.max())
+
+    @property
+    def knows_volume(self) -> bool:
+        """Whether the fitted law has a volume, which commands that fill the muscle with air need."""
+        return bool(self.evaluation.fits[0].build().has_volume())
+
+    @property
     def failed_stage(self) -> tuple[str, str]:
         """The stage whose outcome speaks against the specimen, and why; both empty if nothing does."""
+        change = self.evaluation.gain_change
+        if change.low > MOST_GAIN or change.high < -MOST_GAIN:
+            by, most = f"{100.0 * change.value:+.2g} %", f"{100.0 * MOST_GAIN:g} %"
+            return (
+                "held-out",
+                f"the tensions of one loop of the map have changed by {by} at its repetition, more than {most}: the "
+                "gain of the load cell or of the pressure sensor drifts; let both warm up, and calibrate them",
+            )
         if self.held_out_error > MOST_ERROR:
             share, most = f"{100.0 * self.held_out_error:.2g} %", f"{100.0 * MOST_ERROR:g} %"
             return (
@@ -162,6 +184,8 @@ class Characterisation:
             "largest_tension": found.largest,
             "tension_interval": found.half_width,
             "held_out_error": self.held_out_error,
+            "gain_change": found.gain_change._asdict() if np.isfinite(found.gain_change.value) else None,
+            "measured_pressures": list(self.measured_pressures),
             "seat": found.seat._asdict() if np.isfinite(found.seat.value) else None,
             "clamp": list(found.clamp),
             "machine_time": self.seconds,
@@ -301,12 +325,12 @@ def characterise(
         rest_length_error=rest_length_error,
     )
     bounds, layout = intended.bounds, _layout(on, plumbing)
-    folder = None if out is None else _folder(out, on, layout, bounds, seed, _title_of(muscle))
+    folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
     known, records, done = Progression(), {}, []
     passed = 0.0
     with _machine(on, layout, unit, bounds, hardware, seed, step) as machine:
         for stage in bounds.stages:
-            place = None if folder is None else folder / f"{1 + list(STAGES).index(stage)}-{stage}.nc"
+            place = None if folder is None else place_of(folder, stage)
             resumed = place is not None and place.exists()
             if resumed and place is not None:
                 record = read_recording(place)
@@ -330,6 +354,7 @@ def characterise(
     spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
     outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records)
     if folder is not None:
+        found.points.save(folder / POINTS)
         write_text(folder / "result.json", json.dumps(outcome.to_dict(), indent=1) + "\n", field="out")
         if outcome.passed:
             outcome.save(folder / f"{name}.toml")
@@ -453,35 +478,79 @@ def _layout(rig: Rig, plumbing: str | None) -> str:
     return next((n for n in usable if rig.plumbing[n].shut_off is not None), usable[0])
 
 
-def _folder(out: str | os.PathLike[str], rig: Rig, layout: str, bounds: Bounds, seed: int, muscle: str) -> Path:
-    """The folder of the recordings, made if it is not there; refused if its recordings were made otherwise."""
+def recording_folder(out: str | os.PathLike[str], settings: dict[str, JsonValue]) -> Path:
+    """Make the folder of the recordings, or take one whose recordings were made with the same settings.
+
+    Args:
+        out: path of the folder.
+        settings: by `settings_of`; written into the folder.
+
+    Raises:
+        InputError: it has recordings that were made with other settings.
+    """
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise InputError("out", str(folder), "must be a folder")
     folder.mkdir(parents=True, exist_ok=True)
-    settings: dict[str, JsonValue] = {
-        "rig": rig.name,
-        "plumbing": layout,
-        "muscle": muscle,
-        "seed": seed,
-        "rest_length": bounds.rest_length,
-        "max_pressure": bounds.pressure,
-        "max_tension": bounds.tension,
-    }
     place = folder / SETTINGS
     if place.exists():
         stored = parse_json(read_text(place, field="out"))
         if not isinstance(stored, dict):
             raise InputError("out", str(place), "must be the settings of a characterisation")
-        for key, value in settings.items():
-            if stored.get(key) != value:
-                said = (
-                    f"{folder} has stages of another characterisation: its {key} is {stored.get(key)!r}, not {value!r}"
-                )
-                raise InputError("out", str(folder), "is of another one", sentence=f"{said}; use another folder")
-    else:
-        write_text(place, json.dumps(settings, indent=1) + "\n", field="out")
+        recorded = any(place_of(folder, stage).exists() for stage in STAGES)
+        for key, value in settings.items() if recorded else ():
+            before = stored.get(key)
+            if before == value or (key in CONTENTS and before is None):
+                continue
+            if key in CONTENTS:
+                which = f"the {CONTENTS[key]} has changed since its stages were recorded"
+            else:
+                which = f"its {key} is {_shown(key, before)}, not {_shown(key, value)}"
+            said = f"{folder} has stages of another characterisation: {which}; use another folder"
+            raise InputError("out", str(folder), "is of another one", sentence=said)
+    write_text(place, json.dumps(settings, indent=1) + "\n", field="out")
     return folder
+
+
+def place_of(folder: Path, stage: str) -> Path:
+    """Return the file of a stage's recording in a folder."""
+    return folder / f"{1 + list(STAGES).index(stage)}-{stage}.nc"
+
+
+def _shown(key: str, value: JsonValue) -> str:
+    unit = {"rest_length": "m", "max_pressure": "Pa", "max_tension": "N"}.get(key)
+    return with_unit(float(value), unit) if unit and isinstance(value, int | float) else repr(value)
+
+
+def settings_of(
+    rig: Rig, layout: str, bounds: Bounds, seed: int, muscle: str | Specimen | Muscle | MuscleUnit | None
+) -> dict[str, JsonValue]:
+    """Return what recordings are made with [SI], with digests of what the rig and the muscle are.
+
+    Args:
+        rig: the rig.
+        layout: name of its plumbing.
+        bounds: of the characterisation.
+        seed: of the simulated sensors' noise.
+        muscle: of a simulated rig; None on a real machine.
+    """
+    spec = muscle_specimen(muscle) if isinstance(muscle, str) else getattr(muscle, "specimen", muscle)
+    return {
+        "rig": rig.name,
+        "rig_digest": _digest(rig.document),
+        "plumbing": layout,
+        "muscle": _title_of(muscle),
+        "muscle_digest": _digest(spec.stated()) if isinstance(spec, Specimen) else "",
+        "seed": seed,
+        "rest_length": bounds.rest_length,
+        "max_pressure": bounds.pressure,
+        "max_tension": bounds.tension,
+    }
+
+
+def _digest(content: object) -> str:
+    text = json.dumps(content, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _check(stage: str, record: Recording, rig: Rig) -> None:

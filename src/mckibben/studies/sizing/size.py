@@ -300,6 +300,8 @@ def size(
     candidates += catalogue.of_sizes(wish)
     order = ranked([judged(one, wish) for one in candidates])
     chosen = _chosen(order, muscle)
+    if drawn is not None:
+        drawn.check_muscle(chosen.muscle.law, chosen.muscle.id)
     best: list[LineResult] = []
     other: list[LineResult] = []
     times = None
