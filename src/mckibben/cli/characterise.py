@@ -229,10 +229,8 @@ def _print(outcome: Characterisation, out: Path) -> None:
     )
     lowest, highest = (with_unit(p, "Pa", 3) for p in outcome.measured_pressures)
     change = found.gain_change
-    typer.echo(
-        f"The map is of {lowest} to {highest} and {with_unit(float(found.points.length.min()), 'm', 3)} to "
-        f"{with_unit(float(found.points.length.max()), 'm', 3)}; beyond it the law alone answers."
-    )
+    shortest, longest = (with_unit(end, "m", 3) for end in found.lengths)
+    typer.echo(f"The map is of {lowest} to {highest} and {shortest} to {longest}; beyond it the law alone answers.")
     if math.isfinite(change.value):
         half = 100.0 * (change.high - change.value)
         typer.echo(f"One loop, measured again at the end, has changed by {100.0 * change.value:+.2f} +- {half:.2f} %.")

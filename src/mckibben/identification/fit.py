@@ -592,16 +592,18 @@ def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: 
     )
 
 
-def measured_range(points: ForceMap) -> dict[str, SpecimenNumber]:
+def measured_range(points: ForceMap, lengths: tuple[float, float] | None = None) -> dict[str, SpecimenNumber]:
     """Highest pressure and shortest and longest length of measured points, as properties of a specimen.
 
     Args:
         points: to which a law was fitted.
+        lengths: shortest and longest measured length [m]; those of the points by default.
     """
+    shortest, longest = lengths or (float(points.length.min()), float(points.length.max()))
     ends = {
         "highest_measured_pressure": (float(points.pressure.max()), "Pa"),
-        "shortest_measured_length": (float(points.length.min()), "m"),
-        "longest_measured_length": (float(points.length.max()), "m"),
+        "shortest_measured_length": (shortest, "m"),
+        "longest_measured_length": (longest, "m"),
     }
     note = "of the points to which the laws were fitted"
     return {

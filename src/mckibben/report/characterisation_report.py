@@ -90,7 +90,7 @@ def _words(value: float, unit: str, digits: int = 4) -> str:
 
 
 def _result(found: Characterisation) -> list[Block]:
-    evaluation, points = found.evaluation, found.evaluation.points
+    evaluation = found.evaluation
     title, half = law_type(found.law).title, _words(evaluation.half_width, "N", 2)
     share = f"{100.0 * found.held_out_error:.2g}\N{NO-BREAK SPACE}%"
     words = f"The law {title} with friction predicts {len(evaluation.held_out)} held-out points to {share} rms of the "
@@ -103,7 +103,7 @@ def _result(found: Characterisation) -> list[Block]:
         ("Measured pressures", " to ".join(_words(p, "Pa", 3) for p in found.measured_pressures)),
         (
             "Measured lengths",
-            " to ".join(_words(float(end), "m", 3) for end in (points.length.min(), points.length.max())),
+            " to ".join(_words(end, "m", 3) for end in evaluation.lengths),
         ),
         ("A loop again at the end", _again(found)),
         ("Machine time", f"{found.seconds / 60.0:.1f} min"),

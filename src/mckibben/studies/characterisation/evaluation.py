@@ -98,6 +98,7 @@ class Evaluation:
         largest: largest tension [N].
         gain_change: by which the tensions of a loop at equal pressure have changed from the map to the end, a share: by a
             gain of the load cell or the pressure sensor; with its 95 % interval.
+        lengths: shortest and longest of the map's loops [m].
     """
 
     points: ForceMap
@@ -112,6 +113,7 @@ class Evaluation:
     half_width: float
     largest: float
     gain_change: Estimate
+    lengths: tuple[float, float]
 
     @property
     def error(self) -> np.ndarray:
@@ -442,6 +444,7 @@ def evaluate(
         half_width=half_width(errors, gain_error * known.largest),
         largest=known.largest,
         gain_change=gain_change(records, bounds, known),
+        lengths=(min(length for _, length in known.isobars), bounds.rest_length),
     )
 
 
@@ -610,7 +613,7 @@ def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> 
     note = f"as measured, to {100.0 * bounds.rest_length_error:g} %{taut}; lengths are spans, with clamps and tendon"
     properties = {
         "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note=note),
-        **measured_range(found.points),
+        **measured_range(found.points, found.lengths),
         "tension_uncertainty": SpecimenNumber(
             value=error, unit="N", note="half width of the 95 % interval of a predicted tension, from held-out points"
         ),
