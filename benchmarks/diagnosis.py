@@ -132,18 +132,32 @@ def bound(events: int, runs: int) -> float:
 
 
 def measure_faulty(
-    count: int, seed: int, cases: list[dict[str, Any]], before: dict[str, Any], tell: Any
+    count: int,
+    seed: int,
+    cases: list[dict[str, Any]],
+    before: dict[str, Any],
+    tell: Any,
+    only: tuple[str, ...] = (),
 ) -> Iterator[dict[str, Any]]:
     """Run faults of random sizes, and count what was found; yields the results so far after each round of all faults.
 
     A round has one run of each fault and case, with a size and noise of its own, whatever number of rounds there is; those
-    in the results before are not run again.
+    in the results before are not run again, but all of the faults `only`.
     """
     names = list(SIZES)
+    if only:
+        before = {
+            "matrix": {
+                n: dict.fromkeys([*names, "none"], 0) if n in only else row for n, row in before["matrix"].items()
+            },
+            "runs": [run for run in before["runs"] if run["fault"] not in only],
+        }
     matrix = before.get("matrix") or {name: dict.fromkeys([*names, "none"], 0) for name in names}
     runs: list[dict[str, Any]] = list(before.get("runs", []))
     for turn in range(before.get("turns", 0), count // len(CASES) // len(names)):
         for (number, case), (place, name) in itertools.product(enumerate(CASES), enumerate(names)):
+            if only and name not in only:
+                continue
             chance = np.random.default_rng([seed, turn, number, place])
             low, sound = 1.5 * cases[number]["limits"][name], cases[number]["sound"][name]
             high = min(10.0 * low, LARGEST[name])
@@ -166,7 +180,7 @@ def measure_faulty(
                 {
                     "case": number, "fault": name, "size": size, "found": found.fault,
                     "alternatives": list(found.alternatives), "value": value if sound == 0.0 else sound - value,
-                    "inside": inside, "explained": found.explained,
+                    "inside": inside, "explained": found.explained, "seed": seed,
                 }
             )  # fmt: skip
         tell({"turn": turn, "runs": len(runs), "right": sum(matrix[name][name] for name in names)})
@@ -255,6 +269,7 @@ def main() -> int:
     )
     parser.add_argument("--faulty", type=int, default=300, help="faulty runs in all")
     parser.add_argument("--seed", type=int, default=SEED, help="seed of noise and sizes")
+    parser.add_argument("--only", default="", help="faults to run anew beside the results of the file, with commas")
     parser.add_argument("--out", default="diagnosis.json", help="JSON file of the results")
     parser.add_argument("--draw", default="", help="write figure and tables of the documentation from a JSON file")
     options = parser.parse_args()
@@ -266,13 +281,14 @@ def main() -> int:
     def tell(row: dict[str, Any]) -> None:
         print(json.dumps(row), file=sys.stderr, flush=True)
 
-    before = json.loads(Path(options.out).read_text(encoding="utf-8")) if options.sound == 0 else {}
+    only = tuple(name for name in options.only.split(",") if name)
+    before = json.loads(Path(options.out).read_text(encoding="utf-8")) if options.sound == 0 or only else {}
     sound = before["sound"] if before else measure_sound(options.sound, options.seed, tell)
-    results = {"seed": options.seed, "sound": sound}
+    results = {"seed": before.get("seed", options.seed), "sound": sound}
     if not before:
         write(results, options.out)
     cases = results["sound"]["cases"]
-    for faulty in measure_faulty(options.faulty, options.seed, cases, before.get("faulty", {}), tell):
+    for faulty in measure_faulty(options.faulty, options.seed, cases, before.get("faulty", {}), tell, only):
         write(results | {"faulty": faulty}, options.out)
     return 0
 

@@ -38,7 +38,7 @@ from ...quantities import declared, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen, muscle_specimen
-from .observer import CHANNELS, MOTION, START_FRICTION, START_GAS, START_PORT, Observer, RecordedSection
+from .observer import CHANNELS, MOTION, START_FRICTION, START_GAS, START_PORT, START_SLIP, Observer, RecordedSection
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
 THRESHOLD = 30.0
@@ -71,6 +71,17 @@ SIZES = {
 # above.
 RUNGS = {"valve_sticking": (1.0, 3.0, 8.0, 24.0, 64.0), "clamp_grip": (1.0, 8.0, 64.0)}
 CLAMP_GRIP = "clamp_grip"  # searched as the tension by which it is below the largest of the sound rig
+CLAMP_SLACK = "clamp_slack"
+# What such a fault does hangs on the motion to the micrometre, more than the recording tells: its interval spans those of
+# other motions that the recording could as well be of.
+MOTIONS = (0.5, -0.5, 1.0, -1.0)
+FAR = 8.0  # standard errors from the best value up to which other motions are tried
+# Shares of the best value beside it, at which a misfit that is no parabola is looked at.
+BESIDE = np.array([0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15, 0.2])
+# What a clamp lost before the recording is a second number, for which twice the logarithm of the likelihood must be larger
+# by `TELLING`.
+SLIP_ROUNDS, SLIP_STEP, EDGES = 2, 1e-3, 4  # rounds of its search, step in shares of the slack, values at either end
+NEARLY = 0.5  # share of the best fault's ratio from which on a fault is looked at as closely
 TITLES = {
     "leak": "leak of the muscle's fitting",
     "valve_blockage": "blocked valve",
@@ -105,6 +116,7 @@ class FaultFit(NamedTuple):
         aicc: Akaike's criterion less that of the sound rig; negative where the fault explains the record better.
         limit: value from which on this recording would show it [SI].
         sound: value that a sound rig has as far as the recording loads it: zero, but the largest tension of a clamp's grip.
+        slipped_before: span that a slipping clamp has lost before the recording [m]; zero where that explains no more.
     """
 
     name: str
@@ -113,6 +125,7 @@ class FaultFit(NamedTuple):
     aicc: float
     limit: float
     sound: float = 0.0
+    slipped_before: float = 0.0
 
     @property
     def title(self) -> str:
@@ -157,6 +170,8 @@ class Diagnosis:
         best = self[self.fault]
         value, low, high = (shown(best.name, v) for v in best.estimate[:3])
         said = f"{best.title.capitalize()}: {value} (95 %: {low} to {high})."
+        if best.slipped_before > 0.0:
+            said += f" It lost {shown(CLAMP_SLACK, best.slipped_before)} of span before the recording."
         if self.alternatives:
             others = ", ".join(TITLES[name] for name in self.alternatives)
             said += f" The recording cannot tell it from: {others}."
@@ -185,6 +200,7 @@ class Diagnosis:
                     "aicc": one.aicc,
                     "limit": one.limit,
                     "sound": one.sound,
+                    "slipped_before": one.slipped_before,
                 }
                 for one in self.faults
             ],
@@ -402,6 +418,7 @@ class _Comparison:
         self.starts = np.zeros((0, len(self.channels), 0))
         self.rough = np.zeros((len(self.channels), 1))
         self.largest = 0.0
+        self.slipped = 0.0
         self.firsts = [0] * len(sections)
         self.measured = np.zeros((len(self.channels), 0))
 
@@ -412,7 +429,8 @@ class _Comparison:
 
     def real(self, values: Mapping[str, float]) -> dict[str, float]:
         """Faults of the rig [SI] from what is searched: the grip of a clamp from the tension by which it is too low."""
-        return {n: max(self.largest - v, LEAST_GRIP) if n == CLAMP_GRIP else v for n, v in values.items()}
+        real = {n: max(self.largest - v, LEAST_GRIP) if n == CLAMP_GRIP else v for n, v in values.items()}
+        return {START_SLIP: self.slipped, **real} if CLAMP_GRIP in real else real
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Bounds of what is searched of a fault [SI]."""
@@ -453,6 +471,12 @@ class _Comparison:
     def predict(self, values: Sequence[Mapping[str, float]]) -> np.ndarray:
         """Blocks (sets, channels, blocks) predicted for sets of faults [SI]."""
         return self.blocks(self.readings(values))
+
+    def misfits(self, values: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Sums of squares (sets,) of measured less predicted blocks in units of the standard deviations."""
+        off = self.scaled(self.measured - self.predict(values))
+        misfits: np.ndarray = np.nan_to_num((off**2).sum(axis=1), nan=np.inf)
+        return misfits
 
     @property
     def spread(self) -> np.ndarray:
@@ -508,10 +532,27 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
     if max(likelihoods.values()) <= THRESHOLD:
         intervals = {n: _interval(values[n], spread[n]) for n in names}
+        for name in (n for n in names if n in RUNGS and likelihoods[n] > TELLING):
+            searched, ends, _ = _search(compare, [name], values, spread, residual, widened, only=name)
+            values, intervals = values | searched, intervals | ends
         return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=True)
     values, intervals, likelihoods = _search(compare, names, values, spread, residual, widened)
+    fresh = values, likelihoods
+    if CLAMP_GRIP in names and _nearly(likelihoods, CLAMP_GRIP, CLAMP_SLACK):
+        before = _slipped_before(compare, values, residual, widened)
+        intervals[CLAMP_GRIP] = before.interval
+        if before.ratio - TELLING > likelihoods[CLAMP_GRIP]:
+            values, likelihoods = (
+                values | {CLAMP_GRIP: before.value},
+                likelihoods | {CLAMP_GRIP: before.ratio - TELLING},
+            )
+            compare.slipped = before.slip
     best = max(names, key=likelihoods.__getitem__)
     explained = _explains(compare, names, best, values[best], widened)
+    if best == CLAMP_GRIP and compare.slipped and not explained:  # two numbers may come nearer without being the fault
+        (values, likelihoods), compare.slipped = fresh, 0.0
+        best = max(names, key=likelihoods.__getitem__)
+        explained = _explains(compare, names, best, values[best], widened)
     return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=explained)
 
 
@@ -598,21 +639,22 @@ def _search(
     spread: Mapping[str, float],
     residual: np.ndarray,
     widened: float,
+    only: str = "",
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, float]]:
-    """Fit each fault alone, whatever its size: values, 95 % intervals and likelihood ratios."""
+    """Fit each fault alone, whatever its size: values, 95 % intervals and likelihood ratios; or only one of them."""
     bounds = {n: compare.bounds(n) for n in names}
     sound = float(residual @ residual)
     ladders = {n: _ladder(n, values[n], bounds[n]) for n in names}
     tried: dict[str, dict[float, float]] = {n: {0.0: sound} for n in names}
     for _ in range(ROUNDS):
         sets = [(n, float(v)) for n in names for v in ladders[n]]
-        predicted = compare.scaled(compare.measured - compare.predict([{n: v} for n, v in sets]))
-        misfits = np.nan_to_num((predicted**2).sum(axis=1), nan=np.inf)
+        misfits = compare.misfits([{n: v} for n, v in sets])
         for (n, v), misfit in zip(sets, misfits, strict=True):
             tried[n][v] = float(misfit)
         for n in names:
             ladders[n] = _narrowed(tried[n], bounds[n])
     best, intervals = {}, {}
+    ratios = {n: (sound - min(tried[n].values())) / widened for n in names}
     for n in names:
         vertex, error = _vertex(tried[n], widened, spread[n])
         best[n] = float(np.clip(vertex, *bounds[n]))
@@ -620,9 +662,26 @@ def _search(
         if n in RUNGS:
             least, largest = _profile_interval(tried[n], widened)
             low, high = min(low, least), max(high, largest)
+        if n == only or (n in RUNGS and n != CLAMP_GRIP and _nearly(ratios, n)):
+            least, largest = _interval_beside(compare, n, best[n], tried[n], widened)
+            low, high = min(low, least), max(high, largest)
         intervals[n] = low, high
     ratios = {n: (sound - min(tried[n].values())) / widened for n in names}
     return best, intervals, ratios
+
+
+def _nearly(ratios: Mapping[str, float], *names: str) -> bool:
+    """Whether one of some faults explains nearly as much as the best one."""
+    return max(ratios[n] for n in names) >= max(NEARLY * max(ratios.values()), TELLING)
+
+
+def _interval_beside(
+    compare: _Comparison, name: str, value: float, tried: dict[float, float], widened: float
+) -> tuple[float, float]:
+    """95 % interval of a fault whose misfit is no parabola, from values beside the best one, which are tried as well."""
+    beside = np.clip(value * np.concatenate([1.0 - BESIDE, 1.0 + BESIDE]), *compare.bounds(name)).tolist()
+    tried |= dict(zip(beside, compare.misfits([{name: v} for v in beside]).tolist(), strict=True))
+    return _interval_over_motions(compare, {v: {name: v} for v in tried}, tried, widened)
 
 
 def _ladder(name: str, linear: float, bounds: tuple[float, float]) -> np.ndarray:
@@ -688,6 +747,112 @@ def _profile_interval(tried: Mapping[float, float], widened: float) -> tuple[flo
     return ends[0], ends[1]
 
 
+def _interval_over_motions(
+    compare: _Comparison, sets: Mapping[float, Mapping[str, float]], tried: Mapping[float, float], widened: float
+) -> tuple[float, float]:
+    """95 % interval by the likelihood, from the least to the largest of those for each motion of `MOTIONS`.
+
+    Args:
+        compare: measured and predicted blocks.
+        sets: what to predict for each value.
+        tried: misfit of each value with the motion that is taken.
+        widened: factor on variances.
+    """
+    ends = [_profile_interval(tried, widened)]
+    values = np.array(sorted(tried))
+    off = np.array([tried[v] for v in values]) - min(tried.values())
+    near = np.flatnonzero(off <= FAR**2 * widened)
+    middle = int(np.argmin(off))
+    first, last = min(near[0] - 1, middle - len(BESIDE)), max(near[-1] + 1, middle + len(BESIDE))
+    some = [float(v) for v in values[max(first, 0) : last + 1]]
+    for motion in MOTIONS:
+        misfits = compare.misfits([{**sets[v], MOTION: motion} for v in some])
+        ends.append(_profile_interval(dict(zip(some, misfits, strict=True)), widened))
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+class _SlippedBefore(NamedTuple):
+    """A slipping clamp that has lost span before the recording: value as it is searched, interval, slip [m], ratio."""
+
+    value: float
+    interval: tuple[float, float]
+    slip: float
+    ratio: float
+
+
+def _slipped_before(
+    compare: _Comparison, values: Mapping[str, float], residual: np.ndarray, widened: float
+) -> _SlippedBefore:
+    """Fit the grip of a clamp along with what it has lost before the recording, from nothing on.
+
+    A slip before the recording acts as slack, from whose value the search begins.
+    """
+    slack, bounds = max(values[CLAMP_SLACK], SIZES[CLAMP_SLACK]), compare.bounds(CLAMP_GRIP)
+    tried: dict[float, float] = {}
+    slips: dict[float, float] = {}
+    linear = values[CLAMP_GRIP] * np.array([0.7, 1.0, 1.4])
+    ladder = np.concatenate(
+        [[0.0], np.geomspace(0.1 * SIZES[CLAMP_GRIP], bounds[1], LADDER), np.minimum(linear, bounds[1])]
+    )
+    starts: dict[float, tuple[float, ...]] = {v: (0.0, slack) for v in np.unique(ladder).tolist()}
+    for _ in range(ROUNDS):
+        for v, (misfit, slip) in zip(starts, _least_over_slips(compare, starts, slack), strict=True):
+            tried[v], slips[v] = misfit, slip
+        new = np.concatenate([_narrowed(tried, bounds), _around_ends(tried, widened)])
+        starts = {v: (slips[_better_neighbour(tried, v)],) for v in new.tolist() if v not in tried}
+    sets = {v: {CLAMP_GRIP: v, START_SLIP: slips[v]} for v in tried}
+    interval = _interval_over_motions(compare, sets, tried, widened)
+    best = min(tried, key=tried.__getitem__)
+    return _SlippedBefore(best, interval, slips[best], (float(residual @ residual) - tried[best]) / widened)
+
+
+def _better_neighbour(tried: Mapping[float, float], value: float) -> float:
+    """Of the values that were tried next to another one, that of less misfit."""
+    values = sorted(tried)
+    at = int(np.searchsorted(values, value))
+    return min(values[max(at - 1, 0) : at + 1], key=tried.__getitem__)
+
+
+def _around_ends(tried: Mapping[float, float], widened: float) -> np.ndarray:
+    """Values between the last that the misfit does not refuse and the first that it does, at either end."""
+    values = np.array(sorted(tried))
+    inside = np.flatnonzero(np.array([tried[v] for v in values]) - min(tried.values()) <= NORMAL**2 * widened)
+    ends = (max(inside[0] - 1, 0), inside[0]), (inside[-1], min(inside[-1] + 1, len(values) - 1))
+    return np.concatenate([np.linspace(values[a], values[b], EDGES + 2)[1:-1] for a, b in ends])
+
+
+def _least_over_slips(
+    compare: _Comparison, starts: Mapping[float, Sequence[float]], slack: float
+) -> list[tuple[float, float]]:
+    """Find the least misfit over what the clamp lost before the recording, and that slip [m], of each grip.
+
+    By Gauss-Newton from several slips.
+
+    Args:
+        compare: measured and predicted blocks.
+        starts: slips from which the search begins, by what is searched of the grip [m].
+        slack: of a slack clamp [m], a third of the largest slip.
+    """
+    step = SLIP_STEP * slack
+    grips = np.array([v for v, some in starts.items() for _ in some])
+    slips = np.array([slip for some in starts.values() for slip in some])
+    least, best = np.full(len(grips), np.inf), slips
+    for last in (*[False] * SLIP_ROUNDS, True):
+        more = (0.0,) if last else (0.0, step)
+        sets = [{CLAMP_GRIP: v, START_SLIP: slip + d} for v, slip in zip(grips, slips, strict=True) for d in more]
+        off = compare.scaled(compare.measured - compare.predict(sets)).reshape(len(grips), len(more), -1)
+        misfits = np.nan_to_num((off[:, 0] ** 2).sum(axis=1), nan=np.inf)
+        better = misfits < least
+        least, best = np.where(better, misfits, least), np.where(better, slips, best)
+        if not last:
+            slope = (off[:, 1] - off[:, 0]) / step
+            change = -(off[:, 0] * slope).sum(axis=1) / np.maximum((slope**2).sum(axis=1), LEAST_EFFECT)
+            slips = np.clip(np.nan_to_num(best + np.where(better, change, 0.5 * (slips - best))), 0.0, 3.0 * slack)
+    ends = np.cumsum([len(some) for some in starts.values()])
+    found = [a + int(np.argmin(least[a:b])) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+    return [(float(least[i]), float(best[i])) for i in found]
+
+
 def _explains(compare: _Comparison, names: Sequence[str], best: str, value: float, widened: float) -> bool:
     """Whether nothing of the list improves the prediction much once the best fault is there."""
     there = {best: value}
@@ -723,7 +888,8 @@ def _result(
         value, low, high, limit = (compare.real({n: float(v)})[n] for v in (values[n], low, high, limits[n]))
         estimate = Estimate(value, min(low, high), max(low, high), units[n].unit)
         aicc = akaike(residual * np.sqrt(share), 2) - sound
-        fits.append(FaultFit(n, estimate, ratios[n], aicc, limit, compare.real({n: 0.0})[n]))
+        slipped = compare.slipped if n == CLAMP_GRIP else 0.0
+        fits.append(FaultFit(n, estimate, ratios[n], aicc, limit, compare.real({n: 0.0})[n], slipped))
     fits.sort(key=lambda one: -one.ratio)
     found = fits[0].name if fits[0].ratio > THRESHOLD else ""
     alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)

@@ -120,9 +120,9 @@ class Observer(NamedTuple):
         Raises:
             ConvergenceError: the rig cannot be simulated with these inputs.
         """
-        slips, tables = [0.0] * len(values), []
+        slips, tables = [float(one.get(START_SLIP, 0.0)) for one in values], []
         for section in sections:
-            begun = [{START_SLIP: slip, **one} for slip, one in zip(slips, values, strict=True)]
+            begun = [{**one, START_SLIP: slip} for slip, one in zip(slips, values, strict=True)]
             done = self._simulate(section, begun)
             tables.append(self._read(done, section, values))
             slips = [float(lane[-1]) for lane in done["slip"]]
