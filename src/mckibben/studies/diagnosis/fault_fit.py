@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,6 +99,8 @@ SHOWN = {
     "leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s",
     "valve_sticking": "mbar", "clamp_slack": "mm",
 }  # fmt: skip
+# Units in which the zero of a sensor is shown, and factors to them.
+ZERO_SHOWN = {"span": ("mm", 1e3), "pressure": ("mbar", 1e-2), "valve_pressure": ("mbar", 1e-2), "tension": ("N", 1.0)}
 NORMAL = 1.96  # standard errors of a 95 % interval
 FEWEST_BLOCKS, SCALINGS = 20, 5
 NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
@@ -139,12 +141,14 @@ class Diagnosis:
 
     Attributes:
         faults: all faults, the most likely first.
-        fault: name of the fault that was found; empty if the rig is sound as far as the recording shows.
+        fault: name of the fault that was found; empty if the rig is sound as far as the recording shows, or `calibration`
+            explains it better.
         alternatives: names of faults that explain the recording nearly as well.
         explained: whether one fault, or none, explains the recording.
         threshold: of the likelihood ratio.
         blocks: number of averaged readings.
         not_judged: a sentence for each fault of which this recording or this rig says nothing.
+        calibration: wrong zero or gain of a sensor that explains the recording better than any fault, in words; else empty.
     """
 
     faults: tuple[FaultFit, ...]
@@ -154,6 +158,7 @@ class Diagnosis:
     threshold: float
     blocks: int
     not_judged: tuple[str, ...] = ()
+    calibration: str = ""
 
     def __getitem__(self, name: str) -> FaultFit:
         """Fit of a fault by its name."""
@@ -165,6 +170,13 @@ class Diagnosis:
     @property
     def sentence(self) -> str:
         """The diagnosis in words."""
+        if self.calibration:
+            nearest = self.faults[0]
+            return (
+                f"No fault of the list: {self.calibration} explains the recording better than any of them. Calibrate the "
+                f"sensor, and diagnose again. The nearest fault would be: {nearest.title}, "
+                f"{shown(nearest.name, nearest.estimate.value)}."
+            )
         if not self.fault:
             return "No fault: the sound rig explains the recording."
         best = self[self.fault]
@@ -192,6 +204,7 @@ class Diagnosis:
             "threshold": self.threshold,
             "blocks": self.blocks,
             "not_judged": list(self.not_judged),
+            "calibration": self.calibration or None,
             "faults": [
                 {
                     **one.estimate._asdict(),
@@ -538,7 +551,8 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
         return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=True)
     values, intervals, likelihoods = _search(compare, names, values, spread, residual, widened)
     fresh = values, likelihoods
-    if CLAMP_GRIP in names and _nearly(likelihoods, CLAMP_GRIP, CLAMP_SLACK):
+    pulls = compare.largest > SIZES[CLAMP_GRIP]  # else the sound rig loads the clamp with nothing
+    if CLAMP_GRIP in names and pulls and _nearly(likelihoods, CLAMP_GRIP, CLAMP_SLACK):
         before = _slipped_before(compare, values, residual, widened)
         intervals[CLAMP_GRIP] = before.interval
         if before.ratio - TELLING > likelihoods[CLAMP_GRIP]:
@@ -553,7 +567,12 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
         (values, likelihoods), compare.slipped = fresh, 0.0
         best = max(names, key=likelihoods.__getitem__)
         explained = _explains(compare, names, best, values[best], widened)
-    return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=explained)
+    slack = changed[[n for n, _ in tried].index(CLAMP_SLACK)] / SIZES[CLAMP_SLACK]
+    calibration = _calibration_error(compare, {best: values[best]}, sound, slack)
+    result = _result(compare, names, values, intervals, likelihoods, limits, residual, explained=explained)
+    return (
+        replace(result, fault="", alternatives=(), explained=False, calibration=calibration) if calibration else result
+    )
 
 
 class _FirstFit(NamedTuple):
@@ -663,8 +682,9 @@ def _search(
             least, largest = _profile_interval(tried[n], widened)
             low, high = min(low, least), max(high, largest)
         if n == only or (n in RUNGS and n != CLAMP_GRIP and _nearly(ratios, n)):
-            least, largest = _interval_beside(compare, n, best[n], tried[n], widened)
-            low, high = min(low, least), max(high, largest)
+            best[n], (least, largest) = _interval_beside(compare, n, best[n], tried[n], widened)
+            shift = best[n] - vertex
+            low, high = min(low + shift, least), max(high + shift, largest)
         intervals[n] = low, high
     ratios = {n: (sound - min(tried[n].values())) / widened for n in names}
     return best, intervals, ratios
@@ -677,17 +697,25 @@ def _nearly(ratios: Mapping[str, float], *names: str) -> bool:
 
 def _interval_beside(
     compare: _Comparison, name: str, value: float, tried: dict[float, float], widened: float
-) -> tuple[float, float]:
-    """95 % interval of a fault whose misfit is no parabola, from values beside the best one, which are tried as well."""
-    beside = np.clip(value * np.concatenate([1.0 - BESIDE, 1.0 + BESIDE]), *compare.bounds(name)).tolist()
-    tried |= dict(zip(beside, compare.misfits([{name: v} for v in beside]).tolist(), strict=True))
-    return _interval_over_motions(compare, {v: {name: v} for v in tried}, tried, widened)
+) -> tuple[float, tuple[float, float]]:
+    """Best value and 95 % interval of a fault whose misfit is no parabola, from values beside it, which are tried as well.
+
+    Where one of them is better by more than noise, what is beside that is tried too.
+    """
+    for _ in range(2):
+        beside = np.clip(value * np.concatenate([1.0 - BESIDE, 1.0 + BESIDE]), *compare.bounds(name)).tolist()
+        least = min(tried.values())
+        tried |= dict(zip(beside, compare.misfits([{name: v} for v in beside]).tolist(), strict=True))
+        if not least - min(tried.values()) > widened:
+            break
+        value = min(tried, key=tried.__getitem__)
+    return value, _interval_over_motions(compare, {v: {name: v} for v in tried}, tried, widened)
 
 
 def _ladder(name: str, linear: float, bounds: tuple[float, float]) -> np.ndarray:
     """Values from a tenth of the size at which a fault is seen to its bound, and around the linear estimate."""
     most = min(bounds[1], 3e3 * SIZES[name])
-    rungs = np.geomspace(0.1 * SIZES[name], most, LADDER)
+    rungs = np.geomspace(0.1 * SIZES[name], max(most, 0.1 * SIZES[name]), LADDER)
     around = linear * np.array([0.7, 1.0, 1.4])
     every = np.concatenate([rungs, -rungs, around]) if _signed(name) else np.concatenate([rungs, around])
     return np.unique(np.clip(every, *bounds))
@@ -866,6 +894,40 @@ def _explains(compare: _Comparison, names: Sequence[str], best: str, value: floa
     gain = np.where(strength > 1e-9, (effects @ left) ** 2 / np.maximum(strength, 1e-9), 0.0)
     gain = np.where([_signed(n) for n in names], gain, np.where(effects @ left > 0.0, gain, 0.0))
     return bool(gain.max() / widened <= THRESHOLD)
+
+
+def _calibration_error(compare: _Comparison, fault: Mapping[str, float], sound: np.ndarray, slack: np.ndarray) -> str:
+    """Wrong zero or gain of one sensor that explains the recording better than a fault; empty where none does.
+
+    Each is one number, as the fault is: better is a likelihood ratio beyond `THRESHOLD`, with the noise that either leaves.
+
+    Args:
+        compare: measured and predicted blocks.
+        fault: best fault, as it is searched.
+        sound: blocks of the sound rig.
+        slack: change of the blocks by slack [1/m], which a span that is measured too long changes alike.
+    """
+    kept = compare.scale
+    compare.scale = compare.noise()[:, None]  # of the sensors: the residual's contains what is sought here
+    off = compare.measured - sound
+    effects: dict[str, np.ndarray] = {"span zero": slack}
+    for row, name in enumerate(compare.channels):
+        for kind, values in (("zero", np.ones_like(sound[row])), ("gain", sound[row])):
+            effects[f"{name} {kind}"] = np.zeros_like(sound)
+            effects[f"{name} {kind}"][row] = values
+    left, scaled = compare.scaled(off), {name: compare.scaled(effect) for name, effect in effects.items()}
+    with_fault = float(compare.misfits([fault])[0])
+    compare.scale = kept
+    sizes = {n: float(e @ left) / max(float(e @ e), LEAST_EFFECT) for n, e in scaled.items()}
+    misfits = {n: float(np.sum((left - sizes[n] * e) ** 2)) for n, e in scaled.items()}
+    best = min(misfits, key=misfits.__getitem__)
+    if not left.size * np.log(with_fault / max(misfits[best], LEAST_EFFECT)) > THRESHOLD:
+        return ""
+    channel, kind = best.split()
+    if kind == "gain":
+        return f"a gain of {channel} that is wrong by {100.0 * sizes[best]:+.3g} %"
+    unit, factor = ZERO_SHOWN[channel]
+    return f"a zero of {channel} that is wrong by {factor * sizes[best]:+.3g} {unit}"
 
 
 def _result(
