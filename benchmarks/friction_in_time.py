@@ -4,7 +4,7 @@
 
 All 36 runs of the three 10 mm muscles of AARL, in the folder that MCKIBBEN_DATA names, are fitted at once: one material,
 the geometry of each muscle, an error of each set length, a zero of the tension of each muscle, and then one friction and one
-creep for all, which the settling of the ends moves (`mckibben.benchmarking.models.seated_memory`). Runs whose friction and
+creep for all, which the settling of the ends moves (`mckibben.identification.shared_hysteresis`). Runs whose friction and
 creep are held back, one of three at each length, say whether these predict anything; law, errors and zeros are those of all
 runs. Samples of a run follow one another, so that a fit counts as many samples as would be independent; intervals are as
 much wider.
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,23 +26,28 @@ from mckibben.benchmarking.moving import VENTING
 from mckibben.benchmarking.records import BenchmarkRecord
 from mckibben.benchmarking.tasks import task
 from mckibben.identification.problem import Problem, solve
-from mckibben.identification.uncertainty import akaike, uncertainty, widening
+from mckibben.identification.shared_hysteresis import (
+    NAMES,
+    OPEN,
+    BraidPath,
+    ResistanceProblem,
+    independent_samples,
+)
+from mckibben.identification.uncertainty import akaike
 from mckibben.studies.validation import measured_data
 
 LENGTH_ERROR = 5e-4  # what the static plateaus of these muscles say, `lengths.py` [m]
 SAMPLES = 400  # of each run
-NAMES = (
+WORDS = (
     "friction without pressure, N",
     "friction per pressure, N/bar",
     "stiffness of the contact, N/mm",
     "stiffness of creep, N/mm",
 )
-UNITS = (1.0, 1e5, 1e-3, 1e-3)
-OPEN = 100.0  # upper end of an interval over the value, from which on nothing is known
-STEP = 1e-3  # of the logarithm of a parameter, for derivatives
+SHOWN = (1.0, 1e5, 1e-3, 1e-3)  # of each, in its unit
 BEGIN, END = "<!-- written by benchmarks/friction_in_time.py; do not edit -->", "<!-- end of friction in time -->"
 
-Paths = list[tuple[np.ndarray, ...]]
+Paths = list[BraidPath]
 
 
 def prepared() -> tuple[list[BenchmarkRecord], Paths, list[np.ndarray], list[np.ndarray], dict[str, float]]:
@@ -83,21 +87,12 @@ def prepared() -> tuple[list[BenchmarkRecord], Paths, list[np.ndarray], list[np.
     return runs, paths, left, taut, zeros
 
 
-def resisted(values: np.ndarray | None, paths: Paths) -> list[np.ndarray]:
-    """Force of friction and creep along each path [N]; zero for none."""
-    if values is None:
-        return [np.zeros(len(path[0])) for path in paths]
-    return [seated_memory.resistance(values, *path) for path in paths]
-
-
 def scores(
-    runs: Sequence[BenchmarkRecord], left: list[np.ndarray], force: list[np.ndarray], taut: list[np.ndarray], free: int
+    runs: list[BenchmarkRecord], taut: list[np.ndarray], errors: list[np.ndarray], free: int
 ) -> dict[str, float]:
     """Errors [N], and Akaike's criterion by the number of independent samples."""
-    errors = [(f - x)[k] for f, x, k in zip(force, left, taut, strict=True)]
     venting = np.concatenate([(run.phase == VENTING)[k] for run, k in zip(runs, taut, strict=True)])
-    every, factor = np.concatenate(errors), widening(errors)
-    independent = every[:: max(round(factor**2), 1)]
+    every, independent = np.concatenate(errors), independent_samples(errors)
     rms = float(np.sqrt(np.mean(every**2)))
     return {
         "rms": rms,
@@ -105,55 +100,33 @@ def scores(
         "venting": float(np.sqrt(np.mean(every[venting] ** 2))),
         "bias_venting": float(every[venting].mean()),
         "samples": len(every),
-        "independent": len(independent),
-        "aicc": akaike(np.full(len(independent), rms), free + 1),
+        "independent": independent,
+        "aicc": akaike(np.full(independent, rms), free + 1),
     }
-
-
-def intervals(
-    values: np.ndarray, paths: Paths, left: list[np.ndarray], taut: list[np.ndarray], free: int
-) -> list[list[float]]:
-    """Value, low and high of each free parameter, in the units of `NAMES`, from derivatives by its logarithm."""
-
-    def force(logs: np.ndarray) -> np.ndarray:
-        whole = np.concatenate([np.exp(logs), values[free:]])
-        return np.concatenate([f[k] for f, k in zip(resisted(whole, paths), taut, strict=True)])
-
-    at = np.log(values[:free])
-    columns = [(force(at + d) - force(at - d)) / (2.0 * STEP) for d in STEP * np.eye(free)]
-    errors = [(f - x)[k] for f, x, k in zip(resisted(values, paths), left, taut, strict=True)]
-    spread = uncertainty(np.stack(columns, axis=1), np.concatenate(errors), NAMES[:free])
-    width = spread.quantile * spread.standard_error * widening(errors)
-    with np.errstate(over="ignore"):
-        return [
-            [float(v * u), float(v * u * np.exp(-w)), float(v * u * np.exp(w))]
-            for v, u, w in zip(values[:free], UNITS, width, strict=False)
-        ]
 
 
 def measure() -> dict[str, Any]:
     """All figures."""
     runs, paths, left, taut, zeros = prepared()
-    models: dict[str, int] = {"law": 0, "friction": 3, "friction and creep": 4}
-
-    def fitted(name: str, used: list[np.ndarray]) -> np.ndarray | None:
-        return None if name == "law" else seated_memory.fit_memory(paths, left, used, name != "friction")
-
-    tests = [run.name.rsplit("Test", 1)[1] for run in runs]
+    problem = ResistanceProblem(paths, left, taut)
+    models: dict[str, tuple[str, ...]] = {"law": (), "friction": NAMES[:3], "friction and creep": NAMES}
+    tests = np.array([run.name.rsplit("Test", 1)[1] for run in runs])
     found: dict[str, Any] = {"runs": len(runs), "zeros": zeros, "models": {}}
     for name, free in models.items():
-        values = fitted(name, taut)
-        row = scores(runs, left, resisted(values, paths), taut, free)
-        row["parameters"] = (
-            {} if values is None else dict(zip(NAMES, intervals(values, paths, left, taut, free), strict=False))
-        )
-        held = [np.zeros(0)] * len(runs)
+        values = problem.fit(free) if free else None
+        row: dict[str, Any] = scores(runs, taut, problem.errors(values), len(free))
+        row["parameters"] = {}
+        if values is not None:
+            places = dict(zip(NAMES, zip(WORDS, SHOWN, strict=True), strict=True))
+            for key, e in problem.intervals(values, free).items():
+                words, unit = places[key]
+                row["parameters"][words] = [unit * e.value, unit * e.low, unit * e.high]
+        held: list[np.ndarray] = [np.zeros(0)] * len(runs)
         for test in dict.fromkeys(tests):
-            shown = [k & (t != test) for k, t in zip(taut, tests, strict=True)]
-            force = resisted(fitted(name, shown), paths)
-            for i, t in enumerate(tests):
-                held[i] = force[i] if t == test else held[i]
-        row["held_back"] = scores(runs, left, held, taut, free)["rms"]
+            others = problem.without(tests == test).fit(free) if free else None
+            for i in np.flatnonzero(tests == test):
+                held[i] = problem.errors(others)[i]
+        row["held_back"] = scores(runs, taut, held, len(free))["rms"]
         found["models"][name] = row
         print(name, row, flush=True)
     return found
@@ -173,7 +146,7 @@ def drawn(found: dict[str, Any]) -> str:
         lines.append(f"| {name} | {' | '.join(cells)} | {row['aicc']:.0f} |")
     lines += ["", "| parameter | value | 95 % interval | with creep | 95 % interval |", "|---|---:|---|---:|---|"]
     one, both = (found["models"][name]["parameters"] for name in ("friction", "friction and creep"))
-    for name in NAMES:
+    for name in WORDS:
         cells = []
         for values in (one, both):
             value, low, high = values.get(name, (0.0, 0.0, 0.0))

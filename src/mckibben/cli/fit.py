@@ -18,7 +18,7 @@ from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
 from ..report.figures import fit_figures, posterior_figures, style
 from ..specimens import Specimen
-from . import _fit_loop
+from . import _fit_hysteresis, _fit_loop
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._progress import progress
 from ._samples import HEADS, checked_draws, interval_rows
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from ..bench.rig import Rig
     from ..identification import Ranking
     from ..identification.posterior import Posterior
-    from ..recordings import ForceMap
+    from ..recordings import ForceMap, Recording
 else:
     np = LazyModule("numpy")
 
@@ -130,6 +130,15 @@ def fit(
             help="Standard deviation of the error of each set length, such as '0.5 mm', to find these errors too.",
         ),
     ] = None,
+    hysteresis: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--hysteresis",
+            metavar="RECORD",
+            help="Recordings of the same muscles in motion, a folder of them, or a quoted pattern: also fit one friction "
+            "with memory and one creep of all muscles, as far as these tell of them.",
+        ),
+    ] = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     out: Annotated[Paths, OUT.option()] = None,
@@ -141,6 +150,7 @@ def fit(
     $ mckibben fit measured.csv --rest-length '300 mm' --law linear_threshold --posterior --out fit.json
     $ mckibben fit loop.csv --friction bouc_wen --posterior --out loop.svg
     $ mckibben fit loop.csv --friction all --creep
+    $ mckibben fit three.csv --law seated_braid --hysteresis 'runs/*.csv' --out muscles.toml
     """
     if posterior:
         checked_draws(draws)
@@ -148,6 +158,8 @@ def fit(
         raise InputError("--rig", rig, "is allowed only with --posterior")
     if creep and friction is None:
         raise InputError("--creep", None, "is allowed only with --friction")
+    if hysteresis:
+        _check_hysteresis(tables, friction, runs=runs)
     if any(f.endswith(".toml") for f in tables):
         if out:
             raise InputError("--out", str(out[0]), "is allowed only with tables: printed constraints are not drawn")
@@ -177,7 +189,7 @@ def fit(
             raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
         rankings, warnings = _ranked(
             tables, law, rest_length, like, change, column, unit, branch, pressure_zero, train_below, slack=slack,
-            length_error=length_error, runs=runs, **format_options(sheet, topic, gear_ratio),
+            length_error=length_error, runs=runs, hysteresis=hysteresis, **format_options(sheet, topic, gear_ratio),
         )  # fmt: skip
         samples = (
             [_posteriors(ranking, rig, draws, every=len(law or ()) > 1) for ranking in rankings] if posterior else []
@@ -203,6 +215,16 @@ def fit(
             for one in samples[i].values() if samples else ():
                 show_posterior(one)
         files.say()
+
+
+def _check_hysteresis(tables: list[str], friction: str | None, *, runs: bool) -> None:
+    """Refuse recordings that belong to no single fit of a law."""
+    if friction is not None:
+        raise InputError("--hysteresis", None, "is allowed only without --friction, which is fitted to a loop alone")
+    if len(tables) > 1 and not runs or any(f.endswith(".toml") for f in tables):
+        raise InputError(
+            "--hysteresis", None, "is allowed only with one table, which may hold several muscles, or --runs"
+        )
 
 
 def _figure(rankings: list[Ranking], samples: Posterior | None) -> Any:
@@ -284,6 +306,7 @@ def _ranked(
     slack: bool,
     length_error: str | None,
     runs: bool,
+    hysteresis: list[str] | None,
     **options: Any,
 ) -> tuple[list[Ranking], list[list[str]]]:
     """Read the tables and rank the laws on each; with the cautions about each table."""
@@ -298,12 +321,18 @@ def _ranked(
         "pressure_zero": 0.0 if pressure_zero is None else parse(pressure_zero, "Pa", field="--pressure-zero"),
         **options,
     }
+    recordings = None
+    if hysteresis:
+        zero = reading["pressure_zero"]
+        recordings = identification.shared_hysteresis.read_recordings(hysteresis, pressure_zero=zero)
     with options_named(rest_length="--rest-length '300 mm'", sheet="--sheet NAME"):
         loaded = [identification.load_table(f, rest_length=rest, like=like, **reading) for f in tables]
         if runs:
             loaded = [_of_one_muscle(loaded)]
         warnings = [_cautions(points, spec) for points, spec in loaded]
-        rankings = [_ranking(points, spec, law, change, below, slack, length_error) for points, spec in loaded]
+        rankings = [
+            _ranking(points, spec, law, change, below, slack, length_error, recordings) for points, spec in loaded
+        ]
         return rankings, warnings
 
 
@@ -335,6 +364,7 @@ def _ranking(
     below: float | None,
     slack: bool,
     length_error: str | None,
+    recordings: dict[str, Recording] | None,
 ) -> Ranking:
     every = laws is None or "all" in laws
     named = [name for name in laws or [] if name != "all"]
@@ -342,7 +372,8 @@ def _ranking(
         muscles.laws.law_type(name)
     known = _known(change, [*muscles.laws.LAWS, *named] if every else named)
     count = len(named) + (len(muscles.laws.LAWS) if every else 0)
-    with progress("fitting", count * (1 + len(identification.SCHEMES))) as advance:
+    forms = 0 if recordings is None else 2 * len(identification.shared_hysteresis.FRICTIONS)
+    with progress("fitting", count * (1 + len(identification.SCHEMES)) + forms) as advance:
         return identification.fit(
             points,
             None if every else named,
@@ -352,6 +383,7 @@ def _ranking(
             train_below=below,
             slack=slack,
             length_error=length_error,
+            hysteresis=recordings,
             progress=advance,
         )
 
@@ -453,6 +485,8 @@ def show_ranking(study: Ranking) -> None:
     for f in study.fits:
         for warning in f.warnings:
             typer.echo(f"note: {f.law}: {warning}")
+    if best.hysteresis is not None:
+        _fit_hysteresis.show_hysteresis(best.hysteresis)
     short = [name for name, why in study.skipped.items() if f"law {name} needs the rest length" in why]
     if short:
         typer.echo(f"left out without --rest-length, or a column rest_length: {', '.join(short)}")

@@ -27,11 +27,14 @@ if TYPE_CHECKING:
     from . import next_points as next_points
     from . import path_record as path_record
     from . import record_posterior as record_posterior
+    from . import shared_hysteresis as shared_hysteresis
     from . import trial as trial
     from .circuit_fit import CircuitFit as CircuitFit
     from .circuit_fit import fit_circuit as fit_circuit
     from .constraints import Constraint as Constraint
     from .constraints import fit_constraints as fit_constraints
+    from .shared_hysteresis import SharedHysteresis as SharedHysteresis
+    from .shared_hysteresis import fit_shared_hysteresis as fit_shared_hysteresis
     from .trial import Trial as Trial
 
 __all__ = [
@@ -44,6 +47,7 @@ __all__ = [
     "LengthError",
     "Ranking",
     "SCHEMES",
+    "SharedHysteresis",
     "Trial",
     "bound_of",
     "checked_length_error",
@@ -53,6 +57,7 @@ __all__ = [
     "fit_all",
     "fit_circuit",
     "fit_constraints",
+    "fit_shared_hysteresis",
     "load_table",
     "rank",
     "read_posterior",
@@ -64,6 +69,7 @@ lazy_names(
     {
         "circuit_fit": ["CircuitFit", "fit_circuit"],
         "constraints": ["Constraint", "fit_constraints"],
+        "shared_hysteresis": ["SharedHysteresis", "fit_shared_hysteresis"],
         "trial": ["Trial"],
     },
 )

@@ -8,7 +8,7 @@ fewer parameters by more than the criterion can tell.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -28,17 +28,25 @@ from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
 from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import SAME_LENGTH, Problem, Solution, solve
-from .uncertainty import NORMAL_QUANTILE, Estimate, Uncertainty, akaike, posterior_uncertainty, uncertainty
+from .uncertainty import (
+    INDIFFERENT,
+    NORMAL_QUANTILE,
+    Estimate,
+    Uncertainty,
+    akaike,
+    posterior_uncertainty,
+    uncertainty,
+)
 
 if TYPE_CHECKING:
+    from ..recordings import Recording
     from ..report.figures.plots import FitPlots
+    from .shared_hysteresis import SharedHysteresis, Source
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
 RESOLUTION = 1e-6
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
-# A difference of AICc up to this does not tell two models apart (Burnham and Anderson, 2002).
-INDIFFERENT = 2.0
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
@@ -103,6 +111,7 @@ class Fit(ErrorMeasures):
         length_error: standard deviation of these errors [m]; zero for none.
         length_reach: half width of the 95 % interval of a length that is yet to be set, of a fitted muscle and of one of
             another rest length [m]; zeros for none.
+        hysteresis: friction with memory and creep from recordings, see `with_hysteresis`; None without recordings.
 
     Examples:
         >>> import mckibben as mk
@@ -128,6 +137,7 @@ class Fit(ErrorMeasures):
     length_errors: tuple[LengthError, ...] = ()
     length_error: float = 0.0
     length_reach: tuple[float, float] = (0.0, 0.0)
+    hysteresis: SharedHysteresis | None = None
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -159,8 +169,32 @@ class Fit(ErrorMeasures):
 
     @property
     def muscle(self) -> Muscle:
-        """A muscle with the fitted law, and without friction: a table of static points says nothing of it."""
-        return Muscle(self.build(), specimen=fitted_specimen([self]) if self.converged else None)
+        """A muscle with the fitted law, and with the friction and creep of recordings; static points say nothing of them."""
+        friction, creep = (None, None) if self.hysteresis is None else (self.hysteresis.friction, self.hysteresis.creep)
+        return Muscle(self.build(), friction, creep, specimen=fitted_specimen([self]) if self.converged else None)
+
+    def with_hysteresis(
+        self,
+        recordings: Mapping[str, Recording] | Iterable[Source] | Source,
+        *,
+        progress: Callable[[str], None] | None = None,
+    ) -> Fit:
+        """Return the fit with one friction and one creep of all its muscles, as far as recordings of them show either.
+
+        Args:
+            recordings: of the muscles in motion, or at constant length while the pressure changes, or their files, see
+                `fit_shared_hysteresis`.
+            progress: called with a few words after each form that was fitted.
+
+        Raises:
+            InputError: a recording lacks a channel, or is of a muscle or of lengths that the table does not have.
+            ConvergenceError: the fit of the law did not converge.
+        """
+        from .shared_hysteresis import fit_shared_hysteresis
+
+        if not self.converged:
+            raise ConvergenceError(f"{self.law}: the fit did not converge, so that friction has no law to stand on")
+        return replace(self, hysteresis=fit_shared_hysteresis(self, recordings, progress=progress))
 
     def __repr__(self) -> str:
         return (
@@ -186,6 +220,7 @@ class Fit(ErrorMeasures):
             "not_contained": list(self.not_contained),
             "effective": self.effective,
             "length_errors": [e._asdict() for e in self.length_errors],
+            "hysteresis": None if self.hysteresis is None else self.hysteresis.to_dict(),
             "warnings": list(self.warnings),
             "cross_validation": {
                 name: {"groups": c.groups, "rmse": c.rmse, "max_error": c.max_error} for name, c in self.cross.items()
@@ -581,13 +616,15 @@ def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: 
     if not good:
         raise ConvergenceError("no fit converged, so that there is no law to keep")
     title = f"fitted to {good[0].points.name}"
+    friction, creep = ({}, {}) if good[0].hysteresis is None else good[0].hysteresis.numbers()
     return Specimen(
         id=name,
         kind="mckibben",
         title=title,
         sources=list(dict.fromkeys(key for f in good for key in law_type(f.law).cites)),
         law=good[0].law,
-        properties=({} if like is None else like.properties) | measured_range(good[0].points),
+        properties=({} if like is None else like.properties) | measured_range(good[0].points) | creep,
+        friction=friction,
         laws={f.law: _numbers(f) for f in good},
     )
 

@@ -30,7 +30,9 @@ from .fit import fit as fit_law
 if TYPE_CHECKING:
     import pandas
 
+    from ..recordings import Recording
     from ..report.figures.plots import RankingPlots
+    from .shared_hysteresis import Source
 
 Table = ForceMap | str | os.PathLike[str]
 
@@ -153,6 +155,7 @@ def fit(
     like: Specimen | str | None = None,
     rest_length: float | str | None = None,
     train_below: float | str | None = None,
+    hysteresis: Mapping[str, Recording] | Iterable[Source] | Source | None = None,
     progress: Callable[[str], None] | None = None,
     **options: JsonValue,
 ) -> Fit | Ranking:
@@ -166,6 +169,8 @@ def fit(
         like: specimen whose known dimensions are used.
         rest_length: of the muscle [m], for a file that does not state it.
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
+        hysteresis: recordings of the same muscles in motion, or their files; one friction with memory and one creep of all
+            muscles are fitted to them beside the law, or the best of several, see `Fit.with_hysteresis`.
         progress: called with a few words after each piece of work.
         **options: ``free``, ``slack``, ``schemes`` and ``length_error`` of `fit_law`; ``beside``: laws of your own to rank
             beside all others.
@@ -190,9 +195,12 @@ def fit(
     if train_below is not None:
         options["train_below"] = float(in_si(train_below, "Pa", field="train_below"))
     if isinstance(law, str | type):
-        return fit_law(law, points, known=dimensions, progress=progress, **options)
+        one = fit_law(law, points, known=dimensions, progress=progress, **options)
+        return one if hysteresis is None else one.with_hysteresis(hysteresis, progress=progress)
     skipped: dict[str, str] = {}
     fits = fit_all(points, laws=law, known=dimensions, skipped=skipped, progress=progress, **options)
+    if hysteresis is not None:
+        fits[0] = fits[0].with_hysteresis(hysteresis, progress=progress)
     title = points.name if spec is None else spec.title
     return Ranking(title, spec, points, fits, published_of(spec, points), skipped)
 

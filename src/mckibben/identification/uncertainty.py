@@ -13,6 +13,8 @@ import numpy as np
 INSEPARABLE = 0.999
 # A direction in parameter space this much weaker than the strongest is not determined by float64 data at all.
 UNDETERMINED = 1e-7
+# A difference of AICc up to this does not tell two models apart (Burnham and Anderson, 2002).
+INDIFFERENT = 2.0
 # Of a 95 % interval of a Gaussian.
 NORMAL_QUANTILE = 1.96
 

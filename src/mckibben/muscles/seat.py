@@ -11,7 +11,7 @@ at ten times the compliance that was measured.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from .._jax import jax, jnp
 from ..components import Scalar, derivative
@@ -24,6 +24,14 @@ class BraidPotential(Protocol):
 
     def potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Psi_braid(L, P') [J]."""
+
+
+@runtime_checkable
+class SeatedLaw(Protocol):
+    """A tension law whose ends settle, so that its braid moves while the muscle is held at constant length."""
+
+    def take_up(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """How far both ends have settled together [m], by which the braid is shorter than the muscle."""
 
 
 def seated_potential(braid: BraidPotential, compliance: Scalar, length: Scalar, pressure: Scalar) -> Scalar:

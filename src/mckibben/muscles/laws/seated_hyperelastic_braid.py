@@ -93,6 +93,10 @@ class SeatedHyperelasticBraid(TensionLaw):
         """Gas energy [J]: what the potential loses by the pressure."""
         return self._potential(length, jnp.zeros_like(pressure)) - self._potential(length, pressure)
 
+    def take_up(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """How far both ends have settled together [m], by which the braid is shorter than the muscle."""
+        return seat.take_up(self._braid(), self.seat_compliance, length, pressure)
+
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         return seat.seated_potential(self._braid(), self.seat_compliance, length, pressure)
 
