@@ -234,7 +234,7 @@ COMMANDS = {
     "fit": ("fit @table:table.csv", {
         "--law": "name", "--rest-length": "length", "--like": "specimen", "--set": "pair", "--column": "pair",
         "--unit": "pair", "--branch": "name", "--pressure-zero": "pressure", "--train-below": "pressure",
-        "--length-error": "length", "--friction": "name",
+        "--length-error": "length", "--friction": "name", "--hysteresis": "record",
         "--out": "report",
     }),
     "next": ("next --from @fit:fit.json --budget 20s", {

@@ -170,6 +170,7 @@ CALLS: dict[str, list[Call]] = {
         needs("report", "DMSP-20-300", "--out", "fit.pdf"),
         needs("posterior", "DMSP-20-300", "--law", "ideal", "--posterior"),
         Call(("no.csv", "--friction", "dahl"), says=("File not found: no.csv",)),
+        Call(("DMSP-20-300", "--law", "ideal", "--hysteresis", "no.csv"), says=("File not found: no.csv",)),
     ],
     "next": [Call(("--from", "no.json"), says=("File not found: no.json",))],
     "check": [Call(("own.py:Spring",)), Call(("nowhere.py:Law",), says=("File not found: nowhere.py",))],

@@ -8,8 +8,9 @@ with d the error of the set length that the fit of the law found, u what the end
 Bouc and Wen's friction, and k_i Maxwell elements of equal stiffness. A muscle between fixed anchors moves its braid by the
 settling of its ends alone. What friction does to the settling itself is of second order and left out. What only length and
 pressure tell is no friction but an error of the law: c is, for each muscle, a zero and a gain of the tension and slopes
-over length and pressure, found with the rest; it also holds the creep from before a recording that begins under pressure,
-whose first 2 mm of path only tell the friction how it began.
+over length and pressure, found with the rest; it also holds the creep from before a recording that begins under
+pressure, whose first 2 mm of path only tell the friction how it began. A muscle that is slack between its anchors is as
+long as it is without a load. A recording may have gaps, and begins anew after each.
 
 Of all forms of friction (constant, in proportion to the pressure, both), with creep and without, and of none at all,
 Akaike's criterion chooses: of those within 2 of the least, which it does not tell apart, the one with fewest parameters.
@@ -254,7 +255,7 @@ class ResistanceProblem:
             return np.array(LOW)
 
         def whole(x: np.ndarray) -> np.ndarray:
-            logs = self.low.copy()
+            logs = np.array(self.low)
             logs[free] = x
             return logs
 
@@ -449,11 +450,7 @@ def fit_shared_hysteresis(
         raise InputError("tension", None, allowed, where=next(iter(whole)))
     motions = [m for name, several in whole.items() if name not in slack for m in several if m.used.any()]
     problem = _problem(motions, fit.points.largest)
-    starts, values = [START, _sized(problem)], {}
-    for title, free in _forms().items():
-        values[title] = problem.fit(free, starts)
-        if progress is not None:
-            progress(title)
+    values = _fits(problem, progress or (lambda _: None))
     models, count = _ranked(problem, values)
     alike = [model for model in models if model.aicc <= models[0].aicc + INDIFFERENT]
     best, law = min(alike, key=lambda model: len(model.free)), next(model for model in models if not model.free)
@@ -487,6 +484,21 @@ def _forms() -> dict[str, tuple[str, ...]]:
         forms[words or NOTHING] = free
         forms[f"{words} and creep" if words else "creep"] = (*free, "creep")
     return forms
+
+
+def _fits(problem: ResistanceProblem, progress: Callable[[str], None]) -> dict[str, np.ndarray]:
+    """Values of each form, each also begun at those of the best form that it contains."""
+    starts = [START, _sized(problem)]
+    values: dict[str, np.ndarray] = {}
+    errors: dict[str, float] = {}
+    forms = _forms()
+    for title, free in sorted(forms.items(), key=lambda form: len(form[1])):
+        inside = [other for other in values if forms[other] and set(forms[other]) < set(free)]
+        nearest = [values[min(inside, key=errors.__getitem__)]] if inside else []
+        values[title] = problem.fit(free, [*starts, *nearest])
+        errors[title] = float(np.sum(problem.misfit(np.log(values[title])) ** 2))
+        progress(title)
+    return values
 
 
 def _ranked(problem: ResistanceProblem, values: Mapping[str, np.ndarray]) -> tuple[tuple[HysteresisModel, ...], int]:
@@ -569,10 +581,9 @@ def read_recordings(
     Raises:
         InputError: there is no such file, it is no recording, or nothing was named.
     """
-    if isinstance(sources, Mapping):
-        return dict(sources)
-    listed = [sources] if isinstance(sources, Recording | str | os.PathLike) else list(sources)
-    found: dict[str, Recording] = {}
+    named = isinstance(sources, Mapping)
+    found: dict[str, Recording] = dict(sources) if isinstance(sources, Mapping) else {}
+    listed = [sources] if isinstance(sources, Recording | str | os.PathLike) else list(() if named else sources)
     for i, one in enumerate(listed, 1):
         if isinstance(one, Recording):
             title = str(one.meta.get("title", "recording"))
