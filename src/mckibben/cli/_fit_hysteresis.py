@@ -38,8 +38,8 @@ def show_hysteresis(found: SharedHysteresis) -> None:
             said = f"{above:.1f} higher" if above > 0.0 else f"only {-above:.1f} lower"
             typer.echo(f"  no {part}: with it AICc is {said}, so that these data do not tell of it")
     typer.echo(
-        f"Error along the recordings: {found.uncorrected_rmse:.3g} N rms by the law; {found.law_rmse:.3g} N with a zero, "
-        f"a gain and slopes of each muscle; {found.rmse:.3g} N with this."
+        f"Error along the recordings: {found.uncorrected_rmse:.3g} N rms by the law; {found.law_rmse:.3g} N with errors "
+        f"of the law, which only length and pressure tell; {found.rmse:.3g} N with this."
     )
     if found.held_back is not None and found.parameters:
         by, alone = found.held_back

@@ -7,10 +7,11 @@ The law is fitted to static points first. A recording then says what friction an
 with d the error of the set length that the fit of the law found, u what the ends have settled (of a law with a seat), f
 Bouc and Wen's friction, and k_i Maxwell elements of equal stiffness. A muscle between fixed anchors moves its braid by the
 settling of its ends alone. What friction does to the settling itself is of second order and left out. What only length and
-pressure tell is no friction but an error of the law: c is, for each muscle, a zero and a gain of the tension and slopes
-over length and pressure, found with the rest; it also holds the creep from before a recording that begins under
-pressure, whose first 2 mm of path only tell the friction how it began. A muscle that is slack between its anchors is as
-long as it is without a load. A recording may have gaps, and begins anew after each.
+pressure tell is no friction but an error of the law: c is, for each muscle, a zero and a gain of the tension, slopes over
+length and pressure, and what errors of the fitted parameters and of the length do, found with the rest. It also holds the
+creep from before a recording that begins under pressure, whose first 2 mm of path only tell the friction how it
+began. A muscle that is slack between its anchors is as long as it is without a load. A recording may have gaps, and
+begins anew after each.
 
 Of all forms of friction (constant, in proportion to the pressure, both), with creep and without, and of none at all,
 Akaike's criterion chooses: of those within 2 of the least, which it does not tell apart, the one with fewest parameters.
@@ -80,10 +81,11 @@ BEYOND = 0.02  # share of its rest length by which a recording may leave the len
 LEAST_MOTION = 2e-5  # of a braid along a recording; less tells nothing of what resists it [m]
 OPEN = 100.0  # upper end of an interval over the value from which on the data say nothing
 EVALUATIONS = 60
+LENGTH_STEP, PARAMETER_STEP = 1e-5, 1e-4  # of derivatives: of a length [m], and share of a parameter
 LEAST_PRESSURE, LEVELS = 2e4, 24  # above which a slack muscle has a free length [Pa], and pressures at which it is read
 BEGUN = 0.02  # share of the largest pressure of the table above which a recording begins in the middle of something
 GAP = 10.0  # steps of the clock from which on a recording has a gap, in which nobody knows how the muscle moved
-RANK = 1e-9  # share below which columns are one
+RANK = 1e-6  # share below which columns are one
 NOTHING = "neither friction nor creep"
 
 
@@ -326,7 +328,7 @@ class SharedHysteresis:
         recordings: names of the recordings.
         samples: that were fitted, all with tension.
         independent: samples that count as independent of each other.
-        rmse: what law and choice leave of them [N], with the zero, gain and slopes of the tension of each muscle.
+        rmse: what law and choice leave of them [N], beside errors of the law of each muscle.
         law_rmse: what the law alone leaves, with the same [N].
         uncorrected_rmse: what the law leaves without these [N].
         held_back: error of recordings that were held back, by the choice and by the law alone [N]; None for one recording.
@@ -487,17 +489,27 @@ def _forms() -> dict[str, tuple[str, ...]]:
 
 
 def _fits(problem: ResistanceProblem, progress: Callable[[str], None]) -> dict[str, np.ndarray]:
-    """Values of each form, each also begun at those of the best form that it contains."""
-    starts = [START, _sized(problem)]
-    values: dict[str, np.ndarray] = {}
-    errors: dict[str, float] = {}
+    """Values of each form, begun also at those of forms that it contains, and then at those of forms that contain it."""
     forms = _forms()
-    for title, free in sorted(forms.items(), key=lambda form: len(form[1])):
-        inside = [other for other in values if forms[other] and set(forms[other]) < set(free)]
+    order = sorted(forms, key=lambda title: len(forms[title]))
+    values = {title: np.array(LOW) for title in order}
+    errors = dict.fromkeys(order, np.inf)
+
+    def descend(title: str, starts: Sequence[np.ndarray]) -> None:
+        found = problem.fit(forms[title], starts)
+        error = float(np.sum(problem.misfit(np.log(found)) ** 2))
+        if error < errors[title]:
+            values[title], errors[title] = found, error
+
+    for title in order:
+        inside = [other for other in order if forms[other] and set(forms[other]) < set(forms[title])]
         nearest = [values[min(inside, key=errors.__getitem__)]] if inside else []
-        values[title] = problem.fit(free, [*starts, *nearest])
-        errors[title] = float(np.sum(problem.misfit(np.log(values[title])) ** 2))
+        descend(title, [START, _sized(problem), *nearest])
         progress(title)
+    for title in reversed(order):
+        around = [other for other in order if set(forms[other]) > set(forms[title]) and forms[title]]
+        if around:
+            descend(title, [values[min(around, key=errors.__getitem__)]])
     return values
 
 
@@ -517,8 +529,9 @@ def _ranked(problem: ResistanceProblem, values: Mapping[str, np.ndarray]) -> tup
 def _problem(motions: Sequence[_Motion], largest: float) -> ResistanceProblem:
     """The recordings as one problem.
 
-    What only length and pressure tell is an error of the law, for each muscle: a zero and a gain of the tension, and slopes
-    over length and pressure. What a recording that begins under pressure has crept before it, decays as the elements do.
+    What only length and pressure tell is an error of the law, for each muscle: a zero and a gain of the tension, slopes over
+    length and pressure, and what errors of the fitted parameters and of the set length do. What a recording that begins
+    under pressure has crept before it, decays as the elements do.
     """
     rests = list(dict.fromkeys(m.rest_length for m in motions))
     begun = [i for i, m in enumerate(motions) if m.begun]
@@ -531,7 +544,7 @@ def _problem(motions: Sequence[_Motion], largest: float) -> ResistanceProblem:
             at = ELEMENTS * begun.index(i)
             earlier[:, at : at + ELEMENTS] = np.exp(-np.cumsum(path.duration)[:, None] / times)
         shape = np.ones(len(m.tension)), path.tension, m.length, path.pressure
-        basis.append(np.column_stack([*shape, earlier]))
+        basis.append(np.column_stack([*shape, m.slopes, earlier]))
     return ResistanceProblem(
         [m.path for m in motions],
         [m.tension - m.path.tension for m in motions],
@@ -615,7 +628,11 @@ def _files(path: Path) -> list[Path]:
 
 
 class _Motion(NamedTuple):
-    """A recording on the path of its braid: length [m] and tension [N], (n,), which samples count, and the muscle."""
+    """A recording on the path of its braid: length [m] and tension [N], (n,), which samples count, and the muscle.
+
+    It has `begun` before its first sample where that is under pressure. Its `slopes` (n, k) are those of the law's tension
+    over the length and the fitted parameters, each to its largest [1].
+    """
 
     path: BraidPath
     length: np.ndarray
@@ -623,6 +640,7 @@ class _Motion(NamedTuple):
     used: np.ndarray
     rest_length: float
     begun: bool
+    slopes: np.ndarray
 
 
 def _muscles(fit: Fit) -> list[float]:
@@ -651,14 +669,27 @@ def _motions(fit: Fit, recording: Recording, name: str) -> list[_Motion]:
     pieces = []
     for part in np.split(np.arange(len(length)), gaps):
         part = part[:: _every(length[part])]
-        path = braid_path(
-            law, braid_length(law, length[part] + length_error, pressure[part]), pressure[part], recording.time[part]
-        )
+        braid = braid_length(law, length[part] + length_error, pressure[part])
+        path = braid_path(law, braid, pressure[part], recording.time[part])
         begun = bool(pressure[part][0] > BEGUN * float(np.max(fit.points.pressure)))
         used = _used(tension[part], path, TAUT * fit.points.largest, begun=begun)
-        pieces.append(_Motion(path, length[part], tension[part], used, rest, begun))
+        slopes = _slopes(fit, law, rest if several else None, braid, path)
+        pieces.append(_Motion(path, length[part], tension[part], used, rest, begun, slopes))
     _check_motion(pieces, fit.law, name)
     return pieces
+
+
+def _slopes(fit: Fit, law: TensionLaw, rest: float | None, length: np.ndarray, path: BraidPath) -> np.ndarray:
+    """What errors of the fitted parameters and of the length do to the tension of the law (n, k), each to its largest."""
+    columns = [np.asarray(law.tension(length + LENGTH_STEP, path.pressure)) - path.tension]
+    bounds = declared(law_type(fit.law))
+    for name, e in fit.parameters.items():
+        step = PARAMETER_STEP * (abs(e.value) or 1.0)
+        changes = {name: e.value + (step if e.value + step <= bounds[name].bounds[1] else -step)}
+        moved = fit.build(**changes | ({} if rest is None else {"rest_length": rest}))
+        columns.append(np.asarray(moved.tension(length, path.pressure)) - path.tension)
+    whole = np.stack(columns, axis=1)
+    return whole / np.maximum(np.abs(whole).max(axis=0), 1e-300)
 
 
 def _used(tension: np.ndarray, path: BraidPath, least: float, *, begun: bool) -> np.ndarray:
