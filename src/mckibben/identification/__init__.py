@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from .constraints import Constraint as Constraint
     from .constraints import fit_constraints as fit_constraints
     from .shared_hysteresis import SharedHysteresis as SharedHysteresis
+    from .shared_hysteresis import braid_length as braid_length
+    from .shared_hysteresis import braid_path as braid_path
     from .shared_hysteresis import fit_shared_hysteresis as fit_shared_hysteresis
+    from .shared_hysteresis import resistance as resistance
     from .trial import Trial as Trial
 
 __all__ = [
@@ -50,6 +53,8 @@ __all__ = [
     "SharedHysteresis",
     "Trial",
     "bound_of",
+    "braid_length",
+    "braid_path",
     "checked_length_error",
     "degenerate_words",
     "evaluate",
@@ -61,6 +66,7 @@ __all__ = [
     "load_table",
     "rank",
     "read_posterior",
+    "resistance",
 ]
 
 lazy_submodules(__name__)
@@ -69,7 +75,7 @@ lazy_names(
     {
         "circuit_fit": ["CircuitFit", "fit_circuit"],
         "constraints": ["Constraint", "fit_constraints"],
-        "shared_hysteresis": ["SharedHysteresis", "fit_shared_hysteresis"],
+        "shared_hysteresis": ["SharedHysteresis", "braid_length", "braid_path", "fit_shared_hysteresis", "resistance"],
         "trial": ["Trial"],
     },
 )
