@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from ..identification import shared_hysteresis
+from .. import identification
 from ..quantities import with_unit
 from ._terminal import table
 
@@ -31,7 +31,9 @@ def show_hysteresis(found: SharedHysteresis) -> None:
     for name, e in found.parameters.items():
         said = f"95 %: {with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"
         interval = "its size is not in the data" if found.is_open(name) else said
-        typer.echo(f"  {shared_hysteresis.MEANINGS[name]} ({name}) = {with_unit(e.value, e.unit)}  ({interval})")
+        typer.echo(
+            f"  {identification.shared_hysteresis.MEANINGS[name]} ({name}) = {with_unit(e.value, e.unit)}  ({interval})"
+        )
     for part in ("friction", "creep"):
         if not found.has(part):
             above = -found.difference(part)
