@@ -689,7 +689,7 @@ def _slopes(fit: Fit, law: TensionLaw, rest: float | None, length: np.ndarray, p
         moved = fit.build(**changes | ({} if rest is None else {"rest_length": rest}))
         columns.append(np.asarray(moved.tension(length, path.pressure)) - path.tension)
     whole = np.stack(columns, axis=1)
-    return whole / np.maximum(np.abs(whole).max(axis=0), 1e-300)
+    return np.asarray(whole / np.maximum(np.abs(whole).max(axis=0), 1e-300))
 
 
 def _used(tension: np.ndarray, path: BraidPath, least: float, *, begun: bool) -> np.ndarray:
