@@ -99,6 +99,9 @@ SHOWN = {
     "leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s",
     "valve_sticking": "mbar", "clamp_slack": "mm",
 }  # fmt: skip
+# A wrong zero or gain must leave no more than this mean square in units of the sensors' noise, or this share
+# of what there was; and the effect of slack is in proportion to it for no more than this [m].
+LEAVES, LEAVES_SHARE, MOST_ZERO = 4.0, 0.01, 5e-3
 # Units in which the zero of a sensor is shown, and factors to them.
 ZERO_SHOWN = {"span": ("mm", 1e3), "pressure": ("mbar", 1e-2), "valve_pressure": ("mbar", 1e-2), "tension": ("N", 1.0)}
 NORMAL = 1.96  # standard errors of a 95 % interval
@@ -899,7 +902,8 @@ def _explains(compare: _Comparison, names: Sequence[str], best: str, value: floa
 def _calibration_error(compare: _Comparison, fault: Mapping[str, float], sound: np.ndarray, slack: np.ndarray) -> str:
     """Wrong zero or gain of one sensor that explains the recording better than a fault; empty where none does.
 
-    Each is one number, as the fault is: better is a likelihood ratio beyond `THRESHOLD`, with the noise that either leaves.
+    Each is one number, as the fault is: better is a likelihood ratio beyond `THRESHOLD`, with the noise that either leaves,
+    which must be near that of the sensors.
 
     Args:
         compare: measured and predicted blocks.
@@ -921,7 +925,9 @@ def _calibration_error(compare: _Comparison, fault: Mapping[str, float], sound: 
     sizes = {n: float(e @ left) / max(float(e @ e), LEAST_EFFECT) for n, e in scaled.items()}
     misfits = {n: float(np.sum((left - sizes[n] * e) ** 2)) for n, e in scaled.items()}
     best = min(misfits, key=misfits.__getitem__)
-    if not left.size * np.log(with_fault / max(misfits[best], LEAST_EFFECT)) > THRESHOLD:
+    better = left.size * np.log(with_fault / max(misfits[best], LEAST_EFFECT)) > THRESHOLD
+    allowed = max(LEAVES * left.size, LEAVES_SHARE * float(left @ left))
+    if not better or misfits[best] > allowed or (best == "span zero" and abs(sizes[best]) > MOST_ZERO):
         return ""
     channel, kind = best.split()
     if kind == "gain":
