@@ -279,6 +279,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             if passed
             else 0.0,
             "gain that drifts by 1 %, found": share_of_drifts(passed),
+            "gain that must drift to be found, median": float(np.median(needed_drifts(passed))) if passed else 0.0,
+            "gain that must drift to be found, most": float(np.max(needed_drifts(passed))) if passed else 0.0,
             "change without a drift, largest": max((abs(r["gain_change"]["sound"][0]) for r in passed), default=0.0),
             "machine time, longest": max((r["machine_time"] for r in passed), default=0.0),
         }
@@ -293,8 +295,25 @@ def share_within(rows: list[dict[str, Any]]) -> float:
 
 def share_of_drifts(rows: list[dict[str, Any]]) -> float:
     """Share of the drifting gains that the repeated loop shows."""
-    nearest = [end for r in rows for name, (_, end) in r["gain_change"].items() if name != "sound"]
-    return float(np.mean([end > MOST_GAIN for end in nearest])) if nearest else 0.0
+    ends = [ends for r in rows for name, ends in r["gain_change"].items() if name != "sound"]
+    return float(np.mean([tells(value, end) and end > MOST_GAIN for value, end in ends])) if ends else 0.0
+
+
+def tells(value: float, nearest: float) -> bool:
+    """Whether a change, with the end of its interval nearer to zero, is known well enough to tell of a gain."""
+    return abs(value) - nearest <= MOST_GAIN
+
+
+def needed_drifts(rows: list[dict[str, Any]]) -> list[float]:
+    """Drifts of a gain over the whole run from which on the repeated loop shows them, in proportion to that of `DRIFT`."""
+    needed = []
+    for changes in (row["gain_change"] for row in rows):
+        sound = changes["sound"][0]
+        for name, (value, nearest) in changes.items():
+            if name != "sound" and tells(value, nearest):
+                half, way = abs(value) - nearest, math.copysign(1.0, value - sound)
+                needed.append(DRIFT * (MOST_GAIN + half - way * sound) / abs(value - sound))
+    return needed
 
 
 def table(result: dict[str, Any]) -> str:

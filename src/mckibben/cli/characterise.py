@@ -233,7 +233,14 @@ def _print(outcome: Characterisation, out: Path) -> None:
     typer.echo(f"The map is of {lowest} to {highest} and {shortest} to {longest}; beyond it the law alone answers.")
     if math.isfinite(change.value):
         half = 100.0 * (change.high - change.value)
-        typer.echo(f"One loop, measured again at the end, has changed by {100.0 * change.value:+.2f} +- {half:.2f} %.")
+        hidden = (
+            ""
+            if outcome.tells_gain
+            else ", which is too uncertain to tell a gain that drifts: the muscle relaxes too much"
+        )
+        typer.echo(
+            f"One loop, measured again at the end, has changed by {100.0 * change.value:+.2f} +- {half:.2f} %{hidden}."
+        )
     if not outcome.knows_volume:
         typer.echo(
             "mckibben: caution: these tensions are those of no ideal braid, so that the volume is not known, which commands "

@@ -51,7 +51,8 @@ READING = (
     (
         "A loop again at the end",
         "one loop of the map, measured again as the last: a gain of the load cell or of the pressure sensor that drifts "
-        "changes its tensions. More than 0.3 % beyond its interval, and the specimen is not to be used.",
+        "changes its tensions. An interval that lies beyond 0.3 %, and the specimen is not to be used; one wider than "
+        "that either way tells nothing.",
     ),
     ("Intervals", "95 %; those of the law's parameters take errors as independent and the law as right."),
 )
@@ -146,7 +147,8 @@ def _again(found: Characterisation) -> str:
         return "has no lengths in common with the one of the map"
     ends = (f"{100.0 * v:+.2f}" for v in (change.value, change.low, change.high))
     value, low, high = (end.replace("-", "−") for end in ends)
-    return f"tensions changed by {value} % ({low} to {high} %)"
+    hidden = "" if found.tells_gain else ": too uncertain to tell a gain that drifts, since the muscle relaxes too much"
+    return f"tensions changed by {value} % ({low} to {high} %){hidden}"
 
 
 def _leak(found: Characterisation) -> str:

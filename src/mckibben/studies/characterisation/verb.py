@@ -120,10 +120,16 @@ class Characterisation:
         return bool(self.evaluation.fits[0].build().has_volume())
 
     @property
+    def tells_gain(self) -> bool:
+        """Whether the loop that was measured again tells a gain that drifts: not where what relaxes hides it."""
+        change = self.evaluation.gain_change
+        return change.high - change.low <= 2.0 * MOST_GAIN
+
+    @property
     def failed_stage(self) -> tuple[str, str]:
         """The stage whose outcome speaks against the specimen, and why; both empty if nothing does."""
         change = self.evaluation.gain_change
-        if change.low > MOST_GAIN or change.high < -MOST_GAIN:
+        if self.tells_gain and (change.low > MOST_GAIN or change.high < -MOST_GAIN):
             by, most = f"{100.0 * change.value:+.2g} %", f"{100.0 * MOST_GAIN:g} %"
             return (
                 "held-out",
