@@ -279,8 +279,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             if passed
             else 0.0,
             "gain that drifts by 1 %, found": share_of_drifts(passed),
-            "gain that must drift to be found, median": float(np.median(needed_drifts(passed))) if passed else 0.0,
-            "gain that must drift to be found, most": float(np.max(needed_drifts(passed))) if passed else 0.0,
+            "gain that must drift to be found, median": float(np.median(needed_drifts(passed) or [0.0])),
+            "gain that must drift to be found, most": float(np.max(needed_drifts(passed) or [0.0])),
             "change without a drift, largest": max((abs(r["gain_change"]["sound"][0]) for r in passed), default=0.0),
             "machine time, longest": max((r["machine_time"] for r in passed), default=0.0),
         }
