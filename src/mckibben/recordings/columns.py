@@ -231,7 +231,7 @@ def choose_columns(
         where: how error messages name the file.
     """
     if header is None and not columns:
-        allowed = "a file without a header needs the number of each column, such as time 1 and tank.pressure 2"
+        allowed = "a file without a header needs the number of each column, such as time 1 and pressure 2"
         raise InputError("columns", None, f"are missing: {allowed}", where=where, remedy="column time")
     known = [parse_header(i, cell) for i, cell in enumerate(header or [""] * width)]
     if timed and not any(stem in TIMES for stem, _ in known):  # in other languages
