@@ -14,12 +14,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import mckibben as mk
 from mckibben.benchmarking.models import seated_memory
 from mckibben.benchmarking.models.law import LawModel
 from mckibben.benchmarking.moving import VENTING
@@ -32,9 +35,10 @@ from mckibben.identification.shared_hysteresis import (
     BraidPath,
     ResistanceProblem,
     independent_samples,
+    read_recordings,
 )
 from mckibben.identification.uncertainty import akaike
-from mckibben.studies.validation import measured_data
+from mckibben.studies.validation import AARL_ZERO, measured_data
 
 LENGTH_ERROR = 5e-4  # what the static plateaus of these muscles say, `lengths.py` [m]
 SAMPLES = 400  # of each run
@@ -46,6 +50,9 @@ WORDS = (
 )
 SHOWN = (1.0, 1e5, 1e-3, 1e-3)  # of each, in its unit
 BEGIN, END = "<!-- written by benchmarks/friction_in_time.py; do not edit -->", "<!-- end of friction in time -->"
+BEGIN_FIT, END_FIT = (
+    f"<!-- fit --hysteresis, {b} benchmarks/friction_in_time.py -->" for b in ("written by", "end of")
+)
 
 Paths = list[BraidPath]
 
@@ -132,6 +139,88 @@ def measure() -> dict[str, Any]:
     return found
 
 
+def written(folder: Path) -> list[Path]:
+    """The runs as files that anybody could have, as `fit --hysteresis` reads them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for fold in task("isometric-runs").load(measured_data(None)):
+        for run in fold.test:
+            assert run.time is not None
+            rest = np.full(len(run), run.dimensions["rest_length"])
+            pressure = run.inputs["pressure"] + AARL_ZERO  # as its sensor reads it
+            columns = (run.time, run.inputs["length"], rest, pressure, run.outputs["tension"])
+            path = folder / f"{run.name.replace(' ', '_').replace(',', '')}.csv"
+            header = "time_s,length_m,rest_length_m,pressure_Pa,force_N"
+            later = np.diff(run.time, prepend=-np.inf) > 0.0  # the recorder wrote some times twice
+            np.savetxt(path, np.column_stack(columns)[later], delimiter=",", header=header, comments="", fmt="%.7g")
+            files.append(path)
+    return files
+
+
+def by_command(files: Sequence[Path], every: int) -> dict[str, Any]:
+    """What `fit --hysteresis` says of files of which each of `every` samples is kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        for path in files:
+            header, *lines = path.read_text(encoding="utf-8").splitlines()
+            kept = [header, *lines[::every]]
+            Path(folder, path.name).write_text("\n".join(kept) + "\n", encoding="utf-8")
+        plateaus = measured_data(None) / "aarl_10mm_isometric" / "quasistatic_plateaus.csv"
+        points = mk.read_force_map(plateaus, pressure_zero=AARL_ZERO)
+        recordings = read_recordings(f"{folder}/*.csv", pressure_zero=AARL_ZERO)
+        known = {"rest_diameter": 0.010, "wall_thickness": 0.0018}
+        fit = mk.fit(points, "seated_braid", known=known, schemes=(), length_error=LENGTH_ERROR, hysteresis=recordings)
+    h = fit.hysteresis
+    assert h is not None and h.held_back is not None
+    return {
+        "recordings": len(h.recordings),
+        "samples": h.samples,
+        "models": [[m.title, len(m.free), m.rmse, m.aicc] for m in h.models],
+        "parameters": {name: [e.value, e.low, e.high] for name, e in h.parameters.items()},
+        "left by the law, with its errors, with this [N]": [h.uncorrected_rmse, h.law_rmse, h.rmse],
+        "held back, by this and by the law [N]": list(h.held_back),
+    }
+
+
+def drawn_command(found: dict[str, Any]) -> str:
+    """The table of `fit --hysteresis`, and its words."""
+    whole = found["1"]
+    least = whole["models"][0][3]
+    lines = [
+        f"Of {found['runs']} runs {whole['recordings']} pull:",
+        "",
+        "| | free | rms, N | AICc above the least |",
+        "|---|---:|---:|---:|",
+    ]
+    lines += [f"| {title} | {free} | {rms:.2f} | {aicc - least:.1f} |" for title, free, rms, aicc in whole["models"]]
+    lines += [
+        "",
+        "| parameter | all samples | 95 % interval | every tenth | 95 % interval |",
+        "|---|---:|---|---:|---|",
+    ]
+    words = {
+        "constant": ("friction without pressure, N", 1.0),
+        "per_pressure": ("friction per pressure, N/bar", 1e5),
+        "stiffness": ("stiffness of the contact, N/mm", 1e-3),
+        "creep": ("stiffness of creep, N/mm", 1e-3),
+    }
+    for name, (word, unit) in words.items():
+        if any(name in found[e]["parameters"] for e in ("1", "10")):
+            cells = []
+            for every in ("1", "10"):
+                e = found[every]["parameters"].get(name)
+                value, low, high = (np.nan,) * 3 if e is None else unit * np.asarray(e)
+                cells += ["", "left out"] if e is None else [f"{value:.3g}", f"{low:.2g} to {high:.2g}"]
+            lines.append(f"| {word} | {' | '.join(cells)} |")
+    law, own, left = whole["left by the law, with its errors, with this [N]"]
+    mine, theirs = whole["held back, by this and by the law [N]"]
+    lines += [
+        "",
+        f"The law leaves {law:.2f} N rms, {own:.2f} N with errors of its own, {left:.2f} N with friction and creep. "
+        f"Recordings held back in turn are predicted within {mine:.2f} N, by the law alone within {theirs:.2f} N.",
+    ]
+    return "\n".join(lines)
+
+
 def drawn(found: dict[str, Any]) -> str:
     """The tables."""
     lines = [
@@ -161,12 +250,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("friction_in_time.json"), help="Figures.")
     parser.add_argument("--draw", type=Path, help="Page whose table is written anew.")
+    parser.add_argument("--files", type=Path, help="Folder that keeps the runs as files.")
     chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        files = written(chosen.files or Path(folder))
+        command = {str(every): by_command(files, every) for every in (1, 10)}
     found = measure()
+    found["command"] = command | {"runs": len(files)}
     chosen.out.write_text(json.dumps(found, indent=1) + "\n")
     if chosen.draw:
-        before, _, rest = chosen.draw.read_text().partition(BEGIN)
-        chosen.draw.write_text(f"{before}{BEGIN}\n\n{drawn(found)}\n\n{END}{rest.partition(END)[2]}")
+        for begin, end, text in ((BEGIN, END, drawn(found)), (BEGIN_FIT, END_FIT, drawn_command(found["command"]))):
+            before, _, rest = chosen.draw.read_text(encoding="utf-8").partition(begin)
+            page = f"{before}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
+            chosen.draw.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

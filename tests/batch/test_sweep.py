@@ -107,6 +107,7 @@ def test_a_block_whose_codes_are_not_there_is_run_again_whole(tmp_path):
     same(read_results(tmp_path)[1], whole)
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_said_and_what_was_stored_stays(tmp_path, monkeypatch):
     import zarr
 

@@ -53,6 +53,7 @@ class Wrapped(SimulatedHardware):
         return super().wait(sample)
 
 
+@pytest.mark.slow
 def test_by_the_wall_clock_every_sample_is_taken_and_the_channels_are_those_of_the_simulation(tmp_path):
     """The same pure step on the same arguments, compiled for one sample or for many: bit for bit, true channels too."""
     log = tmp_path / "run.mcap"

@@ -89,6 +89,7 @@ def test_afterwards_the_last_set_points_are_held_by_hand(machine):
     assert status.measured["span"] == pytest.approx(0.13, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_a_run_of_a_session_is_told_like_any_other(machine, tmp_path):
     """The machine was brought to where the protocol begins, so only the last bits and the noise differ."""
     log = tmp_path / "run.mcap"

@@ -202,6 +202,7 @@ def test_what_a_real_machine_cannot_is_refused_in_a_sentence(at_rest):
     until(lambda: bench.running is None, "the end of the run")
 
 
+@pytest.mark.slow
 def test_a_line_that_is_unplugged_keeps_what_there_is_and_says_so(tmp_path, mounted):
     with open_workspace(tmp_path, mounted, faults=Faults(at={2500: "unplug"})) as (workspace, bench):
         loaded(workspace, LONG)

@@ -166,6 +166,7 @@ def test_a_second_page_watches_and_may_stop_but_not_start(bench, visit, status, 
     assert not refused["ok"] and "another page is in control" in refused["said"]
 
 
+@pytest.mark.slow
 def test_set_points_by_hand_move_the_machine_and_are_refused_in_the_words_of_the_rig(bench, status, until):
     page = bench(pace="real")
     until(lambda: status(page)["by_hand"] == "ready", 60.0)
@@ -266,6 +267,7 @@ def test_nothing_starts_before_the_dry_run_has_passed_and_it_offers_the_cure(ben
     until(lambda: page.locator("#start").is_enabled())
 
 
+@pytest.mark.slow
 def test_own_data_1_newton_above_the_dry_run_leave_an_rms_of_1_newton_before_and_beside_a_run(bench, until, status):
     page = bench()
     curves = page.evaluate("window.lab.lab.parts.dry.curves")
@@ -339,6 +341,7 @@ def test_the_link_names_muscle_rig_and_protocol_and_is_followed(bench, visit, un
     assert other.evaluate("window.lab.act('muscle', {name: 'nylon'})")["ok"]
 
 
+@pytest.mark.slow
 def test_a_link_waits_for_the_controls_that_a_page_which_vanished_still_holds(bench, visit, until):
     page = bench()
     other = visit("/?muscle=fiberglass")

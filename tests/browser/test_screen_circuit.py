@@ -33,6 +33,7 @@ def lines_of(page):
     return {line["label"]: line["y"] for line in json.loads(spec)["lines"]}
 
 
+@pytest.mark.slow
 def test_a_circuit_is_taken_to_the_bench_with_its_muscle(visit, served, until, status):
     elements = {**DIRECT["elements"], "tube": {**DIRECT["elements"]["tube"], "length": "77 cm"}}
     nodes = {**DIRECT["nodes"], "muscle": {**DIRECT["nodes"]["muscle"], "specimen": "fiberglass", "length": "20 cm"}}

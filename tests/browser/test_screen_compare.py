@@ -23,6 +23,7 @@ def opened(visit, query, **options):
     return page
 
 
+@pytest.mark.slow
 def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit):
     page = opened(visit, "muscles=nylon,fast-fibre")
     with page.expect_download() as waiting:

@@ -113,6 +113,7 @@ def test_a_specimen_file_of_ones_own_has_the_numbers_of_the_command(visit, braid
     assert number(other, "Out") == theirs["output"]
 
 
+@pytest.mark.slow
 def test_choices_stand_in_the_link_and_a_link_brings_them_back(visit, until):
     page = open_page(visit)
     page.click("text=Isotonic >> nth=0")

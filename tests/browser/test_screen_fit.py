@@ -96,6 +96,7 @@ def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, co
     assert page.evaluate(f"{of}.law") == "ideal"  # the one that was shown
 
 
+@pytest.mark.slow
 def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_beside_them(visit, tmp_path):
     path = tmp_path / "unnamed.csv"
     lines = MAP.read_text().splitlines()

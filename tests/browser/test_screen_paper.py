@@ -57,6 +57,7 @@ def test_a_row_with_a_wide_tolerance_says_why_before_it_is_computed(visit):
     says(page, ".p-body", "tolerance 5 %: the print divides 31 by the area")
 
 
+@pytest.mark.slow
 def test_filters_and_a_chosen_row_stand_in_the_link(visit, until):
     page = open_page(visit)
     rows = ".p-root tr[data-row]"
@@ -79,6 +80,7 @@ def test_filters_and_a_chosen_row_stand_in_the_link(visit, until):
     until(lambda: other.locator(rows).count() == len(all_rows()))
 
 
+@pytest.mark.slow
 def test_a_run_is_seen_by_all_and_what_was_computed_stays_when_it_is_stopped(visit):
     # on a narrow screen one part is open: that of the row in the link
     page, other = open_page(visit), open_page(visit, f"?row={QUICK[0]}", width=390, height=844)

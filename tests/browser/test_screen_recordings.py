@@ -68,6 +68,7 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
     until(lambda: line(other, "narrow").get_attribute("aria-selected") == "true")
 
 
+@pytest.mark.slow
 def test_a_chart_is_zoomed_by_wheel_keys_and_a_frame_saved_as_shown_and_whole_after_a_double_click(
     visit, folder, until
 ):
@@ -217,6 +218,7 @@ def long_table(path, rows):
     return path
 
 
+@pytest.mark.slow
 def test_a_large_file_is_read_beside_the_server_and_can_be_stopped(visit, folder, tmp_path, until):
     path = long_table(tmp_path / "Kr\u00e4fte.csv", 600_000)  # 15 MB, read for seconds
     page = visit("/recordings")

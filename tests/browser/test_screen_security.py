@@ -107,6 +107,7 @@ def test_a_tab_that_is_duplicated_watches_and_its_original_stays_in_control(visi
     until(lambda: status(page)["holder"] == mine)
 
 
+@pytest.mark.slow
 def test_a_browser_with_too_many_lines_is_told_so_and_may_still_stop(visit, status, until):
     page = visit("/fit", control=True)
     closed = page.evaluate(
@@ -156,6 +157,7 @@ def test_an_injected_script_does_not_run(chromium, served):
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_after_a_restart_a_page_drops_the_samples_of_the_dead_server_and_says_what_is_lost(
     how, chromium, tmp_path, until
 ):

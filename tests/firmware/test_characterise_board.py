@@ -31,6 +31,7 @@ def uno(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {"image": out / "uno.hex", "emulator": out / "emulator-uno"}
 
 
+@pytest.mark.slow
 def test_the_command_moves_the_board_and_ctrl_c_vents_it(uno: dict[str, Path], tmp_path: Path) -> None:
     import characterise_board
 

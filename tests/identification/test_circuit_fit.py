@@ -148,6 +148,7 @@ def test_the_friction_of_a_tube_is_found_and_predicts_another_vessel(plan):
     )  # a tenth of a sample: the model is right, noise moves the peak
 
 
+@pytest.mark.slow
 def test_two_like_holes_a_leak_and_a_volume_are_found_at_once(plan):
     def two(conductance: str, critical_ratio: str, leak: str, volume: str) -> str:
         parts = [TANK.format(name="tank", volume="50 ml"), TANK.format(name="other", volume=volume)]

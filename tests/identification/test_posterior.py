@@ -253,7 +253,7 @@ def test_a_posterior_of_a_file_gives_the_same_bands(tmp_path):
     [
         (
             "[]",
-            "is not the result of a fit with samples of its posterior; `mckibben fit TABLE",
+            "is not the result of a fit with samples of its posterior; save a fit",
         ),
         ('{"fits": [{"law": "ideal"}]}', "is the result of a fit without samples of its posterior"),
         ('{"fits": [{"law": "ideal", "posterior": {"law": "ideal"}}]}', "must be a posterior as"),

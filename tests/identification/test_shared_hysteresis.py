@@ -110,6 +110,7 @@ def test_friction_and_creep_that_went_in_come_out_within_their_intervals(rubbed)
     assert rubbed.muscles == RESTS and len(rubbed.recordings) == 4
 
 
+@pytest.mark.slow
 def test_what_did_not_go_in_is_left_out_by_the_criterion():
     nothing = fit_shared_hysteresis(FIT, recordings())
     assert (nothing.title, nothing.parameters, nothing.friction, nothing.creep) == (NOTHING, {}, None, None)

@@ -63,6 +63,7 @@ def test_a_sticking_valve_is_found(observer):  # of the other faults the slow te
     assert result["valve_sticking"].estimate.value == pytest.approx(size, rel=0.1)  # some 3 standard errors
 
 
+@pytest.mark.slow
 def test_a_clamp_that_slipped_before_the_recording_is_found_with_its_grip(observer):
     grip = 42.0  # some newtons below the largest tension of the sound rig: nearly all is lost in the first turn
     result = found(record(observer, seed=1, before=1, clamp_grip=grip))

@@ -147,6 +147,7 @@ def test_more_room_never_takes_a_heavier_muscle():
         later(Requirements(force=50.0, stroke=0.03, pressure=5e5, diameter=0.003), "diameter", 0.003, 0.03),
     ],
 )
+@pytest.mark.slow
 def test_what_stands_in_the_way_is_named_and_would_help(wish, part, low, high):
     made, misses = design(wish)
     assert made is None

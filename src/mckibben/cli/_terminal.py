@@ -267,6 +267,17 @@ def chosen_law(law: str | None, spec: Specimen) -> str:
 
 _OPTIONS = {"column": "--column {}=COLUMN", "unit": "--unit {}=UNIT", "parameter": "--set {}=VALUE"}
 
+_COMMANDS = {
+    "posterior": "`mckibben fit TABLE --posterior --out fit.json`",
+    "specimen": "`mckibben fit TABLE --out my-muscle.toml`",
+}
+
+
+def with_command(error: Exception) -> str:
+    """The sentence of an error, with the command that makes what is missing."""
+    command = _COMMANDS.get(getattr(error, "remedy", ""))
+    return str(error) if command is None else f"{error}, with {command}"
+
 
 @contextmanager
 def options_named(**more: str) -> Iterator[None]:

@@ -24,7 +24,7 @@ from .. import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
-from ._terminal import begin, program, readable
+from ._terminal import begin, program, readable, with_command
 
 ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX leaves parts of files on a full one
 # Warnings of JAX on a disk that is full, or was full once: it compiles again.
@@ -344,7 +344,7 @@ def _execute(arguments: list[str] | None) -> Any:
     except (ConvergenceError, StageError) as error:
         code = _complain(str(error), 1)
     except MckibbenError as error:
-        code = _complain(str(error), 2)
+        code = _complain(with_command(error), 2)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0

@@ -46,7 +46,6 @@ RUN_ERROR = 5e-3
 ANOTHER_MUSCLE = (
     0.3  # rms of the measured points that a law misses, of the largest tension, above which it is another muscle
 )
-WRITTEN_BY = "`mckibben fit TABLE --posterior --out fit.json` writes one"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,10 +255,10 @@ class Posterior:
             most = "more than the largest" if share > 1.0 else f"{100.0 * share:.2g} % rms of the largest"
             said = (
                 f"the posterior is not that of the muscle {name}, whose tensions miss the {len(points)} measured points of "
-                f"the posterior by {most}; "
-                "take the specimen of the same fit, which `mckibben fit TABLE --out my-muscle.toml` writes"
+                f"the posterior by {most}; take the specimen that the same fit saves"
             )
-            raise InputError("posterior", name, "must be that of the muscle", sentence=said)
+            problem = "must be that of the muscle"
+            raise InputError("posterior", name, problem, sentence=said, remedy="specimen")
 
     def beyond(self, length: Any, pressure: Any) -> str | None:
         """Caution about points outside of the measured map, where the intervals are a guess; None if all are within.
@@ -674,11 +673,11 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
         fits = [f for one in content.get("maps", [content]) for f in one["fits"]]
         having = {str(f["law"]): f["posterior"] for f in reversed(fits) if f.get("posterior")}
     except (KeyError, TypeError, AttributeError, ValueError):
-        said = f"{where} is not the result of a fit with samples of its posterior; {WRITTEN_BY}"
-        raise InputError("posterior", where, "must be such a file", sentence=said) from None
+        said = f"{where} is not the result of a fit with samples of its posterior; save a fit that has them"
+        raise InputError("posterior", where, "must be such a file", sentence=said, remedy="posterior") from None
     if not having:
-        said = f"{where} is the result of a fit without samples of its posterior; {WRITTEN_BY}"
-        raise InputError("posterior", where, "must be a fit with one", sentence=said)
+        said = f"{where} is the result of a fit without samples of its posterior; save one that has them"
+        raise InputError("posterior", where, "must be a fit with one", sentence=said, remedy="posterior")
     name = list(having)[-1] if law is None else law
     if name not in having:
         raise InputError("posterior.law", name, known=sorted(having), where=where)

@@ -75,6 +75,7 @@ def test_gain_and_zero_of_cell_gauge_and_encoder_lie_in_their_stated_intervals_a
 
 
 @pytest.mark.parametrize("noise", [pytest.param("white", marks=pytest.mark.slow), "filtered"])
+@pytest.mark.slow
 def test_the_skew_lies_in_its_stated_interval_as_often_as_stated(noise):
     # noise upon a sine, of which the lag is known exactly; after a filter it follows itself, the harder of the two
     time, rng, hits = 1e-3 * np.arange(600), np.random.default_rng(3), []
