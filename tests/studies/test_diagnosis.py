@@ -5,7 +5,15 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError
-from mckibben.studies.diagnosis.fault_fit import SIZES, THRESHOLD, diagnose, known_faults, observer_of, sections_of
+from mckibben.studies.diagnosis.fault_fit import (
+    SIZES,
+    THRESHOLD,
+    _differences,
+    diagnose,
+    known_faults,
+    observer_of,
+    sections_of,
+)
 from mckibben.studies.diagnosis.observer import RecordedSection, filtered, mean_reading
 
 PERIOD = 1e-3
@@ -227,3 +235,11 @@ def test_a_fault_of_the_simulated_bench_is_found_from_a_work_loop(name, words, s
     result = mk.diagnose(mk.run("work-loop", rig, muscle="nylon", cycles=2))
     assert result.fault == name and result.explained
     assert result[name].estimate.value == pytest.approx(size, rel=0.1)  # the goal
+
+
+def test_a_rig_that_is_not_that_of_the_recording_is_said():
+    record, sound = mk.run("work-loop", "modern", muscle="nylon", cycles=2), mk.rig("modern")
+    said = _differences(record, mk.rig("paper"), "paper")
+    assert len(said) == 1 and "made on the rig modern" in said[0] and "sensors" in said[0]
+    assert _differences(record, sound, sound) == () == _differences(record, sound, None)
+    assert _differences(record, mk.rig("modern", {"faults.leak": "0.5 l/min/bar"}), sound) == ()

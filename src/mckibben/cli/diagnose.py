@@ -9,7 +9,7 @@ import typer
 
 from ..studies import diagnosis
 from ._outputs import OBJECT, TABLE, OutputKinds, Paths
-from ._terminal import Json, print_json, table
+from ._terminal import Json, caution, print_json, table
 
 if TYPE_CHECKING:
     from ..studies.diagnosis.fault_fit import Diagnosis
@@ -65,6 +65,7 @@ def diagnose_recording(
         if as_json:
             print_json(content)
         else:
+            caution(*result.cautions)
             _print(result)
             files.say()
 

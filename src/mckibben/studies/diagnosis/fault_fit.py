@@ -151,6 +151,7 @@ class Diagnosis:
         threshold: of the likelihood ratio.
         blocks: number of averaged readings.
         not_judged: a sentence for each fault of which this recording or this rig says nothing.
+        cautions: sentences about what was named beside the recording and differs from what it states.
         calibration: wrong zero or gain of a sensor that explains the recording better than any fault, in words; else empty.
     """
 
@@ -161,6 +162,7 @@ class Diagnosis:
     threshold: float
     blocks: int
     not_judged: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
     calibration: str = ""
 
     def __getitem__(self, name: str) -> FaultFit:
@@ -207,6 +209,7 @@ class Diagnosis:
             "threshold": self.threshold,
             "blocks": self.blocks,
             "not_judged": list(self.not_judged),
+            "cautions": list(self.cautions),
             "calibration": self.calibration or None,
             "faults": [
                 {
@@ -269,7 +272,22 @@ def diagnose(
         sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
     except InputError as error:
         raise error.at(where) if where else error from None
-    return diagnose_sections(observer, sections)
+    return replace(diagnose_sections(observer, sections), cautions=_differences(record, observer.rig, rig))
+
+
+def _differences(record: Recording, named: Rig, rig: Rig | str | os.PathLike[str] | None) -> tuple[str, ...]:
+    """A sentence where the rig that was named is not that of the recording: what differs looks like a fault."""
+    stated = record.meta.get("rig_document")
+    if rig is None or not isinstance(stated, Mapping):
+        return ()
+    words = {"faults", "name", "title", "source", "note", "inferred"}
+    keys = sorted(k for k in {*stated, *named.document} - words if stated.get(k) != named.document.get(k))
+    if not keys:
+        return ()
+    return (
+        f"the recording was made on the rig {record.meta.get('rig')}; the rig {named.name} differs from it in "
+        f"{', '.join(keys)}, which may be taken for a fault",
+    )
 
 
 def observer_of(
