@@ -73,6 +73,7 @@ def test_by_the_wall_clock_every_sample_is_taken_and_the_channels_are_those_of_t
         assert np.array_equal(kept[name], clocked[name], equal_nan=True), name
 
 
+@pytest.mark.slow
 def test_at_the_border_there_are_counts_only_and_they_give_the_same_run():
     """Paced and unpaced runs differ in nothing but time: bit for bit."""
     prepared = bench("isotonic-triangle", **VALUES)

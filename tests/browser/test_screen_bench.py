@@ -133,6 +133,7 @@ def test_a_reload_during_a_run_finds_it_again(bench, served, status, until):
     assert record.meta["events"][-1]["code"] == "stop" and "emergency" not in record.meta["message"]
 
 
+@pytest.mark.slow
 def test_a_lost_line_turns_the_page_grey_and_fetches_what_was_missed(bench, status, until):
     page = bench(LONG, "slow")
     clicked(page, until, status, 0.05)

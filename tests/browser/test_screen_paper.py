@@ -28,6 +28,7 @@ def row(name):
     return f'.p-root tr[data-row="{name}"]'
 
 
+@pytest.mark.slow
 def test_a_row_is_computed_as_the_command_does_and_shows_its_figure(visit):
     """Exact: another process computes the same function of the same numbers."""
     name = QUICK[2]
