@@ -9,7 +9,7 @@ which is what the derivative of a signal is; then it has one row, and the additi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -356,11 +356,19 @@ def count_operations(jaxpr: Any) -> int:
     return total
 
 
+def scan_sizes(params: Mapping[str, Any]) -> tuple[int, int]:
+    """Count the constants and the carried values of a scan; JAX 0.11 and later state them as a tree of the arguments."""
+    if "num_consts" in params:
+        return params["num_consts"], params["num_carry"]
+    consts, carry, _ = (len(list(part)) for part in params["ft_in"].unpack())
+    return consts, carry
+
+
 @rule("scan")
 def _scan(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     p = eqn.params
-    consts, carry = p["num_consts"], p["num_consts"] + p["num_carry"]
-    known, inits, xs = values[:consts], list(values[consts:carry]), values[carry:]
+    consts, carried = scan_sizes(p)
+    known, inits, xs = values[:consts], list(values[consts : consts + carried]), values[consts + carried :]
     length, closed = p["length"], p["jaxpr"]
     if length * count_operations(closed.jaxpr) <= (MUCH if length <= FEW else LITTLE):
         return _unrolled(t, eqn, known, inits, xs)
