@@ -103,6 +103,20 @@ def test_rows_that_do_not_stand_side_by_side_are_read_and_written_by_vectors():
     np.testing.assert_array_equal(total, lane[0][0])
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("length", [2, 50])
+def test_the_rows_of_an_array_are_its_slices(axis, length):
+    table = CHANCE.uniform(size=(3, length) if axis == 0 else (length, 3))
+
+    def rows(table):
+        stacked = jnp.stack([2.0 * table, jnp.zeros(table.shape)])  # held as given, made by a loop, and constant
+        return [*jax.lax.unstack(table, axis), *stacked[0], *jax.lax.unstack(stacked[1], axis), *table.sum(axis)]
+
+    program, _ = lower(rows, table)
+    for found, exact in zip(program.call([table], mode="strict"), jax.jit(rows)(table), strict=True):
+        np.testing.assert_allclose(found, exact, rtol=1e-15)  # a sum may be ordered otherwise
+
+
 def test_there_is_no_way_back_through_replaced_arrays():
     arguments = many(80)
 

@@ -23,8 +23,14 @@ from .outputs import LATER, TIME, Output, RunningTotals, VariantOutcome, drift, 
 from .run_template import RunTemplate
 from .variants import Variants, power
 
-LANES = 256  # of a compiled call: more are hardly faster
+LANES = 256  # of a call of the processor: more are hardly faster
+GPU_LANES = 16384  # of a call of a GPU, which fewer leave idle
 Tell = Callable[[float], None]  # told the share of the work that is done
+
+
+def lanes_per_call(engine: str) -> int:
+    """Largest number of variants that are computed at once by an engine."""
+    return GPU_LANES if engine == "gpu" else LANES
 
 
 class Results(NamedTuple):
@@ -75,7 +81,8 @@ class Runner:
         refused, groups = self.planner.plan(variants)
         for row, said in refused.items():
             message[row] = said
-        pieces = [LaneGroup(g.family, g.lanes[i : i + LANES]) for g in groups for i in range(0, len(g.lanes), LANES)]
+        size = lanes_per_call(self.engine)
+        pieces = [LaneGroup(g.family, g.lanes[i : i + size]) for g in groups for i in range(0, len(g.lanes), size)]
         outputs: dict[str, np.ndarray] = {}
         for number, piece in enumerate(pieces):
             done = _Piece(self, piece, _after(number, len(pieces), tell))

@@ -17,7 +17,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from .lanes import BuiltVariant, build
 from .outputs import LATER, VariantOutcome, check_channels, document, wanted
-from .run import LANES, Results, Runner, known_names
+from .run import Results, Runner, known_names, lanes_per_call
 from .run_template import RunFactory, RunTemplate
 from .variants import Variants, power
 
@@ -128,7 +128,8 @@ class Sweep:
                 f"must be at least {each:.3g} bytes for one variant, got {self.memory:.3g} bytes",
                 where=self.where,
             )
-        wished = self.block or max(LEAST_BLOCK, min(LANES, power(-(-len(self.variants) // (2 * workers)))))
+        most = lanes_per_call(self.engine)
+        wished = self.block or max(LEAST_BLOCK, min(most, power(-(-len(self.variants) // (2 * workers)))))
         return max(1, min(wished, 1 << (fits.bit_length() - 1), power(len(self.variants))))
 
     def _built(self, factory: RunFactory, values: Mapping[str, Scalar]) -> BuiltVariant:

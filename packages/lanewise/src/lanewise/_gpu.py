@@ -20,9 +20,9 @@ not flushed to zero), so that in the modes ``default`` and ``strict`` lanes are 
 processor. Mode ``fast`` takes reciprocals together in float64, see `_passes`, and in float32 the GPU's own divisions
 and roots, within 2 units in the last place for common numbers.
 
-What is known of it: NVIDIA's ptxas assembles the PTX for sm_80 and sm_90, its operations are counted, and the text it is
-made from is run on the processor, entry and index arithmetic included, by a stand-in for the driver. What only a GPU shows
-has not been seen: that its results are those of the processor, that NVIDIA's driver takes the calls, and how fast it is.
+NVIDIA's ptxas assembles the PTX for sm_80 and sm_90, and the text it is made from is run on the processor, entry and index
+arithmetic included, by a stand-in for the driver. On an H200 the tests that need a GPU passed, and a
+system of 2,400 lines of PTX had the same bits as on the processor in every result of 4,096 lanes, in float64 and float32.
 """
 
 from __future__ import annotations

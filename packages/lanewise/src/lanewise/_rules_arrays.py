@@ -190,6 +190,24 @@ def _stack(t: Tracer, eqn: Any, *parts: Any) -> Any:
     return np.moveaxis(out, 0, axis)
 
 
+@rule("unstack")
+def _unstack(t: Tracer, eqn: Any, a: Any) -> list[Any]:
+    axis, parts = eqn.params["axis"], []
+    for k, var in enumerate(eqn.outvars):
+        if isinstance(a, np.ndarray):
+            parts.append(unwrap_scalar(np.take(a, k, axis)))
+        elif isinstance(a, ConstantArray):
+            parts.append(ConstantArray(var.aval.shape, a.node) if var.aval.shape else a.node)
+        else:
+            parts.append(make_array(t.graph, var.aval.shape, kind_of(a), _row_of(t, a, axis, k)))
+    return parts
+
+
+def _row_of(t: Tracer, a: Any, axis: int, k: int) -> Callable[[tuple[Any, ...]], Node]:
+    """Element of a row of a value at each index within the row."""
+    return lambda i: element_at(t.graph, a, (*i[:axis], k, *i[axis:]))
+
+
 def _as_row(t: Tracer, part: Any) -> Any:
     shape = (1, *shape_of(part))
     if isinstance(part, BufferArray):
