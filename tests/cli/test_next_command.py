@@ -105,3 +105,13 @@ def test_each_of_several_named_laws_has_samples_of_its_own():
     ranking = SimpleNamespace(best=fits[0], fits=fits, points=points)
     assert fit_command._posteriors(ranking, None, 100, every=False) == {"b": "b"}
     assert fit_command._posteriors(ranking, None, 100, every=True) == {"b": "b", "a": "a"}
+
+
+@pytest.mark.parametrize(("stiffness", "said"), [("4.9 mm", True), (None, False)])
+def test_a_tension_outside_of_the_interval_beside_it_is_explained(capsys, fit, stiffness, said):
+    # 4.9 mm is 4 % more than the samples have, 2 N of 57 N, and they and their discrepancy of 0.5 N leave less open.
+    words = ["tension", "nylon", "--law", "gas_spring", "--length", "13 cm", "--pressure", "4 bar", "--from-posterior", fit]
+    with pytest.raises(SystemExit) as stop:
+        main([*words, *(["--set", f"stiffness_per_pressure={stiffness}"] if stiffness else [])])
+    _, err = capsys.readouterr()
+    assert stop.value.code == 0 and ("lies outside of the 95 % of the posterior" in " ".join(err.split())) == said
