@@ -110,7 +110,18 @@ def test_each_of_several_named_laws_has_samples_of_its_own():
 @pytest.mark.parametrize(("stiffness", "said"), [("4.9 mm", True), (None, False)])
 def test_a_tension_outside_of_the_interval_beside_it_is_explained(capsys, fit, stiffness, said):
     # 4.9 mm is 4 % more than the samples have, 2 N of 57 N, and they and their discrepancy of 0.5 N leave less open.
-    words = ["tension", "nylon", "--law", "gas_spring", "--length", "13 cm", "--pressure", "4 bar", "--from-posterior", fit]
+    words = [
+        "tension",
+        "nylon",
+        "--law",
+        "gas_spring",
+        "--length",
+        "13 cm",
+        "--pressure",
+        "4 bar",
+        "--from-posterior",
+        fit,
+    ]
     with pytest.raises(SystemExit) as stop:
         main([*words, *(["--set", f"stiffness_per_pressure={stiffness}"] if stiffness else [])])
     _, err = capsys.readouterr()

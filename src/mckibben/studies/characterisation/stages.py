@@ -117,7 +117,9 @@ class Bounds:
                 raise InputError(name, with_unit(value, unit), f"must be above 0 and at most {with_unit(most, unit)}")
         low, high = rig.shortest, rig.longest
         if not low < rest_length <= high / 1.03:
-            allowed = f"must be above {with_unit(low, 'm')} and at most {with_unit(high / 1.03, 'm')} on the rig {rig.name}"
+            allowed = (
+                f"must be above {with_unit(low, 'm')} and at most {with_unit(high / 1.03, 'm')} on the rig {rig.name}"
+            )
             raise InputError("rest_length", with_unit(rest_length, "m"), allowed)
         return cls(
             rest_length=rest_length,
