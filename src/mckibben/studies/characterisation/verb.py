@@ -166,7 +166,8 @@ class Characterisation:
     def tension_interval(self, length: float, pressure: float) -> tuple[float, float]:
         """95 % interval of the static tension at a length of the muscle itself, between its clamps [N].
 
-        It is wider than that at a span of the rig: the span may be longer than the muscle by `Evaluation.clamp`.
+        It is wider than that at a span of the rig: the span may be longer than the vented muscle by `Evaluation.clamp`. What
+        a cord or a clamp stretches under tension is not in it, as no sensor shows it.
 
         Args:
             length: of the muscle [m].
