@@ -174,6 +174,12 @@ def test_pressures_that_move_together_are_said_to_be_not_told_apart():
     assert [r.passed for r in order] == [None] and ("valve_pressure", "order") not in failed
 
 
+def test_the_order_of_pressures_is_not_judged_where_the_sensor_at_the_valve_is_the_slower_one():
+    slow = rig("modern", {"sensors.valve_pressure.cutoff": "20 1/s"})
+    check = check_machine(Bench(fault="exchanged pressures"), slow, period=PERIOD)
+    assert [r.passed for r in check.results if r.test == "order"] == [None]
+
+
 def test_a_machine_above_a_limit_of_its_interlocks_is_vented_for_the_rest_of_the_check():
     tender = rig("modern", {"interlocks.most_tension": "1 N"})
     machine = Bench()

@@ -452,6 +452,10 @@ class _Judged:
         names = ("valve_pressure", "pressure")
         if not set(names) <= set(self.names) or any(self.change(n) <= self.threshold(n) for n in names):
             return
+        if not float(self.rig.sensors[names[0]].cutoff) >= float(self.rig.sensors[names[1]].cutoff):
+            sentence = "cannot be told from pressure, whose sensor answers sooner"
+            yield CheckResult("valve_pressure", "order", None, None, "1", sentence)
+            return
         # Shares of the settled change, so that a zero or a scale that is wrong has no part in it.
         shares = [(self.samples.of(n, "step") - self.zero[n]) / self.change(n) for n in names]
         ahead = shares[0] - shares[1]
