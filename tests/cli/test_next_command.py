@@ -67,6 +67,16 @@ def test_a_question_outside_of_the_measured_map_is_answered_with_a_caution(run, 
     assert code == 0 and "where the intervals are a guess" in json.loads(out)["warnings"][0]
 
 
+def test_readings_that_are_repeated_stand_in_one_row(run, fit):
+    asked = ("--from", fit, "--budget", "3 min", "--length", "13 cm", "--pressure", "3 bar")
+    points = json.loads(run(*asked, "--json")[1])["points"]
+    places = [(point["length"], point["pressure"]) for point in points]
+    changes = 1 + sum(a != b for a, b in zip(places[:-1], places[1:], strict=True))
+    _, out, _ = run(*asked)
+    rows = [line for line in out.partition("What they teach")[0].splitlines() if " cm " in line and " bar" in line]
+    assert changes < len(points) and len(rows) == changes and rows[0].split()[:2] == ["1", "to"]
+
+
 def test_the_protocol_is_one_that_the_slowest_rig_takes(run, fit, tmp_path):
     place = tmp_path / "next.toml"
     code, _, _ = run("--from", fit, "--budget", "30 s", "--rig", "uno", "--out", str(place))
