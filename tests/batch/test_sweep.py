@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import functools
+import json
 import re
 import sys
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from lanes_and_runs import STEP
 
+import mckibben as mk
 from mckibben.batch import VariantOutcome
 from mckibben.batch.drive import run_sweep
 from mckibben.batch.store import read_results
@@ -238,3 +240,25 @@ def test_memory_does_not_grow_with_the_number_of_variants(tmp_path):
         peaks.append(_peak(False))
     # 10 MB were measured for 1,920 variants more, as allocators keep some, and 14 MB for 8,064: 16 MB is what a block takes
     assert peaks[3] - peaks[2] < 16e6, peaks
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_the_posterior_of_another_muscle_is_refused_before_a_variant_runs(tmp_path, scale):
+    length, pressure = [0.12, 0.13, 0.14], [2e5, 3e5, 4e5]
+    tension = scale * np.asarray(mk.muscle("nylon").tension(length, pressure))
+    samples = {"stiffness_per_pressure": [0.0069, 0.007, 0.0071], "shortest_length": [0.104, 0.105, 0.106]}
+    one = {
+        "law": "linear_threshold", "samples": samples, "noise_samples": [1.0] * 3, "discrepancy_samples": [0.5] * 3,
+        "correlation_length": 0.3, "known": {}, "sensor_noise": [0.5] * 3, "shared_errors": [], "seed": 0, "r_hat": 1.0,
+        "effective": 3.0, "divergences": 0,
+        "points": {"length": length, "pressure": pressure, "tension": tension.tolist()},
+    }  # fmt: skip
+    parameters = {name: {"value": values[1], "low": values[0], "high": values[2]} for name, values in samples.items()}
+    fit = {"law": "linear_threshold", "n": 3, "parameters": parameters, "posterior": one}
+    (tmp_path / "fit.json").write_text(json.dumps({"fits": [fit]}))
+    path = written(tmp_path, FILE.replace("[outputs.peak]", '[posterior]\nfit = "fit.json"\ncount = 3\n[outputs.peak]'))
+    if scale == 1.0:
+        assert len(read_sweep(path).variants) == 30  # the 10 of the grid with each of 3 samples
+    else:
+        with pytest.raises(InputError, match="the posterior is not that of the muscle nylon"):
+            read_sweep(path)

@@ -18,7 +18,7 @@ MODERN = rig("modern")
 
 
 class Bench(Hardware):
-    """A tube and a load on the desk: the pressure follows the valve with a dead time, the cell and the motor follow."""
+    """A tube and a load on the desk: the muscle's pressure lags behind the valve's, the cell and the motor follow."""
 
     dead_samples, time_constant, stiffness = 3, 0.05, 2000.0  # [1], [s], [N/m]
 
@@ -43,10 +43,14 @@ class Bench(Hardware):
     def true(self) -> dict[str, float]:
         force = self.motor_low + self.motor_count * self.motor if self.has_motor else 0.0
         tension = 2e-5 * self.pressure + force
-        values = {"pressure": self.pressure, "valve_pressure": self.pressure, "tension": tension}
+        values = {"pressure": self.pressure, "valve_pressure": self.valve_asked, "tension": tension}
         self.edges = int(force / self.stiffness / self.edge)
-        if self.fault == "encoder turned":
+        if self.fault in ("encoder turned", "motor turned"):
             self.edges = -self.edges
+        if self.fault == "motor turned":  # it lets the muscle go slack
+            values["tension"] = 0.0
+        if self.fault == "one pressure":
+            values["valve_pressure"] = self.pressure
         if self.fault == "cell turned":
             values["tension"] = -tension
         if self.fault == "scale":
@@ -133,6 +137,7 @@ def test_a_machine_that_is_wired_right_passes_every_test_and_tells_noise_and_del
     [
         ("cell turned", ("tension", "sign")),
         ("encoder turned", ("span", "sign")),
+        ("motor turned", ("span", "sign")),
         ("scale", ("pressure", "scale")),
         ("offset", ("pressure", "zero")),
         ("plug", ("pressure", "answer")),
@@ -155,11 +160,24 @@ def test_a_fault_is_found_where_it_is(fault: str, expected: tuple[str, str]):
     [
         ("exchanged", "pressure", "tension changes by as many counts as it should"),
         ("exchanged pressures", "shut-off", "exchange the wires of pressure and valve_pressure"),
+        ("exchanged pressures", "valve_pressure", "is behind pressure by"),
     ],
 )
 def test_exchanged_wires_are_told_by_the_channel_that_answers_instead(fault: str, channel: str, sentence: str):
     one, _ = results(fault)
     assert any(sentence in r.sentence for r in one.failures() if r.channel == channel), one.failures()
+
+
+def test_pressures_that_move_together_are_said_to_be_not_told_apart():
+    one, failed = results("one pressure")
+    order = [r for r in one.results if r.test == "order"]
+    assert [r.passed for r in order] == [None] and ("valve_pressure", "order") not in failed
+
+
+def test_the_order_of_pressures_is_not_judged_where_the_sensor_at_the_valve_is_the_slower_one():
+    slow = rig("modern", {"sensors.valve_pressure.cutoff": "20 1/s"})
+    check = check_machine(Bench(fault="exchanged pressures"), slow, period=PERIOD)
+    assert [r.passed for r in check.results if r.test == "order"] == [None]
 
 
 def test_a_machine_above_a_limit_of_its_interlocks_is_vented_for_the_rest_of_the_check():

@@ -67,6 +67,16 @@ def test_a_question_outside_of_the_measured_map_is_answered_with_a_caution(run, 
     assert code == 0 and "where the intervals are a guess" in json.loads(out)["warnings"][0]
 
 
+def test_readings_that_are_repeated_stand_in_one_row(run, fit):
+    asked = ("--from", fit, "--budget", "3 min", "--length", "13 cm", "--pressure", "3 bar")
+    points = json.loads(run(*asked, "--json")[1])["points"]
+    places = [(point["length"], point["pressure"]) for point in points]
+    changes = 1 + sum(a != b for a, b in zip(places[:-1], places[1:], strict=True))
+    _, out, _ = run(*asked)
+    rows = [line for line in out.partition("What they teach")[0].splitlines() if " cm " in line and " bar" in line]
+    assert changes < len(points) and len(rows) == changes and rows[0].split()[:2] == ["1", "to"]
+
+
 def test_the_protocol_is_one_that_the_slowest_rig_takes(run, fit, tmp_path):
     place = tmp_path / "next.toml"
     code, _, _ = run("--from", fit, "--budget", "30 s", "--rig", "uno", "--out", str(place))
@@ -105,3 +115,24 @@ def test_each_of_several_named_laws_has_samples_of_its_own():
     ranking = SimpleNamespace(best=fits[0], fits=fits, points=points)
     assert fit_command._posteriors(ranking, None, 100, every=False) == {"b": "b"}
     assert fit_command._posteriors(ranking, None, 100, every=True) == {"b": "b", "a": "a"}
+
+
+@pytest.mark.parametrize(("stiffness", "said"), [("4.9 mm", True), (None, False)])
+def test_a_tension_outside_of_the_interval_beside_it_is_explained(capsys, fit, stiffness, said):
+    # 4.9 mm is 4 % more than the samples have, 2 N of 57 N, and they and their discrepancy of 0.5 N leave less open.
+    words = [
+        "tension",
+        "nylon",
+        "--law",
+        "gas_spring",
+        "--length",
+        "13 cm",
+        "--pressure",
+        "4 bar",
+        "--from-posterior",
+        fit,
+    ]
+    with pytest.raises(SystemExit) as stop:
+        main([*words, *(["--set", f"stiffness_per_pressure={stiffness}"] if stiffness else [])])
+    _, err = capsys.readouterr()
+    assert stop.value.code == 0 and ("lies outside of the 95 % of the posterior" in " ".join(err.split())) == said

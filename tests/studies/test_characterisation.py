@@ -343,3 +343,35 @@ def test_ctrl_c_vents_keeps_the_stages_and_the_same_command_goes_on(tmp_path):
         assert f"mckibben: interrupted in stage {next_stage}; vented, the stages so far are in {out}" in err
         kept = sorted(path.name for path in out.glob("*.nc"))
         assert kept == [name for name in ("1-seat.nc", "2-leak.nc") if name <= begun]
+
+
+def _strong() -> mk.Muscle:
+    """A braid of 30 cm and 4 cm diameter, which pulls with 1.1 kN at 2 bar."""
+    return mk.muscle(
+        "linear_threshold", stiffness_per_pressure="103.8 mm", shortest_length="186.7 mm", threshold_pressure="0.903 bar",
+        threshold_width="0.85 bar", passive_stiffness="1.54 N/mm", rest_length="30 cm", upper_length="30.3 cm",
+        rest_volume="272 cm^3",
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_leak_of_a_muscle_too_strong_for_the_rig_is_measured_at_less_pressure(tmp_path):
+    # The interlock of the load cell is at 950 N: filled up to the largest tension, the muscle went on to it by what flowed
+    # in meanwhile.
+    stages = []
+    with pytest.raises(StageError, match="stage ramp"):  # interrupted there
+        mk.characterise(
+            "modern", muscle=_strong(), out=tmp_path, stop=lambda: "ramp" in stages,
+            progress=lambda done, total, stage: stages.append(stage),
+        )  # fmt: skip
+    leak = mk.read(tmp_path / "2-leak.nc")
+    assert leak.meta["result"] == "done" and float(np.max(leak["tension"])) < 950.0
+
+
+@pytest.mark.slow
+def test_a_stage_that_an_interlock_stopped_keeps_its_recording_and_says_what_tension_to_ask_for(tmp_path):
+    tender = mk.rig("modern", {"interlocks.most_tension": "20 N"})
+    with pytest.raises(StageError, match=r"over force .* largest tension \(max_tension\) of 13 N or less.*Written: "):
+        mk.characterise(tender, muscle=_strong(), laws=["linear_threshold"], out=tmp_path)
+    (kept,) = tmp_path.glob("failed-*.nc")
+    assert float(np.max(mk.read(kept)["tension"])) > 20.0

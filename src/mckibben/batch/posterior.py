@@ -15,6 +15,7 @@ from ..documents import parse_json, read_text
 from ..errors import InputError
 from ..identification.fit import Fit
 from ..identification.posterior import Posterior
+from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import declared
 from .settings import Setting
@@ -70,7 +71,13 @@ def of_fit(fit: Fit, count: int, *, seed: int = 0, prefix: str = "muscle.law.") 
 
 
 def of_json(
-    path: str | os.PathLike[str], law: str, count: int, known: Callable[[str], Setting], *, seed: int = 0
+    path: str | os.PathLike[str],
+    law: str,
+    count: int,
+    known: Callable[[str], Setting],
+    *,
+    seed: int = 0,
+    muscle: tuple[str, TensionLaw] | None = None,
 ) -> Variants:
     """Draw variants from the output of ``mckibben fit --json``: its posterior, else intervals without correlations.
 
@@ -80,9 +87,10 @@ def of_json(
         count: count of the variants.
         known: what a path names.
         seed: same seed, same variants.
+        muscle: name and law of the muscle whose parameters the samples replace.
 
     Raises:
-        InputError: if it is no such file, or has no such law.
+        InputError: if it is no such file, has no such law, or a posterior of another muscle.
     """
     where = os.fspath(path)
     try:
@@ -97,6 +105,9 @@ def of_json(
     settings = {name: known(f"muscle.law.{name}") for name in parameters}
     if one.get("posterior"):
         samples = Posterior.from_dict(one["posterior"])
+        if muscle is not None:
+            name, own = muscle
+            samples.check_muscle(own, name)
         rows = np.sort(np.random.default_rng(seed).permutation(len(samples))[: samples.rows(count).size])
         return Variants({settings[name].path: column[rows] for name, column in samples.samples.items()})
     deviation = np.array([_deviation(n, e, points, len(parameters)) for n, e in parameters.items()])

@@ -52,6 +52,7 @@ from ..engine.native import ENGINES
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import shipped, with_values
+from ..muscles.law import TensionLaw
 from ..schema import FileTable, Place, entry, named, nested, number, read_part, read_table, shown, verbatim, whole, word
 from ..specimens import muscle_specimen
 from . import posterior
@@ -125,11 +126,11 @@ class PosteriorTable:
         if self.samples is None and self.count is None:
             raise InputError("count", None, "is missing: a fit needs the number of draws")
 
-    def variants(self, known: Known, folder: Path) -> Variants:
-        """The variants, from a file beside that of the sweep."""
+    def variants(self, known: Known, folder: Path, muscle: tuple[str, TensionLaw]) -> Variants:
+        """The variants, from a file beside that of the sweep, of a muscle with its name."""
         if self.fit is None or self.count is None:
             return posterior.of_samples(folder / str(self.samples), self.count, known, seed=self.seed)
-        return posterior.of_json(folder / self.fit, self.law, self.count, known, seed=self.seed)
+        return posterior.of_json(folder / self.fit, self.law, self.count, known, seed=self.seed, muscle=muscle)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +199,7 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     if file.rows:
         parts.append(listed([{path: known(path).read(v, where=where) for path, v in row.items()} for row in file.rows]))
     if file.posterior is not None:
-        parts.append(file.posterior.variants(known, folder))
+        parts.append(file.posterior.variants(known, folder, (file.muscle, template.first_unit.law)))
     if not parts:
         raise top.fail("variants", None, "are missing: a sweep needs one of [grid], [latin], [[list]] and [posterior]")
     variants = crossed(*parts)

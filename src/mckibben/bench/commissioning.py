@@ -59,8 +59,8 @@ class CheckResult:
 
     Attributes:
         channel: sensor or part: ``pressure``, ``tension``, ``shut-off``, ``span``, ``vent`` or ``line``.
-        test: ``noise``, ``zero``, ``range``, ``answer``, ``sign``, ``scale``, ``delay``, ``return``, ``tight``, ``limits``,
-            ``time`` or ``samples``.
+        test: ``noise``, ``zero``, ``range``, ``answer``, ``sign``, ``scale``, ``delay``, ``return``, ``order``, ``tight``,
+            ``limits``, ``time`` or ``samples``.
         passed: True or False; None where it could not be tested.
         value: measured value [SI]; None where there is none.
         unit: SI unit of the value.
@@ -293,6 +293,7 @@ class _Judged:
         for i, name in enumerate(self.names):
             yield from self.at_rest(name, i)
             yield from self.answer(name)
+        yield from self.order()
         if shut_off:
             yield from self.tightness()
         if SPAN in self.samples.readings:
@@ -407,6 +408,10 @@ class _Judged:
             pulls[pulls > 0.0],
         )
         change = float(values[np.argmax(np.abs(values))])
+        if abs(change) <= self.threshold(name) and self.travel() < 0.0:
+            sentence = "cannot be tested while the motor moves the wrong way, or the encoder counts downwards"
+            yield CheckResult(name, "answer", None, None, unit, sentence)
+            return
         if abs(change) <= self.threshold(name):
             sentence = "does not answer a pull of the motor: check its wires, its supply, and the amplifier's enable"
             yield CheckResult(name, "answer", False, change, unit, sentence)
@@ -442,6 +447,29 @@ class _Judged:
             name, "delay", soon, delay, "s", f"begins to move after {with_unit(delay, 's')}, known to {sample}{advice}"
         )
 
+    def order(self) -> Iterator[CheckResult]:
+        """Whether the pressure at the valve is ahead of the muscle's while air flows in, as air flows from high to low."""
+        names = ("valve_pressure", "pressure")
+        if not set(names) <= set(self.names) or any(self.change(n) <= self.threshold(n) for n in names):
+            return
+        if not float(self.rig.sensors[names[0]].cutoff) >= float(self.rig.sensors[names[1]].cutoff):
+            sentence = "cannot be told from pressure, whose sensor answers sooner"
+            yield CheckResult("valve_pressure", "order", None, None, "1", sentence)
+            return
+        # Shares of the settled change, so that a zero or a scale that is wrong has no part in it.
+        shares = [(self.samples.of(n, "step") - self.zero[n]) / self.change(n) for n in names]
+        ahead = shares[0] - shares[1]
+        most, least = float(np.max(ahead)), float(np.min(ahead))
+        if max(most, -least) <= max(sum(self.threshold(n) / self.change(n) for n in names), SHARE):
+            sentence = "is not ahead of pressure by enough to tell both apart"
+            yield CheckResult("valve_pressure", "order", None, None, "1", sentence)
+            return
+        right = most > -least
+        by = most if right else -least
+        where, advice = ("ahead of", "") if right else ("behind", ": exchange the wires of both")
+        sentence = f"is {where} pressure by {100.0 * by:.2g} % of the step while the muscle fills{advice}"
+        yield CheckResult("valve_pressure", "order", right, by if right else -by, "1", sentence)
+
     def tightness(self) -> Iterator[CheckResult]:
         """Whether the shut muscle keeps its pressure, while the valve vents."""
         for name in self.names:
@@ -462,16 +490,22 @@ class _Judged:
             sentence = f"the shut muscle keeps {100.0 * kept:.3g} % of its pressure for {HOLDING:g} s{advice}"
             yield CheckResult("shut-off", "tight", tight, kept, "1", sentence)
 
+    def travel(self) -> float:
+        """Largest travel of the span while the motor pulls, with its sign [m]; 0 where nothing moves or no motor pulled."""
+        values = self.samples.of(SPAN, "pull") if SPAN in self.samples.readings else np.zeros(0)
+        if not len(values) or self.rig.encoder is None:
+            return 0.0
+        travel = float((values - values[0])[np.argmax(np.abs(values - values[0]))])
+        return travel if abs(travel) >= COUNTS * float(self.rig.encoder.resolution) else 0.0
+
     def encoder(self, motor: bool) -> Iterator[CheckResult]:
         """Whether the encoder counts upwards when the motor pulls the muscle longer."""
         if "pull" not in self.samples.phase:
             why = "there is no motor" if motor else "the motor was not allowed to pull"
             yield CheckResult(SPAN, "answer", None, None, "m", f"not tested: {why}")
             return
-        count = float(self.rig.encoder.resolution) if self.rig.encoder is not None else 1.0
-        values = self.samples.of(SPAN, "pull")
-        travel = float((values - values[0])[np.argmax(np.abs(values - values[0]))])
-        if abs(travel) < COUNTS * count:
+        travel = self.travel()
+        if travel == 0.0:
             sentence = (
                 "does not count when the motor pulls: check the amplifier's enable, and both lines of the encoder"
             )

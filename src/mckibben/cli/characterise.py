@@ -248,7 +248,10 @@ def _print(outcome: Characterisation, out: Path) -> None:
             err=True,
         )
     short, long = (with_unit(by, "m", 2) for by in found.clamp)
-    typer.echo(f"Lengths are spans of the rig, which may be {short} to {long} longer than the muscle itself.")
+    typer.echo(
+        f"Lengths are spans of the rig, which may be {short} to {long} longer than the vented muscle itself, and under "
+        "tension by what cord and clamps stretch, too, which counts as the muscle's."
+    )
     typer.echo(f"{outcome.seconds / 60.0:.1f} min of machine time. Written: {out / 'report.html'}")
     if outcome.passed:
         typer.echo(f"Written: {out / outcome.specimen.id}.toml")

@@ -142,7 +142,7 @@ def tension(
             posterior = identification.read_posterior(from_posterior, law=chosen)
             posterior.check_muscle(built, name)
             warnings += caution(posterior.beyond(lengths, drives))
-            _add_bands(points, posterior)
+            warnings += caution(_add_bands(points, posterior))
         about: dict[str, Any] = {"law": chosen, "specimen": None if spec is None else spec.id, "warnings": warnings}
         defaults = [] if spec is not None else _defaults(built, change, chosen)
         if spec is None:
@@ -240,11 +240,23 @@ def _point(built: Any, length: float, drive: float, biological: bool) -> dict[st
     }
 
 
-def _add_bands(points: list[dict[str, Any]], posterior: Posterior) -> None:
-    """The 95 % band of the tension at each point, beside the tension."""
+def _add_bands(points: list[dict[str, Any]], posterior: Posterior) -> str | None:
+    """The 95 % band of the tension at each point, beside the tension.
+
+    Returns:
+        A caution where tensions lie outside of it; None if there is none.
+    """
     band = posterior.tension([p["length"] for p in points], [p["pressure"] for p in points])
     for point, low, high in zip(points, band.low, band.high, strict=True):
         point |= {"tension_low": float(low), "tension_high": float(high)}
+    outside = [p for p in points if not p["tension_low"] <= p["tension"] <= p["tension_high"]]
+    if not outside:
+        return None
+    which = "" if len(points) == 1 else f" at {len(outside)} of {len(points)} points"
+    return (
+        f"the tension of the muscle's own parameters lies outside of the 95 % of the posterior{which}, which adds to the "
+        "law what its measured points have besides; the parameters are not the posterior's, or the law lacks that much"
+    )
 
 
 def _print_point(point: dict[str, Any], title: str, biological: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -163,10 +164,11 @@ def _title(chosen: NextExperiment | LawTest) -> str:
 
 
 def _print(chosen: NextExperiment, *, asked: bool) -> None:
-    rows = [
-        [str(i), with_unit(float(length), "m"), with_unit(float(pressure), "Pa")]
-        for i, (length, pressure) in enumerate(zip(chosen.length, chosen.pressure, strict=True), 1)
-    ]
+    rows, last = [], 0
+    for (length, pressure), repeated in itertools.groupby(zip(chosen.length, chosen.pressure, strict=True)):
+        first, last = last + 1, last + len(list(repeated))
+        number = str(first) if first == last else f"{first} to {last}"
+        rows.append([number, with_unit(float(length), "m"), with_unit(float(pressure), "Pa")])
     table(_title(chosen), ["", "length", "pressure"], rows, right=[0, 1, 2])
     expected = [
         [name, with_unit(e.low, e.unit), with_unit(e.high, e.unit), f"{100.0 * chosen.expected[name]:.0f} %"]

@@ -238,9 +238,9 @@ class _Writer:
         head = Markup("\n").join(self._head(block))
         body = Markup("\n").join(self._row(row, block) for row in block.rows)
         return Markup(
-            '<div class="scroll" role="region" tabindex="0" aria-label="{}"><table>\n'
+            '<div class="scroll" role="region" tabindex="0" aria-label="{}"><table{}>\n'
             "{}<thead>\n{}\n</thead>\n<tbody>\n{}\n</tbody></table></div>"
-        ).format(label, caption, head, body)
+        ).format(label, Markup(' class="numbers"') if _folds(block) else Markup(), caption, head, body)
 
     def _head(self, table: ReportTable) -> Iterator[Markup]:
         if any(c.group for c in table.columns):
@@ -283,6 +283,13 @@ class _Writer:
         return Markup("<{0}{1}{2}>{3}</{4}>").format(
             Markup('th scope="row"' if heads else "td"), kind, hint, text, Markup("th" if heads else "td")
         )
+
+
+def _folds(table: ReportTable) -> bool:
+    """Whether each row is a name and up to three numbers, which stand below it on a narrow screen."""
+    name, *others = table.columns
+    plain_rows = not any(c.group for c in table.columns) and not any(row.note for row in table.rows)
+    return plain_rows and table.head == 0 and not name.number and len(others) <= 3 and all(c.number for c in others)
 
 
 def _kinds(table: ReportTable) -> Iterator[Markup]:

@@ -320,17 +320,21 @@ def test_a_period_that_the_line_cannot_say_is_refused(chosen: Path | None, perio
 def test_no_answer_no_port_and_a_port_in_use_are_said() -> None:
     with pytest.raises(InputError) as none:
         SerialHardware("/dev/no-such-port")
-    one_line(none, "/dev/no-such-port", "can be opened")
+    one_line(none, "/dev/no-such-port", "can be opened", "there is none of this name")
+    with pytest.raises(InputError, match="a speed behind @ is a whole number"):
+        SerialHardware("/dev/no-such-port@fast")
+    with pytest.raises(InputError, match="this is no serial port"):
+        SerialHardware("/dev/null")
     with in_thread(Tiny()) as device:
         device.microcontroller.device.receive = lambda data: None  # deaf
         with pytest.raises(LineLostError) as silent:
             SerialHardware(device.port, greeting=0.1)
-        one_line(silent, device.port, "no device answered within 0.1 s")
+        one_line(silent, device.port, "no device answered within 0.1 s; nothing came")
     with in_thread(Tiny()) as device:
         hardware = SerialHardware(device.port)
         with pytest.raises(InputError) as busy:
             SerialHardware(device.port)
-        one_line(busy, device.port)
+        one_line(busy, device.port, "another program has it open")
         hardware.close()
 
 

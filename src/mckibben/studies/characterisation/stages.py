@@ -117,7 +117,9 @@ class Bounds:
                 raise InputError(name, with_unit(value, unit), f"must be above 0 and at most {with_unit(most, unit)}")
         low, high = rig.shortest, rig.longest
         if not low < rest_length <= high / 1.03:
-            allowed = f"must be above {with_unit(low, 'm')} and at most {with_unit(high / 1.03, 'm')}"
+            allowed = (
+                f"must be above {with_unit(low, 'm')} and at most {with_unit(high / 1.03, 'm')} on the rig {rig.name}"
+            )
             raise InputError("rest_length", with_unit(rest_length, "m"), allowed)
         return cls(
             rest_length=rest_length,
@@ -261,7 +263,8 @@ def _leak(bounds: Bounds, known: Progression) -> list[str]:
     pressure = min(LEAK_PRESSURE, 0.4 * bounds.pressure)
     return [
         _step("rest", span=(rest, _taken(0.5)), pressure=(0.0, 0.5), record=False),
-        _step("fill", pressure=(pressure, 3.0), hold=3.0, until=_above(bounds.tension, known)),
+        # half the tension: what flows in while the valve closes must not take it above the bound
+        _step("fill", pressure=(pressure, 3.0), hold=3.0, until=_above(0.5 * bounds.tension, known)),
         _step("settle", hold=3.0),
         _step("shut", pressure="shut", hold=LEAK_TIME),
     ]

@@ -35,7 +35,7 @@ from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
 from .evaluation import GAIN_ERROR, MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
-from .stages import LENGTH_ERROR, STAGES, Bounds, Progression, planned, protocol_of
+from .stages import ISOBARS, LENGTH_ERROR, STAGES, Bounds, Progression, planned, protocol_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 SETTINGS = "characterisation.json"  # in the folder: what its recordings were made with
 POINTS = "points.csv"  # in the folder: points of the map, without friction and relaxation
 CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle"}  # settings that are digests, and what of
+LESS = 0.7  # of the largest tension, to be asked for where the rig's interlock has stopped a stage
 SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
 Progress = Callable[[float, float, str], None]  # machine time done and planned [s], and the stage
 
@@ -138,10 +139,16 @@ class Characterisation:
             )
         if self.held_out_error > MOST_ERROR:
             share, most = f"{100.0 * self.held_out_error:.2g} %", f"{100.0 * MOST_ERROR:g} %"
+            lowest, highest = self.measured_pressures
+            cause = "the muscle changes between the stages, or no law describes it"
+            if lowest > highest * (1.0 - 0.5 / ISOBARS):  # of one loop only
+                cause = (
+                    f"it was taut at {with_unit(highest, 'Pa', 3)} only, the highest pressure, from which no law can be "
+                    "told; raise the highest pressure, or take a rig with more"
+                )
             return (
                 "held-out",
-                f"the predicted tensions are off by {share} rms of the largest tension, more than {most}; the muscle "
-                "changes between the stages, or no law describes it",
+                f"the predicted tensions are off by {share} rms of the largest tension, more than {most}; {cause}",
             )
         return "", ""
 
@@ -159,7 +166,8 @@ class Characterisation:
     def tension_interval(self, length: float, pressure: float) -> tuple[float, float]:
         """95 % interval of the static tension at a length of the muscle itself, between its clamps [N].
 
-        It is wider than that at a span of the rig: the span may be longer than the muscle by `Evaluation.clamp`.
+        It is wider than that at a span of the rig: the span may be longer than the vented muscle by `Evaluation.clamp`. What
+        a cord or a clamp stretches under tension is not in it, as no sensor shows it.
 
         Args:
             length: of the muscle [m].
@@ -347,10 +355,16 @@ def characterise(
                         progress(before + time, intended.total, stage)
 
                 record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
-            _check(stage, record, on)
-            known = advance(stage, record, bounds, known)
+            try:
+                _check(stage, record, on, bounds)
+                known = advance(stage, record, bounds, known)
+            except StageError as error:
+                if folder is None or resumed or (stop is not None and stop()):
+                    raise
+                raise StageError(stage, f"{error.problem}. Written: {record.save(_failed(folder, stage))}") from None
             if place is not None and not resumed:
                 record.save(place)
+                _failed(place.parent, stage).unlink(missing_ok=True)
             records[stage] = record
             done.append(StageRecord(stage, _seconds(record), resumed))
             passed += intended.seconds[stage]
@@ -523,6 +537,11 @@ def place_of(folder: Path, stage: str) -> Path:
     return folder / f"{1 + list(STAGES).index(stage)}-{stage}.nc"
 
 
+def _failed(folder: Path, stage: str) -> Path:
+    """File of the recording of a stage that failed; it is not continued from."""
+    return folder / f"failed-{stage}.nc"
+
+
 def _shown(key: str, value: JsonValue) -> str:
     unit = {"rest_length": "m", "max_pressure": "Pa", "max_tension": "N"}.get(key)
     return with_unit(float(value), unit) if unit and isinstance(value, int | float) else repr(value)
@@ -559,11 +578,15 @@ def _digest(content: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _check(stage: str, record: Recording, rig: Rig) -> None:
+def _check(stage: str, record: Recording, rig: Rig, bounds: Bounds) -> None:
     """Refuse a recording that was stopped or whose sensors saturate."""
     result = record.meta.get("result", "done")
     if result != "done":
-        raise StageError(stage, str(record.meta.get("message") or result))
+        said = str(record.meta.get("message") or result)
+        if float(np.max(record["tension"])) > float(rig.interlocks.most_tension):
+            least = with_unit(LESS * bounds.tension, "N", 2)
+            said += f"; begin anew with a largest tension (max_tension) of {least} or less, and another folder"
+        raise StageError(stage, said)
     for name in ("tension", "pressure"):
         converter = rig.sensors[name].converter
         top = min(float(converter.top) - SATURATED * float(converter.resolution), float(rig.sensors[name].high))

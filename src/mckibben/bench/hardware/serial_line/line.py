@@ -7,6 +7,7 @@ Writing is safe for several threads. Frames are sorted as they come into those t
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import select
 import sys
@@ -38,12 +39,30 @@ def open_port(port: str, baud: int) -> Any:
     try:
         opened = serial.Serial(port, baud, timeout=_SLOW_READ, write_timeout=0.1, **alone)
     except (OSError, ValueError) as error:  # SerialException is an OSError
-        reason = " ".join(str(error).split())
-        raise InputError("port", port, f"must be a serial port that can be opened ({reason})") from None
+        allowed = f"must be a serial port that can be opened; {_closed_because(port, error)}"
+        raise InputError("port", port, allowed) from None
     if sys.platform == "linux":
         with contextlib.suppress(OSError, ValueError, AttributeError):  # an adapter may hold bytes back for 16 ms
             opened.set_low_latency_mode(True)
     return opened
+
+
+def _closed_because(port: str, error: OSError | ValueError) -> str:
+    """Say why a port could not be opened, and what to do."""
+    import serial.tools.list_ports
+
+    number = getattr(error, "errno", None)
+    if number == errno.ENOENT:
+        ports = sorted(one.device for one in serial.tools.list_ports.comports())
+        said = f"there is none of this name: {'connected are ' + ', '.join(ports) if ports else 'none is connected'}"
+        return said + ("; a speed behind @ is a whole number of bits per second" if "@" in port else "")
+    if number == errno.EACCES:
+        return "you lack the permission: on Linux join the group of the port, such as dialout, and log in again"
+    if "lock" in str(error) or number in (errno.EBUSY, errno.EAGAIN):
+        return "another program has it open"
+    if "Inappropriate ioctl" in str(error):
+        return "this is no serial port"
+    return reason(error)
 
 
 class Wire:
@@ -126,6 +145,8 @@ class SerialLine:
     Attributes:
         name: name of the port, for errors.
         unknown: sound frames that are no message.
+        received: bytes that have come.
+        speed: bits per second with which the port was opened.
 
     Raises:
         InputError: if the port cannot be opened.
@@ -135,7 +156,7 @@ class SerialLine:
         self.name = port if isinstance(port, str) else str(getattr(port, "name", "port"))
         self._wire = Wire(open_port(port, baud) if isinstance(port, str) else port)
         self._writing = threading.RLock()  # a signal may write in the middle of another message
-        self.frames, self.unknown = Frames(), 0
+        self.frames, self.unknown, self.received, self.speed = Frames(), 0, 0, baud
 
     @property
     def undecodable(self) -> int:
@@ -153,7 +174,9 @@ class SerialLine:
         Raises:
             OSError, EOFError: if nothing can come any more.
         """
-        arrived = [messages.message_of(frame) for frame in self.frames.feed(self._wire.read(seconds))]
+        data = self._wire.read(seconds)
+        self.received += len(data)
+        arrived = [messages.message_of(frame) for frame in self.frames.feed(data)]
         self.unknown += arrived.count(None)
         return [message for message in arrived if message is not None]
 
@@ -191,7 +214,12 @@ def greet(line: SerialLine, seconds: float) -> Welcome:
                         return _checked(line, message)
     except (OSError, EOFError) as error:
         raise LineLostError(f"{line.name}: unplugged: {reason(error)}") from None
-    raise LineLostError(f"{line.name}: no device answered within {seconds:g} s")
+    came = (
+        f"{line.received} bytes came that are no message: is its speed {line.speed} bit/s, and is the firmware on it?"
+        if line.received
+        else "nothing came: is it the board's port, and is the firmware on the board?"
+    )
+    raise LineLostError(f"{line.name}: no device answered within {seconds:g} s; {came}")
 
 
 def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool, motor: bool) -> None:
