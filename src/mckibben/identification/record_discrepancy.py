@@ -1,19 +1,11 @@
 """Prediction of records by a fitted model and by its discrepancy, which is smooth along the record.
 
 The errors of a model that is slightly wrong are alike from sample to sample, so that shown samples say how wrong it is at
-their hidden neighbours. The likelihood is that of `sampler`, as for the posterior of records, but with the prediction
-linearised at the fit and its parameters free: with the derivatives J of the prediction m at the fit x,
-
-    y = m(x) + J dx + d + e,     d ~ N(0, s^2 C),     e ~ N(0, k^2 S)
-
-A least squares fit bends the parameters so as to take up the discrepancy, and what it leaves looks like noise. So dx is
-integrated out before the sizes k and s and the correlation length are chosen as those under which the shown values are the
-most probable (restricted maximum likelihood), and is estimated beside d. Near shown values the prediction follows them; away
-from them d falls to zero and the model is left. Where no discrepancy is in the data, s is nearly zero and the prediction is
-that of the fit.
+their hidden neighbours. The likelihood is that of `sampler`, as for the posterior of records, with the prediction linearised
+at the fit and its parameters free (`trend_errors`): the sizes of noise and discrepancy and the correlation length are those
+under which the shown values are the most probable. Near shown values the prediction follows them; away from them the
+discrepancy falls to zero and the model is left. Where no discrepancy is in the data, the prediction is that of the fit.
 Range: the sizes count as known once they are found, so that deviations are a little too small where few values are shown.
-Sources: H. D. Patterson and R. Thompson, Biometrika 58(3), 1971 (restricted likelihood); C. E. Rasmussen and
-C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006, section 2.7 (explicit basis functions).
 """
 
 from __future__ import annotations
@@ -26,6 +18,7 @@ from ..errors import InputError
 from . import sampler
 from .posterior import Band
 from .record_posterior import DISCREPANCY, LENGTHS, NOISE, evenly, record_places
+from .trend_errors import TrendErrors, orthonormal_trend
 from .uncertainty import UNDETERMINED
 
 if TYPE_CHECKING:
@@ -85,7 +78,8 @@ def predict_records(problem: RecordProblem, *, noise: float | None = None) -> Re
     places = record_places(problem.group)
     span = float(np.ptp(problem.measured[rows]))
     size = noise or NOISE * span
-    fitted, trend = problem.model.predict(problem.start), _trend(problem.model.slopes(problem.start), rows)
+    fitted = problem.model.predict(problem.start)
+    trend = orthonormal_trend(problem.model.slopes(problem.start), rows, UNDETERMINED)
     shown = _Shown(
         places[rows], size**2 * np.eye(len(rows)), problem.measured[rows] - fitted[rows], trend[rows], noise is not None
     )
@@ -93,16 +87,11 @@ def predict_records(problem: RecordProblem, *, noise: float | None = None) -> Re
         (shown.likeliest(length, DISCREPANCY * span) for length in LENGTHS), key=lambda both: both[0].score
     )
     errors = shown.errors(best.length)
-    left, information, change = errors.without_trend(best.noise, best.amplitude)
-    precision = sampler.Precision.of(errors.modes.values, np.array([best.noise]), np.array([best.amplitude]))
     onto = sampler.matern(places, places[rows], best.length) @ errors.modes.directions.T
-    mean, deviation = sampler.discrepancy_given(precision, onto, left[None], np.array([best.amplitude]))
-    # what the discrepancy does not follow of a change of the parameters
-    open_trend = trend - best.amplitude**2 * (onto * precision.inverse[0]) @ errors.trend
-    by_parameters = (open_trend * np.linalg.solve(information, open_trend.T).T).sum(axis=1)
+    added, deviation = errors.predict(onto, trend, best.noise, best.amplitude)
     return RecordPrediction(
-        predicted=fitted + trend @ change + mean[0],
-        deviation=np.sqrt(deviation[0] ** 2 + np.maximum(by_parameters, 0.0)),
+        predicted=fitted + added,
+        deviation=deviation,
         discrepancy=best.amplitude,
         length=best.length,
         noise=size * best.noise,
@@ -120,27 +109,6 @@ class _Sizes(NamedTuple):
     score: float
 
 
-class _Errors(NamedTuple):
-    """Residuals and trend of shown values, as independent errors for one correlation length."""
-
-    modes: sampler.ErrorModes
-    residual: np.ndarray
-    trend: np.ndarray
-
-    def without_trend(self, noise: float, amplitude: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals less the trend, information on its coefficients (q, q), and its coefficients (q,), for some sizes."""
-        weighted = self.trend.T / (noise**2 + amplitude**2 * self.modes.values)
-        information = weighted @ self.trend
-        change = np.linalg.solve(information, weighted @ self.residual)
-        return self.residual - self.trend @ change, information, change
-
-    def score(self, noise: float, amplitude: float) -> float:
-        """Logarithm of the restricted likelihood of some sizes, but for a constant."""
-        left, information, _ = self.without_trend(noise, amplitude)
-        independent = float(sampler.marginal(self.modes.values, left, noise, amplitude))
-        return independent - 0.5 * float(np.linalg.slogdet(information)[1])
-
-
 class _Shown(NamedTuple):
     """Shown values: places, covariance of their sensors, residuals, and trend."""
 
@@ -150,10 +118,10 @@ class _Shown(NamedTuple):
     trend: np.ndarray
     noise_known: bool
 
-    def errors(self, length: float) -> _Errors:
+    def errors(self, length: float) -> TrendErrors:
         """Independent errors for a correlation length."""
         modes = sampler.ErrorModes.of(self.covariance, sampler.matern(self.places, self.places, length))
-        return _Errors(modes, modes.directions @ self.residual, modes.directions @ self.trend)
+        return TrendErrors.of(modes, self.residual, self.trend)
 
     def likeliest(self, length: float, amplitude: float) -> tuple[_Sizes, float]:
         """The most probable sizes at a correlation length, and the score without a discrepancy.
@@ -177,13 +145,3 @@ class _Shown(NamedTuple):
         alone = optimize.minimize_scalar(lambda log: cost(np.array([log, least])), bounds=(low, high), method="bounded")
         noise, size = np.exp(found.x)
         return _Sizes(length, float(noise), float(size), -float(found.fun)), -float(alone.fun)
-
-
-def _trend(slopes: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """What the parameters can do to the prediction (n, q): combinations of derivatives, orthonormal at some samples."""
-    size = np.linalg.norm(slopes[rows], axis=0)
-    scaled = slopes[:, size > 0.0] / size[size > 0.0]
-    _, strength, directions = np.linalg.svd(scaled[rows], full_matrices=False)
-    kept = strength > UNDETERMINED * strength[0]
-    made: np.ndarray = scaled @ (directions[kept].T / strength[kept])
-    return made
