@@ -12,11 +12,11 @@ from mckibben.identification.path_record import read_path
 from mckibben.identification.record_posterior import (
     RecordPosterior,
     RecordProblem,
-    _places,
     _resampled,
     _weights,
     posterior_of_loop,
     posterior_of_records,
+    record_places,
 )
 
 COUNT = 30
@@ -73,7 +73,7 @@ def test_samples_are_drawn_anew_as_often_as_their_weights_say():
 
 
 def test_values_of_different_records_share_no_discrepancy():
-    places = _places(np.array([0, 0, 0, 1, 1, 1]))
+    places = record_places(np.array([0, 0, 0, 1, 1, 1]))
     correlation = sampler.matern(places, places, 0.3)
     assert correlation[0, 1] > 0.2 and np.abs(correlation[:3, 3:]).max() < 1e-12
 

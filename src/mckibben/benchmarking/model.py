@@ -60,6 +60,7 @@ MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
     "model",
     {
         "friction": f"{_MODELS}.memory:FrictionModel",
+        "friction_discrepancy": f"{_MODELS}.memory:FrictionDiscrepancy",
         "seated_braid_memory": f"{_MODELS}.seated_memory:SeatedBraidMemory",
         "creep": f"{_MODELS}.memory:CreepModel",
         "robot_circuit": f"{_MODELS}.circuit:RobotCircuit",
@@ -74,7 +75,7 @@ MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
 
 
 # Models with physics beside the laws, and models without, to compare with.
-PHYSICS = ("seated_braid_memory", "friction", "creep", "robot_circuit")
+PHYSICS = ("seated_braid_memory", "friction", "friction_discrepancy", "creep", "robot_circuit")
 COMPETITORS = ("gaussian_process", "perceptron", "gru", "neural_ode", "koopman")
 
 

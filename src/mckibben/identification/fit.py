@@ -7,6 +7,7 @@ fewer parameters by more than the criterion can tell.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -26,6 +27,7 @@ from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
 from ._checks import require_influence, require_progress
 from ._validation import CrossValidation, cross_validate
+from .law_error import LawError
 from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import SAME_LENGTH, Problem, Solution, solve
 from .uncertainty import (
@@ -256,11 +258,13 @@ class Fit(ErrorMeasures):
     def predict(self, length: Any, pressure: Any, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
-        The interval sums up three independent errors: of the parameters, linearised at the fit; of the length to which the
-        muscle is set, where the fit had `length_error`, as large as stated or as found where that is more (`length_reach`);
-        and what the law left of the points, in proportion to the bore where that differs. The error of the length of a
-        muscle that was not measured holds how far muscles differ as a whole, as far as the muscles of the table tell, in
-        their length; how far they differ in material is not in it. A muscle of another rest length is used as far, in
+        The interval is of a further reading. It holds the noise, the parameters, linearised at the fit, and how far the law
+        is wrong, as far as the points tell (`law_error`): narrow near the points, wide away from them. It lies around the
+        law, which is not corrected, and in proportion to the bore where that differs. Where the fit had `length_error`, it
+        sums up three independent errors instead: of the parameters; of the length to which the muscle is set, as large as
+        stated or as found where that is more (`length_reach`); and what the law left of the points. The error of the length
+        of a muscle that was not measured holds how far muscles differ as a whole, as far as the muscles of the table tell,
+        in their length; how far they differ in material is not in it. A muscle of another rest length is used as far, in
         proportion, as those of the table, unless ``upper_length`` is stated.
 
         Args:
@@ -290,17 +294,36 @@ class Fit(ErrorMeasures):
             return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
 
         columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]
-        index = [list(self.parameters).index(n) for n in names]
-        whole = np.eye(len(self.parameters)) if self.correlation is None else self.correlation
-        shape = (len(names),) + (1,) * at[0].ndim
-        moves = np.reshape(np.array(columns), (len(names), *at[0].shape)) if names else np.zeros(shape)
-        variance = np.einsum("i...,ij,j...->...", moves, whole[np.ix_(index, index)], moves)
-        reach = self._reach(changes)
+        moves = np.reshape(np.array(columns), (len(names), *at[0].shape))
+        ratio, reach = self._area_ratio(changes), self._reach(changes)
         if reach:
+            index = [list(self.parameters).index(n) for n in names]
+            whole = np.eye(len(self.parameters)) if self.correlation is None else self.correlation
+            variance = np.einsum("i...,ij,j...->...", moves, whole[np.ix_(index, index)], moves)
             variance = variance + (0.5 * (tension(reach) - tension(-reach))) ** 2
-        half = np.sqrt(np.maximum(variance, 0.0) + (NORMAL_QUANTILE * self.rmse * self._area_ratio(changes)) ** 2)
+            half = np.sqrt(np.maximum(variance, 0.0) + (NORMAL_QUANTILE * self.rmse * ratio) ** 2)
+        else:
+            slopes = np.zeros((at[0].size, len(self.parameters)))
+            for name, width, move in zip(names, spread, moves, strict=True):
+                if width > 0.0:
+                    slopes[:, list(self.parameters).index(name)] = np.ravel(move) / (width * ratio)
+            there, rest = self._in_proportion(at[0], changes), changes.get("rest_length")
+            half = ratio * self._law_error.half_width(np.ravel(there), np.ravel(at[1]), slopes, rest).reshape(
+                at[0].shape
+            )
         most = tension()
         return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
+
+    @functools.cached_property
+    def _law_error(self) -> LawError:
+        return LawError.of(self)
+
+    def _in_proportion(self, length: np.ndarray, changes: Mapping[str, Any]) -> np.ndarray:
+        """Lengths of another muscle as those of the fitted one at the same contraction [m], where the points need that."""
+        own = self.known.get("rest_length")
+        if own is None or "rest_length" not in changes or self.points.rest_length is not None:
+            return length
+        return np.asarray(length * float(np.max(own)) / float(changes["rest_length"]))
 
     def _reach(self, changes: Mapping[str, Any]) -> float:
         """Half width of the 95 % interval of a length that is yet to be set [m]; zero without errors of lengths.

@@ -38,6 +38,7 @@ from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
 if TYPE_CHECKING:
     from ..engine.prediction import Prediction
+    from .record_discrepancy import RecordPrediction
     from .record_posterior import RecordPosterior, RecordProblem
 
 
@@ -117,10 +118,12 @@ class LoopFit(PartialFit):
         """What was fitted, for a posterior: scaled parameters with their bounds, and the prediction of the stroke."""
         from .record_posterior import RecordProblem
 
-        free, _ = _parameters(self.record, self.model, self.muscle, dict(self.known), self.knots)
+        # NaN frees what is zero by default, such as creep
+        known = self.known | dict.fromkeys(self.parameters, float("nan"))
+        free, fixed = _parameters(self.record, self.model, self.muscle, known, self.knots)
         values = {n: e.value for n, e in self.parameters.items()}
         values |= {f"rise_{i}": float(v) for i, v in enumerate(np.diff(self.curve, prepend=0.0))}
-        of = _predictor(self.record, self.model, self.muscle, dict(self.known), tuple(free.items()), self.knots)
+        of = _predictor(self.record, self.model, self.muscle, fixed, tuple(free.items()), self.knots)
         log = np.array([f.log for f in free.values()])
         return RecordProblem(
             names=tuple(free),
@@ -142,6 +145,21 @@ class LoopFit(PartialFit):
         from .record_posterior import posterior_of_loop
 
         return posterior_of_loop(self, noise=noise, draws=draws, seed=seed)
+
+    def with_discrepancy(self, *, noise: float | None = None) -> RecordPrediction:
+        """Predict the stroke by friction, creep and a discrepancy that is smooth along the loop, given the seen samples.
+
+        Args:
+            noise: standard deviation of the sensor of the stroke [m]; found from the data where left out.
+
+        Raises:
+            ConvergenceError: the fit did not converge.
+        """
+        from .record_discrepancy import predict_records
+        from .record_posterior import check_converged
+
+        check_converged(self.converged, f"The fit of {self.model} to the loop", "to predict with")
+        return predict_records(self.problem(), noise=noise)
 
     @property
     def error(self) -> np.ndarray:

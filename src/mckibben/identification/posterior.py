@@ -428,17 +428,17 @@ class Posterior:
 
     def _places(self, length: np.ndarray, pressure: np.ndarray, rest: Any) -> np.ndarray:
         """Coordinates of points (q,) in the ranges of the data (q, 2)."""
-        rests = _rests(self.points, len(length), rest)
-        return _coordinates(ForceMap("", length, pressure, np.ones(len(length)), rest_length=rests), self._scale)[0]
+        rests = rests_of(self.points, len(length), rest)
+        return map_coordinates(ForceMap("", length, pressure, np.ones(len(length)), rest_length=rests), self._scale)[0]
 
     def _onto(self, places: np.ndarray) -> np.ndarray:
         """Correlation of the discrepancy at places with the modes of the data (q, n)."""
-        here, _ = _coordinates(self.points)
+        here, _ = map_coordinates(self.points)
         return np.asarray(sampler.matern(places, here, self.length) @ self._modes.directions.T)
 
     @functools.cached_property
     def _scale(self) -> np.ndarray:
-        return _coordinates(self.points)[1]
+        return map_coordinates(self.points)[1]
 
     def _precision(self, rows: np.ndarray | None = None) -> sampler.Precision:
         """Inverse covariance of the modes of some samples."""
@@ -462,7 +462,7 @@ class Posterior:
 
     @functools.cached_property
     def _modes(self) -> sampler.ErrorModes:
-        here, _ = _coordinates(self.points)
+        here, _ = map_coordinates(self.points)
         return sampler.ErrorModes.of(self.errors.covariance, sampler.matern(here, here, self.length))
 
     def to_dict(self) -> dict[str, JsonValue]:
@@ -591,7 +591,7 @@ def posterior_of_fit(
     points = points if runs is None else replace(points, run=_checked_runs(runs, len(points)))
     labels, columns = run_columns(points.run)
     several = columns if len(labels) > 1 else None
-    coordinates, _ = _coordinates(points)
+    coordinates, _ = map_coordinates(points)
     residual = points.tension - predicted
     sizes = sampler.error_sizes(
         residual,
@@ -725,7 +725,7 @@ def _input_slopes(problem: Problem, start: np.ndarray) -> tuple[np.ndarray, np.n
     return force(points.length, points.pressure), np.nan_to_num(by_length), np.nan_to_num(by_pressure)
 
 
-def _coordinates(points: ForceMap, scale: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def map_coordinates(points: ForceMap, scale: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Length over rest length, and pressure, each over its range in the data (n, 2); and that scale (2, 2)."""
     lengths = points.length if points.rest_length is None else points.length / points.rest_length
     raw = np.stack([lengths, points.pressure], axis=1)
@@ -735,7 +735,8 @@ def _coordinates(points: ForceMap, scale: np.ndarray | None = None) -> tuple[np.
     return (raw - scale[0]) / scale[1], scale
 
 
-def _rests(points: ForceMap, count: int, rest: Any) -> np.ndarray | None:
+def rests_of(points: ForceMap, count: int, rest: Any) -> np.ndarray | None:
+    """Rest lengths of a count of further points (count,): as stated, or that of the longest muscle [m]."""
     if points.rest_length is None:
         return None
     return np.full(count, float(points.rest_length.max() if rest is None else rest))

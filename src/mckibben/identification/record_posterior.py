@@ -155,7 +155,7 @@ class RecordPosterior:
         chance, (mean, deviation) = np.random.default_rng(self.seed), self.discrepancy
         drawn = self.predicted + mean + deviation * chance.standard_normal(mean.shape)
         if measured:
-            noise = self.noise[_evenly(len(self), len(drawn))]
+            noise = self.noise[evenly(len(self), len(drawn))]
             drawn = drawn + noise[:, None] * chance.standard_normal(mean.shape)
         tail = 0.5 - 0.5 * confidence
         return Band(*np.quantile(drawn, (tail, 0.5, 1.0 - tail), axis=0))
@@ -203,10 +203,10 @@ def posterior_of_loop(
     return posterior_of_records(fit.problem(), noise=noise, draws=draws, warm_up=warm_up, seed=seed)
 
 
-def check_converged(converged: bool, subject: str) -> None:
-    """Refuse to sample round a fit that did not converge; raises `ConvergenceError`."""
+def check_converged(converged: bool, subject: str, purpose: str = "to sample") -> None:
+    """Refuse to go on from a fit that did not converge; raises `ConvergenceError`."""
     if not converged:
-        raise ConvergenceError(f"{subject} did not converge, so there is nothing to sample.")
+        raise ConvergenceError(f"{subject} did not converge, so there is nothing {purpose}.")
 
 
 def posterior_of_records(
@@ -216,8 +216,8 @@ def posterior_of_records(
     if noise is not None and not (np.isfinite(noise) and noise > 0.0):
         raise InputError("noise", noise, f"must be more than 0 {problem.unit}")
     seen = np.flatnonzero(problem.used)
-    rows = seen[_evenly(len(seen), min(MOST, len(seen)))]
-    places = _places(problem.group)
+    rows = seen[evenly(len(seen), min(MOST, len(seen)))]
+    places = record_places(problem.group)
     span = float(np.ptp(problem.measured[rows]))
     size, amplitude = noise or NOISE * span, DISCREPANCY * span
     covariance = size**2 * np.eye(len(rows))
@@ -266,7 +266,7 @@ def posterior_of_records(
         evidence = replace(evidence, model=model, inputs={}, host=exact)
         drawn = sampler.sample(evidence, draws=draws, chains=CHAINS, warm_up=warm_up, seed=seed)
         predicted = np.stack([problem.model.predict(x) for x in drawn.parameters])
-    some = _evenly(len(drawn.noise), min(PREDICTED, len(drawn.noise)))
+    some = evenly(len(drawn.noise), min(PREDICTED, len(drawn.noise)))
     predicted = predicted[some]
     onto = sampler.matern(places, places[rows], sizes.length) @ modes.directions.T
     error = (problem.measured[rows] - predicted[:, rows]) @ modes.directions.T
@@ -329,7 +329,7 @@ def _bounds(problem: RecordProblem) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def _places(group: np.ndarray) -> np.ndarray:
+def record_places(group: np.ndarray) -> np.ndarray:
     """Place of each value along its record from 0 to 1, and a coordinate by which records lie far from each other (n, 2)."""
     along = np.empty(len(group))
     for one in np.unique(group):
@@ -339,5 +339,6 @@ def _places(group: np.ndarray) -> np.ndarray:
 
 
 @functools.cache
-def _evenly(count: int, few: int) -> np.ndarray:
+def evenly(count: int, few: int) -> np.ndarray:
+    """Places of a few of a count of values, evenly from all (few,)."""
     return np.linspace(0, count - 1, few).round().astype(int)

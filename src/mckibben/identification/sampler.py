@@ -511,7 +511,7 @@ def _potential(u: Any, data: Any, model: Model) -> Any:
     prior -= 0.5 * (log_noise / data["spread_of_noise"]) ** 2
     noise, amplitude = jnp.exp(log_noise), jnp.exp(log_amplitude)
     # Without a discrepancy its amplitude is a normal number that nothing depends on.
-    heavy = _log_prior_of_size(log_amplitude, amplitude, data["amplitude"])
+    heavy = log_prior_of_size(log_amplitude, amplitude, data["amplitude"])
     prior += jnp.where(data["with_discrepancy"] > 0.0, heavy, -0.5 * log_amplitude**2)
     amplitude = amplitude * data["with_discrepancy"]
     predicted = model(x, data["inputs"])
@@ -520,16 +520,16 @@ def _potential(u: Any, data: Any, model: Model) -> Any:
     runs = data.get("runs")  # present or not when this is traced
     if runs is not None:
         run = jnp.exp(u[count + 2])
-        prior += _log_prior_of_size(u[count + 2], run, data["run_scale"])
+        prior += log_prior_of_size(u[count + 2], run, data["run_scale"])
     likelihood = marginal(data["values"], z, noise, amplitude, runs, run, jnp)
     wide = jnp.sqrt(noise**2 * data["slack_variance"] + amplitude**2 + run**2)
     likelihood += jax.scipy.stats.norm.logcdf(-predicted[points:] / wide).sum()
     return -prior - likelihood
 
 
-def _log_prior_of_size(logarithm: Any, size: Any, scale: Any) -> Any:
-    """Logarithm of the prior of the logarithm of s or t."""
-    return SHAPE * logarithm - 0.5 * (1.0 + SHAPE) * jnp.log1p((size / scale) ** 2)
+def log_prior_of_size(logarithm: Any, size: Any, scale: Any, xp: Any = jnp) -> Any:
+    """Logarithm of the prior of the logarithm of s or t, by NumPy or, as by default, by JAX."""
+    return SHAPE * logarithm - 0.5 * (1.0 + SHAPE) * xp.log1p((size / scale) ** 2)
 
 
 def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -61,13 +61,41 @@ class FrictionModel:
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
         """What moves along the path of the record that was shown in part, and what follows it."""
+        return self.outputs(record, self.fitted.predicted)
+
+    def outputs(self, record: BenchmarkRecord, path: np.ndarray) -> Mapping[str, np.ndarray]:
+        """What moves along a record, of its values at the samples that the fit read, and what follows it."""
         at, every = np.arange(0, len(record), self.step), np.arange(len(record))
-        moved = np.interp(every, at, self.fitted.predicted)
+        moved = np.interp(every, at, path)
         return {self.moved: moved} | {name: np.polyval(line, moved) for name, line in self.lines.items()}
 
     def _path(self, record: BenchmarkRecord, moved: np.ndarray) -> PathRecord:
         drive = record.inputs[DRIVES[self.moved]]
         return PathRecord(drive if self.moved == "stroke" else drive / AREA, moved, record.name, record.time)
+
+
+class FrictionDiscrepancy:
+    """The curve with friction and creep of `FrictionModel`, and a discrepancy that is smooth along the path.
+
+    Size and length of the discrepancy are found from the shown samples: see `identification.record_discrepancy`.
+    """
+
+    def __init__(self) -> None:
+        self.friction = FrictionModel()
+
+    def fit(self, train: Sequence[BenchmarkRecord]) -> None:
+        """Fit curve, friction and creep to the shown samples of one record, then the discrepancy.
+
+        Raises:
+            InputError: the record is not of one path of stroke and pressure, or of displacement and force.
+            ConvergenceError: the fit ended where it began, or did not converge.
+        """
+        self.friction.fit(train)
+        self.path = self.friction.fitted.with_discrepancy()
+
+    def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
+        """What moves along the path of the record that was shown in part, and what follows it."""
+        return self.friction.outputs(record, self.path.predicted)
 
 
 class CreepModel:
