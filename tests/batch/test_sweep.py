@@ -238,3 +238,11 @@ def test_memory_does_not_grow_with_the_number_of_variants(tmp_path):
         peaks.append(_peak(False))
     # 10 MB were measured for 1,920 variants more, as allocators keep some, and 14 MB for 8,064: 16 MB is what a block takes
     assert peaks[3] - peaks[2] < 16e6, peaks
+
+
+def test_a_range_that_stands_as_a_list_is_shown_as_the_table_that_would_do(tmp_path):
+    path = '"rig.plumbing.direct.tube.length"'
+    text = FILE.split("[grid]")[0] + f'[latin]\ncount = 3\n[latin.ranges]\n{path} = ["0.2 m", "2 m"]\n'
+    with pytest.raises(InputError) as refused:
+        read_sweep(written(tmp_path, text))
+    assert 'tube.length must be a table such as { from = "0.2 m", to = "2 m" }, got ' in str(refused.value)

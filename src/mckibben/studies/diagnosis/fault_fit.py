@@ -81,7 +81,7 @@ BESIDE = np.array([0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 
 # What a clamp lost before the recording is a second number, for which twice the logarithm of the likelihood must be larger
 # by `TELLING`.
 SLIP_ROUNDS, SLIP_STEP, EDGES = 2, 1e-3, 4  # rounds of its search, step in shares of the slack, values at either end
-# Rounds of the search for such a grip: its hollow, some 0.02 N wide, is at the edge of a plateau, of grips that slip no more.
+# Rounds of the search for such a grip: its hollow, some 0.02 N wide, is at the edge of a plateau: grips that slip no more.
 GRIP_ROUNDS = 6
 NEARLY = 0.5  # share of the best fault's ratio from which on a fault is looked at as closely
 TITLES = {

@@ -3,8 +3,9 @@
 The machine is that of the simulated rig, with its circuit, muscle and tendon; only its motor is replaced by the recorded
 span, and its software by the recorded command. So neither controllers nor a protocol are needed, and noise does not enter.
 The frame swings under the predicted tension as that of the simulated rig does: taken as a spring under the recorded one, a
-fast step of pressure left the braid's friction off by 15 mN for as long as the pressure stayed. Between two samples the motion follows a cubic spline, since the
-corners of straight lines would shake the muscle's end; commands are held, and sensors filter what is between.
+fast step of pressure left the braid's friction off by 15 mN for as long as the pressure stayed. Between two samples the
+motion follows a cubic spline, since the corners of straight lines would shake the muscle's end; commands are held, and
+sensors filter what is between.
 """
 
 from __future__ import annotations
