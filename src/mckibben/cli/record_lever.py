@@ -198,7 +198,7 @@ def _not_whole(loops: Sequence[lever.LeverLoop]) -> str | None:
         return None
     words = " and ".join(f"{n}" for n in some)
     which, verb = ("cycle", "is") if len(some) == 1 else ("cycles", "are")
-    return f"{which} {words} {verb} longer or shorter than the others, and in the mean; leave out what is not whole with --keep"
+    return f"{which} {words} {verb} longer or shorter than the others, and in the mean; --keep takes others"
 
 
 def _read(
