@@ -52,6 +52,8 @@ CASES = (
     Case("nylon", "isotonic-triangle", "modern", {"cycles": 2, "load": "30 N", "frequency": "1 Hz"}),
     Case("fiberglass", "work-loop", "modern", {"cycles": 2}),
     Case("DMSP-20-300", "work-loop", "modern", {"cycles": 2}),
+    Case("nylon", "isometric-step", "modern", {"cycles": 1}),
+    Case("DMSP-10-250", "isometric-step", "modern", {"cycles": 1}),
     Case("nylon", "work-loop", "paper", {"cycles": 2}),
 )
 # Largest faults with which the rigs still run, and which a person would not see at once [SI].

@@ -85,7 +85,12 @@ def test_numbers_in_si_have_no_units():
         ({"loud": "yes"}, "thing.loud must be true or false, got 'yes'"),
         ({"first": {"length": "3 m"}}, "thing.first.length must be between 0 cm and 200 cm, got 300 cm"),
         ({"first": {}}, "thing.first.length is missing: it is the from end to end"),
-        ({"legs": {"left": 3}}, "thing.legs.left must be a table, got 3"),
+        ({"points": "2 bar"}, 'thing.points must be a list of one or more, such as ["2 bar"], got 2 bar'),
+        ({"tags": "a"}, "thing.tags must be a list of words, such as [\"a\"], got 'a'"),
+        ({"legs": {"left": 3}}, "thing.legs.left must be a table such as { length = .. }, got 3"),
+        ({"legs": {"left": ["1 m"]}}, 'thing.legs.left must be a table such as { length = "1 m" }, got '),
+        ({"legs": 3}, "thing.legs must be a table by name, of tables such as { length = .. }, got 3"),
+        ({"others": 3}, "thing.others must be a list of tables such as { length = .. }, got 3"),
         ({"legs": {"3": {}}}, "thing.legs.3 must be a name of letters"),
         (
             {"others": [{"length": "1 m", "joints": 4}]},

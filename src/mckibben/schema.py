@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound="DataclassInstance")
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 _NOTHING: Mapping[str, str] = MappingProxyType({})
+FORM_KEYS = 3  # of a table that requires none, in an example
 _REST = "*"  # stands for all keys that no field has
 
 
@@ -48,7 +50,8 @@ class FileTable:
     def of(cls, value: object, path: str, where: str) -> FileTable:
         """Make one of a value that must be a table."""
         if not isinstance(value, Mapping):
-            raise InputError(path or "file", shown(value), "must be a table", where=where)
+            head = f", [{path}]" if re.fullmatch(rf"{NAME}(\.{NAME})*", path) else ""  # a place in a list has none
+            raise InputError(path or "file", shown(value), f"must be a table{head}", where=where)
         return cls(value, path, where)
 
     def __contains__(self, key: str) -> bool:
@@ -102,7 +105,7 @@ class FileTable:
         """Read a list of texts, empty if it is left out."""
         raw = self.values.get(key, [])
         if not isinstance(raw, list | tuple) or not all(isinstance(v, str) for v in raw):
-            raise self.fail(key, raw, demand)
+            raise self.fail(key, raw, f"{demand}{_as_list(raw)}")
         return tuple(raw)
 
     def number(self, key: str, unit: str, default: float | None = None, *, declared: Quantity | None = None) -> float:
@@ -332,7 +335,7 @@ def words(doc: str = "", *, among: tuple[str, ...] = (), key: str = "", **option
 
     def read(raw: object, place: Place) -> tuple[str, ...]:
         if not isinstance(raw, list | tuple) or not all(isinstance(v, str) for v in raw):
-            raise place.fail(raw, "must be a list of words")
+            raise place.fail(raw, f"must be a list of words{_as_list(raw)}")
         for one in raw:
             if among and one not in among:
                 raise place.fail(one, known=among)
@@ -384,6 +387,8 @@ def named(kind: Kind, doc: str = "", *, owner: str = "", pattern: str = NAME, **
     """Declare tables of a type by name; `owner` as for `read_table`."""
 
     def read(raw: object, place: Place) -> dict[str, JsonValue]:
+        if not isinstance(raw, Mapping) and kind is not None:
+            raise place.fail(raw, f"must be a table by name, of tables {_form(kind, None)}")
         table = place.table(raw)
         for name in table.values:
             if not re.fullmatch(pattern, name):
@@ -400,7 +405,7 @@ def listed(kind: Kind, doc: str = "", *, owner: str = "", **options: Any) -> Any
 
     def read(raw: object, place: Place) -> tuple[Any, ...]:
         if not isinstance(raw, list | tuple):
-            raise place.fail(raw, "must be a list of tables")
+            raise place.fail(raw, f"must be a list of tables {_form(kind, None)}")
         return tuple(read_part(kind, one, place.below(i), owner) for i, one in enumerate(raw, 1))
 
     return entry(read, doc, write=lambda value, place: [_write_part(one, place) for one in value], **options)
@@ -610,6 +615,8 @@ def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonVal
     """Read a value of a type, or of that which the key `kind` names, from what stands at a place; raises as `read_table`."""
     if kind is None:
         return raw
+    if not isinstance(raw, Mapping):
+        raise place.fail(raw, f"must be a table {_form(kind, raw)}")
     table = place.table(raw)
     beside: tuple[str, ...] = ()
     if isinstance(kind, Mapping):
@@ -620,8 +627,35 @@ def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonVal
 
 def _listed(raw: object, place: Place) -> list[Any]:
     if not isinstance(raw, list | tuple) or not raw:
-        raise place.fail(raw, "must be a list of one or more")
+        raise place.fail(raw, f"must be a list of one or more{_as_list(raw)}")
     return list(raw)
+
+
+def _as_list(raw: object) -> str:
+    """Words that show a value that stands alone as the list that was meant; empty for other values."""
+    return f", such as [{_written(raw)}]" if isinstance(raw, str | int | float) else ""
+
+
+def _written(raw: object) -> str:
+    """A text, a number or a truth value as a file states it; dots for all else."""
+    return json.dumps(raw) if isinstance(raw, str | int | float) else ".."
+
+
+def _form(kind: Kind, raw: object) -> str:
+    """A table of a type in words: with its required keys as a file states them, or the first ones where it requires none.
+
+    A list of as many values as there are required keys fills them in.
+    """
+    if kind is None:
+        return "of any keys"
+    if isinstance(kind, Mapping):
+        return f"such as {{ kind = {json.dumps(next(iter(kind)))}, .. }}"
+    fields = {key: required for key, (_, _, required) in table_fields(kind).items() if key != _REST}
+    keys = [key for key, required in fields.items() if required]
+    if not keys:
+        return f"with keys such as {', '.join(list(fields)[:FORM_KEYS])}"
+    values = raw if isinstance(raw, list | tuple) and len(raw) == len(keys) else [None] * len(keys)
+    return f"such as {{ {', '.join(f'{k} = {_written(v)}' for k, v in zip(keys, values, strict=True))} }}"
 
 
 def _same(held: Any, plain: Any) -> bool:

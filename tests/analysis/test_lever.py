@@ -10,6 +10,8 @@ from mckibben.analysis.lever import (
     lever_cycles,
     lever_loops,
     lever_protocol,
+    missing_cycles,
+    partial_cycles,
     stimulus_phase,
 )
 from mckibben.errors import InputError
@@ -63,6 +65,33 @@ def test_cycles_begin_where_they_are_cut():
 def test_kept_cycles_have_their_numbers():
     every, some = lever_loops(lever(), cut="peak"), lever_loops(lever(), cut="peak", keep=(3, 2))
     assert some == (every[2], every[1]) and [one.cycle for one in some] == [3, 2]
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.0])
+def test_cycles_that_the_protocol_asks_for_and_the_recording_lacks_are_said(ratio):
+    whole = [lever(ratio=ratio), lever(TRAIN[:1], ratio), lever(["0.010000 Sine Wave Length Out 25,1.0,6"], ratio)]
+    assert [missing_cycles(one) for one in whole] == ["", "", ""]  # all are there, or none are stated
+    short = missing_cycles(lever(cycles=4.2, ratio=ratio))
+    assert short.startswith("the protocol asks for 6 cycles, and the recording has 4 peaks of the length")
+    assert "it ends at 0.1678 s, and they would at 0.25 s" in short  # 0.01 s of waiting, and 6/25 s
+    # one is missing only: its peak might lie at an end of a whole recording, but this one stops too early
+    assert "has 5 peaks" in missing_cycles(lever(cycles=5.2, ratio=ratio))
+    stroke = lever(cycles=6.5, ratio=ratio)
+    caught = np.where(
+        stroke.time < 3.0 / FREQUENCY, stroke["length"], -AMPLITUDE / ratio
+    )  # a lever that stops half-way
+    still = Recording(stroke.time, {**stroke.channels, "length": Channel(caught, "m")}, stroke.meta)
+    assert missing_cycles(still).endswith("the recording has 3 peaks of the length")
+
+
+def test_cycles_that_are_not_whole_are_named():
+    time = np.arange(int(6.5 * RATE / FREQUENCY)) / RATE
+    length = AMPLITUDE * np.sin(2.0 * np.pi * FREQUENCY * time)
+    record = Recording(time, {"length": Channel(length, "m"), "force": Channel(0.0 * time + PULL, "N")}, lever().meta)
+    at_l0 = lever_loops(record, cut="L0")  # the first half a cycle only, from the start to the first middle
+    assert partial_cycles(at_l0) == tuple(one.cycle for one in at_l0 if not 0.9 < one.duration * FREQUENCY < 1.1) != ()
+    assert partial_cycles(lever_loops(record, cut="peak")) == ()
+    assert partial_cycles(at_l0[:2]) == ()  # of two neither is the usual one
 
 
 def test_a_gear_changes_neither_work_nor_power():

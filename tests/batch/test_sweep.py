@@ -262,3 +262,11 @@ def test_the_posterior_of_another_muscle_is_refused_before_a_variant_runs(tmp_pa
     else:
         with pytest.raises(InputError, match="the posterior is not that of the muscle nylon"):
             read_sweep(path)
+
+
+def test_a_range_that_stands_as_a_list_is_shown_as_the_table_that_would_do(tmp_path):
+    path = '"rig.plumbing.direct.tube.length"'
+    text = FILE.split("[grid]")[0] + f'[latin]\ncount = 3\n[latin.ranges]\n{path} = ["0.2 m", "2 m"]\n'
+    with pytest.raises(InputError) as refused:
+        read_sweep(written(tmp_path, text))
+    assert 'tube.length must be a table such as { from = "0.2 m", to = "2 m" }, got ' in str(refused.value)

@@ -104,6 +104,28 @@ def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]
 
 
+def test_sizes_that_nobody_stated_are_said_beside_the_result(capsys) -> None:
+    points = specimen("DMSP-20-300").force_map()  # of a muscle whose wall is in its specimen, but not in its table
+    points = points.with_rest_length(0.3)
+    stated = fit("seated_braid", points, known={"wall_thickness": 2e-3}, schemes=())
+    silent = fit("seated_braid", points, schemes=())
+    assert stated.assumed == {} and stated.to_dict()["assumed"] == {}
+    assert silent.assumed == silent.to_dict()["assumed"] == {"wall_thickness": 1.8e-3}
+    for one, count in ((stated, 0), (silent, 1)):
+        show_ranking(Ranking("t", None, points, [one]))
+        printed = capsys.readouterr().out
+        assert printed.count("assumed, as not stated: wall_thickness = 0.18 cm; state it by --set") == count
+        assert sum("wall_thickness" in s for s in cautions_of(one, points.largest)) == count
+
+
+def test_a_depth_of_the_threads_in_place_of_which_the_diameter_is_fitted_is_assumed(capsys) -> None:
+    points = specimen("DMSP-20-300").force_map().with_rest_length(0.3)
+    found = fit("hyperelastic_braid", points, known={"wall_thickness": 2e-3}, schemes=())
+    assert "rest_diameter" in found.parameters and found.assumed == {"thread_depth": 0.5}
+    show_ranking(Ranking("t", None, points, [found]))
+    assert "thread_depth='0.5', or fit it by --set rest_diameter=.." in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("table", "said"), [(None, "table is missing: a table"), (3, "table must be a table .* got int")]
 )

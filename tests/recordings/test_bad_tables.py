@@ -206,6 +206,50 @@ def test_a_small_contraction_in_percent_is_seen_as_well(tmp_path: Path) -> None:
     assert "percent" in refusal(path, rest_length=0.3)
 
 
+def test_a_contraction_beyond_100_percent_is_not_taken_for_percent_again(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "beyond.csv", "contraction [%],pressure_bar_gauge,force_N", [["0", "3", "9"], ["120", "3", "1"]]
+    )
+    said = refusal(path, rest_length=0.3)
+    assert "got 120 %" in said and "between -60 % and 90 %" in said
+    assert "is it in percent" not in said
+
+
+def test_a_fraction_under_a_head_in_percent_is_suspected(tmp_path: Path) -> None:
+    fraction, percent = contraction_rows(False), contraction_rows(True)  # 0 to 0.13, and 0 to 13
+    paths = [
+        write(tmp_path / f"{i}.csv", "contraction [%],pressure_bar_gauge,force_N", t)
+        for i, t in enumerate((fraction, percent))
+    ]
+    remarks = [read_force_map(path, rest_length=0.3).remarks for path in paths]
+    assert "if it is a fraction, name the column contraction" in remarks[0][0]
+    assert remarks[1] == ()
+
+
+def test_lengths_far_from_the_rest_length_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "map.csv", GOOD, rows())  # 26 to 30 cm
+    said = refusal(path, rest_length=0.03)
+    assert "between 0.1 and 1.6 times the rest length of 3 cm" in said and "got 26 cm" in said
+    assert len(read_force_map(path, rest_length=0.3)) == 15
+
+
+def test_a_table_with_a_column_per_pressure_says_how_it_must_be_written(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "wide.csv",
+        "contraction [%],100 kPa,300 kPa,500 kPa",
+        [["0", "10", "30", "50"], ["9", "5", "15", "25"]],
+    )
+    assert "columns 100 kPa to 500 kPa" in refusal(path) and "one row per point" in refusal(path)
+
+
+def test_points_that_stand_twice_are_counted_in_a_remark(tmp_path: Path) -> None:
+    once, slack = rows(), [["200.0", "3.00", "0.000"]]  # slack points are alike by nature, and tell nothing twice
+    tables = {"once": once, "twice": once + once[:2], "slack": once + slack + slack}
+    said = {n: read_force_map(write(tmp_path / f"{n}.csv", GOOD, t)).remarks for n, t in tables.items()}
+    assert said["once"] == said["slack"] == ()
+    assert said["twice"][0].startswith("2 points with tension equal earlier ones")
+
+
 def test_an_absolute_pressure_is_told_by_its_name(tmp_path: Path) -> None:
     found = read_force_map(write(tmp_path / "abs.csv", "length_mm,pressure_bar_abs,force_N", rows()), ambient=1e5)
     assert found.pressure.min() == pytest.approx(0.0)

@@ -29,6 +29,7 @@ CUTS = ("L0", "peak", "trough")
 ABOVE = ("rest", "zero")
 SMOOTHING = 0.05  # cut-off of the filter over half the sampling frequency [1]
 LEAST_RISE = 0.25  # of a cycle, over which the length must rise before a peak and fall after it [1]
+LATE = 0.1  # of a cycle, by which the sine of a protocol may end after the recording
 STIMULI = {"Stimulus-Twitch": "twitch", "Stimulus-Tetanus": "tetanus", "Stimulus-Train": "work loop"}
 _PARAMETERS = {
     "twitch": ("offset", "width"),
@@ -236,9 +237,40 @@ def lever_cycles(
         marks[:1], marks[-1:] = starts[:1], peaks[-1:]
     if len(marks) < 2:
         raise InputError(
-            f"channel {length}", None, f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
+            f"channel {length}",
+            None,
+            f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
+            + ("; cut at trough, one peak makes a cycle" if len(peaks) == 1 else ""),
         )
     return tuple(slice(int(a), int(b)) for a, b in zip(marks[:-1], marks[1:], strict=True))
+
+
+def missing_cycles(record: Recording, *, length: str = "length", smoothing: float = SMOOTHING) -> str:
+    """Say where the protocol asks for more cycles than the recording has; empty where it does not, or states none.
+
+    A sine of N cycles has N peaks, the first or last of which is at an end if it does not begin at rest: one less is taken
+    for all of them, unless the recording ends before they are over.
+
+    Args:
+        record: with the length.
+        length: name of the channel with the length.
+        smoothing: as for `lever_cycles`.
+    """
+    try:
+        stated = lever_protocol(record)
+    except InputError:
+        return ""
+    if stated.cycles is None or not stated.cycle_frequency:
+        return ""
+    rate = _rate(record)
+    least = max(int(LEAST_RISE * rate / stated.cycle_frequency) - 1, 1)
+    count = len(_peaks(_smooth(known(record, length), smoothing), least)[1])
+    ends = _sine_begin(record) + stated.cycles / stated.cycle_frequency
+    cut_off = ends - float(record.time[-1] - record.time[0]) > LATE / stated.cycle_frequency
+    if count >= stated.cycles or (count >= stated.cycles - 1.0 and not cut_off):
+        return ""
+    why = f": it ends at {record.time[-1]:.4g} s, and they would at {ends:.4g} s" if cut_off else ""
+    return f"the protocol asks for {stated.cycles:g} cycles, and the recording has {count} peaks of the length{why}"
 
 
 def lever_loops(
@@ -334,8 +366,32 @@ def _peaks(values: np.ndarray, least: int) -> tuple[np.ndarray, np.ndarray, np.n
 def _cycle_frequency(record: Recording) -> float:
     stated = lever_protocol(record).cycle_frequency
     if stated is None:
-        raise InputError("frequency", None, "must be given: the protocol states no sine of the length")
+        problem = "must be given: the protocol states no sine of the length"
+        raise InputError("frequency", None, problem, remedy="frequency")
     return stated
+
+
+def partial_cycles(loops: Sequence[LeverLoop]) -> tuple[int, ...]:
+    """Numbers of the cycles that last longer or shorter than the median one by more than `LATE` of it.
+
+    Of cycles cut at L0 the first and the last may be such. Of two cycles or less nothing is said.
+    """
+    usual = float(np.median([one.duration for one in loops]))
+    return tuple(one.cycle for one in loops if len(loops) > 2 and abs(one.duration - usual) > LATE * usual)
+
+
+def _sine_begin(record: Recording) -> float:
+    """Time at which the protocol begins the sine of the length: each of its lines waits for some time first [s]."""
+    begin = 0.0
+    for line in record.meta["source"]["protocol"]:
+        words = str(line).split(maxsplit=2)
+        try:
+            begin += float(words[0])
+        except (ValueError, IndexError):
+            continue
+        if words[1:2] == ["Sine"]:
+            break
+    return begin
 
 
 def _rate(record: Recording) -> float:

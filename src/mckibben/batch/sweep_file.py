@@ -144,7 +144,7 @@ class SweepRunTable:
 
 def _read_rows(raw: object, place: Place) -> tuple[Mapping[str, JsonValue], ...]:
     if not isinstance(raw, list):
-        raise place.fail(raw, "must be a list of tables, [[list]]")
+        raise place.fail(raw, "must be a list of tables of values by path, each under [[list]]")
     return tuple(place.below(i).table(one).values for i, one in enumerate(raw, 1))
 
 
@@ -219,7 +219,9 @@ def _axis(raw: object, one: Setting, place: Place) -> list[float | str]:
         return [float(x) for x in between(one.path, low, high, spacing, share)]
     if isinstance(raw, list) and raw:
         return [one.read(value, where=place.where) for value in raw]
-    raise place.fail(raw, "must be a list of values, or a range { from, to, count }")
+    raise place.fail(
+        raw, 'must be a list of values, such as ["1 m", "2 m"], or a range { from = .., to = .., count = .. }'
+    )
 
 
 def _template(file: SweepFile, folder: Path, where: str) -> RunTemplate:

@@ -409,6 +409,23 @@ def _share(largest: float, newton: float | None) -> str:
     return "> 100 %" if newton > largest else f"{100 * newton / largest:.2f} %"
 
 
+def _assumptions(study: Ranking) -> list[str]:
+    """Sizes that laws took from their defaults, one line each, with the options that state them or let them be fitted."""
+    laws: dict[tuple[str, str, str], list[str]] = {}
+    for fit in study.fits:
+        kind = muscles.laws.law_type(fit.law)
+        fields = declared(kind)
+        for name, value in fit.assumed.items():
+            beside = [size for size, of in kind.fitted_if_unknown.items() if name in of and size in fit.parameters]
+            fitted = "".join(f", or fit it by --set {size}=.." for size in beside)
+            laws.setdefault((name, with_unit(value, fields[name].unit), fitted), []).append(fit.law)
+    lines = []
+    for (name, shown, fitted), names in laws.items():
+        of = "" if len(study) == 1 else f" ({', '.join(names)})"
+        lines.append(f"assumed, as not stated: {name} = {shown}{of}; state it by --set {name}='{shown}'{fitted}")
+    return lines
+
+
 def show_ranking(study: Ranking) -> None:
     """Print the ranking of one table, the best law's parameters, and cautions."""
     largest = study.points.largest
@@ -482,6 +499,8 @@ def show_ranking(study: Ranking) -> None:
         typer.echo(f"  length {1e3 * shift.length:.6g} mm{of}: {added}  (95 %: {low} to {high})")
     if best.effective is not None:
         typer.echo(f"  {best.effective:.1f} of these are determined by the data rather than their priors")
+    for line in _assumptions(study):
+        typer.echo(line)
     for f in study.fits:
         for warning in f.warnings:
             typer.echo(f"note: {f.law}: {warning}")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,13 +16,22 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import parse, split_values
 from ._outputs import OBJECT, TABLE, OutputKinds, Paths
-from ._terminal import Json, print_json, table
+from ._terminal import Json, caution, options_named, print_json, table
 from .read import Column, GearRatio, Period, Unit, format_options
 from .record import AnyFile, stated_columns
 
 OUT = OutputKinds(table=TABLE, result=OBJECT)
 Force = Annotated[str, typer.Option("--force-channel", metavar="CHANNEL", help="Channel with the force.")]
 NONE = "none"  # of set points
+
+
+@contextmanager
+def _of_file(where: str) -> Iterator[None]:
+    """Name the file in errors about what is in it."""
+    try:
+        yield
+    except InputError as error:
+        raise error.at(where) from None
 
 
 def contraction(
@@ -57,13 +68,21 @@ def contraction(
     points = {name: None if words is None else _shares(words, name) for name, words in shares.items()}
     with OUT.files(out) as files:
         record = _read(file, column, unit, period, gear_ratio)
-        timing = lever.contraction_timing(
-            record,
-            rising=points["--rising"] or (),
-            relaxing=points["--relaxing"],
-            above=above,
-            force=force,
-            stimulus=stimulus,
+        with _of_file(str(file)):
+            timing = lever.contraction_timing(
+                record,
+                rising=points["--rising"] or (),
+                relaxing=points["--relaxing"],
+                above=above,
+                force=force,
+                stimulus=stimulus,
+            )
+        protocol = _protocol(record)
+        loop = protocol is not None and protocol["kind"] == "work loop"
+        warnings = caution(
+            "the protocol is one of work loops, in which the length changes; a twitch or a tetanus is timed at one length"
+            if loop
+            else None
         )
         rows: list[dict[str, Any]] = [
             {"point": "stimulus", "share": None, "time": timing.stimulus_time, "force": timing.stimulus_force},
@@ -75,7 +94,7 @@ def contraction(
         points_json = {name: [p._asdict() for p in getattr(timing, name)] for name in ("rising", "relaxing")}
         content: dict[str, JsonValue] = timing._asdict() | points_json
         content |= {"time_to_peak": timing.time_to_peak, "developed_force": timing.developed_force}
-        content |= {"file": str(file), "protocol": _protocol(record)}
+        content |= {"file": str(file), "protocol": protocol, "warnings": warnings}
         files.write_result(content)
         if as_json:
             print_json(content)
@@ -140,12 +159,14 @@ def work_loops(
     frequency = None if cycle_frequency is None else parse(cycle_frequency, "1/s", field="--cycle-frequency")
     with OUT.files(out) as files:
         record = _read(file, column, unit, period, gear_ratio)
-        loops = lever.lever_loops(record, cut=cut, keep=numbers, frequency=frequency, length=length, force=force)
+        with _of_file(str(file)), options_named(frequency="--cycle-frequency '28 Hz'"):
+            loops = lever.lever_loops(record, cut=cut, keep=numbers, frequency=frequency, length=length, force=force)
+        warnings = caution(lever.missing_cycles(record, length=length) or None, _not_whole(loops))
         units = {"work": "J", "duration": "s", "power": "W", "mean_power": "W", "start": "1", "end": "1", "cycle": "1"}
         files.write_rows([one._asdict() for one in loops], units)
         mean = {name: sum(getattr(one, name) for one in loops) / len(loops) for name in ("work", "power", "mean_power")}
         content: dict[str, JsonValue] = {"file": str(file), "cut": cut, "cycles": [one._asdict() for one in loops]}
-        content |= {"mean": mean, "protocol": _protocol(record)}
+        content |= {"mean": mean, "protocol": _protocol(record), "warnings": warnings}
         files.write_result(content)
         if as_json:
             print_json(content)
@@ -168,6 +189,16 @@ def work_loops(
             f"smoothed velocity is {1e3 * mean['mean_power']:.5g} mW."
         )
         files.say()
+
+
+def _not_whole(loops: Sequence[lever.LeverLoop]) -> str | None:
+    """Caution about cycles that are not whole and are in the mean."""
+    some = lever.partial_cycles(loops)
+    if not some:
+        return None
+    words = " and ".join(f"{n}" for n in some)
+    which, verb = ("cycle", "is") if len(some) == 1 else ("cycles", "are")
+    return f"{which} {words} {verb} longer or shorter than the others, and in the mean; --keep takes others"
 
 
 def _read(

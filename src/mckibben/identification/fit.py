@@ -18,7 +18,7 @@ from .._jax import Scalar
 from ..accessors import Accessor
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
-from ..muscles.build import build_law
+from ..muscles.build import build_law, default_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
 from ..muscles.muscle import Muscle
@@ -49,6 +49,7 @@ SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
 RESOLUTION = 1e-6
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
+SIZE_UNITS = ("m", "m^2", "m^3", "rad")
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
@@ -150,6 +151,30 @@ class Fit(ErrorMeasures):
         return (*self.at_bound, *self.not_contained)
 
     @property
+    def assumed(self) -> dict[str, float]:
+        """Sizes, and parameters that a fit usually finds, which were neither stated nor fitted: the law's defaults [SI].
+
+        A default of zero assumes nothing. What was assumed is not in the errors or the intervals: a wall of another
+        thickness gives another diameter and another modulus at nearly the same tension.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> table = mk.specimen("DMSP-20-300").force_map()
+            >>> mk.fit(table, law="seated_braid", schemes=(), rest_length="30 cm").assumed
+            {'wall_thickness': 0.0018}
+        """
+        kind = law_type(self.law)
+        values = default_parameters(kind)
+        return {
+            name: value
+            for name, value in values.items()
+            if value != 0.0
+            and name not in self.parameters
+            and name not in self.known
+            and (declared(kind)[name].unit in SIZE_UNITS or name in kind.fitted)
+        }
+
+    @property
     def cv_rmse(self) -> float | None:
         """Root mean square error of points predicted with their pressure left out [N]."""
         return self.cross["pressure"].rmse if "pressure" in self.cross else None
@@ -211,6 +236,7 @@ class Fit(ErrorMeasures):
             "law": self.law,
             "parameters": {name: e._asdict() for name, e in self.parameters.items()},
             "known": {name: float(np.max(v)) if name in whole else None for name, v in self.known.items()},
+            "assumed": self.assumed,
             "rmse": self.rmse,
             "max_error": self.max_error,
             "cv_rmse": self.cv_rmse,

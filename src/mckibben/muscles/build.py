@@ -113,6 +113,11 @@ def required_fields(kind: type[TensionLaw]) -> list[str]:
     return [f.name for f in _fields(kind) if "quantity" in f.metadata and not _has_default(f)]
 
 
+def default_parameters(kind: type[TensionLaw]) -> dict[str, float]:
+    """Declared parameters of a law that have a default, with that default [SI]."""
+    return {f.name: float(f.default) for f in _fields(kind) if "quantity" in f.metadata and _has_default(f)}
+
+
 def law_names() -> list[str]:
     """Names of all tension laws."""
     return list(LAWS)

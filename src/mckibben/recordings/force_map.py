@@ -7,6 +7,7 @@ A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gau
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -197,6 +198,8 @@ def _runs_by_name(points: ForceMap) -> np.ndarray:
     return np.array([f"{points.name} {run}".strip() for run in runs], str)
 
 
+LEAST_CONTRACTION = 0.01  # of a table in percent, below which it probably is a fraction: 0.25 is a usual largest one
+
 TEXT_QUANTITIES = ("branch", "run")  # quantities whose values are words
 LEFT_OUT = "-"
 MOST_ROWS = 400  # of a recording: its samples follow one another so closely that more say nothing more
@@ -289,16 +292,21 @@ def map_of_table(
             raise InputError("rest_length", None, allowed, where=where, remedy="rest_length")
         if "shortening" in data:
             data["contraction"] = data.pop("shortening") / data["rest_length"]
-        _check_plausible("contraction", data["contraction"], chosen["contraction"], where)
+        unit = _unit(chosen["contraction"], units_by_name.get("contraction"), "contraction", where)[0]
+        remarks = [*remarks, *_check_contraction(data["contraction"], chosen["contraction"], unit, where)]
         data["length"] = data["rest_length"] * (1.0 - data["contraction"])
     data.pop("contraction", None)
     for quantity in ("length", "rest_length", "diameter", "pressure", "tension"):
         if quantity in data:
             _check_plausible(quantity, data[quantity], chosen.get(quantity, quantity), where)
+    if "length" in chosen and "rest_length" in data:
+        _check_near_rest(data["length"], data["rest_length"], chosen["length"], where)
     points = ForceMap(name=path.name, remarks=(*table.remarks, *remarks), **data)
     points = _keep_branch(points, branch, where)
     _check_direction(points, where)
-    return points
+    if table.rows is None:  # samples of a recording: those of a hold are alike
+        return points
+    return replace(points, remarks=(*points.remarks, *_repeated(points)))
 
 
 def table_of(path: Path, **options: object) -> ForeignTable:
@@ -403,6 +411,13 @@ def _asked_column(header: list[str], column: str | int, quantity: str, where: st
 
 
 def _no_column(quantity: str, header: list[str], where: str) -> InputError:
+    values = [label for label in header if re.match(r"[-+]?\d", label)]
+    if len(values) > 1:
+        problem = (
+            f"is missing: the columns {values[0]} to {values[-1]} seem to be values of one quantity; write one row per "
+            "point, with the columns length or contraction, pressure and tension"
+        )
+        return InputError(quantity, None, problem, where=where)
     problem = f"is missing: the file has {', '.join(header)}; say which one it is"
     return InputError(quantity, None, problem, where=where, remedy=f"column {quantity}")
 
@@ -428,26 +443,59 @@ def _unit(column: str, stated: str | None, quantity: str, where: str) -> tuple[s
     return unit, absolute
 
 
-def _check_plausible(what: str, values: np.ndarray, column: str, where: str) -> None:
+def _check_plausible(what: str, values: np.ndarray, column: str, where: str, *, percent: bool = False) -> None:
+    """Refuse values that no muscle has; `percent` says that the file has a contraction in percent."""
     unit = UNITS[what]
     low, high = PLAUSIBLE[what]
     bad = ~((values >= low) & (values <= high))
     if bad.any():
-        worst = float(values[bad][0])
-        hint = (
-            "is it in percent? name the column contraction_percent"
-            if what == "contraction"
-            else "wrong unit, or columns swapped?"
-        )
-        raise InputError(
-            column,
-            with_unit(worst, unit),
-            f"must be between {with_unit(low, unit)} and {with_unit(high, unit)}; {hint}",
-            where=where,
-        )
+        worst, hint = float(values[bad][0]), "wrong unit, or columns swapped?"
+        words = [with_unit(v, unit) for v in (low, high, worst)]
+        if what == "contraction" and not percent:
+            hint = "is it in percent? name the column contraction_percent"
+        elif what == "contraction":
+            words = [f"{100.0 * v:g} %" for v in (low, high, worst)]
+            hint = "wrong unit, rest length or column?"
+        raise InputError(column, words[2], f"must be between {words[0]} and {words[1]}; {hint}", where=where)
     if what in LEAST_LARGEST and values.max() < LEAST_LARGEST[what]:
         problem = f"must reach {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?"
         raise InputError(column, with_unit(float(values.max()), unit), problem, where=where)
+
+
+def _check_contraction(contraction: np.ndarray, column: str, unit: str, where: str) -> list[str]:
+    """Refuse contractions that no muscle has; a sentence where a column in percent seems to hold fractions."""
+    percent = not converts(unit, "m") and to_si(1.0, unit, "1", field=column, where=where) < 1.0
+    _check_plausible("contraction", contraction, column, where, percent=percent)
+    most = float(np.abs(contraction).max())
+    if not percent or not 0.0 < most < LEAST_CONTRACTION:
+        return []
+    return [f"{column} reaches {100.0 * most:.3g} % only; if it is a fraction, name the column contraction"]
+
+
+def _check_near_rest(length: np.ndarray, rest_length: np.ndarray, column: str, where: str) -> None:
+    """Refuse lengths that no muscle of the rest length can have."""
+    least, most = PLAUSIBLE["contraction"]
+    contraction = 1.0 - length / rest_length
+    bad = ~((contraction >= least) & (contraction <= most))
+    if bad.any():
+        i = int(np.argmax(bad))
+        problem = (
+            f"must be between {1.0 - most:g} and {1.0 - least:g} times the rest length of "
+            f"{with_unit(float(rest_length[i]), 'm')}; wrong unit, rest length or column?"
+        )
+        raise InputError(column, with_unit(float(length[i]), "m"), problem, where=where)
+
+
+def _repeated(points: ForceMap) -> list[str]:
+    """A sentence on points with tension that equal an earlier one in everything that the table holds."""
+    words = {name: getattr(points, name) for name in _ARRAYS if getattr(points, name) is not None}
+    keys = np.stack([np.unique(v[points.taut], return_inverse=True)[1].ravel() for v in words.values()], axis=1)
+    count = len(keys) - len(np.unique(keys, axis=0))
+    if not count:
+        return []
+    which = "one point with tension equals an earlier one" if count == 1 else (
+        f"{count} points with tension equal earlier ones")  # fmt: skip
+    return [f"{which} in every column; where these are copies, delete them: they make intervals look narrower"]
 
 
 def _word(cell: object) -> str:

@@ -460,6 +460,13 @@ def cautions_of(fit: Fit, size: float) -> list[str]:
     across = [n for n, e in fit.parameters.items() if math.isfinite(e.high - e.low) and e.low < 0.0 < e.high]
     if across:
         sentences.append(f"The interval of {listed(across)} includes zero.")
+    if fit.assumed:
+        fields = declared(law_type(fit.law))
+        sizes = [f"{fields[n].doc} {_readable(with_unit(v, fields[n].unit))} ({n})" for n, v in fit.assumed.items()]
+        sentences.append(
+            f"Assumed, as not stated: {'; '.join(sizes)}. Other values change the fitted parameters, in ways that their "
+            "intervals do not include."
+        )
     return sentences
 
 

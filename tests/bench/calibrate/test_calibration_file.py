@@ -88,7 +88,7 @@ CHANNEL = HEAD + '[channels.tension]\nunit = "N"\n'
             CHANNEL + "[channels.tension.zero]\nvalue = 3\n",
             "got 3; the unit is missing",
         ),
-        (CHANNEL + "gain = 3\n", "channels.tension.gain must be a table, got 3"),
+        (CHANNEL + "gain = 3\n", "channels.tension.gain must be a table"),
         (HEAD + "[channels.tension]\n", "channels.tension.unit is missing"),
         (
             HEAD + "[channels.tension]\nunit = 'furlong'\n",

@@ -28,6 +28,21 @@ class Frame(Module):
     mass: Scalar = quantity("kg", (1e-2, 1e4), "that swings with the anchor", symbol="m", default=2.0)
     damping: Scalar = quantity("N*s/m", (0.0, 1e6), "of the anchor's motion", symbol="c", default=140.0)
 
+    def rates(self, state: FrameState | StandState, pull: Scalar) -> FrameState:
+        """Rates of change of deflection and velocity under the tension of the muscle [N]."""
+        held = self.stiffness * state.deflection + self.damping * state.deflection_velocity
+        return FrameState(state.deflection_velocity, (pull - held) / self.mass)
+
+    def stored_energy(self, state: FrameState | StandState) -> Scalar:
+        """Kinetic and elastic energy [J]."""
+        energy: Scalar = 0.5 * self.mass * state.deflection_velocity**2 + 0.5 * self.stiffness * state.deflection**2
+        return energy
+
+    def lost_power(self, state: FrameState | StandState) -> Scalar:
+        """Power that the damping loses [W]."""
+        lost: Scalar = self.damping * state.deflection_velocity**2
+        return lost
+
 
 class FrameState(NamedTuple):
     """Without a motor: the anchor's deflection towards the muscle's other end [m] and its rate [m/s]."""
@@ -99,9 +114,7 @@ class TestStand(Load):
     def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
         """Rates of change of the states of frame and motor."""
         pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
-        own = self.frame
-        held = own.stiffness * state.deflection + own.damping * state.deflection_velocity
-        frame = FrameState(state.deflection_velocity, (pull - held) / own.mass)
+        frame = self.frame.rates(state, pull)
         if self.motor is None:
             return frame
         push = (self.motor.pull(state.current, state.velocity) - pull) / self.motor.mass
@@ -113,14 +126,13 @@ class TestStand(Load):
 
         That of the coil is excluded, see `powers`.
         """
-        own = self.frame
-        frame = 0.5 * own.mass * state.deflection_velocity**2 + 0.5 * own.stiffness * state.deflection**2
+        frame = self.frame.stored_energy(state)
         energy: Scalar = frame if self.motor is None else frame + 0.5 * self.motor.mass * state.velocity**2
         return energy
 
     def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
         """Electrical power of the motor, k i w, and the power lost by its friction and the frame [W]."""
-        lost = self.frame.damping * state.deflection_velocity**2
+        lost = self.frame.lost_power(state)
         if self.motor is None:
             return jnp.zeros(()), lost
         motor = self.motor.powers(state.current, state.velocity, self.asked_current(inputs))

@@ -81,6 +81,8 @@ BESIDE = np.array([0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 
 # What a clamp lost before the recording is a second number, for which twice the logarithm of the likelihood must be larger
 # by `TELLING`.
 SLIP_ROUNDS, SLIP_STEP, EDGES = 2, 1e-3, 4  # rounds of its search, step in shares of the slack, values at either end
+# Rounds of the search for such a grip: its hollow, some 0.02 N wide, is at the edge of a plateau: grips that slip no more.
+GRIP_ROUNDS = 6
 NEARLY = 0.5  # share of the best fault's ratio from which on a fault is looked at as closely
 TITLES = {
     "leak": "leak of the muscle's fitting",
@@ -844,7 +846,7 @@ def _slipped_before(
         [[0.0], np.geomspace(0.1 * SIZES[CLAMP_GRIP], bounds[1], LADDER), np.minimum(linear, bounds[1])]
     )
     starts: dict[float, tuple[float, ...]] = {v: (0.0, slack) for v in np.unique(ladder).tolist()}
-    for _ in range(ROUNDS):
+    for _ in range(GRIP_ROUNDS):
         for v, (misfit, slip) in zip(starts, _least_over_slips(compare, starts, slack), strict=True):
             tried[v], slips[v] = misfit, slip
         new = np.concatenate([_narrowed(tried, bounds), _around_ends(tried, widened)])
@@ -863,11 +865,17 @@ def _better_neighbour(tried: Mapping[float, float], value: float) -> float:
 
 
 def _around_ends(tried: Mapping[float, float], widened: float) -> np.ndarray:
-    """Values between the last that the misfit does not refuse and the first that it does, at either end."""
+    """Values on both sides of the last that the misfit does not refuse, up to its neighbours, at either end.
+
+    The hollow of a grip may lie between two grips of a plateau, the last one of which stands on its far slope already.
+    """
     values = np.array(sorted(tried))
     inside = np.flatnonzero(np.array([tried[v] for v in values]) - min(tried.values()) <= NORMAL**2 * widened)
-    ends = (max(inside[0] - 1, 0), inside[0]), (inside[-1], min(inside[-1] + 1, len(values) - 1))
-    return np.concatenate([np.linspace(values[a], values[b], EDGES + 2)[1:-1] for a, b in ends])
+    places = np.clip(
+        [inside[0] - 1, inside[0], inside[0] + 1, inside[-1] - 1, inside[-1], inside[-1] + 1], 0, len(values) - 1
+    )
+    ends = [(places[i], places[i + 1]) for i in (0, 1, 3, 4)]
+    return np.unique(np.concatenate([np.linspace(values[a], values[b], EDGES + 2)[1:-1] for a, b in ends]))
 
 
 def _least_over_slips(

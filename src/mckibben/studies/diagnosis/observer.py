@@ -2,8 +2,10 @@
 
 The machine is that of the simulated rig, with its circuit, muscle and tendon; only its motor is replaced by the recorded
 span, and its software by the recorded command. So neither controllers nor a protocol are needed, and noise does not enter.
-The frame yields by the recorded tension over its stiffness. Between two samples the motion follows a cubic spline, since the
-corners of straight lines would shake the muscle's end; commands are held, and sensors filter what is between.
+The frame swings under the predicted tension as that of the simulated rig does: taken as a spring under the recorded one, a
+fast step of pressure left the braid's friction off by 15 mN for as long as the pressure stayed. Between two samples the
+motion follows a cubic spline, since the corners of straight lines would shake the muscle's end; commands are held, and
+sensors filter what is between.
 """
 
 from __future__ import annotations
@@ -16,14 +18,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..._jax import Scalar, Tree, jnp
-from ...assembly.loads import HostLoad
+from ...assembly.loads import Load, SpanState
 from ...assembly.machine import Machine
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.faults import DRIFT, SOUND, RigFaults
 from ...bench.hardware.analogue import Sensor
+from ...bench.hardware.frame import Frame, FrameState
 from ...bench.hardware.pneumatics import MUSCLE, PORT, Plumbing
 from ...bench.rig import Rig
-from ...components import Environment
+from ...components import Environment, field
+from ...components.system import Value
 from ...engine import STEP, held, march, ramped
 from ...engine.native import call_in_lanes
 from ...engine.rates import RK4_LIMIT
@@ -35,6 +39,7 @@ CHANNELS = {
     "valve_pressure": f"{PORT}.pressure_abs",
     "tension": f"{MUSCLE}.load_tension",
 }
+POSITION = f"{MUSCLE}.position"  # signal of the moved end [m]
 SIMULATED = (
     "leak", "valve_blockage", "valve_sticking", "span_drift", "clamp_slack", "clamp_grip", "lost_threads", "rubber_warming",
 )  # fmt: skip
@@ -140,14 +145,11 @@ class Observer(NamedTuple):
         count = 0.0 if self.rig.encoder is None else float(self.rig.encoder.resolution)
         other = count * (np.floor((span - section.span[0]) / count) + 0.5) + section.span[0] if count else span
         other = _smooth(other, WIDER_PARABOLA)
-        if "tension" in section.measured:  # without it the frame's deflection is left out
-            deflection = section.measured["tension"] / float(self.rig.frame.stiffness)
-            span, other = span - deflection, other - deflection
         times = section.time[0] + period / SUBSAMPLES * np.arange(SUBSAMPLES * (len(section.time) - 1) + 1)
         fine, also = (CubicSpline(section.time, values)(times) for values in (span, other))
         asked, opened = (np.repeat(values, SUBSAMPLES)[: len(times)] for values in (section.valve, section.opened))
         recorded = times - begun, fine, also - fine, asked, opened
-        shared = self.plumbing, self.unit, room, *recorded, start, np.float64(self.latency), begun
+        shared = self.plumbing, self.unit, self.rig.frame, room, *recorded, start, np.float64(self.latency), begun
         part = period / SUBSAMPLES
         steps = max(1, math.ceil(part / STEP - 1e-9))
         for finest in (1, 2, 4, 8, MOST_PARTS):
@@ -182,26 +184,76 @@ class Observer(NamedTuple):
         return max(room + float(np.mean(values[:10])), 0.5 * room)
 
 
+class RecordedStand(Load):
+    """The frame of a rig, whose moved end is where the recording says: `bench.hardware.TestStand` without its motor."""
+
+    frame: Frame = field(kw_only=True)
+
+    def muscles(self) -> tuple[str, ...]:
+        """Return the name of the one muscle."""
+        return (MUSCLE,)
+
+    def signals(self) -> tuple[str, ...]:
+        """Return the name of the signal of the moved end's position."""
+        return (POSITION,)
+
+    def initial(self) -> FrameState:
+        """State of a frame without load."""
+        return FrameState(jnp.zeros(()), jnp.zeros(()))
+
+    def at_rest_under(self, tension: Scalar) -> FrameState:
+        """State of the frame at rest under a tension [N]."""
+        return FrameState(tension / self.frame.stiffness, jnp.zeros(()))
+
+    def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
+        """Span of the muscle, reduced by the frame's deflection."""
+        moved = inputs[POSITION]
+        return {MUSCLE: SpanState(moved.value - state.deflection, moved.rate - state.deflection_velocity)}
+
+    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> FrameState:
+        """Rates of change of the frame's state."""
+        return self.frame.rates(state, tensions[MUSCLE])
+
+    def stored_energy(self, state: Tree) -> Scalar:
+        """Kinetic and elastic energy of the frame [J]."""
+        return self.frame.stored_energy(state)
+
+    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
+        """Power of what moves the end, and that which the frame's damping loses [W]."""
+        return tensions[MUSCLE] * inputs[POSITION].rate, self.frame.lost_power(state)
+
+    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Deflection of the frame [m]."""
+        return {"deflection": state.deflection}
+
+
 def _outputs(
-    plumbing: Plumbing, unit: MuscleUnit, room: Environment, clock: Any, span: Any, other: Any, valve: Any, opened: Any,
-    start: Any, latency: Scalar, begun: Scalar, values: Any, *, period: float, inner: int, samples: int,
+    plumbing: Plumbing, unit: MuscleUnit, frame: Frame, room: Environment, clock: Any, span: Any, other: Any, valve: Any,
+    opened: Any, start: Any, latency: Scalar, begun: Scalar, values: Any,
+    *, period: float, inner: int, samples: int,
 ) -> dict[str, Tree]:  # fmt: skip
     """Compute channels (n,) and the bound of the fastest mode [1/s] for one set of faults."""
     faults = RigFaults(**{name: values[i] for i, name in enumerate(SIMULATED)})
     unknown = {name: values[len(SIMULATED) + i] for i, name in enumerate(STARTS)}
     faulty, muscle = faults.on_every_part(plumbing, unit)
-    machine = Machine.of(faulty.circuit({MUSCLE: muscle}, room), {MUSCLE: muscle}, HostLoad(held=(MUSCLE,)), room)
+    load = RecordedStand(frame=frame)
+    machine = Machine.of(faulty.circuit({MUSCLE: muscle}, room), {MUSCLE: muscle}, load, room)
     signals = {
-        f"{MUSCLE}.span": ramped(span + unknown[MOTION] * other - faults.span_drift * (begun + clock)),
+        POSITION: ramped(span + unknown[MOTION] * other - faults.span_drift * (begun + clock)),
         "valve": held(valve).delayed(latency),
     }
     if plumbing.shut_off is not None:
         signals["open"] = held(opened).delayed(latency)
     now = {n: s.at(0, 0.0, period) for n, s in machine.commands(signals).items()}
     port = start[0] * (1.0 + unknown[START_PORT])
-    begin = now[f"{MUSCLE}.span"]
-    resting = now | {f"{MUSCLE}.span": begin._replace(value=begin.value - unknown[START_SLIP])}
-    state, memory = machine.at_rest({n: start[1] if n == MUSCLE else port for n in machine.circuit.chambers}, resting)
+    begin = now[POSITION]
+    resting = now | {POSITION: begin._replace(value=begin.value - unknown[START_SLIP])}
+    pressures = {n: start[1] if n == MUSCLE else port for n in machine.circuit.chambers}
+    state, memory = machine.at_rest(pressures, resting)
+    yielded = load.at_rest_under(machine.pulls(state, memory, resting)[2][MUSCLE])
+    resting = resting | {POSITION: begin._replace(value=begin.value - unknown[START_SLIP] - yielded.deflection)}
+    state, memory = machine.at_rest(pressures, resting)  # the muscle's length with the frame's deflection
+    state = state | {"load": yielded}
     masses = state["circuit"]["mass"]
     masses = masses | {MUSCLE: masses[MUSCLE] * (1.0 + unknown[START_GAS])}
     state = state | {"circuit": state["circuit"] | {"mass": masses}}
