@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 import mckibben as mk
+from mckibben.identification._samples import MIXED
 from mckibben.identification.next_points import MOVE, READ, VENT, Candidates, candidates_of, choose, continuous_optimum
 from mckibben.identification.posterior import posterior_of_fit
 from mckibben.identification.problem import Problem, latin_hypercube
@@ -308,7 +309,7 @@ def tables(result: dict[str, Any]) -> str:
             f"{row[0]:.1f} N | {100.0 * row[2]:.0f} % | {100.0 * row[3]:.0f} %" if row else " |  | " for row in rows
         ]
         lines.append(f"| {count} | {' | '.join(cells)} |")
-    worst = max(row[-1] for curve in curves.values() for row in curve.values())
+    worst, name, count = max((row[-1], name, count) for name, curve in curves.items() for count, row in curve.items())
     lines += [
         "",
         "*readings inside* is the share of the hidden plateaus in the 95 % band of a reading of a further run "
@@ -318,7 +319,8 @@ def tables(result: dict[str, Any]) -> str:
         f"In fact a run differs from the mean of the three at its length by up to {differences}. The posterior has one "
         "size for all, so that its bands are wider than they need be where runs agree, as at the longest length, where "
         "most plateaus lie. "
-        f"The largest R-hat of all these posteriors is {worst:.2f}.",
+        f"The largest R-hat of all these posteriors is {worst:.2f} ({name}, {count} plateaus), and a command warns above "
+        f"{MIXED:g}.",
         "",
     ]
     lines += ["| design for the parameters | D-efficiency |", "|---|---|"]

@@ -10,6 +10,7 @@ import pytest
 from mckibben.errors import InputError
 from mckibben.identification import Fit, fit, fit_all, rank
 from mckibben.identification.problem import Problem, solve
+from mckibben.identification.uncertainty import uncertainty
 from mckibben.muscles import law_from_specimen
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
@@ -222,3 +223,12 @@ def test_a_noisy_fit_keeps_its_error_and_interval_in_proportion() -> None:
     assert loud.rmse > quiet.rmse
     width = [f.parameters["shortest_length"].high - f.parameters["shortest_length"].low for f in (quiet, loud)]
     assert width[1] > width[0] > 0.0
+
+
+def test_two_open_directions_of_the_same_parameters_are_said_once():
+    # two columns of numbers in four parameters, as one length is for a law of four: two directions change nothing
+    chance = np.random.default_rng(0)
+    slopes = chance.standard_normal((9, 2)) @ chance.uniform(0.5, 1.5, (2, 4))
+    known = uncertainty(slopes, chance.standard_normal(9), ("a", "b", "c", "d"))
+    assert known.warnings == ("the data cannot tell a, b, c and d apart",)
+    assert np.isinf(known.standard_error).all()

@@ -276,6 +276,29 @@ def test_impossible_sensors_and_counts_are_refused():
         posterior(0.0).rows(201)
 
 
+def two_basins(x, inputs):
+    """A prediction that meets a measured 0 at the normal scores -4, 0 and 4 of its parameter."""
+    return 30.0 * jnp.sin(0.25 * jnp.pi * jnp.clip(jax.scipy.special.ndtri(x), -6.0, 6.0))
+
+
+def test_chains_of_a_fit_that_ended_at_a_bound_begin_at_the_mode_and_not_in_its_corner():
+    evidence = sampler.Evidence(
+        model=two_basins,
+        inputs={},
+        measured=np.zeros(1),
+        modes=sampler.ErrorModes.of(np.eye(1), np.eye(1)),
+        slack_variance=np.zeros(0),
+        low=np.zeros(1),
+        high=np.ones(1),
+        start=np.zeros(1),  # at its bound: a score of -4.8 where the search begins
+        noise_known=True,
+        amplitude=0.0,
+    )
+    centre, _ = sampler._mode(evidence, sampler._data(evidence))  # noqa: SLF001
+    # the prior is exp(8) times as probable at 0 as at -4, and likelihood and prior are largest there, to the search's end
+    assert centre[0] == pytest.approx(0.0, abs=1e-3)
+
+
 @pytest.mark.slow
 def test_points_of_one_run_are_drawn_as_points_without_runs():
     pytest.importorskip("numpyro")

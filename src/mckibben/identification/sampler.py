@@ -23,7 +23,8 @@ Priors: x uniform between its bounds, within `REACH` standard deviations of the 
 much of its mass near zero, so that a discrepancy costs little where the law is right, and with the tail of a Cauchy
 distribution, so that one that is much larger than expected need not pass for noise. Bounds that are far too wide outweigh
 the data: a muscle that never pulls, its tension all discrepancy, has few parameters that matter and so the larger volume.
-The chains run in the normal scores of the uniform parameters, standardised by the curvature at the mode. Until they agree,
+The chains run in the normal scores of the uniform parameters, standardised by the curvature at the mode, the more probable
+of those that searches from the fit and from within the bounds find. Until they agree,
 they go on from where they are, standardised anew by the covariance of what they have drawn, for `ROUNDS` in all.
 Sources: M. C. Kennedy and A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63(3), 2001;
 M. D. Hoffman and A. Gelman, The No-U-Turn sampler, J. Mach. Learn. Res. 15, 2014.
@@ -60,10 +61,11 @@ SHAPE = 0.3  # power of s and of t below its scale, of the prior of its logarith
 FAR = 1e9  # stands for a prediction that is not finite
 SEARCH = 300  # iterations of the search for the mode
 TREE_DEPTH = 8
+ACCEPTED = 0.97  # share of the proposals; at 0.9, of longer steps, single chains stay in a narrow bend of the posterior
 ROUNDS = 4  # of all chains, each of a warm-up and samples
 RUN_COLUMNS = 6  # the count of runs is filled up to a multiple of it
 REACH = 8.0  # of the uniform prior to either side of the fit, in standard deviations of the linearised model
-EDGE = 1e-6  # share of the room between the bounds within which no search begins
+EDGES = (1e-6, 0.1)  # shares of the room between the bounds within which no search for the mode begins, of each search
 
 
 class ErrorModes(NamedTuple):
@@ -536,26 +538,29 @@ def _mode(evidence: Evidence, data: Any) -> tuple[np.ndarray, np.ndarray]:
     """Mode of the posterior, and a root of the covariance there, in unbounded parameters (p + 2 or, with runs, p + 3,)."""
     from scipy import optimize, special
 
-    count, value_and_slope = len(evidence.start), _compiled_potential(evidence.model)
+    value_and_slope = _compiled_potential(evidence.model)
 
     def objective(u: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = value_and_slope(u, data)
         return float(np.nan_to_num(value, nan=1e12)), np.nan_to_num(np.asarray(slope, float))
 
     room = evidence.high - evidence.low
-    share = np.clip((evidence.start - evidence.low) / room, EDGE, 1.0 - EDGE)
-    begin = np.concatenate(
-        [special.ndtri(share), [0.0, 0.0], [np.log(evidence.run_scale)] if evidence.runs.size else []]
-    )
-    if evidence.amplitude > 0.0:
-        begin[count + 1] = np.log(0.2 * evidence.amplitude)
-    found = optimize.minimize(objective, begin, jac=True, method="BFGS", options={"maxiter": SEARCH})
-    centre = found.x if np.isfinite(found.fun) and found.fun <= objective(begin)[0] else begin
+    sizes = [np.log(0.2 * evidence.amplitude) if evidence.amplitude > 0.0 else 0.0]
+    sizes += [np.log(evidence.run_scale)] if evidence.runs.size else []
+    searches = []
+    for edge in EDGES:  # a fit that ended at a bound begins in a corner, which may have a mode of its own
+        share = np.clip((evidence.start - evidence.low) / room, edge, 1.0 - edge)
+        begin = np.concatenate([special.ndtri(share), [0.0], sizes])
+        search = optimize.minimize(objective, begin, jac=True, method="BFGS", options={"maxiter": SEARCH})
+        lower = np.isfinite(search.fun) and search.fun <= objective(begin)[0]
+        centre = search.x if lower else begin
+        searches.append((objective(centre)[0], centre, np.diag(search.hess_inv)))
+    _, centre, variance = min(searches, key=lambda one: one[0])
     curvature = np.empty((len(begin), len(begin)))
     for i in range(len(begin)):
         # a step that changes the potential by about one hundredth, from the search's own estimate of the covariance
         step = np.zeros(len(begin))
-        step[i] = 0.1 * np.sqrt(np.clip(found.hess_inv[i, i], 1e-16, 1.0))
+        step[i] = 0.1 * np.sqrt(np.clip(variance[i], 1e-16, 1.0))
         up, down = objective(centre + step)[1], objective(centre - step)[1]
         curvature[i] = (up - down) / (2.0 * step[i])
     scale = 1.0 / np.sqrt(np.clip(np.abs(np.diag(curvature)), 1e-2, 1e16))
@@ -579,7 +584,7 @@ def _kernel(model: Model, chains: int, warm_up: int, each: int) -> Any:
     def chain(key: Any, z: Any, data: Any) -> Any:
         begin, advance = hmc(potential_fn_gen=density, algo="NUTS")
         state = begin(
-            z, warm_up, step_size=0.5, dense_mass=True, target_accept_prob=0.9, max_tree_depth=TREE_DEPTH,
+            z, warm_up, step_size=0.5, dense_mass=True, target_accept_prob=ACCEPTED, max_tree_depth=TREE_DEPTH,
             model_args=(data,), rng_key=key,
         )  # fmt: skip
 

@@ -69,11 +69,13 @@ def uncertainty(
     correlation = inverse / np.where(spread > 0, spread, 1.0)[:, None] / np.where(spread > 0, spread, 1.0)[None]
     warnings = [f"the data do not contain {name}" for name, d in zip(names, dead, strict=True) if d]
     error[dead] = np.inf
-    for direction in directions[weak]:
-        group = [i for i in np.flatnonzero(np.abs(direction) > 0.05) if not dead[i]]
+    groups = [
+        tuple(i for i in np.flatnonzero(np.abs(direction) > 0.05) if not dead[i]) for direction in directions[weak]
+    ]
+    for group in dict.fromkeys(groups):  # several directions of the same parameters are one sentence
         if len(group) > 1:
             warnings.append(f"the data cannot tell {_listed([names[i] for i in group])} apart")
-            error[group] = np.inf
+            error[list(group)] = np.inf
     for i in range(p):
         for j in range(i):
             if abs(correlation[i, j]) > INSEPARABLE and np.isfinite(error[[i, j]]).all():
