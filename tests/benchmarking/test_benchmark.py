@@ -196,6 +196,10 @@ WRONG = {  # a method of a model that someone else wrote, and the sentence
     "def fit(self, train): raise ValueError('no\\nluck.')": "my.py:Wrong raised ValueError in fit, line 6 of my.py: no",
     "def fit(self, train): train[0].outputs['tension'][:] = 0.0":
         "my.py:Wrong raised ValueError in fit, line 6 of my.py: assignment destination is read-only",
+    "def fit(self, train): train[0].pressure":
+        "my.py:Wrong raised AttributeError in fit, line 6 of my.py: BenchmarkRecord has no attribute 'pressure'; this record"
+        " has inputs['length'], inputs['pressure'], outputs['tension'], dimensions['rest_length'],"
+        " dimensions['rest_diameter'], dimensions['wall_thickness'], time and initial",
     "def predict(self, record): return 1 / 0":
         "my.py:Wrong raised ZeroDivisionError in predict, line 6 of my.py: division by zero",
     "def predict(self, record): pass":

@@ -56,6 +56,15 @@ class BenchmarkRecord:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _protected(getattr(self, name)))
 
+    def __getattr__(self, name: str) -> object:
+        """Say what a record has where a model asks for something else."""
+        known = [
+            f"{group}[{key!r}]" for group in ("inputs", "outputs", "dimensions") for key in vars(self).get(group, ())
+        ]
+        raise AttributeError(
+            f"BenchmarkRecord has no attribute {name!r}; this record has {', '.join(known)}, time and initial"
+        )
+
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))
 
