@@ -29,12 +29,7 @@ from .trend_errors import TrendErrors
 if TYPE_CHECKING:
     from .fit import Fit
 
-LENGTHS = (
-    0.15,
-    0.3,
-    0.6,
-    1.2,
-)  # correlation lengths that are tried along both, of the ranges of contraction and pressure
+LENGTHS = (0.15, 0.3, 0.6, 1.2)  # correlation lengths that are tried, of the ranges of contraction and pressure
 NOISES = np.geomspace(0.1, 10.0, 9)  # factors of the noise
 AMPLITUDES = np.geomspace(1e-3, 0.3, 10)  # of the discrepancy, of the largest tension
 MOST = 300  # points that are compared; of more, evenly so many
