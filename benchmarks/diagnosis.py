@@ -9,7 +9,7 @@ their own limits, and within what the rig can still run with. The size of a slip
 the largest tension of these sound runs. A bound of the rate of false alarms is that of Clopper and Pearson at 95 %. `--draw`
 writes figure and tables of the documentation from the results.
 
-The seed chooses noise and sizes of both. The diagnosis was made and mended with seeds 0 to 3; a run that is published
+The seed chooses noise and sizes of both. The diagnosis was made and mended with seeds 0 to 8; a run that is published
 has one that was never run before.
 """
 
@@ -31,7 +31,7 @@ from mckibben.bench.faults import DRIFT
 from mckibben.errors import MckibbenError
 from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of
 
-SEED = 4  # of the published run
+SEED = 9  # of the published run
 SEEDS = 10_000  # by which the seeds of the noise of sound runs differ from one seed to the next
 FIRST = 8  # sound runs of each case, by whose limits the sizes of its faults are drawn
 CHANNELS = ("span", "valve.command", "pressure", "valve_pressure", "tension")
@@ -54,6 +54,8 @@ CASES = (
     Case("DMSP-20-300", "work-loop", "modern", {"cycles": 2}),
     Case("nylon", "isometric-step", "modern", {"cycles": 1}),
     Case("DMSP-10-250", "isometric-step", "modern", {"cycles": 1}),
+    Case("DMSP-20-300", "sinusoids", "modern", {}),
+    Case("nylon", "quick-release", "modern", {}),
     Case("nylon", "work-loop", "paper", {"cycles": 2}),
 )
 # Largest faults with which the rigs still run, and which a person would not see at once [SI].

@@ -8,6 +8,7 @@ from mckibben.errors import InputError
 from mckibben.studies.diagnosis.fault_fit import (
     SIZES,
     THRESHOLD,
+    TOLERANCES,
     _differences,
     diagnose,
     known_faults,
@@ -60,6 +61,31 @@ def test_a_leak_is_found_with_its_conductance(observer):
     value, low, high, unit = result["leak"].estimate
     # the goal; of 1.6 s the interval is some 4 % wide
     assert value == pytest.approx(leak, rel=0.1) and low < leak < high and unit == "m^3/(s*Pa)"
+
+
+def test_less_than_one_thread_is_no_fault(observer):
+    result = found(record(observer, lost_threads=1e-3))
+    assert result["lost_threads"].ratio > THRESHOLD and result["lost_threads"].limit == TOLERANCES["lost_threads"]
+    assert (result.fault, result.tolerance, result.explained) == ("", "lost_threads", True)
+    assert result.sentence.startswith(
+        "No fault: the sound rig explains the recording. The nearest fault, braid that has lost"
+    )
+    assert found(record(observer, lost_threads=1e-2)).fault == "lost_threads"
+
+
+@pytest.mark.slow  # 15 s: a release moves the braid too little for the last sections to forget how they began
+def test_every_section_has_a_start_of_its_own():
+    result = mk.diagnose(mk.run("quick-release", "modern", muscle="nylon", seed=1))
+    assert result.fault == "" and result.faults[0].ratio < THRESHOLD  # 430 with one start for all sections
+
+
+def test_a_run_in_which_the_operator_changes_parts_is_refused(observer):
+    sound = record(observer)
+    events = [{"time": 0.0, "text": "asked to connect the accumulator"}]
+    with pytest.raises(
+        InputError, match="the operator was asked to connect the accumulator, after which it is another rig"
+    ):
+        found(mk.Recording(sound.time, sound.channels, {"events": events}))
 
 
 def test_a_sticking_valve_is_found(observer):  # of the other faults the slow tests are

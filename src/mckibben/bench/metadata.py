@@ -20,6 +20,8 @@ from ..recordings.recording import Recording
 from .hardware.computer import Timing
 from .prepare import PreparedRun
 
+ASKED = "asked to "  # begins the event of an operator's action
+
 
 class StepTable:
     """Start and end times of the steps of a protocol, as a recording keeps them."""

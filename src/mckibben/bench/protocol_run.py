@@ -22,7 +22,7 @@ from . import channels
 from .hardware.clock import Clock
 from .hardware.interface import Hardware
 from .hardware.simulated import SimulatedHardware
-from .metadata import StepTable, run_metadata
+from .metadata import ASKED, StepTable, run_metadata
 from .prepare import PreparedRun, RunSegment, with_friction_scale
 from .recorder import RunRecorder
 from .sample_loop import Lateness, SampledMachine, SampleLoop, played
@@ -244,7 +244,7 @@ class ProtocolRun:
             raise InputError("ask", None, f"needs a person: the protocol asks the operator to {text}")
         if self.ask is not None:
             self.ask(text)
-        self._event(f"asked to {text}")
+        self._event(f"{ASKED}{text}")
 
     def _event(self, text: str, **more: object) -> None:
         self.state.events.append({"time": self.state.time, "text": text, **more})
