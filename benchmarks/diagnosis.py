@@ -54,8 +54,6 @@ CASES = (
     Case("DMSP-20-300", "work-loop", "modern", {"cycles": 2}),
     Case("nylon", "isometric-step", "modern", {"cycles": 1}),
     Case("DMSP-10-250", "isometric-step", "modern", {"cycles": 1}),
-    Case("DMSP-20-300", "sinusoids", "modern", {}),
-    Case("nylon", "quick-release", "modern", {}),
     Case("nylon", "work-loop", "paper", {"cycles": 2}),
 )
 # Largest faults with which the rigs still run, and which a person would not see at once [SI].
