@@ -195,10 +195,9 @@ class Diagnosis:
         if self.tolerance:
             nearest = self[self.tolerance]
             value, most = (shown(nearest.name, v) for v in (nearest.estimate.value, TOLERANCES[nearest.name]))
-            value, most = (shown(nearest.name, v) for v in (nearest.estimate.value, TOLERANCES[nearest.name]))
             return (
-                f"No fault: the sound rig explains the recording. The nearest fault, {nearest.title}, would be of {value}; up to "
-                f"{most} is within the tolerance of parts."
+                f"No fault: the sound rig explains the recording. The nearest fault, {nearest.title}, would be of {value}; "
+                f"up to {most} is within the tolerance of parts."
             )
         if not self.fault:
             return "No fault: the sound rig explains the recording."
