@@ -274,6 +274,7 @@ class Fit(ErrorMeasures):
 
     def build(self, **changes: JsonValue) -> TensionLaw:
         """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
+        changes = self._in_si(changes)
         known = {k: (float(np.max(v)) if np.ndim(v) else v) for k, v in self.known.items()}
         if "rest_length" in changes and "rest_length" in self.known and "upper_length" in self.known:
             # A muscle of another length is used as far, in proportion, as those that were measured.
@@ -294,8 +295,8 @@ class Fit(ErrorMeasures):
         proportion, as those of the table, unless ``upper_length`` is stated.
 
         Args:
-            length: of the muscle [m], broadcast with the pressure.
-            pressure: gauge pressure [Pa].
+            length: of the muscle, [m] or text with a unit, broadcast with the pressure.
+            pressure: gauge pressure, [Pa] or text with a unit.
             **changes: of parameters, as for `build`, such as ``rest_length=0.12``; one that is changed has no error.
 
         Raises:
@@ -307,14 +308,18 @@ class Fit(ErrorMeasures):
             >>> one = found.predict(0.27, 3e5)
             >>> bool(one.low < one.tension < one.high)
             True
+            >>> bool(found.predict("27 cm", "3 bar").tension == one.tension)
+            True
         """
+        changes = self._in_si(changes)
         names = [n for n in self.parameters if n not in (*changes, *self.not_contained)]
         spread = np.array([0.5 * (self.parameters[n].high - self.parameters[n].low) for n in names])
         if not self.converged or not np.isfinite(spread).all():
             raise ConvergenceError(
                 f"{self.law}: the table does not determine all parameters, so that no interval follows"
             )
-        at = tuple(np.broadcast_arrays(np.asarray(length, float), np.asarray(pressure, float)))
+        given = in_si(length, "m", field="length"), in_si(pressure, "Pa", field="pressure")
+        at = tuple(np.broadcast_arrays(*(np.asarray(values, float) for values in given)))
 
         def tension(shift: float = 0.0, **moved: float) -> np.ndarray:
             return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
@@ -339,6 +344,12 @@ class Fit(ErrorMeasures):
             )
         most = tension()
         return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
+
+    def _in_si(self, changes: dict[str, JsonValue]) -> dict[str, JsonValue]:
+        """Changes of parameters with texts such as ``"12 cm"`` in SI; unknown names are left to the law."""
+        units = declared(law_type(self.law))
+        texts = {n: v for n, v in changes.items() if n in units and isinstance(v, str)}
+        return changes | {n: float(in_si(v, units[n].unit, field=n)) for n, v in texts.items()}
 
     @functools.cached_property
     def _law_error(self) -> LawError:

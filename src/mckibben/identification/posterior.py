@@ -26,7 +26,7 @@ from ..errors import ConvergenceError, InputError
 from ..muscles.build import build_law
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..quantities import declared, with_unit
+from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from . import sampler
 from ._samples import interval_ends, joint_interval_ends, mixing_warnings
@@ -305,8 +305,8 @@ class Posterior:
         """Tension with its band [N].
 
         Args:
-            length: of the muscle [m], shape (q,) or one number.
-            pressure: gauge pressure [Pa], likewise.
+            length: of the muscle, [m] or text with a unit, shape (q,) or one value.
+            pressure: gauge pressure, [Pa] or text with a unit, likewise.
             confidence: share of the samples within the band, at each point by itself.
             measured: with the noise of the load cell and the error of a run, as a further run would show it.
             discrepancy: with what the law has no parameter for; without it the band is that of the law alone.
@@ -318,9 +318,8 @@ class Posterior:
             >>> posterior = fitted.posterior(draws=100, warm_up=100)    # doctest: +SKIP
             >>> posterior.tension(0.28, 3e5)                            # doctest: +SKIP
         """
-        lengths, pressures = np.broadcast_arrays(
-            np.atleast_1d(np.asarray(length, float)), np.atleast_1d(np.asarray(pressure, float))
-        )
+        given = in_si(length, "m", field="length"), in_si(pressure, "Pa", field="pressure")
+        lengths, pressures = np.broadcast_arrays(*(np.atleast_1d(np.asarray(values, float)) for values in given))
         drawn = self.signed_tensions(lengths, pressures, **changes)
         chance = np.random.default_rng(self.seed)
         if discrepancy and self.amplitude.any():
