@@ -458,6 +458,20 @@ def draw(cases: dict[str, list[dict[str, Any]]]) -> None:
     page.write_text(f"{head}{BEGIN}\n\n{table(cases)}\n\n{END}{tail}", encoding="utf-8")
 
 
+def saved(cases: dict[str, list[dict[str, Any]]]) -> str:
+    """The file of results: a muscle on each line, numbers to 5 digits."""
+
+    def short(value: Any) -> Any:
+        if isinstance(value, float):
+            return float(f"{value:.5g}")
+        if isinstance(value, dict):
+            return {name: short(one) for name, one in value.items()}
+        return [short(one) for one in value] if isinstance(value, list) else value
+
+    lines = {case: ",\n".join(json.dumps(short(row)) for row in rows) for case, rows in cases.items()}
+    return "{" + ",\n".join(f'"{case}": [\n{text}\n]' for case, text in lines.items()) + "}\n"
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--muscles", type=int, default=250)
@@ -480,7 +494,7 @@ def main() -> None:
             if number == len(rows) and number < (given.others if case in OTHERS else given.muscles):
                 rows.append(of_kind(case, number, given.discrepancy))
         if given.out and (number % 10 == 9 or number == most - 1):
-            given.out.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
+            given.out.write_text(saved(cases), encoding="utf-8")
     for case, rows in cases.items():
         print(json.dumps({"case": case} | summary(rows)))
 
