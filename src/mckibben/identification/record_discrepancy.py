@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
 from . import sampler
 from .posterior import Band
-from .record_posterior import DISCREPANCY, LENGTHS, NOISE, evenly, record_places
+from .record_posterior import DISCREPANCY, LENGTHS, NOISE, record_places, seen_rows
 from .trend_errors import TrendErrors, orthonormal_trend
 from .uncertainty import UNDETERMINED
 
@@ -71,10 +70,7 @@ def predict_records(problem: RecordProblem, *, noise: float | None = None) -> Re
         problem: what was fitted, at its fit.
         noise: standard deviation of the sensor [unit]; found from the data where left out.
     """
-    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
-        raise InputError("noise", noise, f"must be more than 0 {problem.unit}")
-    seen = np.flatnonzero(problem.used)
-    rows = seen[evenly(len(seen), min(MOST, len(seen)))]
+    rows = seen_rows(problem, noise, MOST)
     places = record_places(problem.group)
     span = float(np.ptp(problem.measured[rows]))
     size = noise or NOISE * span

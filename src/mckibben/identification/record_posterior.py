@@ -209,14 +209,20 @@ def check_converged(converged: bool, subject: str, purpose: str = "to sample") -
         raise ConvergenceError(f"{subject} did not converge, so there is nothing {purpose}.")
 
 
+def seen_rows(problem: RecordProblem, noise: float | None, most: int) -> np.ndarray:
+    """Indices of the values that the fit saw, evenly at most so many; refuses a noise that is none."""
+    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
+        raise InputError("noise", noise, f"must be more than 0 {problem.unit}")
+    seen = np.flatnonzero(problem.used)
+    rows: np.ndarray = seen[evenly(len(seen), min(most, len(seen)))]
+    return rows
+
+
 def posterior_of_records(
     problem: RecordProblem, *, noise: float | None, draws: int, warm_up: int = WARM_UP, seed: int
 ) -> RecordPosterior:
     """Draw from the posterior of the parameters of a problem; see `posterior_of_loop` for the arguments."""
-    if noise is not None and not (np.isfinite(noise) and noise > 0.0):
-        raise InputError("noise", noise, f"must be more than 0 {problem.unit}")
-    seen = np.flatnonzero(problem.used)
-    rows = seen[evenly(len(seen), min(MOST, len(seen)))]
+    rows = seen_rows(problem, noise, MOST)
     places = record_places(problem.group)
     span = float(np.ptp(problem.measured[rows]))
     size, amplitude = noise or NOISE * span, DISCREPANCY * span

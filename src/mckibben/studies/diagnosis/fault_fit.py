@@ -195,6 +195,11 @@ class Diagnosis:
         if self.tolerance:
             nearest = self[self.tolerance]
             value, most = (shown(nearest.name, v) for v in (nearest.estimate.value, TOLERANCES[nearest.name]))
+            if not self.explained:
+                return (
+                    f"No fault of the list explains the recording: there is something else. The nearest, {nearest.title}, "
+                    f"would be of {value}; up to {most} is within the tolerance of parts."
+                )
             return (
                 f"No fault: the sound rig explains the recording. The nearest fault, {nearest.title}, would be of {value}; "
                 f"up to {most} is within the tolerance of parts."
@@ -1025,6 +1030,4 @@ def _result(
     found = "" if tolerance else found
     alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)
     unsaid = _not_judged(compare, names, limits)
-    return Diagnosis(
-        tuple(fits), found, alike, explained or bool(tolerance), THRESHOLD, residual.size, unsaid, tolerance=tolerance
-    )
+    return Diagnosis(tuple(fits), found, alike, explained, THRESHOLD, residual.size, unsaid, tolerance=tolerance)
