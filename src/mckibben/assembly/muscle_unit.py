@@ -41,7 +41,7 @@ from ..engine.native import call_compiled
 from ..errors import InputError
 from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw
-from ..quantities import as_array, quantity
+from ..quantities import as_array, quantity, with_unit
 from .clamp import Clamp
 from .loads.load import Restraint
 from .wrap import Wrap
@@ -128,7 +128,11 @@ class MuscleUnit(Module):
         "N*s/m", (0.0, 1e4), "further damping beyond the longest length", symbol="cs", default=100.0
     )
     slack_damping: Scalar = quantity(
-        "N*s/m", (1e-6, 1e6), "against which a slack braid comes to its free length", symbol="eta", default=None
+        "N*s/m",
+        (1e-6, 1e6),
+        "resistance of the slack braid on its way to the length that it has alone",
+        symbol="eta",
+        default=None,
     )
 
     def __check_init__(self) -> None:
@@ -144,6 +148,15 @@ class MuscleUnit(Module):
             known["slack_damping"] = None
             if known["end_mass"] is None:
                 known["end_mass"] = as_array(END_MASS)
+
+    @property
+    def mounting(self) -> str:
+        """How it is held, one phrase."""
+        if self.tendon is None:
+            return "tied to its anchors"
+        if is_traced(self.tendon.stiffness) or np.ndim(self.tendon.stiffness):
+            return "by a tendon"
+        return f"by a tendon of {with_unit(float(self.tendon.stiffness), 'N/m')}"
 
     @property
     def parts(self) -> dict[str, MemoryElement]:
