@@ -19,7 +19,10 @@ from ..._jax import Array, jnp
 from ...components import Module, Scalar, field
 from ...components.system import Value
 from ...quantities import quantity
-from .load import TOGETHER, Load, SpanState
+from .load import TOGETHER, Load, Restraint, SpanState, mode_bound
+
+AHEAD = 0.01  # time within which a stop is met that counts among the modes [s]
+STOP_STIFFNESS = 2e4  # of a stop unless it is stated [N m/rad]: gives way by 1 mrad to 20 N m
 
 
 class MomentArm(Module):
@@ -72,6 +75,13 @@ def elastic_energies(hinge: Hinge, angle: Scalar) -> tuple[Scalar, Scalar]:
     return spring, 0.5 * hinge.stop_stiffness * _beyond(hinge, angle) ** 2
 
 
+def hinge_stiffness(hinge: Hinge, angle: Scalar, velocity: Scalar) -> Scalar:
+    """Stiffness of the spring, and of a stop that is met within `AHEAD` [N m/rad]."""
+    ahead = _beyond(hinge, angle + AHEAD * velocity)
+    met = (_beyond(hinge, angle) != 0.0) | (ahead != 0.0)
+    return hinge.stiffness + jnp.where(met, hinge.stop_stiffness, 0.0)
+
+
 class JointState(NamedTuple):
     """Angle [rad] and its rate [rad/s]."""
 
@@ -91,7 +101,7 @@ class JointLoad(Load):
     start: Scalar = quantity("rad", (-10.0, 10.0), "angle at the start", default=0.0)
     lower_stop: Scalar = quantity("rad", (-10.0, 10.0), "smallest angle", default=-2.0)
     upper_stop: Scalar = quantity("rad", (-10.0, 10.0), "largest angle", default=2.0)
-    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e6), "of the stops, per rad", default=1e3)
+    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e8), "of the stops, per rad", default=STOP_STIFFNESS)
     # Name of the signal of an outside moment [N m].
     signal: str | None = field(static=True, kw_only=True, default=None)
 
@@ -135,6 +145,14 @@ class JointLoad(Load):
         )
         turning = self.muscle_moment(state, tensions) + self._outside(inputs) - held
         return JointState(state.velocity, turning / self.inertia)
+
+    def max_rate_bound(self, state: JointState, restraints: Mapping[str, Restraint]) -> Scalar:
+        """Bound of the hinge on spring, stops, weight, damper and muscles [1/s]."""
+        squares = {name: arm.arm(state.angle) ** 2 for name, arm in self.arms.items()}
+        stiff = hinge_stiffness(self, state.angle, state.velocity) + jnp.abs(self.gravity_moment)
+        stiff = stiff + sum(square * restraints[n].stiffness for n, square in squares.items())
+        damping = self.damping + sum(square * restraints[n].damping for n, square in squares.items())
+        return mode_bound(self.inertia, stiff, damping)
 
     def stored_energy(self, state: JointState) -> Scalar:
         """Kinetic, elastic, of the stops, and of the limb's height [J]."""
