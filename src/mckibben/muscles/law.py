@@ -125,7 +125,7 @@ class TensionLaw(Module):
     def passive_tension(self, length: Scalar) -> Scalar:
         """The part of the braid's force that is there without gas: wall, and threads beyond the range [N]."""
         at = _within(self, length)
-        return at.share * self.elastic_tension(at.length) + at.threads
+        return at.share * self.elastic_tension(at.length) + self.thread_stiffness() * at.stretch
 
     @evaluated
     def active_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -139,7 +139,8 @@ class TensionLaw(Module):
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
         length, pressure = _together(length, pressure)
         at = _within(self, length)
-        return at.share * (self.elastic_tension(at.length) + _active(self, at.length, pressure)) + at.threads
+        force = self.elastic_tension(at.length) + _active(self, at.length, pressure)
+        return at.share * force + self.thread_stiffness() * at.stretch
 
     @evaluated
     def braid_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -322,13 +323,9 @@ def _active(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
 
 
 def _within(law: TensionLaw, length: Scalar) -> threads.HeldLength:
-    """The length at which the formulas are asked, and what the threads hold."""
-    return threads.hold(
-        length,
-        *law.length_range(),
-        travel=threads.travel(law.thread_strain, law.length_range()[1]),
-        stiffness=law.thread_stiffness(),
-    )
+    """The length at which the formulas are asked, and how far the threads are stretched."""
+    shortest, longest = law.length_range()
+    return threads.hold(length, shortest, longest, threads.travel(law.thread_strain, longest))
 
 
 def _together(length: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:

@@ -28,11 +28,11 @@ REACH = 2.0
 
 
 class HeldLength(NamedTuple):
-    """A length as threads hold it: the one at which the law is asked [m], its slope w [1], tension of the threads [N]."""
+    """A length as threads hold it: the one at which the law is asked [m], its slope w [1], stretch of the threads T/k [m]."""
 
     length: Scalar
     share: Scalar
-    threads: Scalar
+    stretch: Scalar
 
 
 def travel(strain: Scalar, longest: Scalar) -> Scalar:
@@ -40,13 +40,14 @@ def travel(strain: Scalar, longest: Scalar) -> Scalar:
     return TRAVEL * strain * longest
 
 
-def hold(length: Scalar, shortest: Scalar, longest: Scalar, *, travel: Scalar, stiffness: Scalar) -> HeldLength:
-    """A length of the braid as its threads hold it; lengths and travel [m], stiffness of the threads [N/m]."""
+def hold(length: Scalar, shortest: Scalar, longest: Scalar, travel: Scalar) -> HeldLength:
+    """A length of the braid as its threads hold it; all [m]."""
     length = jnp.asarray(length, float)
-    # Within the range all slopes by y are zero, so that y may move with the length there too: the derivative is shorter.
+    # Within the range the length moves with y, which is zero there: so its slope is the share everywhere.
     below = jnp.where(length < shortest, shortest, jax.lax.stop_gradient(length))
-    y = (length - jnp.where(length > longest, longest, below)) * (1.0 / travel)
-    return HeldLength(length - travel * _lag(y), _share(y), (stiffness * travel) * _pull(y))
+    held = jnp.where(length > longest, longest, below)
+    y = (length - held) * (1.0 / travel)
+    return HeldLength(held + travel * _further(y), _share(y), travel * _pull(y))
 
 
 # Slopes are written out: derived, each would tell the pieces apart anew, and all are smooth where they meet.
@@ -57,10 +58,10 @@ def _between(y: Scalar) -> Scalar:
 
 
 @custom_jvp
-def _lag(y: Scalar) -> Scalar:
+def _further(y: Scalar) -> Scalar:
     t = _between(y)
     t2 = t * t
-    return (y - t) + t * t2 * (2.0 / 3.0 - 0.2 * t2)
+    return t * (1.0 - t2 * (2.0 / 3.0 - 0.2 * t2))
 
 
 @custom_jvp
@@ -87,9 +88,9 @@ def _pull_slope(y: Scalar) -> Scalar:
     return a * (2.0 - a)
 
 
-@_lag.defjvp
+@_further.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    return _lag(*primals), (1.0 - _share(*primals)) * tangents[0]
+    return _further(*primals), _share(*primals) * tangents[0]
 
 
 @_share.defjvp
@@ -103,4 +104,4 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 
 # traced once, however often a step calls them
-_lag, _share, _pull = jit(_lag), jit(_share), jit(_pull)
+_further, _share, _pull = jit(_further), jit(_share), jit(_pull)
