@@ -6,6 +6,11 @@ A law gives the tension of the empty braid, ``elastic_tension(L)``, and the gas 
 
 so that dF/dP' = -dV/dL everywhere and no closed cycle yields work. A braid cannot push: seen from its anchors, the muscle
 pulls with max(F, 0), and where F would be negative it hangs slack at its free length.
+
+Outside of its range of lengths no formula is asked. There the threads hold: pulled straight they get hardly longer, and packed
+side by side they let the braid get no shorter. See `threads`: the law goes on from one potential, continuously
+differentiable, its tension rises with the threads' stiffness, and its gas is not squeezed out any further. Within the range
+F and V are those of the law to the last bit; beyond it they are those of threads that hold, and no measured muscle's.
 """
 
 from __future__ import annotations
@@ -21,8 +26,12 @@ from .._jax import Array, jax, jnp
 from ..components import Module, Scalar, derivative
 from ..components.evaluation import evaluated
 from ..errors import InputError, NoVolumeError, UnreachableError
-from ..quantities import declared, with_unit
+from ..quantities import declared, quantity, with_unit
 from ..registry import registered_name
+from . import threads
+
+FULL_PRESSURE = 8e5  # gauge pressure at which threads have their stated strain, the rating of most muscles [Pa]
+LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
 class LawState(NamedTuple):
@@ -35,7 +44,7 @@ class LawState(NamedTuple):
     stiffness: Scalar  # [N/m], zero when slack
     braid_length: Scalar  # [m], the span when taut, the free length when slack
     slack: Scalar  # bool, never together with overstretched
-    overstretched: Scalar  # bool; the law says nothing about such a length, and its tension may be zero
+    overstretched: Scalar  # bool; longer than the law is made for, the threads hold
 
 
 class TensionLaw(Module):
@@ -73,6 +82,12 @@ class TensionLaw(Module):
     # Gaussian priors of fitted parameters, mean and standard deviation [SI], for what one table cannot tell.
     priors: ClassVar[dict[str, tuple[float, float]]] = {}
 
+    # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
+    thread_strain: Scalar = quantity(
+        "1", (1e-4, 0.02), "strain of the threads under the tension at the longest length and 8 bar", symbol="e",
+        default=0.005,
+    )
+
     def __init_subclass__(cls, **options: object) -> None:
         """Refuse parameters that hide what every law has; see `Module`."""
         hidden = [
@@ -95,7 +110,10 @@ class TensionLaw(Module):
 
     @abc.abstractmethod
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """Shortest and longest braid length in which equilibrium is sought; beyond the longest it is overstretched."""
+        """Shortest and longest braid length that the formulas are made for [m]; beyond the longest it is overstretched.
+
+        They are asked up to 1.6 e of the longest length beyond, 0.8 % by default, and never further, see `threads`.
+        """
 
     def has_volume(self) -> bool:
         """Whether the law determines the volume itself and not only its change."""
@@ -104,22 +122,38 @@ class TensionLaw(Module):
     # ---- the braid: signed forces at its own length
 
     @evaluated
+    def passive_tension(self, length: Scalar) -> Scalar:
+        """The part of the braid's force that is there without gas: wall, and threads beyond the range [N]."""
+        at = _within(self, length)
+        return at.share * self.elastic_tension(at.length) + self.thread_stiffness() * at.stretch
+
+    @evaluated
     def active_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """The part of the braid's force that the gas causes [N]."""
         length, pressure = _together(length, pressure)
-        return -derivative(lambda x: self.gas_energy(x, pressure), length)
+        at = _within(self, length)
+        return at.share * _active(self, at.length, pressure)
 
     @evaluated
     def braid_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
         length, pressure = _together(length, pressure)
-        return self.elastic_tension(length) + self.active_tension(length, pressure)
+        at = _within(self, length)
+        force = self.elastic_tension(at.length) + _active(self, at.length, pressure)
+        return at.share * force + self.thread_stiffness() * at.stretch
+
+    @evaluated
+    def braid_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Integral of the braid's gas volume over the gauge pressure [J]; within the range it is `gas_energy`."""
+        length, pressure = _together(length, pressure)
+        return self.gas_energy(_within(self, length).length, pressure)
 
     @evaluated
     def braid_volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
         length, pressure = _together(length, pressure)
-        return derivative(lambda p: self.gas_energy(length, p), pressure)
+        at = _within(self, length)
+        return derivative(lambda p: self.gas_energy(at.length, p), pressure)
 
     @evaluated
     def braid_stiffness(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -127,13 +161,19 @@ class TensionLaw(Module):
         length, pressure = _together(length, pressure)
         return derivative(lambda x: self.braid_tension(x, pressure), length)
 
+    def thread_stiffness(self) -> Scalar:
+        """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 8 bar over their stretch."""
+        longest = jnp.asarray(self.length_range()[1], float)
+        full = self.elastic_tension(longest) + _active(self, longest, jnp.full_like(longest, FULL_PRESSURE))
+        return jnp.maximum(full, LEAST_PULL) / (self.thread_strain * longest)
+
     # ---- the muscle between its anchors: unilateral
 
     @evaluated
     def tension(self, span: Scalar, pressure: Scalar) -> Scalar:
         """Tension on the anchors [N], never negative."""
         force = self.braid_tension(span, pressure)
-        return jnp.where(force > 0.0, force, 0.0)
+        return jnp.where(force <= 0.0, 0.0, force)  # what is no number stays none
 
     @evaluated
     def volume(self, span: Scalar, pressure: Scalar) -> Scalar:
@@ -151,31 +191,31 @@ class TensionLaw(Module):
     def volume_change(self, span: Scalar, pressure: Scalar) -> Scalar:
         """dV/dL at constant pressure [m^2]; known for every law, zero when slack."""
         span, pressure = _together(span, pressure)
-        taut = self.braid_tension(span, pressure) > 0.0
-        return jnp.where(taut, derivative(lambda x: self.braid_volume(x, pressure), span), 0.0)
+        slack = self.braid_tension(span, pressure) <= 0.0
+        return jnp.where(slack, 0.0, derivative(lambda x: self.braid_volume(x, pressure), span))
 
     @evaluated
     def stiffness(self, span: Scalar, pressure: Scalar) -> Scalar:
         """dF/dL at constant pressure [N/m], zero when slack."""
-        taut = self.braid_tension(span, pressure) > 0.0
-        return jnp.where(taut, self.braid_stiffness(span, pressure), 0.0)
+        slack = self.braid_tension(span, pressure) <= 0.0
+        return jnp.where(slack, 0.0, self.braid_stiffness(span, pressure))
 
     @evaluated
     def state(self, span: Scalar, pressure: Scalar) -> LawState:
         """Evaluate the complete state."""
         span, pressure = _together(span, pressure)
-        passive, active = self.elastic_tension(span), self.active_tension(span, pressure)
-        taut, overstretched = passive + active > 0.0, self.overstretched(span)
+        passive, active = self.passive_tension(span), self.active_tension(span, pressure)
+        slack, overstretched = passive + active <= 0.0, self.overstretched(span)
         braid_length = self._braid_length(span, pressure)
         volume = self.braid_volume(braid_length, pressure) if self.has_volume() else jnp.full_like(passive, jnp.nan)
         return LawState(
-            tension=jnp.where(taut, passive + active, 0.0),
+            tension=jnp.where(slack, 0.0, passive + active),
             passive=passive,
             active=active,
             volume=volume,
             stiffness=self.stiffness(span, pressure),
             braid_length=jnp.where(overstretched, span, braid_length),
-            slack=~taut & ~overstretched,
+            slack=slack & ~overstretched,
             overstretched=overstretched,
         )
 
@@ -185,10 +225,13 @@ class TensionLaw(Module):
 
     @evaluated
     def free_length(self, pressure: Scalar) -> Scalar:
-        """Length at which the unloaded muscle settles [m], within `length_range`."""
+        """Length at which the unloaded muscle settles [m], within `length_range` and what its threads yield beyond."""
         pressure = jnp.asarray(pressure, float)
+        shortest, longest = self.length_range()
+        yielding = threads.REACH * threads.travel(self.thread_strain, longest)
         low, high = (
-            jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, jnp.shape(end))) for end in self.length_range()
+            jnp.broadcast_to(end, jnp.broadcast_shapes(pressure.shape, jnp.shape(end)))
+            for end in (shortest - yielding, longest + yielding)
         )
         pressure = jnp.broadcast_to(pressure, low.shape)
 
@@ -203,7 +246,7 @@ class TensionLaw(Module):
         stiffness = jax.lax.stop_gradient(stiffness)
         inside = (start > low) & (start < high) & (stiffness > 0.0) & (jnp.abs(force) < 1e-6 * stiffness * start)
         length: Scalar = start - jnp.where(inside, force / jnp.where(inside, stiffness, 1.0), 0.0)
-        return length
+        return jnp.where(jnp.isnan(pressure), jnp.nan, length)
 
     def pressure_for(self, tension: float, span: float, *, highest: float = 10e5) -> float:
         """The lowest gauge pressure [Pa] from zero up to `highest` at which the muscle pulls with a tension.
@@ -269,6 +312,20 @@ def required_of_law(kind: object) -> str | None:
         except TypeError:
             return f"consistent; {name} must take ({', '.join(arguments)})"
     return None
+
+
+# Functions and no methods, for a law of one's own may have methods of these names.
+
+
+def _active(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
+    """The formula's active tension [N]."""
+    return -derivative(lambda x: law.gas_energy(x, pressure), length)
+
+
+def _within(law: TensionLaw, length: Scalar) -> threads.HeldLength:
+    """The length at which the formulas are asked, and how far the threads are stretched."""
+    shortest, longest = law.length_range()
+    return threads.hold(length, shortest, longest, threads.travel(law.thread_strain, longest))
 
 
 def _together(length: Scalar, pressure: Scalar) -> tuple[Scalar, Scalar]:

@@ -51,9 +51,9 @@ def _elastic(law: TensionLaw, edges: np.ndarray) -> np.ndarray:
 
 @evaluated
 def _without_gas(law: TensionLaw, length: Scalar) -> Any:
-    return law.elastic_tension(length)
+    return law.passive_tension(length)
 
 
 @evaluated
 def _of_gas(law: TensionLaw, length: Scalar, pressure: Scalar) -> Any:
-    return pressure * law.braid_volume(length, pressure) - law.gas_energy(length, pressure)
+    return pressure * law.braid_volume(length, pressure) - law.braid_energy(length, pressure)
