@@ -125,16 +125,16 @@ class _Held(NamedTuple):
 def _held(machine: Machine, state: Tree, memory: Tree, inputs: dict[str, Any]) -> _Held:
     circuit, inputs_with_lengths, units = state["circuit"], machine.with_lengths(state, inputs), machine.units
     mass, energy = machine.joined.stored(circuit, inputs_with_lengths)
-    spans = machine.held_spans(machine.load.spans(state["load"], inputs), memory)
+    tendon, load, friction = machine.mechanical_energies(state, memory, inputs)
     kept = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
     muscles = state["muscles"]
     return _Held(
         mass,
         energy,
         stored_exergy(machine.joined, circuit, inputs_with_lengths, machine.environment),
-        sum(u.kinetic_and_elastic(muscles[n], spans[n].span) for n, u in units.items()),
-        machine.load.stored_energy(state["load"]),
-        sum((ledger.work for ledger in kept), jnp.zeros(())),
+        tendon,
+        load,
+        friction,
         sum((ledger.dissipated for ledger in kept), jnp.zeros(())),
         sum(v.value for v in machine.joined.volumes(circuit, inputs_with_lengths).values()),
         sum(u.law.braid_volume(muscles[n].length, machine.gauge(state, n)) for n, u in units.items()),

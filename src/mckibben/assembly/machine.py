@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..components import Environment, Scalar
-from ..components.system import IndependentPart, Moment, System
+from ..components.system import Exchange, IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -317,6 +317,28 @@ class Machine(System):
         outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
         own = {f"load.{key}": value for key, value in self.load.accounts(state["load"], felt, inputs).items()}
         return out | powers | outer | own
+
+    def mechanical_energies(
+        self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar, Scalar]:
+        """Energy of end masses and tendons, that of the load, and work that friction and creep took until now [J]."""
+        spans = self.held_spans(self.load.spans(state["load"], inputs), memory)
+        moving = [u.kinetic_and_elastic(state["muscles"][n], spans[n].span) for n, u in self.units.items()]
+        ledgers = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
+        taken: Scalar = sum((ledger.work for ledger in ledgers), start=jnp.zeros(()))
+        return sum(moving, start=jnp.zeros(())), self.load.stored_energy(state["load"]), taken
+
+    def stored_energies(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Internal energy of the gas; that of the mechanics with what friction took [J]."""
+        gas = self.joined.stored(state["circuit"], self.with_lengths(state, inputs))[1]
+        return {"gas": gas, "mechanics": sum(self.mechanical_energies(state, memory, inputs), start=jnp.zeros(()))}
+
+    def balances(self, integrands: Tree) -> dict[str, Exchange]:
+        """Of the gas, as `Circuit.balances` has it, and of the mechanics, both over the work exchanged with the braids."""
+        exchanged = integrands["exchanged"]
+        gas = self.circuit.balances(integrands)["gas"]._replace(turnover=exchanged)
+        powers = integrands["outside"] - integrands["lost"] - integrands["braid"]
+        return {"gas": gas, "mechanics": Exchange(powers, exchanged)}
 
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance friction and creep along the path, and the memory of valves."""
