@@ -18,7 +18,7 @@ class Value(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """What a store of energy exchanges: net power into it, and a measure of all that goes in and out [W], or energies [J]."""
+    """What a store of energy exchanges: net power into it, and a measure of all in and out [W]; or energies [J]."""
 
     net: Scalar
     turnover: Scalar

@@ -38,6 +38,9 @@ MEANINGS = {
     Soundness.GAS: "the energy balance of the gas does not close",
     Soundness.MECHANICS: "the energy balance of the mechanics does not close",
 }
+SENTENCE = (
+    "After a step of {} s, {}: take a shorter one."  # of a host that cannot repeat a step: its length, the meaning
+)
 OF_STORES = {"gas": Soundness.GAS, "mechanics": Soundness.MECHANICS}
 
 
@@ -52,7 +55,6 @@ def unsound_sentence(code: float, imbalance: float, step: float) -> str:
         f"steps of {step:.3g} s. Give a shorter step, or soften what changes within one, such as a stiff stop, a light load "
         "or a small volume at a large valve."
     )
-
 
 
 def possible(system: System, state: Tree, memory: Tree) -> Any:

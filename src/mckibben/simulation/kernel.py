@@ -252,9 +252,10 @@ class SampleKernel:
     def _why(self, steps: Steps | None, observed: np.ndarray) -> str:
         """Why a sample cannot be taken: with the shortest steps that were tried, or none, and what they led to."""
         imbalance, bound, code = observed[-BEHIND:].tolist()
-        if steps is None or (np.isfinite(bound) and not steps.short(bound, self._usual)):
+        if np.isfinite(bound) and (steps is None or not steps.short(bound, self._usual)):
             return f"A mode of the system is too fast ({bound:.3g} 1/s) for any step."
-        return unsound_sentence(code, imbalance, self._usual / steps.split)
+        tried = self._usual / (steps or Steps()).split
+        return unsound_sentence(code if np.isfinite(bound) else Soundness.IMPOSSIBLE, imbalance, tried)
 
     def _run(self, inner: int, stiff: bool) -> None:
         calls = self._calls.get(stiff)
