@@ -289,11 +289,12 @@ class RecordingKernel:
         programs: programs of the machine's structure.
         plant: its parameters as a vector.
         period: period of the samples [s].
-        inner: steps of the physics per sample, where the modes allow them.
+        inner: steps of the physics per sample, where modes and balances allow them.
     """
 
     def __init__(self, programs: Programs, plant: np.ndarray, period: float, inner: int) -> None:
         self.programs, self.plant, self.period, self.inner = programs, plant, period, inner
+        self.most_steps = inner
 
     def replay(
         self, carry: np.ndarray, commands: np.ndarray, bound: float
@@ -304,6 +305,8 @@ class RecordingKernel:
             carry: at the start.
             commands: commands of the samples, (samples, commands).
             bound: bound of the fastest mode at the start [1/s].
+
+        The most steps that a sample took are then in `most_steps`.
 
         Returns:
             The carry at the end, the integrals over all samples, and the outputs (samples + 1,).
@@ -318,6 +321,7 @@ class RecordingKernel:
             before = pilot.carry.copy()
             pilot.commands[:] = row
             pilot.step()
+            self.most_steps = max(self.most_steps, pilot.steps_taken)
             run = self.programs.recorded(pilot.stiff)
             _, integrals, outputs = run(
                 self.plant, before, row, np.float64(self.period), np.int64(pilot.steps_taken), mode=MODE
