@@ -130,15 +130,15 @@ def _held(
     motions, circuit, units = machine.motions(state, memory, inputs), state["circuit"], machine.units
     inputs_with_lengths = machine.with_lengths(state, memory, inputs)
     mass, energy = machine.joined.stored(circuit, inputs_with_lengths)
-    spans = machine.held_spans(machine.load.spans(state["load"], inputs), memory)
+    tendon, load, friction = machine.mechanical_energies(state, memory, inputs)
     kept = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
     held = _Held(
         mass,
         energy,
         stored_exergy(machine.joined, circuit, inputs_with_lengths, machine.environment),
-        sum(u.kinetic_and_elastic(motions[n], spans[n].span) for n, u in units.items()),
-        machine.load.stored_energy(state["load"]),
-        sum((ledger.work for ledger in kept), jnp.zeros(())),
+        tendon,
+        load,
+        friction,
         sum((ledger.dissipated for ledger in kept), jnp.zeros(())),
         sum(v.value for v in machine.joined.volumes(circuit, inputs_with_lengths).values()),
         sum(u.law.braid_volume(motions[n].length, machine.gauge(state, n)) for n, u in units.items()),

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..components import Environment, Scalar
-from ..components.system import IndependentPart, Moment, System
+from ..components.system import Exchange, IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -18,6 +18,7 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
+from .loads.load import mode_bound
 from .machine_array import ALONE, MachineCoupling, at_rest, find_coupling
 from .muscle_unit import BraidMotion, MusclePath, MuscleUnit, braid_tension
 
@@ -330,6 +331,29 @@ class Machine(System):
         own = {f"load.{key}": value for key, value in self.load.accounts(state["load"], felt, inputs).items()}
         return out | powers | outer | own
 
+    def mechanical_energies(
+        self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar, Scalar]:
+        """Energy of end masses and tendons, that of the load, and work that friction and creep took until now [J]."""
+        motions = self.motions(state, memory, inputs)
+        spans = self.held_spans(self.load.spans(state["load"], inputs), memory)
+        moving = [u.kinetic_and_elastic(motions[n], spans[n].span) for n, u in self.units.items()]
+        ledgers = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
+        taken: Scalar = sum((ledger.work for ledger in ledgers), start=jnp.zeros(()))
+        return sum(moving, start=jnp.zeros(())), self.load.stored_energy(state["load"]), taken
+
+    def stored_energies(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Internal energy of the gas; that of the mechanics with what friction took [J]."""
+        gas = self.joined.stored(state["circuit"], self.with_lengths(state, memory, inputs))[1]
+        return {"gas": gas, "mechanics": sum(self.mechanical_energies(state, memory, inputs), start=jnp.zeros(()))}
+
+    def balances(self, integrands: Tree) -> dict[str, Exchange]:
+        """Of the gas, as `Circuit.balances` has it, and of the mechanics, both over the work exchanged with the braids."""
+        exchanged = integrands["exchanged"]
+        gas = self.circuit.balances(integrands)["gas"]._replace(turnover=exchanged)
+        powers = integrands["outside"] - integrands["lost"] - integrands["braid"]
+        return {"gas": gas, "mechanics": Exchange(powers, exchanged)}
+
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance friction and creep along the path, and the memory of valves."""
         first, last = (self.motions(moment.state, memory, moment.inputs) for moment in (start, end))
@@ -376,6 +400,8 @@ class Machine(System):
             stiff = joined.gas.heat_ratio * state["circuit"]["pressure"][name] / volumes[name].value
             restraints[name], bound = unit.restraint(motions[name], gauge, stiff)
             bounds.append(bound)
+            if unit.end_mass is not None:  # on which the tendon's loss acts too, the more the tighter it is
+                bounds.append(mode_bound(unit.end_mass, *restraints[name]))
         return jnp.stack([*bounds, self.load.max_rate_bound(state["load"], restraints)]).max()
 
     def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
