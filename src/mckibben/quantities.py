@@ -116,6 +116,23 @@ def quantity(
     return dataclasses.field(metadata={"quantity": declared, "converter": as_array}, kw_only=True, **options)
 
 
+def amount(unit: str, usual: tuple[float, float] | None = None, *, default: Any = dataclasses.MISSING) -> Any:
+    """Declare an argument of a data class that is a number in an SI unit, or words with a unit; or a pair of them.
+
+    Args:
+        unit: SI unit.
+        usual: sizes from and to which it is usual [unit]; what lies beyond is said. Those of the dimension by default.
+        default: value where none is given.
+    """
+    options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
+    return dataclasses.field(metadata={"amount": (unit, usual)}, **options)
+
+
+def amounts(owner: Any) -> dict[str, tuple[str, tuple[float, float] | None]]:
+    """Unit and usual sizes of the arguments of a data class that `amount` declares, by name, in order."""
+    return {f.name: f.metadata["amount"] for f in dataclasses.fields(owner) if "amount" in f.metadata}
+
+
 def as_array(value: object) -> Array:
     """A number or array, which may be traced, as an array of floats: of JAX where that is loaded, else of NumPy.
 

@@ -23,18 +23,21 @@ from typing import Any
 import numpy as np
 
 from .._jax import jax
+from ..answers import Caution, collect, warn
 from ..assembly.build import unit_from_specimen
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
+from ..assembly.muscle_unit import MuscleUnit
 from ..components import paths
 from ..documents import parse_toml, read_text
 from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..errors import ConvergenceError, InputError
-from ..quantities import Quantity
+from ..muscles.plausible import pressure_caution, size_caution
+from ..quantities import Quantity, with_unit
 from ..simulation.air import Air, air_circuit
-from ..simulation.mechanisms import WORKING_SHARE, Amount, AnyMuscle, in_si, muscle_unit, rest_length
+from ..simulation.mechanisms import Amount, AnyMuscle, default_span, in_si, mounted_cautions, muscle_unit, published
 from ..specimens import specimen
 from .coupling import (
     OF_MUSCLES,
@@ -50,6 +53,7 @@ from .coupling import (
 
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]
+USUAL_SUBSTEPS = (1e-6, 2e-3)  # [s]
 SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
 STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
 
@@ -91,7 +95,8 @@ class Part:
     Args:
         muscles: id or file of a specimen, or a `Muscle`; or several by name. A single one is called ``muscle``.
         air: an `Air`, or the path of a circuit file with the muscles by name; `Air()` by default.
-        span: span of each muscle at the start [m], one for all or by muscle; nine tenths of its rest length by default.
+        span: span of each muscle at the start [m], one for all or by muscle; where left out as
+            `muscles.plausible.working_span` says: nine tenths of its rest length, or more where it contracts little.
         pressure: gauge pressure at the start [Pa], one for all or by muscle; none by default.
         substep: largest step of the physics [s].
         title: of what is made of it; names the muscles by default.
@@ -101,6 +106,7 @@ class Part:
         commands: names of the commands.
         hosted: parameters and equations.
         span: span of each muscle at the start [m].
+        cautions: what can hardly be meant of what the part is made of; an export says it.
 
     Raises:
         InputError: names what does not fit.
@@ -118,7 +124,6 @@ class Part:
     ) -> None:
         named = dict(muscles) if isinstance(muscles, Mapping) else {"muscle": muscles}
         units = {name: muscle_unit(muscle, name) for name, muscle in named.items()}
-        usual = {name: WORKING_SHARE * rest_length(muscle, units[name]) for name, muscle in named.items()}
         for name in units:
             if not name.isidentifier():
                 raise InputError("muscles", name, "must be a name of letters, digits and _")
@@ -131,7 +136,13 @@ class Part:
             node: starts.get(self.air.feeding.get(node, node), self.air.starts.get(node, 0.0))
             for node in machine.circuit.chambers
         }
-        self.span: dict[str, float] = {**usual, **_by_muscle(span, "m", "span", units)}
+        stated = _by_muscle(span, "m", "span", units)
+        self.span: dict[str, float] = {
+            name: stated[name] if name in stated else default_span(muscle, units[name])
+            for name, muscle in named.items()
+        }
+        self.cautions: tuple[Caution, ...] = self._cautions(named, units, starts, substep)
+        warn(self.cautions)
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
         )
@@ -195,7 +206,23 @@ class Part:
         self._Outputs: Any = _observation_type(names)
 
     def __repr__(self) -> str:
-        return f"Part({', '.join(self.muscles)}; commands {', '.join(self.commands)})"
+        spans = ", ".join(f"{name} {with_unit(span, 'm')}" for name, span in self.span.items())
+        return f"Part({spans}; commands {', '.join(self.commands)})"
+
+    def _cautions(
+        self,
+        muscles: Mapping[str, AnyMuscle],
+        units: Mapping[str, MuscleUnit],
+        starts: Mapping[str, float],
+        step: Amount,
+    ) -> tuple[Caution, ...]:
+        said = [*self.air.cautions, size_caution(step, "s", name="substep", usual=USUAL_SUBSTEPS)]
+        for name, muscle in muscles.items():
+            of = "" if len(units) == 1 else f" of {name}"
+            said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
+            spec = published(muscle)
+            said.append(pressure_caution(starts[name], spec, text=f"{starts[name]:g}", name=f"start pressure{of}"))
+        return collect(*said)
 
     def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
         """The inputs of a moment as a tree."""
