@@ -55,7 +55,7 @@ from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, parse
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
-from ..specimens import specimen
+from ..specimens import Specimen, specimen
 from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 from .signal_table import read_points
 
@@ -172,7 +172,7 @@ class CircuitPlan:
         said = list(parameter_cautions(self.owner))
         values = self.values()
         for name, node in self.nodes.items():
-            spec = specimen(stated) if (stated := self.document["nodes"][name].get("specimen")) else None
+            spec = self.specimen_of(name)
             courses = [values[node.signal]] if node.signal is not None else []
             if node.law is not None:
                 rest = rest_length_of(spec, node.law)
@@ -199,6 +199,11 @@ class CircuitPlan:
 
     def __repr__(self) -> str:
         return f"CircuitPlan({self.title!r}: {', '.join(self.nodes)}; {self.duration:g} s)"
+
+    def specimen_of(self, node: str) -> Specimen | None:
+        """The specimen of a node; None where it has none."""
+        stated = self.document["nodes"][node].get("specimen")
+        return specimen(stated) if stated else None
 
     @property
     def samples(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..analysis.steps import unsettled_at_end
+from ..answers import Caution, collect
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
@@ -17,6 +18,7 @@ from ..components.paths import resolved
 from ..components.system import Value
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
+from ..muscles.plausible import pressure_caution
 from ..pneumatics.balance import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
@@ -137,8 +139,17 @@ def _record(
         "created": created(),
     }
     record = Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
-    warnings = _unsettled(plan, record)
+    warnings = [*map(str, collect(*plan.cautions, *_reached(plan, record))), *_unsettled(plan, record)]
     return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record
+
+
+def _reached(plan: CircuitPlan, record: Recording) -> list[Caution | None]:
+    """Cautions about the highest pressure that each muscle had."""
+    muscles = [name for name, node in plan.nodes.items() if node.law is not None]
+    return [
+        pressure_caution(float(record[f"{n}.pressure"].max()), plan.specimen_of(n), name=f"pressure of {n}")
+        for n in muscles
+    ]
 
 
 def _unsettled(plan: CircuitPlan, record: Recording) -> list[str]:

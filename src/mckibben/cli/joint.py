@@ -101,7 +101,7 @@ def run_joint(
                 system = Joint(flexor, flexor if extensor is None else extensor, arm=arm, inertia=inertia)
                 simulation = Simulation(system, Air(supply=supply, valve=valve), period=period)
                 recording = _played(simulation, play, command, duration, start, bar)
-        warnings = caution(*_cautions(recording))
+        warnings = caution(*recording.meta.get("warnings", ()))
         files.write("recording", lambda path: write_recording(recording, path))
         draw = recording_figures.time_figure if angle is None else joint_figures.joint_figure
         files.write("figure", lambda path: style.save(draw(recording), path))
@@ -212,14 +212,6 @@ def _course(text: str, unit: str, field: str) -> _Held:
     if any(b <= a for a, b in zip(times, times[1:], strict=False)):
         raise InputError(field, text, "must have rising times")
     return _Held(np.array(times), np.array(values))
-
-
-def _cautions(recording: Recording) -> list[str | None]:
-    """Caution of a pressure that muscles hardly take."""
-    from ..muscles.plausible import pressure_caution
-
-    highest = max(float(recording[f"{name}.pressure"].max()) for name in ("flexor", "extensor"))
-    return [pressure_caution(highest)]
 
 
 def _content(recording: Recording) -> dict[str, Any]:

@@ -34,10 +34,11 @@ from ..documents import parse_toml, read_text
 from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..errors import ConvergenceError, InputError
-from ..muscles.plausible import pressure_caution, size_caution
+from ..muscles.plausible import pressure_caution, size_caution, span_limits
 from ..quantities import Quantity, with_unit
 from ..simulation.air import Air, air_circuit
 from ..simulation.mechanisms import Amount, AnyMuscle, default_span, in_si, mounted_cautions, muscle_unit, published
+from ..simulation.stepping import CommandInput
 from ..specimens import specimen
 from .coupling import (
     OF_MUSCLES,
@@ -106,6 +107,7 @@ class Part:
         commands: names of the commands.
         hosted: parameters and equations.
         span: span of each muscle at the start [m].
+        span_limits: by muscle, spans that it can take, and the longest length that its law is made for [m].
         cautions: what can hardly be meant of what the part is made of; an export says it.
 
     Raises:
@@ -141,6 +143,11 @@ class Part:
             name: stated[name] if name in stated else default_span(muscle, units[name])
             for name, muscle in named.items()
         }
+        self.span_limits = {name: span_limits(unit.law) for name, unit in units.items()}
+        self._silent = {
+            d.command: d.silent(published(named[d.command]) if d.command in named else None) for d in self.air.drives
+        }
+        self._said: set[str] = set()  # commands of which something was said
         self.cautions: tuple[Caution, ...] = self._cautions(named, units, starts, substep)
         warn(self.cautions)
         self.hosted: HostedMuscles = HostedMuscles.of(
@@ -241,7 +248,7 @@ class Part:
             span: of each muscle [m], one for all or by muscle; those of the part by default.
             **commands: as they have lasted [SI].
         """
-        spans = self.span | _by_muscle(span, "m", "span", self.muscles)
+        spans = self.span | self._spans(span)
         return self.rest_vector(self._vector(spans, {}, self.command | self._checked(commands)))
 
     def rest_vector(self, inputs: np.ndarray) -> np.ndarray:
@@ -336,12 +343,24 @@ class Part:
 
     def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
         """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
-        spans = _by_muscle(span, "m", "span", self.muscles)
+        spans = self._spans(span)
         vector = self._vector(spans, _by_muscle(rate, "m/s", "rate", self.muscles), {})
         vector[2 * len(self.muscles) :] = state[self._commands_in_state]
         for name, value in self._checked(commands).items():
             vector[self._places[name]] = value
         return vector
+
+    def _spans(self, span: Any) -> dict[str, float]:
+        """Spans by muscle [m]; refuses one that its muscle cannot have."""
+        spans = _by_muscle(span, "m", "span", self.muscles)
+        for name, value in spans.items():
+            low, high, _ = self.span_limits[name]
+            if not low <= value <= high:
+                ends = f"{with_unit(low, 'm')} to {with_unit(high, 'm')}"
+                raise InputError(
+                    f"span of {name}", with_unit(value, "m"), f"must be from {ends}, which the muscle can take"
+                )
+        return spans
 
     def _vector(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> np.ndarray:
         count = len(self.muscles)
@@ -355,11 +374,26 @@ class Part:
         return vector
 
     def _checked(self, commands: Mapping[str, Any]) -> dict[str, float]:
-        units = {drive.command: drive.unit for drive in self.hosted.drives}
-        for name in commands:
-            if name not in units:
+        drives, numbers = {drive.command: drive for drive in self.hosted.drives}, {}
+        for name, value in commands.items():
+            if name not in drives:
                 raise InputError("command", name, known=self.commands)
-        return {name: in_si(value, units[name], name) for name, value in commands.items()}
+            numbers[name] = in_si(value, drives[name].unit, name)
+            low, high = self._silent[name]
+            if numbers[name] != 0.0 and not low <= numbers[name] <= high:
+                self.command_caution(drives[name], numbers[name])
+        return numbers
+
+    def command_limits(self, command: str) -> tuple[float, float]:
+        """Commands from and to which there is nothing to say [SI]: beyond, a valve saturates, or hardly is meant so."""
+        return self._silent[command]
+
+    def command_caution(self, drive: CommandInput, value: float) -> None:
+        """Say once of a command that it can hardly be meant; raises `InputError` where it cannot be carried out."""
+        said = drive.check(value)
+        if said is not None and drive.command not in self._said:
+            self._said.add(drive.command)
+            warn([said], stacklevel=5)
 
     # ---- what hosts need to know
 

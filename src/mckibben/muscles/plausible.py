@@ -116,6 +116,11 @@ def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, nam
     )
 
 
+def typed(value: object) -> str | None:
+    """A value as a person gave it, for `pressure_caution` and others; None of what is neither number nor text."""
+    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else None
+
+
 def likely_pressure(text: str) -> str:
     """A question after a pressure that can only be a slip, such as ``; was 500 kPa meant?``; nothing if it is none."""
     return _likely(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)
@@ -248,8 +253,12 @@ def working_span(law: Any, rest: float, spec: Specimen | None = None) -> float:
 
 
 def span_limits(law: Any) -> tuple[float, float, float]:
-    """Spans from and to which a muscle can be mounted at all [m], and the longest length that its law is made for."""
-    longest = float(law.length_range()[1])
+    """Spans from and to which a muscle can be mounted at all [m], and the longest length that its law is made for.
+
+    Numbers; tracers where JAX traces the parameters of the law.
+    """
+    longest = law.length_range()[1]
+    longest = longest if is_traced(longest) else float(longest)
     return LEAST_SPAN, LONGEST_STRAIN * longest, longest
 
 

@@ -26,7 +26,7 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.plausible import LEAST_PRESSURE, USUAL_SIZES, highest_usual_pressure, pressure_caution, size_caution
+from ..muscles.plausible import USUAL_SIZES, pressure_caution, size_caution
 from ..quantities import with_unit
 from ..recordings.recording import Recording
 from ..specimens import Specimen
@@ -111,7 +111,11 @@ class Simulation:
         self.programs = Programs(self.plant, example, self.commands)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        self.command_entries = self._command_entries()
+        # of each command its place, and between which values there is nothing to say; `check_command` has the rest
+        self.command_entries = {
+            name: (place, *self._drive(name).silent(self._specimen_of(name)))
+            for place, name in enumerate(self.commands)
+        }
         self._said: set[tuple[str, bool]] = set()
         self.cautions: tuple[Caution, ...] = ()
         self.caution(*said, stacklevel=3)
@@ -392,17 +396,6 @@ class Simulation:
             place, number = self._place(name), in_si(value, self._unit(name), name)
             self.check_command(name, number)
             self._buffer[place] = number
-
-    def _command_entries(self) -> dict[str, tuple[int, float, float]]:
-        """For each command its place, and between which values nothing is to be said of it; `check_command` has the rest."""
-        entries = {}
-        for place, name in enumerate(self.commands):
-            drive, spec = self._drive(name), self._specimen_of(name)
-            (low, high), (least, most) = drive.range, drive.usual
-            if drive.unit == "Pa":
-                least, most = LEAST_PRESSURE, highest_usual_pressure(spec)
-            entries[name] = place, max(low, least or -most), min(high, most)
-        return entries
 
     def _drive(self, command: str) -> CommandInput:
         return next(d for d in self.drives if d.command == command)

@@ -25,7 +25,7 @@ from ..engine.packed import Layout
 from ..engine.signals import Signal, Value
 from ..engine.step import zero_integrals
 from ..errors import InputError
-from ..muscles.plausible import pressure_caution, size_caution
+from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution, size_caution
 from ..quantities import with_unit
 from ..specimens import Specimen
 
@@ -77,6 +77,17 @@ class CommandInput(NamedTuple):
     range: tuple[float, float] = (-math.inf, math.inf)
     hard: bool = False
     usual: tuple[float, float] = (0.0, math.inf)
+
+    def silent(self, spec: Specimen | None = None) -> tuple[float, float]:
+        """Commands from and to which there is nothing to say [unit]; `check` knows the rest.
+
+        Args:
+            spec: muscle whose pressure it is.
+        """
+        (low, high), (least, most) = self.range, self.usual
+        if self.unit == "Pa":
+            least, most = LEAST_PRESSURE, highest_usual_pressure(spec)
+        return max(low, least or -most), min(high, most)
 
     def check(self, value: float, spec: Specimen | None = None) -> Caution | None:
         """Caution about a command that acts otherwise than it says, or can hardly be meant; None if it is usual.
