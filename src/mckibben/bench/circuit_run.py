@@ -22,6 +22,7 @@ from ..muscles.plausible import pressure_caution
 from ..pneumatics.balance import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
+from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from ..specimens import specimen
@@ -67,6 +68,7 @@ def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = N
     Raises:
         ConvergenceError: if the run failed; says when and why.
     """
+    check_memory(plan.duration, plan.period, bytes_per_sample=INTEGRATED, field="run.duration", where=plan.where)
     signals = plan.inputs()
     state, memory = start = plan.initial()
     done: list[Run] = []
