@@ -121,6 +121,23 @@ def _array_or_none(value: object) -> Array | None:
     return None if value is None else as_array(value)
 
 
+def amount(unit: str, usual: tuple[float, float] | None = None, *, default: Any = dataclasses.MISSING) -> Any:
+    """Declare an argument of a data class that is a number in an SI unit, or words with a unit; or a pair of them.
+
+    Args:
+        unit: SI unit.
+        usual: sizes from and to which it is usual [unit]; what lies beyond is said. Those of the dimension by default.
+        default: value where none is given.
+    """
+    options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
+    return dataclasses.field(metadata={"amount": (unit, usual)}, **options)
+
+
+def amounts(owner: Any) -> dict[str, tuple[str, tuple[float, float] | None]]:
+    """Unit and usual sizes of the arguments of a data class that `amount` declares, by name, in order."""
+    return {f.name: f.metadata["amount"] for f in dataclasses.fields(owner) if "amount" in f.metadata}
+
+
 def as_array(value: object) -> Array:
     """A number or array, which may be traced, as an array of floats: of JAX where that is loaded, else of NumPy.
 
@@ -238,6 +255,7 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
     import pint
 
     registry = _registry()
+    _refuse_angular(value, unit, si_unit, field=field, where=where)
     try:
         # A gauge pressure or a force has no offset; a temperature in degC does, and pint handles both this way.
         return float(registry.Quantity(value, _unit(unit)).to(_unit(si_unit)).magnitude)
@@ -256,6 +274,31 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         raise InputError(
             field, None, f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}; this is no unit", where=where
         ) from None
+
+
+def _refuse_angular(value: float, unit: str, si_unit: str, *, field: str, where: str | None) -> None:
+    """Refuse an angular frequency for an ordinary one, and the other way: pint takes a radian for 1, and is off by 2 pi.
+
+    Raises:
+        InputError: says what the value is in the unit that is wanted.
+    """
+    if si_unit not in ("rad/s", "Hz", "1/s"):
+        return
+    try:
+        given = _unit(unit)
+    except Exception:  # the caller says what is wrong with it
+        return
+    if given.dimensionality != _unit("Hz").dimensionality:
+        return
+    turns = any(name in str(given) for name in ("radian", "revolution", "degree", "turn", "rpm"))
+    if turns == (si_unit == "rad/s"):
+        return
+    in_base = float(_registry().Quantity(value, given).to("1/s").magnitude)
+    cured = in_base / (2.0 * math.pi) if turns else in_base * 2.0 * math.pi
+    kinds = ("an angular frequency", "a frequency") if turns else ("a frequency", "an angular frequency")
+    shown = f"{cured:.6g} {'Hz' if turns else 'rad/s'}"
+    problem = f"must be {kinds[1]}; {value:g} {shortened(unit)} is {kinds[0]}, that of {shown}"
+    raise InputError(field, None, problem, where=where)
 
 
 def from_si(value: float, si_unit: str, unit: str) -> float:

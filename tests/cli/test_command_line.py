@@ -17,7 +17,7 @@ from mckibben.cli import _values, main
 from mckibben.cli.completion import SCRIPTS, candidates
 from mckibben.experiments.read import protocol_names, stimulation_protocol_names
 from mckibben.muscles.laws import LAWS
-from mckibben.muscles.plausible import dimension_caution
+from mckibben.muscles.plausible import size_caution
 from mckibben.recordings.tables import write_table
 from mckibben.specimens import specimen_ids
 
@@ -146,9 +146,9 @@ def test_ranges_give_every_pair(run):
     ],
 )  # fmt: skip
 def test_a_value_that_can_only_be_a_slip_names_the_likely_unit(text, unit, meant):
-    said = dimension_caution(text, unit, name="value", usual=(1e3, 3e6) if unit == "Pa" else None)
+    said = size_caution(text, unit, name="value", usual=(1e3, 3e6) if unit == "Pa" else None)
     assert (said is None) == (meant is None)
-    assert meant is None or f"{meant} meant?" in said
+    assert meant is None or f"{meant} meant?" in str(said)
 
 
 def test_a_caution_of_any_option_is_printed_and_stands_in_the_object(run):

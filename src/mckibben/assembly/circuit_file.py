@@ -27,6 +27,7 @@ beside this one.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -39,18 +40,22 @@ import numpy as np
 from .. import schema
 from .._jax import Scalar, Tree
 from ..accessors import implementation
-from ..components import Environment, paths
+from ..answers import Caution, collect
+from ..components import Environment, FlowElement, paths
 from ..components.module import map_leaves
 from ..documents import JsonValue, parse_toml, read_text, with_own_paths
 from ..engine import STEP, Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
 from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
+from ..muscles.build import rest_length_of
+from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.sizes import put_value
 from ..quantities import Quantity, parse
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
+from ..specimens import Specimen, specimen
 from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 from .signal_table import read_points
 
@@ -157,6 +162,29 @@ class CircuitPlan:
     overrides: dict[str, float] = field(default_factory=dict)
     fit: FitTable = field(default_factory=FitTable)
 
+    @functools.cached_property
+    def cautions(self) -> tuple[Caution, ...]:
+        """What can hardly be meant of sizes, start pressures, lengths and commands that the file states.
+
+        Raises:
+            InputError: a command that its element cannot carry out, or a length that no muscle can have.
+        """
+        said = list(parameter_cautions(self.owner))
+        values = self.values()
+        for name, node in self.nodes.items():
+            spec = self.specimen_of(name)
+            courses = [values[node.signal]] if node.signal is not None else []
+            if node.law is not None:
+                rest = rest_length_of(spec, node.law)
+                for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
+                    said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")
+            pressures = [node.start, *(float(v.max()) for v in courses if node.unit == "Pa" and node.law is None)]
+            said += [pressure_caution(p, spec, text=f"{p:g}", name=f"pressure of {name}") for p in pressures]
+        for signal, course in values.items():
+            if (element := driven(self, signal)) is not None:
+                said.append(_beyond_range(element, signal, course, self.where))
+        return collect(*said)
+
     def run(self, *, progress: Callable[[str], None] | None = None) -> Recording:
         """Simulate the circuit for its duration.
 
@@ -171,6 +199,11 @@ class CircuitPlan:
 
     def __repr__(self) -> str:
         return f"CircuitPlan({self.title!r}: {', '.join(self.nodes)}; {self.duration:g} s)"
+
+    def specimen_of(self, node: str) -> Specimen | None:
+        """The specimen of a node; None where it has none."""
+        stated = self.document["nodes"][node].get("specimen")
+        return specimen(stated) if stated else None
 
     @property
     def samples(self) -> int:
@@ -279,6 +312,26 @@ class CircuitPlan:
         for path in values:
             paths.declaration(self.owner, path)
         return replace(self, circuit=paths.put(self.circuit, values), overrides=self.overrides | dict(values))
+
+
+def driven(plan: CircuitPlan, signal: str) -> FlowElement | None:
+    """The element that a signal of a circuit commands; None if it commands none."""
+    ends = plan.circuit.ends
+    return next((e for name, e in plan.circuit.elements.items() if ends[name][1] == signal), None)
+
+
+def _beyond_range(element: FlowElement, signal: str, course: np.ndarray, where: str) -> Caution | None:
+    low, high = element.command_range
+    worst = float(course.max()) if course.max() > high else float(course.min())
+    if low <= worst <= high:
+        unit = element.command_unit
+        return pressure_caution(worst, text=f"{worst:g}", name=f"pressure of signal {signal}") if unit == "Pa" else None
+    ends = f"{low:g} to {high:g}"
+    if not element.saturates:
+        raise InputError(f"signals.{signal}", f"{worst:g}", f"must be from {ends}", where=where)
+    return Caution(
+        f"a command {signal} of {worst:g} is beyond its range, {ends}: it acts as its end", f"command {signal}"
+    )
 
 
 def with_bare_unit(value: str | float, unit: str) -> str:

@@ -15,6 +15,7 @@ from ..engine import sampled
 from ..engine.native import ENGINES, call_compiled
 from ..errors import InputError
 from ..muscles.contradiction import volume_contradiction
+from ..recordings.memory import check_memory
 from . import march
 from .kernels import KernelKey, LaneKernels, at_rest, channels_of
 from .lanes import BuiltVariant, LaneGroup, LanePlanner, VariantFamily
@@ -25,6 +26,7 @@ from .variants import Variants, power
 
 LANES = 256  # of a call of the processor: more are hardly faster
 GPU_LANES = 16384  # of a call of a GPU, which fewer leave idle
+LATER_CHANNELS = 8  # that a run keeps until its outputs are made of them, with copies
 Tell = Callable[[float], None]  # told the share of the work that is done
 
 
@@ -82,6 +84,12 @@ class Runner:
         for row, said in refused.items():
             message[row] = said
         size = lanes_per_call(self.engine)
+        wide = sum(o.reduce == "samples" for o in self.template.outputs)
+        plans = [lane.built.bench.plan for g in groups for lane in g.lanes]
+        if plans:  # whole channels of all variants stay, and those of the lanes that run at once
+            longest = max(plans, key=lambda plan: plan.samples / plan.sample_rate)
+            at_once = 8.0 * (wide * count + LATER_CHANNELS * min(count, size))
+            check_memory(longest.samples / longest.sample_rate, 1.0 / longest.sample_rate, bytes_per_sample=at_once)
         pieces = [LaneGroup(g.family, g.lanes[i : i + size]) for g in groups for i in range(0, len(g.lanes), size)]
         outputs: dict[str, np.ndarray] = {}
         for number, piece in enumerate(pieces):

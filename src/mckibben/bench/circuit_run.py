@@ -9,6 +9,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..analysis.steps import unsettled_at_end
+from ..answers import Caution, collect
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
@@ -17,9 +18,11 @@ from ..components.paths import resolved
 from ..components.system import Value
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
+from ..muscles.plausible import pressure_caution
 from ..pneumatics.balance import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
+from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from ..specimens import specimen
@@ -65,6 +68,7 @@ def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = N
     Raises:
         ConvergenceError: if the run failed; says when and why.
     """
+    check_memory(plan.duration, plan.period, bytes_per_sample=INTEGRATED, field="run.duration", where=plan.where)
     signals = plan.inputs()
     state, memory = start = plan.initial()
     done: list[Run] = []
@@ -137,8 +141,17 @@ def _record(
         "created": created(),
     }
     record = Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
-    warnings = _unsettled(plan, record)
+    warnings = [*map(str, collect(*plan.cautions, *_reached(plan, record))), *_unsettled(plan, record)]
     return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record
+
+
+def _reached(plan: CircuitPlan, record: Recording) -> list[Caution | None]:
+    """Cautions about the highest pressure that each muscle had."""
+    muscles = [name for name, node in plan.nodes.items() if node.law is not None]
+    return [
+        pressure_caution(float(record[f"{n}.pressure"].max()), plan.specimen_of(n), name=f"pressure of {n}")
+        for n in muscles
+    ]
 
 
 def _unsettled(plan: CircuitPlan, record: Recording) -> list[str]:

@@ -24,6 +24,7 @@ from ..documents import JsonValue
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError
+from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen
@@ -213,6 +214,7 @@ def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> t
     """Sample times, and every course at them."""
     if not (math.isfinite(duration) and duration >= period):
         raise InputError("duration", duration, f"must be a time of at least one sample, {period:g} s")
+    check_memory(duration, period, bytes_per_sample=INTEGRATED)
     time = period * np.arange(round(duration / period) + 1)
     sampled = {}
     for name, course in courses.items():

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Caution, collect
 from ..assembly.build import rig_unit
 from ..assembly.muscle_unit import MuscleUnit
 from ..documents import JsonValue
@@ -22,6 +23,8 @@ from ..experiments.protocol import Protocol
 from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
+from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
+from ..recordings.memory import INTEGRATED, check_memory
 from ..specimens import Specimen, muscle_specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
@@ -128,7 +131,21 @@ class PreparedRun:
             for ask in dict.fromkeys(asked)
             if self.rig.operator_action(ask) is None
         ]
-        return (*old, *unknown)
+        return (*old, *unknown, *map(str, self.set_point_cautions()))
+
+    def set_point_cautions(self) -> tuple[Caution, ...]:
+        """What can hardly be meant of the protocol's pressures and spans, and of the rig's parts."""
+        steps = self.plan.steps
+        tops = {float(s.pressure.max()) for s in steps if isinstance(s.pressure, np.ndarray) and s.pressure.size}
+        said = [pressure_caution(top, self.specimen, text=f"{top:g}") for top in sorted(tops)]
+        spans = [s.motor for s in steps if s.mode == "span" and isinstance(s.motor, np.ndarray) and s.motor.size]
+        for span in sorted({float(end) for motor in spans for end in (motor.min(), motor.max())}):
+            try:
+                said += span_cautions(span, self.unit.law, self.plan.rest_length, self.specimen)
+            except InputError as error:
+                said.append(Caution(str(error), "span"))
+        parts = {"plumbing": {name: vars(p) for name, p in self.rig.plumbing.items()}, "sensors": self.rig.sensors}
+        return collect(*said, *parameter_cautions(parts))
 
     def segments(self) -> Iterator[RunSegment]:
         """Divide the plan at the operator actions."""
@@ -209,6 +226,7 @@ def prepare(
     layout = on.layout(wanted, plumbing)
     rest = rest_length_of(spec, unit.law)
     plan = _plan(wanted, rest)
+    check_memory(plan.samples / plan.sample_rate, 1.0 / plan.sample_rate, bytes_per_sample=INTEGRATED)
     findings = check_plan(plan, on.limits(layout), expected(unit) if foresee else None)
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]
     for fault in faults:

@@ -138,6 +138,7 @@ class CommandWithHelp(typer.core.TyperCommand):
             _terminal.expect_cautions(_values.cautions(self.params, ctx.params))
             with (
                 _terminal.silenced(),
+                _terminal.cautions_of_python(),
                 _progress.protected() if self.words in OWN_INTERRUPTS else contextlib.nullcontext(),
             ):
                 result = super().invoke(ctx)

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
@@ -13,8 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
+from ..answers import Caution
 from ..documents import JsonValue
-from ..errors import InputError, not_found
+from ..errors import InputError, PlausibilityWarning, not_found
 
 if TYPE_CHECKING:
     from ..report.figures import formats
@@ -125,7 +127,7 @@ class _Invocation:
     def __init__(self) -> None:
         self.quiet = False
         self.stdout: Any = None  # where results go while sys.stdout is silenced
-        self.expected: list[str] = []  # cautions that are not said yet
+        self.expected: list[Caution] = []  # cautions that are not said yet
         self.said: list[str] = []
         self.noted: set[str] = set()
         self.paths: dict[str, str] = {}
@@ -297,34 +299,52 @@ def options_named(**more: str) -> Iterator[None]:
         raise error.changed(problem=f"{error.problem}, with {option}", sentence=sentence, remedy="") from None
 
 
-def expect_cautions(sentences: list[str]) -> None:
+def expect_cautions(cautions: Iterable[Caution]) -> None:
     """Keep cautions about unlikely values until the command has said its own, which know the muscle."""
-    _call.expected += sentences
+    _call.expected += [one for one in cautions if one not in _call.expected]
 
 
-def say_cautions(instead: Iterable[str] = ()) -> None:
+@contextmanager
+def cautions_of_python() -> Iterator[None]:
+    """Keep what a command's functions say as `PlausibilityWarning`, as cautions of the command."""
+    other = warnings.showwarning
+
+    def keep(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if issubclass(category, PlausibilityWarning):
+            expect_cautions([Caution(str(message))])
+        else:
+            other(message, category, *place, **more)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PlausibilityWarning)
+        warnings.showwarning = keep
+        yield
+
+
+def say_cautions(instead: Iterable[Caution] = ()) -> None:
     """Print the cautions that were kept, but those about a value of which other sentences speak."""
-    spoken = {
-        sentence.partition(" of ")[0] for sentence in instead
-    }  # "a pressure" of "a pressure of 500 bar is beyond .."
-    for sentence in _call.expected:
-        if sentence.partition(" of ")[0] not in spoken:
-            _call.said.append(sentence)
-            _print_caution(sentence)
+    said = list(instead)
+    spoken = {one.parameter for one in said if one.parameter}
+    texts = {one.text for one in said} | set(_call.said) | _call.noted
+    for one in _call.expected:
+        if one.parameter not in spoken and one.text not in texts:
+            _call.said.append(one.text)
+            _print_caution(one.text)
     _call.expected = []
 
 
-def caution(*sentences: str | None) -> list[str]:
+def caution(*cautions: Caution | str | None) -> list[str]:
     """Print cautions on standard error; None is skipped.
 
     Returns:
         The sentences, for the ``warnings`` of the JSON object.
     """
-    shown = [sentence for sentence in sentences if sentence is not None]
-    for sentence in shown:
-        _print_caution(sentence)
+    shown = [one if isinstance(one, Caution) else Caution(one) for one in cautions if one is not None]
+    for one in shown:
+        _print_caution(one.text)
+    _call.noted |= {one.text for one in shown}
     say_cautions(shown)
-    return shown
+    return [one.text for one in shown]
 
 
 def _print_caution(sentence: str) -> None:

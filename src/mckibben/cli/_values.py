@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..answers import Caution, collect
 from ..documents import JsonValue, parse_toml
 
 PACKAGE = Path(__file__).parents[1]
@@ -268,7 +269,7 @@ def is_input(param: Any) -> bool:
 # ---- cautions
 
 
-def cautions(params: Sequence[Any], values: dict[str, Any]) -> list[str]:
+def cautions(params: Sequence[Any], values: dict[str, Any]) -> list[Caution]:
     """Cautions about given quantities that are far from those of muscles, rigs and their air, with the likely unit."""
     quantities: list[tuple[str, str, str, tuple[float, float] | None]] = []
     for p in params:
@@ -284,10 +285,9 @@ def cautions(params: Sequence[Any], values: dict[str, Any]) -> list[str]:
                 quantities += [(path.strip(), one, "", None) for one in _single(content, listed=True)]
     if not quantities:
         return []
-    from ..muscles.plausible import dimension_caution
+    from ..muscles.plausible import size_caution
 
-    said = (dimension_caution(text, unit, name=name, usual=ends) for name, text, unit, ends in quantities)
-    return list(dict.fromkeys(sentence for sentence in said if sentence))
+    return list(collect(*(size_caution(text, unit, name=name, usual=ends) for name, text, unit, ends in quantities)))
 
 
 def _single(text: str, *, listed: bool) -> list[str]:

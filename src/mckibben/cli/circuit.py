@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from .. import components, identification, muscles, recordings
+from .. import components, identification, recordings
 from ..analysis import frequency as response_module
 from ..assembly import circuit_file
 from ..assembly import linearise as linearisation
@@ -113,30 +113,18 @@ def run(
         plan = planned(file, change)
         with progress("running", circuit_run.chunks(plan), guarded=False) as advance:
             recording = circuit_run.run_circuit(plan, progress=advance)
-        cautions = caution(*_cautions(plan, recording))
+        caution(*recording.meta.get("warnings", ()))
         files.write("recording", lambda path: write_recording(recording, path))
         files.write("figure", lambda path: style.save(circuit_figures.run_figure(recording), path))
         result = _result(recording, files.first("recording"))
-        content = result | {"warnings": result["warnings"] + cautions}
-        files.write_result(content)
+        files.write_result(result)
         if as_json:
-            print_json(content)
+            print_json(result)
         else:
             _print(recording)
             files.say()
     if recording.meta["result"] != "done":
         raise typer.Exit(130)
-
-
-def _cautions(plan: CircuitPlan, recording: Recording) -> list[str | None]:
-    """Cautions about the highest pressure of each muscle."""
-    sentences = []
-    for name, node in plan.nodes.items():
-        if node.law is not None:
-            highest = float(recording[f"{name}.pressure_abs"].max()) - float(plan.environment.pressure_abs)
-            said = muscles.plausible.pressure_caution(highest)
-            sentences.append(None if said is None else f"{name}: {said}")
-    return sentences
 
 
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:
@@ -232,7 +220,6 @@ def _print(recording: Recording) -> None:
         f"{meta['message']} Balance: mass {meta['balance']['mass']:.1e}, energy {meta['balance']['energy']:.1e} "
         f"of what went through. Method {method}, step {meta['step'] * 1e6:g} us."
     )
-    caution(*meta.get("warnings", ()))
 
 
 def fit(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import muscles as muscle_models
 from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
@@ -81,12 +80,8 @@ def compare_muscles(
     for place in out or []:
         if place.suffix in REPORT:
             document.checked_place(place, field="--out")
-    full = parse(pressure, "Pa", field="--pressure")
+    parse(pressure, "Pa", field="--pressure")
     specs = [muscle_specimen(name) for name in muscles or []]
-    braided = [spec for spec in specs if spec.kind == "mckibben"]
-    warnings = caution(
-        *dict.fromkeys(muscle_models.plausible.pressure_caution(full, spec, text=pressure) for spec in braided)
-    )
     with OUT.files(out) as files:
         if files["figure"] and not specs:
             raise InputError("--out", None, "needs a specimen: a recording alone has no law to draw")
@@ -96,7 +91,7 @@ def compare_muscles(
                 compared = comparison.compare(
                     specs,
                     recordings=recording or [],
-                    pressure=full,
+                    pressure=pressure,
                     law=law,
                     protocols=protocols,
                     stimulation=pairs(stimulation, "--stimulation", _EXAMPLE) if stimulation else None,
@@ -109,6 +104,7 @@ def compare_muscles(
                 raise
             options = re.sub(r"\b(protocols|match)\b(?=[ ,])", r"--\1", error.problem)
             raise error.changed(field=f"--{error.field}", problem=options) from None
+        warnings = caution(*compared.cautions)
         files.write("figure", lambda path: style.save(comparison_figures.table_figure(compared), path))
         files.write("report", lambda path: compared.report(path))
         files.write_rows(_rows(compared))

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .. import muscles
 from ..analysis import energy as cycle_energy
 from ..errors import InputError
-from ..quantities import from_si, parse, with_unit
+from ..quantities import from_si, with_unit
 from ..report.figures import energy_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, TABLE, OutputKinds, Paths
@@ -118,7 +117,7 @@ def energy(
         try:
             computed = cycle_energy.energy(
                 spec,
-                pressure=None if pressure is None else parse(pressure, "Pa", field="--pressure"),
+                pressure=pressure,
                 cycles=cycle or tuple(cycle_energy.CYCLES),
                 law=chosen,
                 parameters=parameters(change, chosen) if change else None,
@@ -134,7 +133,7 @@ def energy(
             )
         except InputError as error:
             raise error.changed(field=OPTIONS.get(error.field, error.field)) from None
-        warnings = _cautions(computed, pressure, stretched)
+        warnings = caution(*computed.cautions)
         files.write("figure", lambda path: _draw(computed, path))
         files.write_rows(computed.rows(), _units())
         content = computed.to_dict() | {"warnings": warnings}
@@ -152,19 +151,6 @@ def _units() -> dict[str, str]:
     lengths = {"shortened_length": "m", "taut_length": "m"}
     volumes = {"shortened_volume": "m^3", "stretched_volume": "m^3"}
     return dict.fromkeys(energies, "J") | lengths | volumes | {"load": "N", "start_pressure": "Pa"}
-
-
-def _cautions(computed: WorkingCycles, pressure: str | None, stretched: str | None) -> list[str]:
-    longest = float(computed.muscles[computed.volume].length_range()[1])
-    between = computed.conditions
-    return caution(
-        muscles.plausible.pressure_caution(between.pressure, computed.specimen, text=pressure),
-        None
-        if stretched is None
-        else muscles.plausible.length_caution(
-            between.stretched_length, longest, text=stretched, name="stretched length"
-        ),
-    )
 
 
 def _draw(computed: WorkingCycles, path: Path) -> None:

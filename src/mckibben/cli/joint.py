@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..quantities import parse, with_unit
+from ..recordings.memory import STEPPED, check_memory
 from ..report.figures import joint_figures, recording_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
 from ._progress import Progress, progress
@@ -101,7 +102,7 @@ def run_joint(
                 system = Joint(flexor, flexor if extensor is None else extensor, arm=arm, inertia=inertia)
                 simulation = Simulation(system, Air(supply=supply, valve=valve), period=period)
                 recording = _played(simulation, play, command, duration, start, bar)
-        warnings = caution(*_cautions(recording))
+        warnings = caution(*recording.meta.get("warnings", ()))
         files.write("recording", lambda path: write_recording(recording, path))
         draw = recording_figures.time_figure if angle is None else joint_figures.joint_figure
         files.write("figure", lambda path: style.save(draw(recording), path))
@@ -133,7 +134,10 @@ def _held(
     stand = joint_stand(flexor, extensor, flexor_arm=bends, inertia=parse(inertia, "kg*m^2", field="--inertia"))
     seconds = 1.0 if duration is None else parse(duration, "s", field="--duration")
     angles, stiffnesses = _course(angle, "rad", "--angle"), _course(stiffness, "N*m/rad", "--stiffness")
-    return run(stand, duration=seconds, angle=angles, stiffness=stiffnesses, seed=seed)
+    try:
+        return run(stand, duration=seconds, angle=angles, stiffness=stiffnesses, seed=seed)
+    except InputError as error:
+        raise error.changed(field="--duration" if error.field == "duration" else error.field) from None
 
 
 def _played(
@@ -160,6 +164,7 @@ def _played(
     count = round(seconds / simulation.period)
     if count < 1:
         raise InputError("--duration", with_unit(seconds, "s"), f"must be {simulation.period:g} s or more, one period")
+    check_memory(seconds, simulation.period, bytes_per_sample=STEPPED, field="--duration")
     times = simulation.period * np.arange(count)
     rows = {name: course(times).tolist() for name, course in courses.items()}
     simulation.reset(pressure=start)
@@ -212,14 +217,6 @@ def _course(text: str, unit: str, field: str) -> _Held:
     if any(b <= a for a, b in zip(times, times[1:], strict=False)):
         raise InputError(field, text, "must have rising times")
     return _Held(np.array(times), np.array(values))
-
-
-def _cautions(recording: Recording) -> list[str | None]:
-    """Caution of a pressure that muscles hardly take."""
-    from ..muscles.plausible import pressure_caution
-
-    highest = max(float(recording[f"{name}.pressure"].max()) for name in ("flexor", "extensor"))
-    return [pressure_caution(highest)]
 
 
 def _content(recording: Recording) -> dict[str, Any]:

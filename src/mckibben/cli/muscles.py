@@ -136,7 +136,11 @@ def tension(
             drives = _activations(activation, pressure, spec)
         else:
             drives = _pressures(pressure, activation, name)
-        warnings = [] if biological else caution(*_cautions(lengths, length, drives, pressure, built, spec))
+        about_lengths = muscles.Muscle(built, specimen=spec).length_cautions(lengths, text=length)
+        about_pressures = (
+            None if pressure is None else muscles.plausible.pressure_caution(max(drives), spec, text=pressure)
+        )
+        warnings = [] if biological else caution(*about_lengths, about_pressures)
         points = [_point(built, at, drive, biological) for at in lengths for drive in drives]
         if from_posterior is not None:
             posterior = identification.read_posterior(from_posterior, law=chosen)
@@ -204,22 +208,6 @@ def _drive_for(wanted: str, pressure: str | None, activation: str | None, built:
     if len(lengths) > 1:
         raise InputError("--for", wanted, "is allowed only with one length")
     return float(built.pressure_for(parse(wanted, "N", field="--for"), lengths[0]))
-
-
-def _cautions(
-    lengths: list[float],
-    length: str | None,
-    drives: list[float],
-    pressure: str | None,
-    built: Any,
-    spec: Specimen | None,
-) -> list[str | None]:
-    longest, single = float(built.length_range()[1]), len(lengths) == 1
-    said = [muscles.plausible.length_caution(at, longest, text=length if single else None) for at in lengths]
-    said.append(muscles.plausible.measured_length_caution((min(lengths), max(lengths)), spec))
-    highest = max(drives)
-    said += [muscles.plausible.pressure_caution(highest, spec, text=pressure)] if pressure is not None else []
-    return list(dict.fromkeys(said))
 
 
 def _point(built: Any, length: float, drive: float, biological: bool) -> dict[str, Any]:

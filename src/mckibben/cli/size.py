@@ -117,7 +117,7 @@ def size_muscle(
     if from_posterior is not None and muscle is None:
         raise InputError("--from-posterior", None, "is allowed only with --muscle, whose law was fitted")
     samples = None if from_posterior is None else identification.read_posterior(from_posterior)
-    warnings = caution(muscles.plausible.pressure_caution(parse(pressure, "Pa", field="--pressure"), text=pressure))
+    parse(pressure, "Pa", field="--pressure")
     with OUT.files(out) as files:
         try:
             with told("sizing", sizing_package.stages(lines=not no_lines, speed=speed is not None)) as tell:
@@ -147,7 +147,7 @@ def size_muscle(
         files.write("specimen", lambda path: save_specimen(sizing.to_specimen(), path, heading=heading))
         if circuit is not None:
             write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
-        content = sizing.to_dict(top) | {"warnings": warnings}
+        content = sizing.to_dict(top) | {"warnings": caution(*sizing.cautions)}
         files.write_rows([_scalars(row) for row in content["muscles"]])
         files.write_result(content)
         if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import math
 from typing import ClassVar, NamedTuple
 
 from .._jax import Tree, jnp
@@ -29,6 +30,9 @@ class FlowElement(Module):
     paths: ClassVar[tuple[tuple[int, int], ...]]  # by port index; flow from the first to the second is positive
     commanded: ClassVar[bool] = False  # whether a signal must drive it
     command_unit: ClassVar[str] = "1"  # SI unit of that signal
+    # least and largest command that differ in what they do: what lies beyond acts as the end, or means nothing
+    command_range: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
+    saturates: ClassVar[bool] = True  # whether a command beyond that range acts as its end; else it means nothing
     undriven: ClassVar[float] = 0.0  # the command where no signal does
     symbol: ClassVar[str] = ""  # of ISO 1219-1 in a diagram; a box with the name of the type where it is empty
 

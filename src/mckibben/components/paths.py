@@ -41,6 +41,11 @@ def resolved(owner: Tree) -> dict[str, dict[str, JsonValue]]:
     return {path: {"value": np.asarray(value).tolist(), "unit": q.unit} for path, q, value in known}
 
 
+def declared_values(owner: Tree) -> Iterator[tuple[str, Quantity, Tree]]:
+    """Iterate over the declared parameters below an object as (dotted path, declaration, value [SI])."""
+    return _with_values(owner, "")
+
+
 def declaration(owner: Tree, path: str) -> Quantity:
     """The declaration of the parameter at a path; raises `InputError` with the nearest known paths."""
     known = dict(parameters(owner))

@@ -161,7 +161,7 @@ class _Meanings:
 
     def __init__(self, part: Part) -> None:
         self.part, self.declared = part, part.declared()
-        self.units = {drive.command: (drive.unit, drive.meaning) for drive in part.hosted.drives}
+        self.drives = {drive.command: drive for drive in part.hosted.drives}
 
     def comment(self, group: str, path: str) -> str:
         """The comment behind a member."""
@@ -183,14 +183,14 @@ class _Meanings:
             )
         if group == "inputs":
             if first == "command":
-                unit, meaning = self.units[rest_of]
-                return unit, free, meaning
+                drive = self.drives[rest_of]
+                return drive.unit, drive.range if drive.hard else free, drive.meaning
             what = {
                 "span": ("m", "span from the anchor to the host's attachment of"),
                 "rate": ("m/s", "rate of the span of"),
             }
             unit, meaning = what[first]
-            return unit, free, f"{meaning} {rest_of}"
+            return unit, self.part.span_limits[rest_of][:2] if first == "span" else free, f"{meaning} {rest_of}"
         if group == "outputs":
             unit, meaning = UNITS_OF_OUTPUTS[path.rpartition(".")[2] if first == "muscle" else first]
             return unit, free, meaning

@@ -36,6 +36,7 @@ from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
 from ..engine.soundness import Soundness, balance_errors, soundness
 from ..engine.step import advance_memory_of, outputs_of, step, zero_integrals
+from ..muscles.plausible import span_limits
 from ..pneumatics.circuit import Circuit
 from ..quantities import as_array, quantity
 from ..simulation.stepping import CommandInput
@@ -241,7 +242,8 @@ class PartOutputs(NamedTuple):
         muscle: at the end of the step, by muscle, see `OF_MUSCLES` [SI].
         work: of the host on each muscle since the start [J].
         rate_bound: bound of the fastest mode [1/s].
-        sound: code of the step, see `engine.soundness`: 1 where the state is finite and possible and the balances close.
+        sound: code of the step, see `engine.soundness`: 1 where the state is finite and possible, every span one that its
+            muscle can take, and the balances close.
     """
 
     tension: Mapping[str, Scalar]
@@ -421,6 +423,15 @@ def _at(signals: Mapping[str, Any], share: float, period: Any) -> dict[str, Valu
     return {name: signal.at(0, share, period) for name, signal in signals.items()}
 
 
+def _possible(part: HostedMuscles, spans: Mapping[str, Scalar]) -> Scalar:
+    """Whether every muscle can have its span."""
+    inside = []
+    for name, span in spans.items():
+        low, high, _ = span_limits(part.muscles[name].law)
+        inside.append((span >= low) & (span <= high))
+    return jnp.stack(inside).all()
+
+
 def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mapping[str, Scalar] | None) -> PartOutputs:
     machine = part.machine
     out = outputs_of(machine, state.physics, state.memory, values)
@@ -430,5 +441,5 @@ def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mappin
         muscle,
         state.work,
         machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(()),
-        soundness(machine, state.physics, state.memory)[1],
+        jnp.where(_possible(part, state.reach), soundness(machine, state.physics, state.memory)[1], 0.0),
     )

@@ -51,7 +51,7 @@ def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = 
 
 def export_cautions(part: Part, target: str) -> list[str]:
     """What the user of an export should know, as sentences."""
-    return fmu_cautions(part) if target in ("fmi3", "fmi2") else []
+    return [*map(str, part.cautions), *(fmu_cautions(part) if target in ("fmi3", "fmi2") else [])]
 
 
 def describe(source: PartSource) -> dict[str, JsonValue]:
@@ -66,6 +66,7 @@ def describe(source: PartSource) -> dict[str, JsonValue]:
         "commands": list(part.commands),
         "mounting": part.mounting,
         "assumptions": table(part.assumptions),
+        "warnings": [str(one) for one in part.cautions],
         "smallest_mass_kg": {f"{h:g} s": mass for h, mass in part.smallest_masses().items()},
         **{group: [_described(v) for v in source.of(group)] for group in ("parameters", "state", "inputs", "outputs")},
     }

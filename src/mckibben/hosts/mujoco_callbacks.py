@@ -67,6 +67,7 @@ class _AttachedPart:
             raise InputError("actuators", ", ".join(names), f"must be one actuator for each of {wanted}, in this order")
         self.sizes, self.count = state_sizes(part), len(part.muscles)
         self.total, self.code, self.sound = act_size(part), part.outputs.index("sound"), True
+        self._said: set[str] = set()
         self.tensions = [part.outputs.index(f"{m}_tension" if self.count > 1 else "tension") for m in part.muscles]
 
     def places(self, model: Any) -> _ModelPlaces:
@@ -112,10 +113,38 @@ class _AttachedPart:
         vector[at.commands] = np.where(limited, np.clip(controls, low, high), controls)
         return vector
 
+    def _possible(self, inputs: np.ndarray) -> bool:
+        """Whether every muscle can be as long as its span; says once where it cannot, and of commands that saturate."""
+        muscles, commands = sorted(self.part.muscles), sorted(self.part.commands)
+        good = True
+        for k, name in enumerate(muscles):
+            low, high, _ = self.part.span_limits[name]
+            if not low <= inputs[k] <= high:
+                good = False
+                problem = (
+                    f"a span of {inputs[k]:g} m is none that {name} can take, {low:g} to {high:g} m: nothing pulls"
+                )
+                self._say(Caution(f"{problem}; does biasprm hold the span at length zero?", name))
+        for k, name in enumerate(commands):
+            value, (low, high) = float(inputs[2 * self.count + k]), self.part.command_limits(name)
+            if value != 0.0 and not low <= value <= high:
+                ends = f"{low:g} to {high:g} have an effect of their own"
+                self._say(Caution(f"a control {name} of {value:g} can hardly be meant: {ends}", f"command {name}"))
+        return good
+
+    def _say(self, caution: Caution) -> None:
+        if caution.parameter not in self._said:
+            self._said.add(caution.parameter)
+            warn([caution], stacklevel=4)
+
     def step(self, model: Any, data: Any, at: _ModelPlaces) -> None:
         """Take a whole step of the part, and write the rates that lead there."""
         period, act = float(model.opt.timestep), data.act[at.act : at.act + self.total]
         inputs = self.inputs(model, data, at)
+        if not self._possible(inputs):
+            data.act_dot[at.act : at.act + self.total] = 0.0
+            data.act[at.act + self.sizes.size : at.act + self.total] = 0.0
+            return
         state = act[: self.sizes.size] * self.sizes
         if not state[0] > 0.0:
             state = self.part.rest_vector(inputs)

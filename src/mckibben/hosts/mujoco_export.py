@@ -80,6 +80,7 @@ def plugin_source(source: PartSource) -> str:
             span, rate = (members["inputs", f"{what}.{role.muscle}"] for what in ("span", "rate"))
             given.append(f"    inputs.{span} = q->offset[{k}] + d->actuator_length[output(m, q, {k})];")
             given.append(f"    inputs.{rate} = d->actuator_velocity[output(m, q, {k})];")
+            given.append(f"    possible &= span_is_possible(q, {k}, inputs.{span});")
             tension = members["outputs", of_muscle["tension"]]
             pulls.append(f"        d->actuator_force[output(m, q, {k})] = -q->out.{tension};")
             paths = [of_muscle.get(name, f"muscle.{role.muscle}.{name}") for name in SENSED]
@@ -87,10 +88,16 @@ def plugin_source(source: PartSource) -> str:
         else:
             pulls.append(f"        d->actuator_force[output(m, q, {k})] = 0.0;")
         if role.command is not None:
-            given.append(f"    inputs.{members['inputs', f'command.{role.command}']} = control(m, d, q, {k});")
+            low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in part.command_limits(role.command))
+            command = f"inputs.{members['inputs', f'command.{role.command}']}"
+            given.append(f"    {command} = control(m, d, q, {k});")
+            given.append(f'    say_command(q, {k}, "{role.command}", {command}, {low}, {high});')
     words: dict[str, Any] = {
         "KEYROWS": "\n".join(keys),
         "OFFSETKEYS": ", ".join(offsets),
+        "SPANLIMITS": ", ".join(
+            f"{{{low!r}, {high!r}}}" for low, high, _ in (part.span_limits[n] for n in part.muscles)
+        ),
         "SIZES": ", ".join(repr(float(size)) for size in state_sizes(part)),
         "NMUSCLES": str(len(part.muscles)),
         "NACTUATORS": str(len(roles)),
@@ -182,12 +189,13 @@ static const struct { const char *key; size_t at; int count; double low, high; }
 KEYROWS
 };
 static const char *const OFFSETS[MUSCLES] = {OFFSETKEYS};
+static const double SPANS[MUSCLES][2] = {SPANLIMITS}; /* that a muscle can take [m] */
 
 /* doubles only, so that data may be copied, pickled and used on threads */
 typedef struct {
     NAME_parameters parameters;
     NAME_outputs out;
-    double offset[MUSCLES], actuator[ACTUATORS];
+    double offset[MUSCLES], actuator[ACTUATORS], warned[MUSCLES + ACTUATORS];
 } instance_state;
 
 static instance_state *of(const mjModel *m, const mjData *d, int instance)
@@ -205,6 +213,26 @@ static double control(const mjModel *m, const mjData *d, const instance_state *q
     int c = m->actuator_ctrladr[(int)q->actuator[k]];
     if (!m->actuator_ctrllimited[c]) return d->ctrl[c];
     return mju_clip(d->ctrl[c], m->actuator_ctrlrange[2 * c], m->actuator_ctrlrange[2 * c + 1]);
+}
+
+/* Whether a muscle can be as long as its span; says once where it cannot. */
+static int span_is_possible(instance_state *q, int k, double span)
+{
+    if (span >= SPANS[k][0] && span <= SPANS[k][1]) return 1;
+    if (!q->warned[k])
+        mju_warning("TITLE: a span of %g m is none that its muscle can take, %g m to %g m, and it does not pull; does '%s' "
+                    "hold the span at length zero?", span, SPANS[k][0], SPANS[k][1], OFFSETS[k]);
+    q->warned[k] = 1.0;
+    return 0;
+}
+
+/* Say once of a control that it saturates, or can hardly be meant. */
+static void say_command(instance_state *q, int k, const char *name, double value, double low, double high)
+{
+    if (value == 0.0 || (value >= low && value <= high) || q->warned[MUSCLES + k]) return;
+    mju_warning("TITLE: a control %s of %g can hardly be meant: %g to %g have an effect of their own", name, value, low,
+                high);
+    q->warned[MUSCLES + k] = 1.0;
 }
 
 static int number(const mjModel *m, int instance, const char *key, double low, double high, double *to, int count)
@@ -284,8 +312,14 @@ static void act_dot(const mjModel *m, mjData *d, int instance)
     int a = m->actuator_actadr[(int)q->actuator[0]];
     double h = m->opt.timestep, numbers[SIZE];
     NAME_inputs inputs = NAME_default_inputs;
+    int possible = 1;
     for (int k = 0; k < SIZE; ++k) numbers[k] = d->act[a + k] * SCALES[k];
 GIVEN
+    if (!possible) { /* nothing pulls, and the state stays */
+        memset(&q->out, 0, sizeof q->out);
+        for (int k = 0; k < SIZE; ++k) d->act_dot[a + k] = 0.0;
+        return;
+    }
     const double before = q->out.sound;
     NAME_step(&q->parameters, (NAME_state *)numbers, &inputs, h, UPPER_STAGGERED, &q->out);
     if (q->out.sound != 1.0 && (before == 1.0 || d->time == 0.0))

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from .._jax import jax
+from ..answers import Caution, collect, warn
 from ..assembly.assumptions import Assumption, of_unit
 from ..assembly.build import unit_from_specimen
 from ..assembly.circuit_file import CircuitPlan, read_circuit
@@ -36,18 +37,21 @@ from ..engine.packed import Layout
 from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import ConvergenceError, InputError
 from ..muscles.elements import Tendon
-from ..quantities import Quantity
+from ..muscles.plausible import pressure_caution, size_caution, span_limits
+from ..quantities import Quantity, with_unit
 from ..simulation.air import Air, air_circuit
 from ..simulation.mechanisms import (
     USUAL_SPAN,
-    WORKING_SHARE,
     Amount,
     AnyMuscle,
     TendonOption,
+    default_span,
     in_si,
+    mounted_cautions,
     muscle_unit,
-    rest_length,
+    published,
 )
+from ..simulation.stepping import CommandInput
 from ..specimens import specimen
 from .coupling import (
     OF_MUSCLES,
@@ -63,6 +67,7 @@ from .coupling import (
 
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]
+USUAL_SUBSTEPS = (1e-6, 2e-3)  # [s]
 SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
 STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
 
@@ -104,7 +109,8 @@ class Part:
     Args:
         muscles: id or file of a specimen, or a `Muscle`; or several by name. A single one is called ``muscle``.
         air: an `Air`, or the path of a circuit file with the muscles by name; `Air()` by default.
-        span: span of each muscle at the start [m], one for all or by muscle; nine tenths of its rest length by default.
+        span: span of each muscle at the start [m], one for all or by muscle; where left out as
+            `muscles.plausible.working_span` says: nine tenths of its rest length, or more where it contracts little.
         pressure: gauge pressure at the start [Pa], one for all or by muscle; none by default.
         substep: largest step of the physics [s].
         title: of what is made of it; names the muscles by default.
@@ -116,6 +122,8 @@ class Part:
         commands: names of the commands.
         hosted: parameters and equations.
         span: span of each muscle at the start [m].
+        span_limits: by muscle, spans that it can take, and the longest length that its law is made for [m].
+        cautions: what can hardly be meant of what the part is made of; an export says it.
         mounting: how the muscles are held, one phrase.
         assumptions: numbers that nobody stated, each with where it comes from.
 
@@ -140,7 +148,6 @@ class Part:
             if name not in named:
                 raise InputError("tendon", name, known=tuple(named))
         units = {name: muscle_unit(muscle, name, tendons.get(name)) for name, muscle in named.items()}
-        usual = {name: WORKING_SHARE * rest_length(muscle, units[name]) for name, muscle in named.items()}
         for name in units:
             if not name.isidentifier():
                 raise InputError("muscles", name, "must be a name of letters, digits and _")
@@ -154,7 +161,17 @@ class Part:
             for node in machine.circuit.chambers
         }
         stated = _by_muscle(span, "m", "span", units)
-        self.span: dict[str, float] = {**usual, **stated}
+        self.span: dict[str, float] = {
+            name: stated[name] if name in stated else default_span(muscle, units[name])
+            for name, muscle in named.items()
+        }
+        self.span_limits = {name: span_limits(unit.law) for name, unit in units.items()}
+        self._silent = {
+            d.command: d.silent(published(named[d.command]) if d.command in named else None) for d in self.air.drives
+        }
+        self._said: set[str] = set()  # commands of which something was said
+        self.cautions: tuple[Caution, ...] = self._cautions(named, units, starts, substep)
+        warn(self.cautions)
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
         )
@@ -175,7 +192,7 @@ class Part:
                 cord = tendons.get(name)
                 made += of_unit(name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon))
             if name not in stated:
-                made.append(Assumption(f"span of {name}", usual[name], "m", USUAL_SPAN))
+                made.append(Assumption(f"span of {name}", self.span[name], "m", USUAL_SPAN))
         self.assumptions = tuple(made)
         self._prepare()
 
@@ -235,13 +252,29 @@ class Part:
         self._Outputs: Any = _observation_type(names)
 
     def __repr__(self) -> str:
-        return f"Part({', '.join(self.muscles)}; commands {', '.join(self.commands)}; {self.statement})"
+        spans = ", ".join(f"{name} {with_unit(span, 'm')}" for name, span in self.span.items())
+        return f"Part({spans}; commands {', '.join(self.commands)}; {self.statement})"
 
     @property
     def statement(self) -> str:
         """How the muscles are held, and what was assumed, for the sources and descriptions of hosts."""
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
         return f"{self.mounting}; assumed: {assumed}"
+
+    def _cautions(
+        self,
+        muscles: Mapping[str, AnyMuscle],
+        units: Mapping[str, MuscleUnit],
+        starts: Mapping[str, float],
+        step: Amount,
+    ) -> tuple[Caution, ...]:
+        said = [*self.air.cautions, size_caution(step, "s", name="substep", usual=USUAL_SUBSTEPS)]
+        for name, muscle in muscles.items():
+            of = "" if len(units) == 1 else f" of {name}"
+            said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
+            spec = published(muscle)
+            said.append(pressure_caution(starts[name], spec, text=f"{starts[name]:g}", name=f"start pressure{of}"))
+        return collect(*said)
 
     def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
         """The inputs of a moment as a tree."""
@@ -260,7 +293,7 @@ class Part:
             span: of each muscle [m], one for all or by muscle; those of the part by default.
             **commands: as they have lasted [SI].
         """
-        spans = self.span | _by_muscle(span, "m", "span", self.muscles)
+        spans = self.span | self._spans(span)
         return self.rest_vector(self._vector(spans, {}, self.command | self._checked(commands)))
 
     def rest_vector(self, inputs: np.ndarray) -> np.ndarray:
@@ -355,12 +388,24 @@ class Part:
 
     def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
         """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
-        spans = _by_muscle(span, "m", "span", self.muscles)
+        spans = self._spans(span)
         vector = self._vector(spans, _by_muscle(rate, "m/s", "rate", self.muscles), {})
         vector[2 * len(self.muscles) :] = state[self._commands_in_state]
         for name, value in self._checked(commands).items():
             vector[self._places[name]] = value
         return vector
+
+    def _spans(self, span: Any) -> dict[str, float]:
+        """Spans by muscle [m]; refuses one that its muscle cannot have."""
+        spans = _by_muscle(span, "m", "span", self.muscles)
+        for name, value in spans.items():
+            low, high, _ = self.span_limits[name]
+            if not low <= value <= high:
+                ends = f"{with_unit(low, 'm')} to {with_unit(high, 'm')}"
+                raise InputError(
+                    f"span of {name}", with_unit(value, "m"), f"must be from {ends}, which the muscle can take"
+                )
+        return spans
 
     def _vector(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> np.ndarray:
         count = len(self.muscles)
@@ -374,11 +419,26 @@ class Part:
         return vector
 
     def _checked(self, commands: Mapping[str, Any]) -> dict[str, float]:
-        units = {drive.command: drive.unit for drive in self.hosted.drives}
-        for name in commands:
-            if name not in units:
+        drives, numbers = {drive.command: drive for drive in self.hosted.drives}, {}
+        for name, value in commands.items():
+            if name not in drives:
                 raise InputError("command", name, known=self.commands)
-        return {name: in_si(value, units[name], name) for name, value in commands.items()}
+            numbers[name] = in_si(value, drives[name].unit, name)
+            low, high = self._silent[name]
+            if numbers[name] != 0.0 and not low <= numbers[name] <= high:
+                self.command_caution(drives[name], numbers[name])
+        return numbers
+
+    def command_limits(self, command: str) -> tuple[float, float]:
+        """Commands from and to which there is nothing to say [SI]: beyond, a valve saturates, or hardly is meant so."""
+        return self._silent[command]
+
+    def command_caution(self, drive: CommandInput, value: float) -> None:
+        """Say once of a command that it can hardly be meant; raises `InputError` where it cannot be carried out."""
+        said = drive.check(value)
+        if said is not None and drive.command not in self._said:
+            self._said.add(drive.command)
+            warn([said], stacklevel=5)
 
     # ---- what hosts need to know
 

@@ -52,7 +52,8 @@ def hardware_source(source: PartSource) -> str:
     for muscle in part.muscles:
         places = [of("inputs", f"span.{muscle}"), of("inputs", f"rate.{muscle}"), of("outputs", f"tension.{muscle}")]
         places.append(of("outputs", f"muscle.{muscle}.pressure"))
-        muscles.append(f'  {{"{muscle}", {source.part.span[muscle]!r}, {", ".join(places)}}},')
+        low, high, _ = part.span_limits[muscle]
+        muscles.append(f'  {{"{muscle}", {part.span[muscle]!r}, {low!r}, {high!r}, {", ".join(places)}}},')
     commands = [f'  {{"{command}", {of("inputs", f"command.{command}")}}},' for command in part.commands]
     for variable in source.of("parameters"):
         if variable.shape == ():
@@ -117,7 +118,7 @@ using hardware_interface::return_type;
 struct MuscleRow
 {
   const char * name;
-  double span;
+  double span, shortest, longest;
   double NAME_inputs::*span_in;
   double NAME_inputs::*rate_in;
   double NAME_outputs::*tension_out;
@@ -293,6 +294,14 @@ private:
       for (const auto & row : COMMANDS) is_command = is_command || gpio.name == row.name;
       if (!gpio.command_interfaces.empty() && !is_command)
         throw std::invalid_argument(gpio.name + ": the part has no such command");
+    }
+    for (std::size_t i = 0; i < std::size(MUSCLES); ++i) {
+      double length = muscles_[i].zero_span;
+      for (const auto & joint : joints_) length -= joint.arms[i] * joint.start;
+      if (!(length >= MUSCLES[i].shortest && length <= MUSCLES[i].longest))
+        throw std::invalid_argument(
+          std::string(MUSCLES[i].name) + ": its span at the start must be from " + std::to_string(MUSCLES[i].shortest) +
+          " m to " + std::to_string(MUSCLES[i].longest) + " m, got " + std::to_string(length) + " m");
     }
     commands_.assign(std::size(COMMANDS), 0.0);
   }

@@ -84,7 +84,10 @@ class TensionLaw(Module):
 
     # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
     thread_strain: Scalar = quantity(
-        "1", (1e-4, 0.02), "strain of the threads under the tension at the longest length and 8 bar", symbol="e",
+        "1",
+        (1e-4, 0.02),
+        "strain of the threads under the tension at the longest length and 8 bar",
+        symbol="e",
         default=0.005,
     )
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import functools
 import os
-import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -18,9 +17,10 @@ from numpy.typing import ArrayLike
 
 from .._jax import is_jax_array, is_traced, jnp
 from ..accessors import Accessor, implementation
+from ..answers import Caution, collect, warn
 from ..components import Hysteresis, MemoryElement, Module, Scalar, field
 from ..documents import JsonValue
-from ..errors import InputError, PlausibilityWarning
+from ..errors import InputError
 from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
 from .law import LawState, TensionLaw, law_name
@@ -225,14 +225,26 @@ class Muscle(Module):
     def _repr_html_(self) -> str:
         return str(implementation("report.figures.plots:muscle_html")(self))
 
+    def length_cautions(self, lengths: Sequence[float], *, text: str | None = None) -> tuple[Caution, ...]:
+        """Cautions about lengths between the anchors [m]: the longest far from its law, and those beyond the measured ones.
+
+        Args:
+            lengths: [m].
+            text: as the one that is longest was typed.
+        """
+        longest = self.longest_length
+        if not lengths or longest is None:
+            return ()
+        far = length_caution(max(lengths, key=abs), longest, text=text)
+        return collect(far, measured_length_caution((min(lengths), max(lengths)), self.specimen))
+
     # ---- values in, values out
 
     def _length(self, value: Quantity) -> Any:
         length = _quantity(value, "m", "length")
         largest = _largest(length)
         if largest is not None and self.longest_length is not None:
-            _warn(length_caution(largest, self.longest_length, text=_typed(value, largest)))
-            _warn(measured_length_caution((float(np.min(length)), float(np.max(length))), self.specimen))
+            warn(self.length_cautions(np.ravel(length).tolist(), text=_typed(value, largest)), stacklevel=3)
         return length
 
     def _drive(self, value: Quantity) -> Any:
@@ -241,7 +253,7 @@ class Muscle(Module):
         pressure = _quantity(value, "Pa", "pressure")
         largest = _largest(pressure)
         if largest is not None:
-            _warn(pressure_caution(largest, self.specimen, text=_typed(value, largest)))
+            warn(collect(pressure_caution(largest, self.specimen, text=_typed(value, largest))), stacklevel=3)
         return pressure
 
     def _ask(self, question: str, *arguments: Any) -> Any:
@@ -289,8 +301,3 @@ def _largest(value: Any) -> float | None:
 
 def _typed(value: Any, largest: float) -> str:
     return value if isinstance(value, str) else f"{largest:g}"
-
-
-def _warn(sentence: str | None) -> None:
-    if sentence is not None:
-        warnings.warn(sentence, PlausibilityWarning, stacklevel=4)

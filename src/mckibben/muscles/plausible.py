@@ -1,16 +1,23 @@
-"""Plausibility of pressures and lengths: cautions about unusual values, which stop nothing.
+"""Plausibility of values where they enter: cautions about what can hardly be meant, errors of what cannot be.
 
 A law gives a tension at any pressure and length. What lies beyond the pressures that muscles are made for is said, and a
-value that can only be a slip names the unit that was probably meant.
+value that can only be a slip names the unit that was probably meant. Python, command line, screen and hosts take their
+cautions from here; an answer keeps them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
+import numpy as np
+
+from .._jax import is_traced
+from ..answers import Caution, collect
+from ..components.paths import declared_values
 from ..errors import InputError
-from ..quantities import has_dimension, leading_number, to_si, usual_units, with_unit
+from ..quantities import amounts, has_dimension, leading_number, to_si, usual_units, with_unit
 from ..specimens import Specimen
 
 # Muscles of catalogues are rated for 6 to 8 bar; the maps that ship reach 6.75 bar. Gauge [Pa].
@@ -25,6 +32,8 @@ MEASURED_PRESSURE, MEASURED_LENGTHS = (
     "highest_measured_pressure",
     ("shortest_measured_length", "longest_measured_length"),
 )
+WORKING_SHARE = 0.9  # of its rest length: where a muscle is mounted unless stated otherwise
+TAUT_SHARE = 0.05  # of its rest length that it has to be longer there than when it is free
 BEYOND = 0.02  # by which a value may exceed the measured ones without a word, a share
 
 
@@ -36,6 +45,14 @@ def highest_pressure(spec: Specimen | None = None) -> tuple[float, str]:
     return HIGHEST_PRESSURE, "McKibben muscles take at most"
 
 
+def highest_usual_pressure(spec: Specimen | None = None) -> float:
+    """Gauge pressure up to which nothing is said [Pa]: rated, and where the laws were measured, those."""
+    most = highest_pressure(spec)[0]
+    if spec is None or MEASURED_PRESSURE not in spec.properties:
+        return most
+    return min(most, (1.0 + BEYOND) * spec.property_si(MEASURED_PRESSURE, "Pa"))
+
+
 def usual_pressure(spec: Specimen) -> float:
     """Gauge pressure at which a muscle is computed where none is stated [Pa]: 5 bar, less if rated or measured for less."""
     measured = spec.properties.get(MEASURED_PRESSURE)
@@ -43,28 +60,31 @@ def usual_pressure(spec: Specimen) -> float:
     return min(USUAL_PRESSURE, most, highest_pressure(spec)[0])
 
 
-def pressure_caution(pressure: float, spec: Specimen | None = None, *, text: str | None = None) -> str | None:
+def pressure_caution(
+    pressure: float, spec: Specimen | None = None, *, text: str | None = None, name: str = "pressure"
+) -> Caution | None:
     """Caution about an unusual gauge pressure for a muscle [Pa]; None if it is usual.
 
     Args:
         pressure: gauge [Pa].
         spec: the muscle, whose own limit counts where its file states one.
         text: as it was typed; a slip then names the likely unit.
+        name: of the pressure, in the sentence; the parameter of the caution.
     """
     most, whose = highest_pressure(spec)
     shown = with_unit(pressure, "Pa")
     if 0.0 < pressure < LEAST_PRESSURE:
         meant = _likely(text, "Pa", PRESSURE_UNITS, LEAST_PRESSURE, most, USUAL_PRESSURE)
-        return f"a pressure of {shown} inflates no muscle{meant}" if meant else None
+        return Caution(f"a {name} of {shown} inflates no muscle{meant}", name) if meant else None
     if pressure <= most:
-        return None if spec is None else _beyond_measured_pressure(pressure, spec)
-    said = f"a pressure of {shown} is beyond the range of the laws: {whose} {with_unit(most, 'Pa')}"
-    if pressure <= SLIP * most:
-        return said
-    return said + _likely(text, "Pa", PRESSURE_UNITS, 0.02 * most, most, USUAL_PRESSURE)
+        return None if spec is None else _beyond_measured_pressure(pressure, spec, name)
+    said = f"a {name} of {shown} is beyond the range of the laws: {whose} {with_unit(most, 'Pa')}"
+    if pressure > SLIP * most:
+        said += _likely(text, "Pa", PRESSURE_UNITS, 0.02 * most, most, USUAL_PRESSURE)
+    return Caution(said, name)
 
 
-def _beyond_measured_pressure(pressure: float, spec: Specimen) -> str | None:
+def _beyond_measured_pressure(pressure: float, spec: Specimen, name: str) -> Caution | None:
     """Caution about a gauge pressure above those to which a muscle's laws were fitted [Pa]."""
     if MEASURED_PRESSURE not in spec.properties:
         return None
@@ -72,15 +92,17 @@ def _beyond_measured_pressure(pressure: float, spec: Specimen) -> str | None:
     if pressure <= (1.0 + BEYOND) * measured:
         return None
     shown, most = with_unit(pressure, "Pa"), with_unit(measured, "Pa", 3)
-    return f"a pressure of {shown} is beyond the measured ones of {spec.id}, up to {most}: the law alone answers there"
+    said = f"a {name} of {shown} is beyond the measured ones of {spec.id}, up to {most}: the law alone answers there"
+    return Caution(said, name)
 
 
-def measured_length_caution(lengths: Iterable[float], spec: Specimen | None) -> str | None:
+def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, name: str = "length") -> Caution | None:
     """Caution about lengths outside of those to which a muscle's laws were fitted; None if all are within, or not known.
 
     Args:
         lengths: between the anchors [m].
         spec: the muscle, whose file may state the measured lengths.
+        name: of the length, in the sentence; the parameter of the caution.
     """
     if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
         return None
@@ -89,7 +111,14 @@ def measured_length_caution(lengths: Iterable[float], spec: Specimen | None) -> 
     if not beyond:
         return None
     shown, ends = with_unit(beyond[0], "m"), f"{with_unit(low, 'm', 3)} to {with_unit(high, 'm', 3)}"
-    return f"a length of {shown} is beyond the measured ones of {spec.id}, {ends}: the law alone answers there"
+    return Caution(
+        f"a {name} of {shown} is beyond the measured ones of {spec.id}, {ends}: the law alone answers there", name
+    )
+
+
+def typed(value: object) -> str | None:
+    """A value as a person gave it, for `pressure_caution` and others; None of what is neither number nor text."""
+    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else None
 
 
 def likely_pressure(text: str) -> str:
@@ -97,7 +126,7 @@ def likely_pressure(text: str) -> str:
     return _likely(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)
 
 
-def length_caution(length: float, longest: float, *, text: str | None = None, name: str = "length") -> str | None:
+def length_caution(length: float, longest: float, *, text: str | None = None, name: str = "length") -> Caution | None:
     """Caution about a length of a muscle [m] far outside the range of its law; None if it is within.
 
     No muscle shortens to half of its longest length.
@@ -106,13 +135,13 @@ def length_caution(length: float, longest: float, *, text: str | None = None, na
         length: between the anchors [m].
         longest: that the law is made for [m].
         text: as it was typed.
-        name: name of the length, in the sentence.
+        name: of the length, in the sentence; the parameter of the caution.
     """
     if longest / SLIP <= length <= longest * SLIP:
         return None
     shown, low, high = (with_unit(value, "m") for value in (length, 0.5 * longest, longest))
     said = f"a {name} of {shown} is far from those of this muscle, about {low} to {high}"
-    return said + _likely(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
+    return Caution(said + _likely(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest), name)
 
 
 # Sizes of quantities of muscles, rigs and their air, by SI unit of the dimension: smallest, typical, largest. What lies
@@ -129,45 +158,158 @@ MORE_UNITS = {
 }  # fmt: skip
 
 
-def dimension_caution(
-    text: str, si_unit: str = "", *, name: str = "value", usual: tuple[float, float] | None = None
-) -> str | None:
+def size_caution(
+    value: object, si_unit: str = "", *, name: str = "value", usual: tuple[float, float] | None = None
+) -> Caution | None:
     """Caution about a quantity whose size can only be a slip; None if it is usual, zero, or no quantity.
 
     Args:
-        text: as it was typed.
+        value: a number [si_unit], or a text with a unit as it was typed.
         si_unit: of its dimension; empty to take the one of the text's own unit.
-        name: of the quantity, in the sentence.
+        name: of the quantity, in the sentence; the parameter of the caution.
         usual: sizes from and to which it is usual [si_unit]; those of the dimension by default.
     """
+    text = value.strip() if isinstance(value, str) else f"{value:g} {'' if si_unit == '1' else si_unit}".strip()
     si_unit = si_unit or next((unit for unit in USUAL_SIZES if has_dimension(text, unit)), "")
     least, typical, most = USUAL_SIZES.get(si_unit, (0.0, 1.0, math.inf))
     low, high = usual or (least, most)
     number = leading_number(text)
-    unit = "" if number is None else text.strip()[len(number) :].strip()
+    unit = "" if number is None else text[len(number) :].strip() or ("1" if si_unit == "1" else "")
     if number is None or not unit or ":" in unit:
         return None
     try:
-        value = abs(to_si(float(number), unit, si_unit, field=name))
+        size = abs(to_si(float(number), unit, si_unit, field=name))
     except InputError:
         return None  # the reader says what is wrong
-    if value == 0.0 or low <= value <= high:
+    if size == 0.0 or low <= size <= high:
         return None
     units = [u for u in (*usual_units(si_unit), *MORE_UNITS.get(si_unit, ())) if u != "in"]
-    said = (
-        f"a {name} of {text.strip()} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
-    )
-    return said + _likely(number, si_unit, units, low, high, min(max(typical, low), high))
+    said = f"a {name} of {text} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
+    return Caution(said + _likely(number, si_unit, units, low, high, min(max(typical, low), high)), name)
+
+
+def argument_cautions(owner: Any, *, of: str = "") -> tuple[Caution, ...]:
+    """Cautions about the arguments of an object that `quantities.amount` declares, each beside the sizes that are usual.
+
+    Args:
+        owner: such as a `Joint` or an `Air`.
+        of: what the object is, behind the name of each argument, where there are several of its kind.
+    """
+    said = []
+    for name, (unit, usual) in amounts(owner).items():
+        value = getattr(owner, name)
+        for one in value if isinstance(value, tuple | list) else (value,):
+            if isinstance(one, str | float | int):
+                said.append(size_caution(one, unit, name=f"{name.replace('_', ' ')}{of}", usual=usual))
+    return collect(*said)
+
+
+TYPICAL_MARGIN = 10.0  # by which a parameter may leave the range that its declaration calls typical without a word
+
+
+def parameter_cautions(owner: Any) -> tuple[Caution, ...]:
+    """Cautions about the declared parameters of what was built, beside the range that their declarations call typical.
+
+    Args:
+        owner: root objects by name, or an object, as `components.paths.parameters` takes them.
+    """
+    said = []
+    for path, stated, value in declared_values(owner):
+        low, high = stated.typical
+        if value is None or is_traced(value) or stated.typical == stated.bounds or stated.unit == "1":
+            continue
+        usual = (low / TYPICAL_MARGIN, high * TYPICAL_MARGIN)
+        set_ones = [
+            one for one in np.ravel(value).tolist() if one not in stated.bounds
+        ]  # a bound switches an effect off
+        said += [size_caution(one, stated.unit, name=path, usual=usual) for one in set_ones]
+    return collect(*said)
+
+
+# ---- a muscle where it is mounted
+
+LEAST_SPAN = 1e-3  # [m]
+LONGEST_STRAIN = 1.3  # of the longest length of a law, beyond which no law of a braid means anything
+
+
+def working_span(law: Any, rest: float, spec: Specimen | None = None) -> float:
+    """Span at which a muscle is mounted where none is stated [m].
+
+    Nine tenths of the rest length if half the usual pressure pulls the muscle `TAUT_SHARE` further than that; else halfway
+    from there to the rest length, so that it is taut at working pressures. Never outside the measured lengths.
+
+    Args:
+        law: of the muscle.
+        rest: its rest length [m].
+        spec: where its measured lengths may stand.
+    """
+    pressure = 0.5 * (USUAL_PRESSURE if spec is None else usual_pressure(spec))
+    free = min(rest, float(law.free_length(pressure)))
+    span = WORKING_SHARE * rest if free <= (WORKING_SHARE - TAUT_SHARE) * rest else 0.5 * (rest + free)
+    if spec is not None and set(MEASURED_LENGTHS) <= set(spec.properties):
+        low, high = (spec.property_si(name, "m") for name in MEASURED_LENGTHS)
+        span = min(max(span, low), high)
+    return span
+
+
+def span_limits(law: Any) -> tuple[float, float, float]:
+    """Spans from and to which a muscle can be mounted at all [m], and the longest length that its law is made for.
+
+    Numbers; tracers where JAX traces the parameters of the law.
+    """
+    longest = law.length_range()[1]
+    longest = longest if is_traced(longest) else float(longest)
+    return LEAST_SPAN, LONGEST_STRAIN * longest, longest
+
+
+def span_cautions(
+    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span", text: str | None = None
+) -> tuple[Caution, ...]:
+    """Cautions about a span at which a muscle is mounted [m].
+
+    Args:
+        span: between the anchors [m].
+        law: of the muscle.
+        rest: its rest length [m].
+        spec: where its measured lengths may stand.
+        name: of the span, in the sentence; the parameter of the cautions.
+        text: as it was typed.
+
+    Raises:
+        InputError: no muscle can be that long or short; names the lengths that it can take.
+    """
+    shortest, most, longest = span_limits(law)
+    shown, at_rest, ends = (with_unit(value, "m") for value in (span, rest, longest))
+    if not shortest <= span <= most:
+        meant = _likely(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
+        problem = f"must be from 1 mm to {with_unit(most, 'm')} for a muscle of {at_rest} at rest"
+        raise InputError(name, shown, problem + meant)
+    if span > (1.0 + BEYOND) * longest:
+        said = f"a {name} of {shown} stretches the muscle beyond {ends}, the longest length that its law is made for"
+        return (Caution(said, name),)
+    # none contracts to half of its length
+    return collect(length_caution(span, longest, text=text, name=name) or _limp(span, longest, name))
+
+
+def _limp(span: float, longest: float, name: str) -> Caution | None:
+    if span >= 0.5 * longest:
+        return None
+    shown, half = with_unit(span, "m"), with_unit(0.5 * longest, "m")
+    return Caution(f"a {name} of {shown} leaves the muscle slack: none contracts to less than {half}", name)
 
 
 def _short(value: float, si_unit: str) -> str:
     """A value in the unit that gives it the fewest digits."""
+    if si_unit == "1":
+        return f"{value:.4g}"
     shown = (f"{value / to_si(1.0, unit, si_unit, field=''):.4g} {unit}" for unit in usual_units(si_unit))
     return min(shown, key=lambda words: (len(words.split()[0]) + 9 * ("e" in words.split()[0]), len(words)))
 
 
 def _likely(text: str | None, si_unit: str, units: Iterable[str], low: float, high: float, usual: float) -> str:
     """A question with the same number in the unit that makes it usual; nothing if there is none, or nothing was typed."""
+    if si_unit == "1":
+        return ""
     number = float("nan" if text is None else leading_number(text) or "nan")
     candidates = [
         (abs(math.log(si / usual)), unit)

@@ -36,6 +36,7 @@ class Compressor(FlowElement):
     ports: ClassVar[tuple[str, ...]] = ("intake", "outlet")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1),)
     undriven: ClassVar[float] = 1.0
+    command_range: ClassVar[tuple[float, float]] = (0.0, 1.0)
     displacement: Scalar = quantity("m^3", (0.0, 1.0), "swept volume per revolution", symbol="V", typical=(1e-6, 1e-3))
     speed: Scalar = quantity("rad/s", (0.0, 1e4), "speed of the shaft", symbol="omega", typical=(50.0, 350.0))
     clearance: Scalar = quantity(

@@ -74,6 +74,9 @@ class OrificeOptions(TypedDict, total=False):
 class Orifice(TwoPort):
     """A restriction between two ports: fully open, or by a command."""
 
+    command_range: ClassVar[tuple[float, float]] = (0.0, 1.0)
+    saturates: ClassVar[bool] = False
+
     symbol: ClassVar[str] = "restriction"
     undriven: ClassVar[float] = 1.0
     conductance: Scalar = quantity("m^3/(s*Pa)", (0.0, 1e-5), "sonic conductance", symbol="C", typical=(1e-10, 1e-7))

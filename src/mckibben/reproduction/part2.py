@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 
 from ..analysis.characteristics import circle_area
 from ..components import Environment
@@ -58,8 +57,8 @@ def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> Tub
 
 @reproduces("tube.linear_cutoff", "rad/s", SYNTHETIC)
 def linear_cutoff() -> float:
-    """Cut-off frequency of the linear model, 1/(pi R C) (the paper's formula)."""
-    return 1.0 / (math.pi * _fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
+    """Cut-off frequency of the linear model, 1/(R C)."""
+    return 1.0 / (_fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
 
 
 @reproduces("tube.linear_rms", "Pa", SYNTHETIC)

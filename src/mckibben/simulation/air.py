@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,13 +10,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._jax import Tree
+from ..answers import Caution, collect
 from ..assembly.assumptions import Assumption, inferred
 from ..assembly.build import INFERRED, LINE_VALVE, AirLine, circuit_for, is_line_valve
-from ..assembly.circuit_file import CircuitPlan, read_circuit
+from ..assembly.circuit_file import CircuitPlan, driven, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import FlowElement
 from ..errors import InputError
+from ..muscles.plausible import LEAST_PRESSURE, argument_cautions, pressure_caution, size_caution
 from ..pneumatics.build import build_element, valve_from_specimen
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
@@ -23,11 +26,11 @@ from ..pneumatics.orifice import Orifice
 from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.valves import PressureRegulator
 from ..pneumatics.volume import MovingVolume
-from ..quantities import with_unit
+from ..quantities import amount, with_unit
 from ..registry import is_reference
 from ..specimens import specimen, specimen_ids
 from ..specimens.parts import bore_of
-from .mechanisms import Amount, in_si
+from .mechanisms import Amount, Stated, in_si
 from .stepping import CommandInput
 
 REGULATOR = "regulator"  # a valve that is none of a catalogue: a fast proportional regulator of usual size
@@ -36,6 +39,8 @@ REGULATOR_LAG = 2e-3  # [s]
 USUAL_TUBE = INFERRED["tube_length"].value, INFERRED["tube_diameter"].value  # [m]
 USUAL_PORT = INFERRED["port_volume"].value  # [m^3]
 USUAL_HEAT = INFERRED["heat_conductance"].value  # [W/K]
+FREE = (-math.inf, math.inf)
+TUBE_LENGTHS, TUBE_BORES = (1e-2, 100.0), (5e-4, 0.1)  # that are usual [m]
 
 
 class AirCircuit(NamedTuple):
@@ -51,6 +56,7 @@ class AirCircuit(NamedTuple):
         environment: the surroundings.
         document: what a recording says of it.
         assumptions: what was left at a default.
+        cautions: what can hardly be meant.
     """
 
     circuit: Circuit
@@ -62,10 +68,11 @@ class AirCircuit(NamedTuple):
     environment: Environment
     document: dict[str, Any]
     assumptions: tuple[Assumption, ...] = ()
+    cautions: tuple[Caution, ...] = ()
 
 
 @dataclass(frozen=True)
-class Air:
+class Air(Stated):
     """A supply, and for each muscle a valve and a tube of its own.
 
         mk.Air(supply="6 bar", valve="mpye-5-1/8", tube=("1 m", "4 mm"))
@@ -92,11 +99,11 @@ class Air:
         '6 bar'
     """
 
-    supply: Amount = 6e5
+    supply: Amount = amount("Pa", (LEAST_PRESSURE, 3e6), default=6e5)
     valve: str | FlowElement = "MPYE-5-1-8-LF"
     tube: tuple[Amount, Amount] | FlowElement | None = USUAL_TUBE
-    port_volume: Amount | None = USUAL_PORT
-    heat: Amount | HeatModel | None = USUAL_HEAT
+    port_volume: Amount | None = amount("m^3", (1e-8, 1e-3), default=USUAL_PORT)
+    heat: Amount | HeatModel | None = amount("W/K", (1e-3, 50.0), default=USUAL_HEAT)
     environment: Environment | None = None
 
     def build(self, units: Mapping[str, MuscleUnit]) -> AirCircuit:
@@ -107,19 +114,29 @@ class Air:
         """
         room = self.environment or Environment()
         valve = self._valve()
-        supply = in_si(self.supply, "Pa", "supply")
+        supply = self.si("supply")
         line = AirLine(
             valve=valve,
             tube=self._tube(room),
             heat=self._heat(room),
-            port_volume=None if self.port_volume is None else in_si(self.port_volume, "m^3", "port_volume"),
+            port_volume=None if self.port_volume is None else self.si("port_volume"),
         )
         circuit = circuit_for(units, supply=supply, line=line, environment=room)
         unit = valve.command_unit
         meaning = "gauge pressure asked of the valve of" if unit == "Pa" else "command of the valve of"
         return AirCircuit(
             circuit=circuit,
-            drives=tuple(CommandInput(name, f"{name}.valve", unit=unit, meaning=f"{meaning} {name}") for name in units),
+            drives=tuple(
+                CommandInput(
+                    name,
+                    f"{name}.valve",
+                    unit=unit,
+                    meaning=f"{meaning} {name}",
+                    range=valve.command_range,
+                    hard=not valve.saturates,
+                )
+                for name in units
+            ),
             starts={},
             feeding={f"{name}.port": name for name in units},
             begins={},
@@ -127,6 +144,7 @@ class Air:
             environment=room,
             document=self._document(supply),
             assumptions=self._assumptions(),
+            cautions=self._cautions(supply),
         )
 
     def _assumptions(self) -> tuple[Assumption, ...]:
@@ -147,6 +165,20 @@ class Air:
                 Assumption("air.valve.lag", REGULATOR_LAG, "s", "lag of its set-point"),
             ]
         return tuple(made)
+
+    def _cautions(self, supply: float) -> tuple[Caution, ...]:
+        """What can hardly be meant, among it a supply that inflates nothing."""
+        said = list(argument_cautions(self))
+        if supply <= 0.0:
+            said.append(Caution(f"a supply of {with_unit(supply, 'Pa')} inflates no muscle", "supply"))
+        elif not any(one.parameter == "supply" for one in said):
+            said.append(pressure_caution(supply, text=str(self.supply), name="supply"))
+        if isinstance(self.tube, tuple | list):
+            length, bore = self.tube
+            said.append(size_caution(length, "m", name="length of the tube", usual=TUBE_LENGTHS))
+            if bore_of(bore) is None:
+                said.append(size_caution(bore, "m", name="bore of the tube", usual=TUBE_BORES))
+        return collect(*said)
 
     def _valve(self) -> FlowElement:
         if not isinstance(self.valve, str):
@@ -178,7 +210,7 @@ class Air:
     def _heat(self, room: Environment) -> HeatModel | None:
         if self.heat is None or isinstance(self.heat, HeatModel):
             return self.heat
-        return WallHeat(conductance=in_si(self.heat, "W/K", "heat"), wall_temperature=room.temperature)
+        return WallHeat(conductance=self.si("heat"), wall_temperature=room.temperature)
 
     def _document(self, supply: float) -> dict[str, Tree]:
         valve = published_valve(self.valve) if isinstance(self.valve, str) else type(self.valve).__name__
@@ -237,9 +269,13 @@ def _planned(plan: CircuitPlan, units: Mapping[str, MuscleUnit]) -> AirCircuit:
                     straight=end == "stroke",
                     unit=signal.unit,
                     meaning=f"command of {', '.join(signal.drives)}",
+                    range=valve.command_range if (valve := driven(plan, target)) else FREE,
+                    hard=valve is not None and not valve.saturates,
                 )
             )
     commanded = {drive.command for drive in drives}
     first = {name: float(values[0]) for name, values in plan.values().items() if name in commanded}
     document = {"circuit": plan.title, "file": Path(plan.where).name}
-    return AirCircuit(plan.circuit, tuple(drives), plan.starts, {}, first, {}, plan.environment, document)
+    return AirCircuit(
+        plan.circuit, tuple(drives), plan.starts, {}, first, {}, plan.environment, document, plan.cautions
+    )

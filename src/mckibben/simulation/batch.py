@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._jax import Scalar, Tree
+from ..answers import Caution
 from ..components import paths
 from ..errors import InputError
 from ..recordings.recording import Recording
@@ -67,7 +68,6 @@ class SimulationBatch:
         if self._changes:
             self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
         self._kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
-        self._places = {name: i for i, name in enumerate(self.commands)}
         self._random = np.random.default_rng(0)
         self._sample = 0
         self._begin: BatchState | None = None
@@ -80,6 +80,11 @@ class SimulationBatch:
 
     def __len__(self) -> int:
         return self.lanes
+
+    @property
+    def cautions(self) -> tuple[Caution, ...]:
+        """Those of its simulation, with what was said of commands of the lanes."""
+        return self.simulation.cautions
 
     @property
     def time(self) -> float:
@@ -136,13 +141,18 @@ class SimulationBatch:
             raise unnamed_command(unnamed, self.commands)
         if self._begin is None:
             self.reset()
+        entries = self.simulation.command_entries
         for name, value in commands.items():
-            if name not in self._places:
+            if name not in entries:
                 raise InputError("command", name, known=self.commands)
             array = np.asarray(value, float)
             if array.shape not in ((), (self.lanes,)):
                 raise InputError(name, None, f"must be a number or {self.lanes} values, got shape {array.shape}")
-            self._kernel.set_command(self._places[name], array)
+            place, low, high = entries[name]
+            if not low <= array.min() <= array.max() <= high:
+                for one in {float(array.min()), float(array.max())}:
+                    self.simulation.check_command(name, one)
+            self._kernel.set_command(place, array)
         self._log.append(self._kernel.commands.copy())
         self._kernel.step()
         self._sample += 1

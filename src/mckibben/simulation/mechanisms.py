@@ -7,12 +7,14 @@ of its file, or a `Muscle`. A mechanism is a value: it holds what it is made of,
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..answers import Caution, collect
 from ..assembly.assumptions import Assumption, of_unit
 from ..assembly.build import test_cord, unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
@@ -21,7 +23,8 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
-from ..quantities import declared, parse
+from ..muscles.plausible import argument_cautions, span_cautions, span_limits, working_span
+from ..quantities import amount, amounts, declared, parse
 from ..specimens import Specimen, muscle_specimen
 from .stepping import CommandInput
 
@@ -36,8 +39,10 @@ AnyMuscle = Any
 """Id or file of a specimen, a `Specimen`, a `Muscle`, or a `MuscleUnit`."""
 
 GRAVITY = 9.80665  # [m/s^2]
-USUAL_SPAN = "nine tenths of the rest length"
-WORKING_SHARE = 0.9  # of its rest length: where a muscle stands at angle zero unless stated otherwise
+USUAL_SPAN = "nine tenths of the rest length, or more where the muscle contracts little"
+# Sizes that are usual, beyond which an argument is said to be a slip [SI].
+MASSES, INERTIAS, ARMS, ANGLES = (5e-3, 1e3), (1e-5, 1.0), (1e-3, 0.5), (2e-2, 7.0)
+FORCES, MOMENTS = (0.0, 2e4), (0.0, 1e3)
 
 
 def in_si(value: Amount, unit: str, field: str) -> float:
@@ -49,6 +54,8 @@ def in_si(value: Amount, unit: str, field: str) -> float:
     if isinstance(value, str):
         return parse(value, unit, field=field)
     try:
+        if isinstance(value, bool):
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
         raise InputError(field, repr(value), f"must be a number [{unit}] or words with a unit") from None
@@ -96,8 +103,36 @@ def rest_length(muscle: AnyMuscle, unit: MuscleUnit) -> float:
     return float(unit.law.length_range()[1] if stated is None else stated)
 
 
+class Stated:
+    """A data class whose arguments are declared by `quantities.amount`: checked when it is made, read by `si`."""
+
+    def __post_init__(self) -> None:
+        for name in amounts(self):
+            value = getattr(self, name)
+            for one in value if isinstance(value, tuple | list) else (value,):
+                if one is not None and not isinstance(one, MomentArm):
+                    in_si(one, amounts(self)[name][0], name)
+        if "stops" in amounts(self):
+            _check_stops(self)
+
+    def si(self, name: str) -> float:
+        """An argument in its SI unit."""
+        return in_si(getattr(self, name), amounts(self)[name][0], name)
+
+
+def _check_stops(joint: Any) -> None:
+    if not (isinstance(joint.stops, tuple | list) and len(joint.stops) == 2):
+        raise InputError("stops", str(joint.stops), "must be a pair, the smallest and the largest angle")
+    low, high = (in_si(one, "rad", "stops") for one in joint.stops)
+    if not low < high:
+        raise InputError("stops", f"{low:g} and {high:g} rad", "must be the smallest and then the largest angle")
+    if not low <= joint.si("start") <= high:
+        problem = f"must be within the stops, {low:g} rad to {high:g} rad"
+        raise InputError("start", f"{joint.si('start'):g} rad", problem)
+
+
 @dataclass(frozen=True)
-class Mechanism(abc.ABC):
+class Mechanism(Stated, abc.ABC):
     """What muscles move. Subclasses say which muscles, and build the load of `assembly` that holds them."""
 
     @property
@@ -136,8 +171,8 @@ class Mechanism(abc.ABC):
         """
 
     @abc.abstractmethod
-    def drives(self) -> tuple[CommandInput, ...]:
-        """The commands that act on the mechanism itself, such as a force from outside."""
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
+        """The commands that act on the mechanism itself, such as a force; those of known muscles with their ranges."""
 
     def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """Commands of the mechanism at the start [SI]; zero where it says nothing."""
@@ -151,6 +186,22 @@ class Mechanism(abc.ABC):
         """Fields of an observation beside those of the muscles, with the outputs that they show."""
         return {}
 
+    @abc.abstractmethod
+    def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """Span of each muscle at the start [m]."""
+
+    def cautions(self, units: Mapping[str, MuscleUnit]) -> tuple[Caution, ...]:
+        """What can hardly be meant of the arguments, and of the spans at which the muscles begin.
+
+        Raises:
+            InputError: a muscle cannot be as long as its span; names the lengths that it can take.
+        """
+        said = list(argument_cautions(self))
+        for name, span in self.spans(units).items():
+            called = "span" if len(units) == 1 else f"span of {name}"
+            said += mounted_cautions(self.muscles[name], units[name], span, called)
+        return collect(*said)
+
 
 @dataclass(frozen=True)
 class Weight(Mechanism):
@@ -163,7 +214,8 @@ class Weight(Mechanism):
     Args:
         muscle: that carries it.
         mass: [kg].
-        start: span of the muscle at the start [m]; nine tenths of its rest length by default.
+        start: span of the muscle at the start [m]; where left out nine tenths of its rest length, or more where
+            it contracts little (`muscles.plausible.working_span`).
         damping: viscous loss [N s/m].
         gravity: [m/s^2].
         tendon: between muscle and weight: a `Tendon` or its stiffness [N/m]; none by default.
@@ -175,10 +227,10 @@ class Weight(Mechanism):
     """
 
     muscle: AnyMuscle = "nylon"
-    mass: Amount = 5.0
-    start: Amount | None = None
-    damping: Amount = 0.0
-    gravity: Amount = GRAVITY
+    mass: Amount = amount("kg", (2e-2, MASSES[1]), default=5.0)
+    start: Amount | None = amount("m", default=None)
+    damping: Amount = amount("N*s/m", (1e-2, 1e4), default=0.0)
+    gravity: Amount = amount("m/s^2", (0.1, 100.0), default=GRAVITY)
     tendon: TendonOption = None
 
     @property
@@ -186,33 +238,35 @@ class Weight(Mechanism):
         """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
-    def _start(self, units: Mapping[str, MuscleUnit]) -> float:
-        return _span(self.start, "start", self.muscle, units["muscle"])
+    def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """The span at the start [m]."""
+        return {"muscle": _span(self.start, "start", self.muscle, units["muscle"])}
 
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
         """The start, where it was left out."""
-        return {} if self.start is not None else {"start": (self._start(units), USUAL_SPAN)}
+        return {} if self.start is not None else {"start": (self.spans(units)["muscle"], USUAL_SPAN)}
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A body in line with the muscle."""
-        mass = in_si(self.mass, "kg", "mass")
         return Body(
             held=("muscle",),
-            start=self._start(units),
-            mass=mass,
-            weight=mass * in_si(self.gravity, "m/s^2", "gravity"),
-            damping=in_si(self.damping, "N*s/m", "damping"),
+            start=self.spans(units)["muscle"],
+            mass=self.si("mass"),
+            weight=self.si("mass") * self.si("gravity"),
+            damping=self.si("damping"),
             signal="force",
         )
 
-    def drives(self) -> tuple[CommandInput, ...]:
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
         """A force from outside."""
-        return (CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
+        return (
+            CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening", usual=FORCES),
+        )
 
     def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The pressure that carries the weight."""
-        weight = in_si(self.mass, "kg", "mass") * in_si(self.gravity, "m/s^2", "gravity")
-        return {"muscle": units["muscle"].law.pressure_for(weight, self._start(units))}
+        weight = self.si("mass") * self.si("gravity")
+        return {"muscle": units["muscle"].law.pressure_for(weight, self.spans(units)["muscle"])}
 
     def fields(self) -> dict[str, str]:
         """Position, which is the span [m], and velocity [m/s]."""
@@ -242,10 +296,10 @@ class Spring(Mechanism):
     """
 
     muscle: AnyMuscle = "nylon"
-    stiffness: Amount = 2000.0
-    mass: Amount = 0.1
-    start: Amount | None = None
-    damping: Amount = 1.0
+    stiffness: Amount = amount("N/m", (10.0, 1e6), default=2000.0)
+    mass: Amount = amount("kg", (1e-3, 50.0), default=0.1)
+    start: Amount | None = amount("m", default=None)
+    damping: Amount = amount("N*s/m", (1e-2, 500.0), default=1.0)
     tendon: TendonOption = None
 
     @property
@@ -253,29 +307,35 @@ class Spring(Mechanism):
         """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
-    def _start(self, units: Mapping[str, MuscleUnit]) -> float:
-        return _span(self.start, "start", self.muscle, units["muscle"], share=1.0)
+    def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """The span at the start [m]."""
+        rest = rest_length(self.muscle, units["muscle"])
+        return {"muscle": rest if self.start is None else self.si("start")}
 
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
         """The start, where it was left out."""
-        return {} if self.start is not None else {"start": (self._start(units), "the rest length")}
+        return {} if self.start is not None else {"start": (self.spans(units)["muscle"], "the rest length")}
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A body on a spring in line with the muscle."""
-        start = self._start(units)
+        start = self.spans(units)["muscle"]
+        if not self.si("stiffness") > 0.0:
+            raise InputError("stiffness", f"{self.si('stiffness'):g} N/m", "must be above 0 N/m")
         return Body(
             held=("muscle",),
             start=start,
-            mass=in_si(self.mass, "kg", "mass"),
+            mass=self.si("mass"),
             spring_rest=start,
-            stiffness=in_si(self.stiffness, "N/m", "stiffness"),
-            damping=in_si(self.damping, "N*s/m", "damping"),
+            stiffness=self.si("stiffness"),
+            damping=self.si("damping"),
             signal="force",
         )
 
-    def drives(self) -> tuple[CommandInput, ...]:
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
         """A force from outside."""
-        return (CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening"),)
+        return (
+            CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening", usual=FORCES),
+        )
 
     def fields(self) -> dict[str, str]:
         """Position, which is the span [m], and velocity [m/s]."""
@@ -292,7 +352,8 @@ class Plate(Mechanism):
 
     Args:
         muscle: between its anchor and the plate.
-        span: at the start [m]; nine tenths of the rest length by default.
+        span: at the start [m]; where left out nine tenths of its rest length, or more where
+            it contracts little (`muscles.plausible.working_span`).
         tendon: between muscle and plate: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
@@ -302,7 +363,7 @@ class Plate(Mechanism):
     """
 
     muscle: AnyMuscle = "nylon"
-    span: Amount | None = None
+    span: Amount | None = amount("m", default=None)
     tendon: TendonOption = None
 
     @property
@@ -314,22 +375,28 @@ class Plate(Mechanism):
         """A plate whose position is a signal."""
         return PlateLoad(held=("muscle",), signal="span")
 
-    def drives(self) -> tuple[CommandInput, ...]:
-        """The span."""
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
+        """The span, which the muscle can take."""
+        meaning = "span at which the plate holds the muscle"
+        least, most, longest = (1e-3, math.inf, math.inf) if units is None else span_limits(units["muscle"].law)
         return (
-            CommandInput("span", "span", straight=True, unit="m", meaning="span at which the plate holds the muscle"),
-        )
+            CommandInput(
+                "span", "span", straight=True, unit="m", meaning=meaning,
+                range=(least, most), hard=True, usual=(0.5 * longest, 1.02 * longest),
+            ),
+        )  # fmt: skip
+
+    def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """The span at the start [m]."""
+        return {"muscle": _span(self.span, "span", self.muscle, units["muscle"])}
 
     def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The span at the start [m]."""
-        return {"span": self._start(units)}
-
-    def _start(self, units: Mapping[str, MuscleUnit]) -> float:
-        return _span(self.span, "span", self.muscle, units["muscle"])
+        return {"span": self.spans(units)["muscle"]}
 
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
         """The span, where it was left out."""
-        return {} if self.span is not None else {"span": (self._start(units), USUAL_SPAN)}
+        return {} if self.span is not None else {"span": (self.spans(units)["muscle"], USUAL_SPAN)}
 
     def fields(self) -> dict[str, str]:
         """The span [m]."""
@@ -352,7 +419,8 @@ class Joint(Mechanism):
         damping: viscous loss [N m s].
         stiffness: spring about the axis [N m/rad].
         gravity_moment: gravity moment of a limb that hangs down at angle zero [N m].
-        span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
+        span: span of both muscles at angle zero [m]; where left out nine tenths of the rest length of each, or more
+            where it contracts little (`muscles.plausible.working_span`).
         start: angle at the start [rad].
         stops: smallest and largest angle [rad].
         stop_stiffness: stiffness of a stop [N m/rad]; it gives back all that it takes.
@@ -367,15 +435,15 @@ class Joint(Mechanism):
 
     flexor: AnyMuscle = "nylon"
     extensor: AnyMuscle = None
-    arm: Any = 0.02
-    inertia: Amount = 2e-3
-    damping: Amount = 0.01
-    stiffness: Amount = 0.0
-    gravity_moment: Amount = 0.0
-    span: Amount | None = None
-    start: Amount = 0.0
-    stops: tuple[Amount, Amount] = (-2.0, 2.0)
-    stop_stiffness: Amount = STOP_STIFFNESS
+    arm: Any = amount("m", ARMS, default=0.02)
+    inertia: Amount = amount("kg*m^2", INERTIAS, default=2e-3)
+    damping: Amount = amount("N*m*s", (1e-4, 5.0), default=0.01)
+    stiffness: Amount = amount("N*m", (1e-3, 1e3), default=0.0)
+    gravity_moment: Amount = amount("N*m", (1e-3, 500.0), default=0.0)
+    span: Amount | None = amount("m", default=None)
+    start: Amount = amount("rad", default=0.0)
+    stops: tuple[Amount, Amount] = amount("rad", ANGLES, default=(-2.0, 2.0))
+    stop_stiffness: Amount = amount("N*m", (1.0, 1e7), default=STOP_STIFFNESS)
     tendon: TendonOption = None
 
     @property
@@ -383,17 +451,23 @@ class Joint(Mechanism):
         """Flexor and extensor."""
         return {"flexor": self.flexor, "extensor": self.flexor if self.extensor is None else self.extensor}
 
+    def _arms(self, units: Mapping[str, MuscleUnit]) -> dict[str, MomentArm]:
+        return _pair_of_arms(self.arm, self.span, self.muscles, units)
+
+    def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """Span of each muscle at the angle of the start [m]."""
+        return {name: float(arm.at(self.si("start"))) for name, arm in self._arms(units).items()}
+
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A hinge with two moment arms."""
-        arms = _pair_of_arms(self.arm, self.span, self.muscles, units)
         low, high = self.stops
         return JointLoad(
-            arms=arms,
-            inertia=in_si(self.inertia, "kg*m^2", "inertia"),
-            damping=in_si(self.damping, "N*m*s", "damping"),
-            stiffness=in_si(self.stiffness, "N*m", "stiffness"),
-            start=in_si(self.start, "rad", "start"),
-            gravity_moment=in_si(self.gravity_moment, "N*m", "gravity_moment"),
+            arms=self._arms(units),
+            inertia=self.si("inertia"),
+            damping=self.si("damping"),
+            stiffness=self.si("stiffness"),
+            start=self.si("start"),
+            gravity_moment=self.si("gravity_moment"),
             lower_stop=in_si(low, "rad", "stops"),
             upper_stop=in_si(high, "rad", "stops"),
             stop_stiffness=in_si(self.stop_stiffness, "N*m", "stop_stiffness"),
@@ -404,13 +478,10 @@ class Joint(Mechanism):
         """The spans at angle zero, where they were left out."""
         return _usual_spans(self.arm, self.span, self.muscles, units)
 
-    def drives(self) -> tuple[CommandInput, ...]:
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
         """A moment from outside."""
-        return (
-            CommandInput(
-                "moment", "moment", unit="N*m", meaning="moment from outside, positive towards positive angles"
-            ),
-        )
+        meaning = "moment from outside, positive towards positive angles"
+        return (CommandInput("moment", "moment", unit="N*m", meaning=meaning, usual=MOMENTS),)
 
     def fields(self) -> dict[str, str]:
         """Angle [rad] and angular velocity [rad/s]."""
@@ -418,7 +489,7 @@ class Joint(Mechanism):
 
 
 @dataclass(frozen=True)
-class Link:
+class Link(Stated):
     """A link of a `Chain`, and the joint at its near end with its two muscles; either muscle may be left out as None.
 
     Args:
@@ -431,7 +502,8 @@ class Link:
         inertia: about the centre of mass [kg m^2]; that of a thin rod by default.
         damping: viscous loss of the joint [N m s].
         stiffness: spring of the joint [N m/rad].
-        span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
+        span: span of both muscles at angle zero [m]; where left out nine tenths of the rest length of each, or more
+            where it contracts little (`muscles.plausible.working_span`).
         start: angle of the joint at the start [rad].
         stops: smallest and largest angle of the joint [rad].
         stop_stiffness: stiffness of a stop [N m/rad]; it gives back all that it takes.
@@ -443,19 +515,19 @@ class Link:
         '30 cm'
     """
 
-    length: Amount
-    mass: Amount
+    length: Amount = amount("m", (1e-2, 3.0))
+    mass: Amount = amount("kg", (MASSES[0], 100.0))
     flexor: AnyMuscle = "nylon"
     extensor: AnyMuscle = "nylon"
-    arm: Any = 0.02
-    centre: Amount | None = None
-    inertia: Amount | None = None
-    damping: Amount = 0.01
-    stiffness: Amount = 0.0
-    span: Amount | None = None
-    start: Amount = 0.0
-    stops: tuple[Amount, Amount] = (-2.0, 2.0)
-    stop_stiffness: Amount = STOP_STIFFNESS
+    arm: Any = amount("m", ARMS, default=0.02)
+    centre: Amount | None = amount("m", (1e-3, 3.0), default=None)
+    inertia: Amount | None = amount("kg*m^2", INERTIAS, default=None)
+    damping: Amount = amount("N*m*s", (1e-4, 5.0), default=0.01)
+    stiffness: Amount = amount("N*m", (1e-3, 1e3), default=0.0)
+    span: Amount | None = amount("m", default=None)
+    start: Amount = amount("rad", default=0.0)
+    stops: tuple[Amount, Amount] = amount("rad", ANGLES, default=(-2.0, 2.0))
+    stop_stiffness: Amount = amount("N*m", (1.0, 1e7), default=STOP_STIFFNESS)
     tendon: TendonOption = None
 
     def chain_link(self, number: int) -> ChainLink:
@@ -469,10 +541,10 @@ class Link:
             length=length,
             mass=mass,
             centre=0.5 * length if self.centre is None else in_si(self.centre, "m", f"centre of link {number}"),
-            inertia=mass * length**2 / 12.0 if self.inertia is None else in_si(self.inertia, "kg*m^2", "inertia"),
-            damping=in_si(self.damping, "N*m*s", "damping"),
-            stiffness=in_si(self.stiffness, "N*m", "stiffness"),
-            start=in_si(self.start, "rad", "start"),
+            inertia=mass * length**2 / 12.0 if self.inertia is None else self.si("inertia"),
+            damping=self.si("damping"),
+            stiffness=self.si("stiffness"),
+            start=self.si("start"),
             lower_stop=in_si(low, "rad", "stops"),
             upper_stop=in_si(high, "rad", "stops"),
             stop_stiffness=in_si(self.stop_stiffness, "N*m", "stop_stiffness"),
@@ -501,13 +573,14 @@ class Chain(Mechanism):
     """
 
     links: tuple[Link, ...]
-    gravity: Amount = GRAVITY
+    gravity: Amount = amount("m/s^2", (0.1, 100.0), default=GRAVITY)
 
     def __init__(self, *links: Link, gravity: Amount = GRAVITY) -> None:
         if not links or not all(isinstance(link, Link) for link in links):
             raise InputError("links", f"{len(links)} links", "must be one Link or more")
         object.__setattr__(self, "links", links)
         object.__setattr__(self, "gravity", gravity)
+        self.__post_init__()
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
@@ -528,22 +601,36 @@ class Chain(Mechanism):
             spans |= _usual_spans(link.arm, link.span, pair, units)
         return spans
 
-    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
-        """Coupled links with the moment arms of their muscles."""
-        links: dict[str, ChainLink] = {}
-        arms: dict[str, dict[str, MomentArm]] = {}
+    def _arms(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[int, MomentArm]]:
+        """For each muscle the number of its joint, and its moment arm there."""
+        arms: dict[str, tuple[int, MomentArm]] = {}
         for k, link in enumerate(self.links, 1):
-            links[str(k)] = link.chain_link(k)
             pair = {side: f"{side}_{k}" for side in ("flexor", "extensor") if f"{side}_{k}" in units}
             own = {side: units[name] for side, name in pair.items()}
             made = _pair_of_arms(link.arm, link.span, {side: getattr(link, side) for side in pair}, own)
-            arms |= {pair[side]: {str(k): arm} for side, arm in made.items()}
-        return LinkChain(links, arms, order=tuple(links), gravity=in_si(self.gravity, "m/s^2", "gravity"))
+            arms |= {pair[side]: (k, arm) for side, arm in made.items()}
+        return arms
 
-    def drives(self) -> tuple[CommandInput, ...]:
+    def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """Span of each muscle at the angles of the start [m]."""
+        return {name: float(arm.at(self.links[k - 1].si("start"))) for name, (k, arm) in self._arms(units).items()}
+
+    def cautions(self, units: Mapping[str, MuscleUnit]) -> tuple[Caution, ...]:
+        """Those of the chain, and of each link."""
+        of_links = [argument_cautions(link, of=f" of link {k}") for k, link in enumerate(self.links, 1)]
+        return collect(*super().cautions(units), *(one for said in of_links for one in said))
+
+    def load(self, units: Mapping[str, MuscleUnit]) -> Load:
+        """Coupled links with the moment arms of their muscles."""
+        links = {str(k): link.chain_link(k) for k, link in enumerate(self.links, 1)}
+        arms = {name: {str(k): arm} for name, (k, arm) in self._arms(units).items()}
+        return LinkChain(links, arms, order=tuple(links), gravity=self.si("gravity"))
+
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
         """A moment from outside about each joint."""
+        about = "moment from outside about joint"
         return tuple(
-            CommandInput(f"moment_{k}", f"moment_{k}", unit="N*m", meaning=f"moment from outside about joint {k}")
+            CommandInput(f"moment_{k}", f"moment_{k}", unit="N*m", meaning=f"{about} {k}", usual=MOMENTS)
             for k in range(1, len(self.links) + 1)
         )
 
@@ -555,10 +642,18 @@ class Chain(Mechanism):
         return angles | {f"velocity_{k}": f"load.angular_velocity_{k}" for k in numbers} | tip
 
 
-def _span(
-    stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit, share: float = WORKING_SHARE
-) -> float:
-    return share * rest_length(muscle, unit) if stated is None else in_si(stated, "m", field)
+def default_span(muscle: AnyMuscle, unit: MuscleUnit) -> float:
+    """Span of a muscle where none is stated [m]; see `muscles.plausible.working_span` for the rule."""
+    return working_span(unit.law, rest_length(muscle, unit), published(muscle))
+
+
+def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str) -> tuple[Caution, ...]:
+    """Cautions about the span at which a muscle is mounted [m]; see `muscles.plausible.span_cautions`."""
+    return span_cautions(span, unit.law, rest_length(muscle, unit), published(muscle), name=name)
+
+
+def _span(stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit) -> float:
+    return default_span(muscle, unit) if stated is None else in_si(stated, "m", field)
 
 
 def _usual_spans(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .._jax import Scalar, Tree
+from ..answers import Caution, collect
 from ..assembly.accounts import CLOSED, Accounts, accounts
 from ..assembly.assumptions import table
 from ..assembly.exergy_balance import document
@@ -14,6 +16,7 @@ from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
 from ..engine import sampled
 from ..engine.native import call_compiled
+from ..muscles.plausible import pressure_caution
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from .kernel import RecordingKernel
@@ -76,10 +79,22 @@ def record(
     for k, (name, output) in enumerate(simulation.plant.shown if sensed else ()):
         if simulation.noise is None or simulation.noise[k] == 0.0:
             continue  # the controller saw the true value
-        unit, _, meaning = _described(output)
+        unit, _, meaning = described(output)
         column = np.array([row[k] for row in sensed])
         channels[f"measured.{name}"] = Channel(column, unit, "measured", f"{meaning}, measured")
-    return Recording(time, channels, _meta(simulation, closed, start, period / kernel.most_steps))
+    said = [str(one) for one in collect(*simulation.cautions, *_reached(simulation, channels))]
+    meta = _meta(simulation, closed, start, period / kernel.most_steps) | ({"warnings": said} if said else {})
+    return Recording(time, channels, meta)
+
+
+def _reached(simulation: Simulation, channels: Mapping[str, Channel]) -> list[Caution | None]:
+    """Cautions about the highest pressure that each muscle had."""
+    return [
+        pressure_caution(
+            float(channels[f"{name}.pressure"].values.max()), published(muscle), name=f"pressure of {name}"
+        )
+        for name, muscle in simulation.system.muscles.items()
+    ]
 
 
 def _accounts(simulation: Simulation, begin: Tree, end: Tree, sums: dict[str, float]) -> Accounts:
@@ -104,12 +119,12 @@ def _channels(simulation: Simulation, outputs: dict[str, np.ndarray], held: np.n
     for output, values in outputs.items():
         if output.startswith(CONSTANT):
             continue
-        unit, name, meaning = _described(output)
+        unit, name, meaning = described(output)
         channels[name] = Channel(np.broadcast_to(values, len(held)), unit, "true", meaning)
     return channels
 
 
-def _described(output: str) -> tuple[str, str, str]:
+def described(output: str) -> tuple[str, str, str]:
     """Unit, name in a recording, and meaning of an output."""
     owner, _, last = output.rpartition(".")
     if owner == "load" and last.startswith(NUMBERED):

@@ -21,17 +21,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._jax import Scalar, Tree
+from ..answers import Caution, collect, warn
 from ..assembly.assumptions import Assumption
 from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import InputError
+from ..muscles.plausible import USUAL_SIZES, pressure_caution, size_caution
 from ..quantities import with_unit
 from ..recordings.recording import Recording
+from ..specimens import Specimen
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
 from .kernel import Programs, SampleKernel
-from .mechanisms import Amount, Mechanism, StartPressure, in_si
+from .mechanisms import Amount, Mechanism, StartPressure, in_si, published
 from .stepping import (
     BEHIND,
     CommandedMachine,
@@ -47,6 +50,8 @@ if TYPE_CHECKING:
 
 LONGEST_PERIOD = 10.0  # of the samples [s]; longer ones are frequencies in Hz
 STEP = 2e-4  # largest step of the physics unless stated otherwise [s]
+USUAL_PERIODS, USUAL_STEPS = (1e-5, 0.5), (1e-6, 2e-2)  # [s]
+MEANT_IN_BAR = 100.0  # [Pa]; a smaller pressure that is commanded was meant in another unit
 OF_MUSCLES = ("pressure", "tension", "length")  # outputs of a muscle that an observation shows
 
 
@@ -64,6 +69,7 @@ class Simulation:
 
     Attributes:
         commands: names of the commands of `step`.
+        cautions: what was said of values that can hardly be meant, when they were first given; a recording keeps them.
         machine: the state equation, of `assembly`.
         period: period of the samples [s].
 
@@ -94,23 +100,34 @@ class Simulation:
             raise InputError("system", type(system).__name__, "must be a Joint, Chain, Weight, Spring or Plate")
         self.system, self.period = system, in_si(period, "s", "period")
         self.inner = _whole_steps(self.period, in_si(step, "s", "step"))
+        times = (("period", period, USUAL_PERIODS), ("step", step, USUAL_STEPS))
+        said = [size_caution(value, "s", name=name, usual=usual) for name, value, usual in times]
         units = self.units = system.units()
         self.air: AirCircuit = air_circuit(air, units)
+        said += [*self.air.cautions, *system.cautions(units)]
         self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
         self.title = title or f"{type(system).__name__} with {' and '.join(units)}"
-        self.drives: tuple[CommandInput, ...] = (*self.air.drives, *system.drives())
+        self.drives: tuple[CommandInput, ...] = (*self.air.drives, *system.drives(units))
         self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
         self.Observation: Any = _observation_type([name for name, _ in self.plant.shown])
         self.noise = self._checked_noise(noise or {})
+        said += self._noise_cautions(noise or {})
         self.depth = self._depth()
         example = self._carry(self._start_pressures, self.start_commands())
         self.programs = Programs(self.plant, example, self.commands)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        self._places = {name: i for i, name in enumerate(self.commands)}
+        # of each command its place, and between which values there is nothing to say; `check_command` has the rest
+        self.command_entries = {
+            name: (place, *self._drive(name).silent(self._specimen_of(name)))
+            for place, name in enumerate(self.commands)
+        }
+        self._said: set[tuple[str, bool]] = set()
+        self.cautions: tuple[Caution, ...] = ()
+        self.caution(*said, stacklevel=3)
         self._buffer: Any = memoryview(self._kernel.commands)
         self._seen: Any = memoryview(self._kernel.observation)
         self._make = self.Observation._make
@@ -123,16 +140,24 @@ class Simulation:
         self._sensed: list[list[float]] = []
 
     def __repr__(self) -> str:
-        muscles = ", ".join(f"{name} {unit.mounting}" for name, unit in self.units.items())
+        spans = self.system.spans(self.units)
+        muscles = ", ".join(f"{n} of {with_unit(spans[n], 'm')} {unit.mounting}" for n, unit in self.units.items())
         timing = f"period={self.period:g} s, step={self.period / self.inner:g} s"
         system = f"{type(self.system).__name__} with {muscles}, {timing}"
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
-        return f"Simulation({system}: {', '.join(self.commands)}; assumed: {assumed})"
+        cautions = f"; {len(self.cautions)} cautions" if self.cautions else ""
+        return f"Simulation({system}: {', '.join(self.commands)}; assumed: {assumed}{cautions})"
 
     @property
     def assumptions(self) -> tuple[Assumption, ...]:
         """The numbers of muscles, mechanism and air that nobody stated, each with where it comes from."""
         return (*self.system.assumptions(self.units), *self.air.assumptions)
+
+    def caution(self, *said: Caution | None, stacklevel: int = 2) -> None:
+        """Keep cautions, and say as warnings those that were not said before."""
+        new = tuple(one for one in collect(*said) if one not in self.cautions)
+        self.cautions += new
+        warn(new, stacklevel=stacklevel + 1)
 
     # ---- one sample after the other
 
@@ -161,6 +186,7 @@ class Simulation:
         for name, value in commands.items():
             self._place(name)
             first[name] = in_si(value, self._unit(name), name)
+            self.check_command(name, first[name], lasting=True)
         carry, observed = self._rest(starts, first)
         self._random = noise_generator(seed)
         vector = np.array([first[name] for name in self.commands])
@@ -189,9 +215,10 @@ class Simulation:
         buffer = self._buffer
         try:
             for name, value in commands.items():
-                if value != value:  # it is no number
-                    raise ValueError(name)
-                buffer[self._places[name]] = value
+                place, low, high = self.command_entries[name]
+                if not low <= value <= high:  # or it is no number
+                    self.check_command(name, value)
+                buffer[place] = value
         except (KeyError, TypeError, ValueError):
             self._set_checked(commands)
         self._log += buffer.tolist()
@@ -329,6 +356,10 @@ class Simulation:
             if name not in starts:
                 raise InputError("pressure", name, known=starts)
             starts[name] = in_si(value, "Pa", f"pressure of {name}")
+            spec = published(self.system.muscles[name])
+            self.caution(
+                pressure_caution(starts[name], spec, text=str(value), name=f"start pressure of {name}"), stacklevel=4
+            )
             if not starts[name] > -ambient:
                 raise InputError(f"pressure of {name}", f"{starts[name]:g} Pa", "must be a gauge pressure above vacuum")
         return starts
@@ -353,23 +384,67 @@ class Simulation:
                 raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
         return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
 
+    def _noise_cautions(self, noise: Mapping[str, float]) -> list[Caution | None]:
+        """Cautions about noise that is larger than what it is of."""
+        from .recorded import described
+
+        units = {name: described(output)[0] for name, output in self.plant.shown}
+        typical = {name: USUAL_SIZES[units[name]][1] for name in noise if units[name] in USUAL_SIZES}
+        return [
+            size_caution(float(noise[name]), units[name], name=f"noise of {name}", usual=(0.0, size))
+            for name, size in typical.items()
+        ]
+
     @property
     def fingerprint(self) -> str:
         """Says which saved states fit."""
         return f"{self.plant.shown} {self.commands} {self.programs.layouts.carry.shapes}"
 
     def _unit(self, command: str) -> str:
-        return next(d.unit for d in self.drives if d.command == command)
+        return self._drive(command).unit
 
     def _place(self, name: str) -> int:
-        if name not in self._places:
+        if name not in self.command_entries:
             raise InputError("command", name, known=self.commands)
-        return self._places[name]
+        return self.command_entries[name][0]
 
     def _set_checked(self, commands: Mapping[str, JsonValue]) -> None:
         for name, value in commands.items():
-            place = self._place(name)
-            self._buffer[place] = in_si(value, self._unit(name), name)
+            place, number = self._place(name), in_si(value, self._unit(name), name)
+            self.check_command(name, number)
+            self._buffer[place] = number
+
+    def _drive(self, command: str) -> CommandInput:
+        return next(d for d in self.drives if d.command == command)
+
+    def _specimen_of(self, command: str) -> Specimen | None:
+        """The muscle whose pressure a command asks for, where it has the name of one."""
+        return published(self.system.muscles[command]) if command in self.units else None
+
+    def check_command(self, name: str, value: float, *, lasting: bool = False) -> None:
+        """Say once of a command, and of either side of its range, that it can hardly be meant.
+
+        A pressure that inflates nothing is one that holds, or is so small that it was meant in bar: ramps begin at zero.
+
+        Args:
+            name: of the command.
+            value: of it [SI].
+            lasting: whether it holds from the start.
+
+        Raises:
+            InputError: it is no finite number, or no command that can be carried out.
+        """
+        place, low, high = self.command_entries[name]
+        if value == 0.0 and self._drive(name).unit == "Pa":
+            return
+        drive, side = self._drive(name), (name, bool(value > high))
+        if side in self._said and not drive.hard and math.isfinite(value):
+            return
+        said = drive.check(value, self._specimen_of(name))
+        begins = drive.unit == "Pa" and MEANT_IN_BAR < value < low and value != self._buffer[place]
+        if said is not None and (lasting or not begins):
+            self._said.add(side)
+            self.caution(said, stacklevel=4)
 
     def with_parameters(self, changes: Mapping[str, Amount]) -> Simulation:
         """The same simulation with other parameters of its machine, by dotted path [SI, or words with a unit].
@@ -379,12 +454,15 @@ class Simulation:
         Raises:
             InputError: names an unknown path, or a value out of bounds.
         """
-        numbers = {}
+        numbers, said = {}, []
         for path, value in changes.items():
             stated = paths.declaration(self.machine, path)
             numbers[path] = np.asarray(in_si(value, stated.unit, path))
             stated.check(path, numbers[path])
-        return self.with_arrays(numbers)
+            said.append(size_caution(value, stated.unit, name=path))
+        other = self.with_arrays(numbers)
+        other.caution(*said)
+        return other
 
     def with_arrays(self, changes: Mapping[str, np.ndarray]) -> Simulation:
         """The same with parameters that have the type and shape of those that they replace [SI]."""
@@ -394,7 +472,7 @@ class Simulation:
         return other
 
     def _use(self, machine: Machine) -> None:
-        self.machine = machine
+        self.machine, self._said = machine, set(self._said)
         self.plant = self.plant.replace(machine=machine)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)

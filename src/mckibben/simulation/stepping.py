@@ -6,6 +6,7 @@ arrays and leaves two. `recorded_vectors` is the same sample with all outputs an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Tree, jnp
+from ..answers import Caution
 from ..assembly.machine import Machine
 from ..components import Scalar, field
 from ..components.sampled import Plant
@@ -23,6 +25,9 @@ from ..engine.signals import Signal, Value
 from ..engine.soundness import balance_errors, soundness
 from ..engine.step import balances_of, integrands_of, zero_integrals
 from ..errors import InputError
+from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution, size_caution
+from ..quantities import with_unit
+from ..specimens import Specimen
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,9 @@ class CommandInput(NamedTuple):
         straight: whether the signal goes straight to the command within the sample, as a span does.
         unit: SI unit.
         meaning: one phrase.
+        range: commands that differ in what they do [unit]; beyond, a valve acts as at the end.
+        hard: whether a command beyond the range is refused, as a span is that no muscle can have.
+        usual: sizes from and to which it is usual [unit]; what lies beyond is said once.
     """
 
     command: str
@@ -66,6 +74,44 @@ class CommandInput(NamedTuple):
     straight: bool = False
     unit: str = "1"
     meaning: str = ""
+    range: tuple[float, float] = (-math.inf, math.inf)
+    hard: bool = False
+    usual: tuple[float, float] = (0.0, math.inf)
+
+    def silent(self, spec: Specimen | None = None) -> tuple[float, float]:
+        """Commands from and to which there is nothing to say [unit]; `check` knows the rest.
+
+        Args:
+            spec: muscle whose pressure it is.
+        """
+        (low, high), (least, most) = self.range, self.usual
+        if self.unit == "Pa":
+            least, most = LEAST_PRESSURE, highest_usual_pressure(spec)
+        return max(low, least or -most), min(high, most)
+
+    def check(self, value: float, spec: Specimen | None = None) -> Caution | None:
+        """Caution about a command that acts otherwise than it says, or can hardly be meant; None if it is usual.
+
+        Args:
+            value: of the command [unit].
+            spec: muscle whose pressure it is.
+
+        Raises:
+            InputError: it is no finite number, or cannot be carried out.
+        """
+        low, high = self.range
+        if not math.isfinite(value):
+            raise InputError(self.command, value, "must be a finite number")
+        shown, ends = with_unit(value, self.unit), f"{with_unit(low, self.unit)} to {with_unit(high, self.unit)}"
+        if low <= value <= high:
+            if self.unit == "Pa":
+                return pressure_caution(value, spec, text=f"{value:g}", name=f"command {self.command}")
+            return size_caution(value, self.unit, name=f"command {self.command}", usual=self.usual)
+        if self.hard:
+            raise InputError(self.command, shown, f"must be from {ends}")
+        end = with_unit(low if value < low else high, self.unit)
+        said = f"a command {self.command} of {shown} is beyond its range, {ends}: it acts as {end}"
+        return Caution(said, f"command {self.command}")
 
 
 class CommandedMachine(Plant):

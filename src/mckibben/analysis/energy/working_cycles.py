@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from ...accessors import Accessor, implementation
+from ...answers import Caution, collect, warn
 from ...components import Environment
 from ...documents import JsonValue
 from ...errors import InputError
@@ -15,7 +16,7 @@ from ...extras import library
 from ...muscles.build import muscle as built_muscle
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
-from ...muscles.plausible import usual_pressure
+from ...muscles.plausible import length_caution, pressure_caution, typed, usual_pressure
 from ...quantities import in_si, with_unit
 from ...specimens import Specimen, muscle_specimen
 from . import cycles as one_cycle
@@ -44,6 +45,7 @@ class WorkingCycles:
         muscles: the muscle with each available volume, the one that counts first.
         cycles: numbers by the name of the cycle and of the volume [J].
         curves: cycles over the pressure of the supply, where they were asked for.
+        cautions: what can hardly be meant of the conditions.
     """
 
     specimen: Specimen
@@ -53,6 +55,7 @@ class WorkingCycles:
     muscles: Mapping[str, CycleMuscle]
     cycles: Mapping[str, Mapping[str, EnergyCycle]]
     curves: Mapping[str, EnergyCurve]
+    cautions: tuple[Caution, ...] = ()
 
     plot: ClassVar[Accessor[CyclePlots]] = Accessor("report.figures.plots:CyclePlots")
     """Plots: ``plot.loops`` and ``plot.efficiency``, see `report.figures.plots`."""
@@ -213,7 +216,15 @@ def energy(
     )
     conditions.check(own)
     computed = {n: {v: energy_cycle(m, n, conditions) for v, m in muscles.items()} for n in names}
-    whole = WorkingCycles(spec, law, which, conditions, muscles, computed, {})
+    length, longest = conditions.stretched_length, float(own.law.length_range()[1])
+    said = collect(
+        pressure_caution(conditions.pressure, spec, text=typed(pressure)),
+        None
+        if stretched_length is None
+        else length_caution(length, longest, text=typed(stretched_length), name="stretched length"),
+    )
+    warn(said)
+    whole = WorkingCycles(spec, law, which, conditions, muscles, computed, {}, said)
     return replace(whole, curves={n: whole.curve(n) for n in names}) if curves else whole
 
 

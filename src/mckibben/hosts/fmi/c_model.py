@@ -30,13 +30,15 @@ def model_header(source: PartSource, variables: Sequence[FmuVariable], token: st
 
 def variables_header(source: PartSource, variables: Sequence[FmuVariable]) -> str:
     """The table of all variables, of continuous states, and of spans with their rates."""
-    lines = ["/* Variables by value reference: number of elements, kind, place, least and largest value, name. */"]
+    lines = [
+        "/* Variables by value reference: elements, kind, place, least and largest value, those without a warning, name. */"
+    ]
     lines += ["static const variable VARIABLES[] = {"]
     rows = [FmuVariable(0, "time", "TIME", "time", "s", (-math.inf, math.inf), ""), *variables]
     for v in rows:
-        low, high = (_c_number(bound) for bound in v.bounds)
+        low, high, least, most = (_c_number(bound) for bound in (*v.bounds, *v.silent))
         place = f"offsetof(model, {v.member})"
-        lines.append(f'    {{{v.reference}, {v.size}, {v.kind}, {place}, {low}, {high}, "{v.name}"}},')
+        lines.append(f'    {{{v.reference}, {v.size}, {v.kind}, {place}, {low}, {high}, {least}, {most}, "{v.name}"}},')
     lines += ["};", "", "/* Spans and their rates by value reference. */"]
     inputs = {v.member: v.reference for v in variables if v.kind == "INPUT"}
     by_path = {v.path: inputs[f"inputs.{v.member}"] for v in source.of("inputs")}

@@ -34,6 +34,7 @@ class FmuVariable(NamedTuple):
         start: value at the start; None where it is calculated.
         shape: () for a number.
         nominal: usual size of a state.
+        silent: values of an input from and to which no warning is logged.
         state: reference of the state that a rate belongs to.
     """
 
@@ -47,6 +48,7 @@ class FmuVariable(NamedTuple):
     start: float | list[float] | None = None
     shape: tuple[int, ...] = ()
     nominal: float | None = None
+    silent: tuple[float, float] = (-math.inf, math.inf)
     state: int | None = None
 
     @property
@@ -88,7 +90,8 @@ def _unnumbered(source: PartSource, states: bool) -> Iterator[FmuVariable]:
     for variable in source.of("inputs"):
         what, _, whose = variable.path.partition(".")
         name = variable.path if what == "command" else f"{whose}.{what}" if several else what
-        yield _of(variable, name, "INPUT", MEANINGS.get(what, variable.meaning))
+        made = _of(variable, name, "INPUT", MEANINGS.get(what, variable.meaning))
+        yield made._replace(silent=source.part.command_limits(whose)) if what == "command" else made
     for variable in source.of("outputs"):
         words = variable.path.split(".")
         what, whose = (words[2], words[1]) if words[0] == "muscle" else (words[0], words[1] if len(words) > 1 else "")

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from ...accessors import implementation
+from ...answers import Caution, warn
 from ...documents import JsonValue
 from ...errors import ConvergenceError, InputError
 from ...simulation.kernel import SampleKernel
@@ -19,6 +20,7 @@ from .tasks import BROKEN, TASKS, Task
 Box = gymnasium.spaces.Box
 PICTURE = "report.figures.mechanism_picture:MechanismPicture"
 RENDER_MODES = ["rgb_array"]
+FAR_ACTION = 10.0  # beyond which an action was meant in another unit
 
 
 class _Plant:
@@ -37,6 +39,7 @@ class _Plant:
         self.disturbed = [places[name] for name in self.task.disturbed]
         self.fields = self.simulation.programs.fields
         self._picture: Any = None
+        self._said = False
         self.observation_space = Box(-1.0, 1.0, (len(self.task.senses),), np.float32)
         self.action_space = Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
@@ -48,6 +51,18 @@ class _Plant:
         for place, value in enumerate(self.commands):
             kernel.set_command(place, value)
         return kernel
+
+    def clipped(self, actions: np.ndarray) -> np.ndarray:
+        """Actions from -1 to 1; refuses what is no number, and says once of what no valve can do."""
+        largest = float(np.abs(actions).max())
+        if not np.isfinite(largest):
+            raise InputError("action", largest, "must be finite numbers")
+        if largest > FAR_ACTION and not self._said:
+            self._said = True
+            said = f"an action of {largest:g} is far from the positions of a valve, -1 to 1: it acts as the nearest"
+            warn([Caution(said, "action")], stacklevel=4)
+        clipped: np.ndarray = np.clip(actions, -1.0, 1.0)
+        return clipped
 
     def seen(self, rows: np.ndarray) -> dict[str, Any]:
         """Fields of the simulation's observation by name, from its vector or its rows per lane."""
@@ -121,7 +136,7 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             Observation, reward, False, whether the simulation cannot go on, and the error; where it cannot, with the message
             that says why.
         """
-        action = np.clip(np.asarray(action, float).reshape(self.action_space.shape), -1.0, 1.0)
+        action = self._plant.clipped(np.asarray(action, float).reshape(self.action_space.shape))
         plant, place = self._plant, self._count % self.task.samples
         before = self._kernel.observation.copy()
         self._kernel.commands[plant.actions] = action
@@ -200,6 +215,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        if max_episode_steps is not None and not (isinstance(max_episode_steps, int) and max_episode_steps >= 1):
+            raise InputError("max_episode_steps", max_episode_steps, "must be a whole number from 1")
         self._limit = self.task.samples if max_episode_steps is None else max_episode_steps
         self._kernel = self._plant.kernel(num_envs)
         self._lanes = np.arange(num_envs)
@@ -259,7 +276,7 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
             Observations, rewards, terminations, truncations, and the errors with the mask of lanes that have one; for lanes
             that cannot go on, which are truncated, the message that says why.
         """
-        actions = np.clip(np.asarray(actions, float).reshape(self.action_space.shape), -1.0, 1.0)
+        actions = self._plant.clipped(np.asarray(actions, float).reshape(self.action_space.shape))
         again = self._ended.copy()
         if again.any() and self.autoreset_mode == AutoresetMode.DISABLED:
             raise InputError(

@@ -56,6 +56,7 @@ def warp_module(source: PartSource) -> str:
         "SPANS": {name: inputs[f"span.{name}"] for name in part.muscles},
         "RATES": {name: inputs[f"rate.{name}"] for name in part.muscles},
         "CONTROLS": {name: inputs[f"command.{name}"] for name in part.commands},
+        "SPAN_LIMITS": {name: part.span_limits[name][:2] for name in part.muscles},
         "TENSIONS": {name: outputs[f"tension.{name}"] for name in part.muscles},
     }
     meanings = {
@@ -69,6 +70,7 @@ def warp_module(source: PartSource) -> str:
         "SPANS": "place of each muscle's span",
         "RATES": "place of its rate",
         "CONTROLS": "place of each command",
+        "SPAN_LIMITS": "spans that each muscle can take [m]",
         "TENSIONS": "place of each muscle's mean tension",
     }
     rows = [f"{name} = {value!r}  # {meanings[name]}" for name, value in values.items()]
@@ -124,6 +126,8 @@ HEAD = '''"""TITLE, for MuJoCo Warp and Newton; made by mckibben VERSION.
     muscles = MujocoMuscles(model, m, d)        # MuJoCo Warp: before the first step
     drive = newton_drive(count, arms, spans)    # Newton: for newton.actuators.Actuator
 """
+
+import warnings
 
 import numpy as np
 import warp as wp

@@ -24,6 +24,7 @@ class OnOffValve(TwoPort):
 
     symbol: ClassVar[str] = "on_off_valve"
     commanded: ClassVar[bool] = True
+    command_range: ClassVar[tuple[float, float]] = (0.0, 1.0)
     passage: Orifice = field(kw_only=True)
     drive: Solenoid = field(kw_only=True)
     pilot: PilotStage | None = field(kw_only=True, default=None)

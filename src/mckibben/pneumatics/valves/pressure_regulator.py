@@ -17,6 +17,7 @@ Krasnosel'skii and A. V. Pokrovskii, Systems with Hysteresis, 1989; flow: ISO 63
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 from ..._jax import Tree, jnp
@@ -38,6 +39,7 @@ class PressureRegulator(FlowElement):
 
     symbol: ClassVar[str] = "regulator"
     command_unit: ClassVar[str] = "Pa"
+    command_range: ClassVar[tuple[float, float]] = (-101325.0, math.inf)  # nothing is below vacuum
     ports: ClassVar[tuple[str, ...]] = ("supply", "outlet", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     fill: Orifice = field(kw_only=True)

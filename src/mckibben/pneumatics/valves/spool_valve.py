@@ -30,6 +30,7 @@ class SpoolValve(FlowElement):
     ports: ClassVar[tuple[str, ...]] = ("supply", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     commanded: ClassVar[bool] = True
+    command_range: ClassVar[tuple[float, float]] = (-1.0, 1.0)
     fill: Orifice = field(kw_only=True)
     vent: Orifice = field(kw_only=True)
     dead_time: Scalar = quantity("s", (0.0, 1.0), "of the command", typical=(0.0, 1e-2), default=0.0)

@@ -28,6 +28,7 @@ class ThreeWayValve(FlowElement):
     ports: ClassVar[tuple[str, ...]] = ("supply", "work", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     commanded: ClassVar[bool] = True
+    command_range: ClassVar[tuple[float, float]] = (0.0, 1.0)
     fill: Orifice = field(kw_only=True)
     vent: Orifice = field(kw_only=True)
     drive: Solenoid = field(kw_only=True)

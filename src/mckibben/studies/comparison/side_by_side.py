@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ..._lazy import LazyModule
+from ...answers import collect, warn
 from ...errors import InputError
 from ...muscles import Muscle
+from ...muscles.plausible import pressure_caution, typed
 from ...quantities import in_si
 from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen
@@ -62,7 +64,11 @@ def compare(
         if not protocols:
             raise InputError("stimulation", None, "is allowed only with protocols, whose work loop it drives")
         equal_protocols.stimulated_loop(stimulation)
-    subjects = _subjects(muscles, float(in_si(pressure, "Pa", field="pressure")), law)
+    full = float(in_si(pressure, "Pa", field="pressure"))
+    subjects = _subjects(muscles, full, law)
+    braided = [s for s in subjects if s.unit is not None]
+    said = collect(*(pressure_caution(full, s.spec, text=typed(pressure)) for s in braided))
+    warn(said)
     target = None if match is None else _target(match, subjects)
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
@@ -77,9 +83,8 @@ def compare(
     if target is not None:
         twitch = matching.TWITCH
         records = {t.muscle.id: t.records[twitch] for t in done if twitch in t.records}
-        braided = [s for s in subjects if s.unit is not None]
         matches = [matching.match(s, target, records=records, rig=rig, progress=progress) for s in braided]
-    return MuscleTable(tuple(columns), published_ranges(), tuple(subjects), tuple(done), tuple(matches))
+    return MuscleTable(tuple(columns), published_ranges(), tuple(subjects), tuple(done), tuple(matches), said)
 
 
 def stages(muscles: Sequence[Specimen], *, protocols: bool = False, match: str | None = None) -> int:

@@ -24,6 +24,7 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...analysis.loops import loop, paths, peak_velocity
 from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
+from ...answers import Caution
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError, choice
@@ -250,6 +251,7 @@ class MuscleTable:
     muscles: tuple[ComparedMuscle, ...] = field(default=(), compare=False)  # of the columns that are no recordings
     trials: tuple[Trials, ...] = field(default=(), compare=False)  # their protocols, where these were run
     matches: tuple[Match, ...] = field(default=(), compare=False)  # with elements, where these were searched
+    cautions: tuple[Caution, ...] = field(default=(), compare=False)
 
     plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("report.figures.plots:ComparisonPlots")
     """The muscles' static curves side by side, see `report.figures.plots`."""

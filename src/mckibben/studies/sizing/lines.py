@@ -21,11 +21,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from ...assembly.build import INFERRED as ASSEMBLED
+from ...documents import JsonValue
 from ...pneumatics.build import valve_from_specimen
 from ...pneumatics.gas import REFERENCE_DENSITY
 from ...pneumatics.tubes import LumpedTube
@@ -34,6 +35,7 @@ from ...specimens import Specimen, specimen, specimen_ids
 from ...specimens.parts import CataloguePart, parts
 from ._circuit import Course, Lane, courses, settled_courses
 from .candidate import Judged, air_of_cycle, unit_of
+from .own_parts import not_stated
 from .requirements import Requirements
 
 TUBES = ("PU-4x2", "PA-4x2.5", "paper-1/8", "PU-6x4", "PU-8x5")
@@ -41,6 +43,7 @@ LENGTHS = (0.2, 1.0, 2.0)  # that the best valve is also tried with [m]
 ABOVE = 1.9e5  # of a regulator's supply over its set pressure, as in the paper: 6.9 bar for 5 [Pa]
 SPEEDS = (1.0 / 32.0, 0.125, 0.5, 1.0, 2.0, 4.0, 8.0)  # tried, over the wished one
 WEIGHED = ("to_force", "mass", "power", "air", "stiffness")
+NOT_KNOWN = "not known"
 MOST_DRAWN = 6  # lines whose speed is looked for
 LEAST = {"power": 0.1, "stiffness": 1e-4, "mass": 1e-3, "to_force": 1e-4, "air": 1e-9}  # floors of the score [SI]
 
@@ -56,7 +59,8 @@ class LineResult:
     `stiffness` of the tube against bending E I [N m^2], `bend_radius` the least [m], `air` of a cycle with valve and tube
     [kg], `leak` while holding [kg/s], `supply` gauge pressure [Pa]. `keeps_up` says whether rise and fall fit into a cycle,
     `settled` whether the tension came to rest, without which its times are of a step under way,
-    `element` the kind of the valve.
+    `element` the kind of the valve. `not_stated` names those of mass and power that nobody gave of a valve of one's own:
+    usual ones stand for them in the ranking, and `to_dict` and tables do not show them.
     """
 
     valve: str
@@ -81,6 +85,22 @@ class LineResult:
     pareto: bool = False
     score: float = math.inf
     element: str = ""
+    not_stated: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """As plain values in SI, None for what nobody gave."""
+        hidden = {"mass": ("mass", "valve_mass"), "power": ("power",)}
+        return asdict(self) | {key: None for name in self.not_stated for key in hidden[name]}
+
+    @property
+    def power_shown(self) -> str:
+        """Power of the valve in W."""
+        return NOT_KNOWN if "power" in self.not_stated else f"{self.power:.1f}"
+
+    @property
+    def valve_mass_shown(self) -> str:
+        """Mass of the valve in g."""
+        return NOT_KNOWN if "mass" in self.not_stated else f"{1e3 * self.valve_mass:.0f}"
 
 
 def lines_for(
@@ -182,6 +202,7 @@ def _found(
         inferred=(*(f"{valve.id}.{n}" for n in valve.inferred()), *(f"{tube.id}.{n}" for n in tube.inferred())),
         settled=all(c.settled for _, c in (long_, short) if c.sound),
         element=valve.element,
+        not_stated=not_stated(valve),
     )
 
 

@@ -25,6 +25,7 @@ from ...schema import FileTable
 from ...specimens import KNOWN_PROPERTIES, Specimen, SpecimenNumber, specimen, specimen_ids
 from ...specimens.parts import CataloguePart, parts
 
+OWN_TITLE = "valve of one's own, from its catalogue"
 OWN_VALVE, OWN_BATTERY, OWN_TANK = "own-valve", "own-battery", "own-tank"
 TANK_PRESSURES = (1e5, 300e5)  # gauge [Pa]
 COMPRESSIBILITY = ((0.0, 100e5, 200e5, 300e5), (1.0, 1.0, 1.04, 1.11))  # Z over gauge pressure [Pa]
@@ -133,10 +134,18 @@ def _specimen(kind: str, name: str, stated: dict[str, str]) -> Specimen:
             power, 1.0 / float(properties["voltage"]["value"]), "A", "of its power and voltage"
         )
     table = {
-        "schema": 1, "id": name, "kind": "valve", "element": kind, "title": "valve of one's own, from its catalogue",
+        "schema": 1, "id": name, "kind": "valve", "element": kind, "title": OWN_TITLE,
         "sources": [], "valve": valve, "properties": properties,
     }  # fmt: skip
     return Specimen.read(FileTable(table, "", "valve").values, where="valve")
+
+
+def not_stated(valve: Specimen) -> tuple[str, ...]:
+    """Of a valve of one's own, which of mass and power nobody gave: usual ones rank it, but are no answer."""
+    if valve.title != OWN_TITLE:
+        return ()
+    usual = valve.inferred()
+    return tuple(name for name, key in (("mass", "mass"), ("power", "current")) if key in usual)
 
 
 def _plain(key: str, words: str, unit: str) -> float:

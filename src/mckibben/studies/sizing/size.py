@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 from ...accessors import Accessor, implementation
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
+from ...answers import Caution, collect, warn
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...extras import library
 from ...identification.posterior import Posterior, read_posterior
+from ...muscles.plausible import pressure_caution, size_caution, typed
 from ...quantities import in_si, with_unit
 from ...specimens import Specimen, specimen_ids
 from ...specimens.parts import parts
@@ -82,6 +84,7 @@ class Sizing:
         daily: what a day takes; None without a frequency and a working time.
         valves: specimens of the valves of the user's own, by the names in `lines`.
         samples: force and stroke of the chosen muscle by the posterior of its law; None if none was given.
+        cautions: what can hardly be meant of the requirements.
     """
 
     wish: Requirements
@@ -98,6 +101,7 @@ class Sizing:
     daily: DailyUse | None = None
     valves: Mapping[str, Specimen] = field(default_factory=dict)
     samples: PosteriorAnswer | None = None
+    cautions: tuple[Caution, ...] = ()
 
     plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
 
@@ -162,8 +166,8 @@ class Sizing:
                 {"part": m.part, "asked": m.asked, "reachable": m.reachable, "sentence": m.sentence()}
                 for m in self.misses
             ],
-            "lines": [asdict(line) for line in self.lines[:top]],
-            "lengths": [asdict(line) for line in self.lengths[:top]],
+            "lines": [line.to_dict() for line in self.lines[:top]],
+            "lengths": [line.to_dict() for line in self.lengths[:top]],
             "sources": [asdict(one) for one in self.sources],
             "piston": {k: None if v is None else {"input": v[0], "output": v[1]} for k, v in self.piston.items()},
             "ranges": None if self.spread is None else self.spread._asdict() | {"to_force": self.time_range},
@@ -256,6 +260,17 @@ def size(
         >>> found.reached
         True
     """
+    stated = {
+        "force": force, "stroke": stroke, "load": load, "length": length, "diameter": diameter, "speed": speed,
+        "rate": rate, "working_time": working_time,
+    }  # fmt: skip
+    for name, value in (stated | {"space": space}).items():
+        if wish is not None and value is not None:
+            raise InputError(name, str(value), "must be left out beside a wish, which states it")
+        if space is not None and name in ("length", "diameter") and value is not None:
+            raise InputError(name, str(value), "must be left out beside a space, which states both")
+    said = _cautions(stated | {"pressure": pressure if wish is None else wish.pressure, "tube": tube_length})
+    warn(said)
     if wish is None:
         size_limits = dict(zip(("length", "diameter"), parse_space(space), strict=True)) if space is not None else {}
         wish = _requirements(
@@ -334,6 +349,7 @@ def size(
         None if spread is None else daily_use(wish, air, spread.air, line),
         {one.id: one for one in own_valves or ()},
         None if drawn is None else answer_of_posterior(drawn, chosen.muscle, wish),
+        said,
     )
 
 
@@ -341,6 +357,25 @@ def stages(*, lines: bool = True, speed: bool = False) -> int:
     """Largest number of progress reports of `size`, with valves and tubes, and where a speed is required."""
     tried = 2 * MOST_TRIED if speed else 1
     return 3 + (tried + 1 if lines else 0)
+
+
+USUAL: dict[str, tuple[str, tuple[float, float] | None]] = {
+    "force": ("N", (1e-2, 2e4)), "stroke": ("m", (1e-4, 2.0)), "load": ("kg", (1e-3, 2e3)), "length": ("m", (1e-2, 5.0)),
+    "diameter": ("m", (1e-3, 0.5)), "speed": ("m/s", (1e-4, 5.0)), "rate": ("1/s", (1e-4, 100.0)),
+    "working_time": ("s", (1.0, 1e5)), "tube": ("m", (5e-3, 50.0)),
+}  # fmt: skip
+"""SI unit and usual sizes of a requirement."""
+
+
+def _cautions(stated: Mapping[str, float | str | None]) -> tuple[Caution, ...]:
+    """What can hardly be meant of requirements."""
+    said = [
+        size_caution(stated[name], unit, name=name.replace("_", " "), usual=usual)
+        for name, (unit, usual) in USUAL.items()
+        if stated[name] is not None
+    ]
+    pressure = stated["pressure"]
+    return collect(pressure_caution(float(in_si(pressure, "Pa", field="pressure")), text=typed(pressure)), *said)
 
 
 def _force_of(force: float | str | None, load: float | str | None) -> float | str | None:

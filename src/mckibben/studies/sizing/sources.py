@@ -115,7 +115,7 @@ def daily_use(
         return None
     cycles = wish.frequency * wish.working_time
     low, high = (cycles * end for end in air_range)
-    power = None if line is None else line.power * wish.working_time
+    power = None if line is None or "power" in line.not_stated else line.power * wish.working_time
     return DailyUse(wish.working_time, cycles, cycles * air, (low, high), cycles * air / REFERENCE_DENSITY, power)
 
 
@@ -186,7 +186,8 @@ def _with_valve(part: CataloguePart, one: SourceResult, wish: Requirements, line
         return one
     energy = one.energy + line.power / wish.frequency
     cycles = int(part.values["stored_energy"] / energy)
-    note = f"{one.note}; feeds the valve too, {with_unit(line.power, 'W', 3)}"
+    guessed = ", which is usual and was not given" if "power" in line.not_stated else ""
+    note = f"{one.note}; feeds the valve too, {with_unit(line.power, 'W', 3)}{guessed}"
     return replace(
         one, energy=energy, efficiency=_work(wish) / energy, cycles=cycles, run_time=cycles / wish.frequency, note=note
     )

@@ -178,6 +178,8 @@ def line_table(sizing: Sizing, top: int) -> SizingTable:
     if late:
         said = "their times are" if len(late) > 1 else "its times are"
         notes.append(f"The tension has not settled behind {', '.join(late)}: {said} of a step under way.")
+    if any(line.not_stated for line in sizing.lines[:top]):
+        notes.append("Not known: mass or power of a valve of one's own were not given; the ranking takes usual ones.")
     title = f"Valves and tubes for {sizing.chosen.muscle.id}"
     return SizingTable(title, columns, [_line_row(one) for one in sizing.lines[:top]], 2, tuple(notes))
 
@@ -187,8 +189,8 @@ def _line_row(line: LineResult) -> list[str]:
         line.valve,
         line.tube,
         *_times(line),
-        f"{1e3 * line.valve_mass:.0f}",
-        f"{line.power:.1f}",
+        line.valve_mass_shown,
+        line.power_shown,
         f"{1e4 * line.stiffness:.1f}",
         f"{1e6 * line.air:.0f}",
         f"{1e6 * line.leak:.0f}",

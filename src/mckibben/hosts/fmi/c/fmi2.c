@@ -61,13 +61,15 @@ fmi2Status fmi2GetReal(fmi2Component given, const fmi2ValueReference references[
 fmi2Status fmi2SetReal(fmi2Component given, const fmi2ValueReference references[], size_t n, const fmi2Real values[])
 {
     I;
+    int worst = GOOD;
     for (size_t k = 0; k < n; ++k) {
         const variable *const v = find(references[k]);
         if (!v) return (fmi2Status)report(i, BAD, "Unknown value reference %u.", references[k]);
         const int status = set_values(i, v, references[k] - v->reference, 1, values + k);
-        if (status != GOOD) return (fmi2Status)status;
+        if (status > WARNING) return (fmi2Status)status;
+        if (status > worst) worst = status;
     }
-    return fmi2OK;
+    return (fmi2Status)worst;
 }
 
 /* Types of which there are no variables. */

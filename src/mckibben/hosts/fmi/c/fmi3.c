@@ -85,6 +85,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance given, const fmi3ValueReference reference
 fmi3Status fmi3SetFloat64(fmi3Instance given, const fmi3ValueReference references[], size_t n, const fmi3Float64 values[], size_t size)
 {
     I;
+    int worst = GOOD;
     size_t at = 0;
     for (size_t k = 0; k < n; ++k) {
         const variable *const v = find(references[k]);
@@ -92,10 +93,11 @@ fmi3Status fmi3SetFloat64(fmi3Instance given, const fmi3ValueReference reference
             return (fmi3Status)report(i, BAD, "Unknown value reference %u.", references[k]);
         if (at + v->count > size) return (fmi3Status)report(i, BAD, "%s needs %u values.", v->name, v->count);
         const int status = set_values(i, v, 0, v->count, values + at);
-        if (status != GOOD) return (fmi3Status)status;
+        if (status > WARNING) return (fmi3Status)status;
+        if (status > worst) worst = status;
         at += v->count;
     }
-    return at == size ? fmi3OK : (fmi3Status)report(i, BAD, "The variables have %d values, got %d.", (int)at, (int)size);
+    return at == size ? (fmi3Status)worst : (fmi3Status)report(i, BAD, "The variables have %d values, got %d.", (int)at, (int)size);
 }
 
 /* Types of which there are no variables. */

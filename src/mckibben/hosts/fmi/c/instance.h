@@ -40,6 +40,7 @@ typedef struct {
     int kind;
     size_t offset;
     double low, high;
+    double least, most; /* a value beyond, except 0, is carried out with a warning */
     const char *name;
 } variable;
 
@@ -60,6 +61,7 @@ typedef struct instance {
     void (*callback)(void); /* of the importer, by which messages are logged */
     void *environment;
     char *name;
+    char warned[sizeof VARIABLES / sizeof *VARIABLES];
 } instance;
 
 static const char *const CATEGORIES[] = {"logStatusOK", "logStatusWarning", "logStatusDiscard", "logStatusError"};
@@ -180,6 +182,12 @@ static int set_values(instance *i, const variable *v, size_t first, size_t count
             return report(i, BAD, "%s must be between %g and %g, got %g.", v->name, v->low, v->high, values[k]);
     memcpy(numbers(i, v) + first, values, count * sizeof *values);
     if (i->exchange || i->now.initialised != 1.0) i->now.stale = 1.0;
+    for (size_t k = 0; k < count; ++k)
+        if (values[k] != 0.0 && !(values[k] >= v->least && values[k] <= v->most) && !i->warned[v - VARIABLES]) {
+            i->warned[v - VARIABLES] = 1;
+            return report(i, WARNING, "%s of %g can hardly be meant: %g to %g have an effect of their own.", v->name,
+                          values[k], v->least, v->most);
+        }
     return GOOD;
 }
 

@@ -121,7 +121,7 @@ class ComparePage:
         self.pressure = accepted.value
         caution = pressure_caution(accepted.value, text=words)
         if caution is not None:
-            self._say(f"{caution[0].upper()}{caution[1:]}.")
+            self._say(f"{str(caution)[0].upper()}{str(caution)[1:]}.")
         self.renew()
 
     def _source(self, value: str) -> None:

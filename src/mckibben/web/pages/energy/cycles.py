@@ -23,7 +23,6 @@ from ....analysis.energy import (
 )
 from ....documents import JsonValue
 from ....errors import InputError, NoVolumeError
-from ....muscles.plausible import pressure_caution
 from ....quantities import from_si, with_unit
 from ....report.energy_report import energy_report
 from ....report.figures import energy_figures
@@ -190,8 +189,7 @@ def _say(choice: EnergyChoice, main: CycleLoops, other: CycleLoops | None, betwe
 def _more(choice: EnergyChoice, main: CycleLoops, computed: WorkingCycles) -> list[str]:
     """Sentences about the assumptions of the numbers."""
     between = computed.conditions
-    caution = pressure_caution(between.pressure, computed.specimen)
-    said = [] if caution is None else [f"{caution[0].upper()}{caution[1:]}."]
+    said = [f"{str(one)[0].upper()}{str(one)[1:]}." for one in computed.cautions]
     if choice.cycle != "maximal" and between.friction:
         said.append(f"Friction: {READINGS[between.reading]}.")
     if abs(main.cycle.unaccounted) > 5e-4:

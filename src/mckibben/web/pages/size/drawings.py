@@ -115,7 +115,7 @@ def facts_of(sizing: Sizing) -> list[SizingFact]:
         )
     )
     if line is not None:
-        facts.append(SizingFact("Valve", "v", line.valve, f"{line.power:.1f} W, {1e3 * line.valve_mass:.0f} g"))
+        facts.append(SizingFact("Valve", "v", line.valve, f"{line.power_shown} W, {line.valve_mass_shown} g"))
         facts.append(SizingFact("Tube", "L", line.tube, with_unit(line.tube_length, "m")))
         times = "" if sizing.time_range is None else _brackets(*sizing.time_range, 1e3)
         facts.append(SizingFact("Time to the force", "", f"{ms(line.to_force)} ms", times))

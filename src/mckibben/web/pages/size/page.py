@@ -17,6 +17,7 @@ from ....studies.sizing import BRAID_LAWS, OBJECTIVES, Sizing, size, tables_of
 from ...elements import Element, call_script
 from ...transfers import download
 from ...widgets import box, button, check, empty, link, loading, panel, raw, refused, select, table, tell, text
+from ...widgets import note as caution
 from ...workspace import Workspace
 from ..circuit.document import packed
 from .drawings import SizingCharts, charts_of, facts_of
@@ -179,6 +180,8 @@ class SizePage:
         self.result.classed("old", False)
         self.result.clear()
         with self.result:
+            for one in sizing.cautions:
+                caution(f"{str(one)[0].upper()}{str(one)[1:]}.")
             with box("div", "size-top"):
                 with panel("Chosen", sizing.chosen.muscle.title if sizing.reached else "nothing reaches it"):
                     self._chosen(sizing)

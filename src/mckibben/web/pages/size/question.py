@@ -74,7 +74,7 @@ class SizeQuestion:
     def arguments(self) -> dict[str, JsonValue]:
         """Arguments of `mckibben.size`."""
         stated = {f.name: getattr(self, f.name).strip() or None for f in fields(self)}
-        return stated | {"lines": self.lines == "yes", "force": None if stated["load"] else stated["force"]}
+        return stated | {"lines": self.lines == "yes"}
 
     def link(self) -> dict[str, str | None]:
         """Parameters of the page's address; None for those that are usual, ``none`` for those left empty."""
@@ -89,4 +89,6 @@ LINKED = tuple(f.name for f in fields(SizeQuestion))
 def from_link(words: Mapping[str, str]) -> SizeQuestion:
     """The question of a link; what it does not state is as usual."""
     stated = {name: "" if text == "none" else text for name, text in words.items() if name in LINKED}
+    if stated.get("load"):
+        stated.setdefault("force", "")  # the usual force is none that anybody gave
     return replace(SizeQuestion(), **stated)
