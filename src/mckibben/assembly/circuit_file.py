@@ -39,6 +39,7 @@ import numpy as np
 from .. import schema
 from .._jax import Scalar, Tree
 from ..accessors import implementation
+from ..answers import brief
 from ..components import Environment, paths
 from ..components.module import map_leaves
 from ..documents import JsonValue, parse_toml, read_text, with_own_paths
@@ -114,6 +115,8 @@ class PlannedSignal:
     waveform: Waveform
     unit: str
     drives: tuple[str, ...]
+
+    __repr__ = brief
 
     @property
     def straight(self) -> bool:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import brief
 from ..assembly.build import unit_from_muscle, unit_from_specimen
 from ..assembly.muscle_unit import MuscleUnit
 from ..documents import JsonValue
@@ -55,6 +56,8 @@ class RunSegment(NamedTuple):
     friction: float
     asked: str
     motor_held: bool = False
+
+    __repr__ = brief
 
     @property
     def moves(self) -> bool:
@@ -114,6 +117,8 @@ class PreparedRun:
     findings: tuple[Finding, ...] = ()
     accepted: tuple[Finding, ...] = ()
     motor_held: bool = False
+
+    __repr__ = brief
 
     @property
     def cautions(self) -> tuple[str, ...]:

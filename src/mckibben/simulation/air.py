@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._jax import Tree
+from ..answers import brief
 from ..assembly.build import INFERRED, LINE_VALVE, AirLine, circuit_for, is_line_valve
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
@@ -56,6 +57,8 @@ class AirCircuit(NamedTuple):
     settles: dict[str, str]
     environment: Environment
     document: dict[str, Any]
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

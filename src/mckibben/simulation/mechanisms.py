@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..answers import brief
 from ..assembly.build import unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
 from ..assembly.muscle_unit import MuscleUnit
@@ -427,6 +428,8 @@ class Chain(Mechanism):
 
     links: tuple[Link, ...]
     gravity: Amount = GRAVITY
+
+    __repr__ = brief
 
     def __init__(self, *links: Link, gravity: Amount = GRAVITY) -> None:
         if not links or not all(isinstance(link, Link) for link in links):

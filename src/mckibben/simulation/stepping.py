@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Tree, jnp
+from ..answers import brief
 from ..assembly.machine import Machine
 from ..components import Scalar, field
 from ..components.module import flatten
@@ -46,6 +47,8 @@ class SimulationState:
     commands: np.ndarray
     noise: Mapping[str, Any]
     structure: str
+
+    __repr__ = brief
 
 
 class CommandInput(NamedTuple):

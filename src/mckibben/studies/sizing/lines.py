@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...answers import brief
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...pneumatics.build import valve_from_specimen
 from ...pneumatics.gas import REFERENCE_DENSITY
@@ -81,6 +82,8 @@ class LineResult:
     pareto: bool = False
     score: float = math.inf
     element: str = ""
+
+    __repr__ = brief
 
 
 def lines_for(
