@@ -17,8 +17,19 @@ from analysis_records import (
 )
 
 from mckibben.analysis.lag import advanced, channel_lag, corrected_loop, filter_effect, unfiltered
-from mckibben.analysis.loops import closed_area, loop, loop_ratio, loops, path_distance, paths, peak_velocity, variation
-from mckibben.errors import InputError
+from mckibben.analysis.loops import (
+    closed_area,
+    loop,
+    loop_ratio,
+    loops,
+    loops_by_held,
+    path_distance,
+    paths,
+    peak_velocity,
+    static_points,
+    variation,
+)
+from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.recordings import Channel, Recording
 
 WIDTH, HEIGHT, AREA = 2.0 * FRICTION / STIFFNESS, 2.0 * FRICTION, 2.0 * FRICTION * RANGE
@@ -233,3 +244,77 @@ def test_more_cycles_skipped_than_there_are_and_wrong_lags_are_refused():
         corrected_loop(run, cutoff=0.0)
     with pytest.raises(InputError, match="in common"):
         path_distance(paths(run).rising, paths(coulomb(clock(3.0), low=0.5)).rising)
+
+
+def held(blocks, *, friction=2.0, pressure=True):
+    """Sines of 5 mm around 14 cm, one block after the other: (gauge pressure [bar], frequency [Hz], cycles).
+
+    Tension 30 N and 2 N/mm at 1 bar, 60 N more for each further two bar, and Coulomb friction.
+    """
+    times, lengths, tensions, pressures, begun = [], [], [], [], 0.0
+    for bar, frequency, cycles in blocks:
+        time = np.arange(round(cycles / frequency / 0.005)) * 0.005
+        phase = 2.0 * np.pi * frequency * time
+        lengths.append(0.14 + 0.005 * np.sin(phase))
+        tensions.append(30.0 * bar + 2000.0 * (lengths[-1] - 0.14) + friction * np.sign(np.cos(phase + 1e-9)))
+        pressures.append(np.full(time.size, 1e5 * bar))
+        times.append(begun + time)
+        begun += time.size * 0.005
+    channels = {"span": np.concatenate(lengths), "tension": np.concatenate(tensions)}
+    channels |= {"pressure": np.concatenate(pressures)} if pressure else {}
+    units = {"span": "m", "tension": "N", "pressure": "Pa"}
+    return Recording(np.concatenate(times), {n: Channel(v, units[n], "measured") for n, v in channels.items()})
+
+
+SPAN = {"length": "span", "tension": "tension"}
+
+
+@pytest.mark.parametrize("pressure", [True, False])
+def test_loops_are_cut_by_what_was_held(pressure):
+    """One bar, then three: each pressure has its friction of 2 N and takes 4 N over 1 cm in; what lies between is no loop.
+
+    Without the channel of the pressure, the tension tells. 200 samples in a turn: the polygon misses 2e-4 of the area.
+    """
+    record = held([(1, 0.5, 2), (3, 0.5, 2)], pressure=pressure)
+    with pytest.warns(PlausibilityWarning, match="1 of 3 cycles .3.5 to 5.5 s. left out"):
+        each = record.loops(**SPAN)
+    assert [one.friction for one in each] == pytest.approx([2.0, 2.0], rel=1e-6)
+    assert [one.work for one in each] == pytest.approx([-0.04, -0.04], rel=2e-3)
+    groups, _ = loops_by_held(record, **SPAN)
+    assert [group.words() for group, _ in groups] == (["1 bar", "3 bar"] if pressure else ["30 N", "90 N"])
+    if pressure:
+        assert [one.pressure for one in each] == pytest.approx([1e5, 3e5])
+        with pytest.warns(PlausibilityWarning):
+            points = static_points(record, [0.138, 0.142], **SPAN, pressure="pressure")
+        # a quarter of a millimetre of sine within the reading window
+        assert [p.tension for p in points] == pytest.approx([26.0, 34.0, 86.0, 94.0], abs=0.01)
+        assert [p.pressure for p in points] == pytest.approx([1e5, 1e5, 3e5, 3e5])
+
+
+def test_loops_of_two_speeds_are_two_groups_and_their_mean_says_so():
+    record = held([(1, 0.5, 3), (1, 1.0, 3)])
+    groups, cautions = loops_by_held(record, **SPAN)
+    # between them one cycle of which three quarters are of the slow kind in time
+    assert [group.words() for group, _ in groups] == ["0.5 Hz", "0.8 Hz", "1 Hz"] and cautions == ()
+    with pytest.warns(PlausibilityWarning, match="different things were held .0.5 Hz; 0.8 Hz; 1 Hz."):
+        loop(record, **SPAN)
+
+
+def test_a_drift_parts_no_loops_and_is_said():
+    """A leak of 0.3 bar over twenty loops: none of them is beside the others, and the mean is over all."""
+    record = held([(3.0 - 0.015 * i, 0.5, 1) for i in range(20)])
+    groups, cautions = loops_by_held(record, **SPAN)
+    assert len(groups) == 1
+    assert [str(c) for c in cautions] == ["pressure drifts from 2.989 bar to 2.719 bar over the loops of one mean"]
+
+
+def test_cycles_of_which_none_is_closed_say_so():
+    record = held([(1.0 + 0.5 * i, 0.5, 1) for i in range(6)], friction=0.0)
+    _, cautions = loops_by_held(record, **SPAN)
+    assert "cannot be cut by what was held" in str(cautions[0])
+
+
+def test_an_account_leaves_out_cycles_that_are_no_loops():
+    account = held([(1, 0.5, 2), (3, 0.5, 2)]).energy(muscle="nylon")
+    assert [c.shaft_work for c in account.cycles] == pytest.approx([-0.04, -0.04], rel=2e-3)
+    assert any("left out" in note for note in account.notes) and any("1 bar to 3 bar" in n for n in account.notes)

@@ -12,7 +12,7 @@ import pytest
 from lanes_and_runs import STEP
 
 import mckibben as mk
-from mckibben.batch import VariantOutcome
+from mckibben.batch import VariantOutcome, grid
 from mckibben.batch.drive import run_sweep
 from mckibben.batch.store import read_results
 from mckibben.batch.sweep import run_batch
@@ -270,3 +270,11 @@ def test_a_range_that_stands_as_a_list_is_shown_as_the_table_that_would_do(tmp_p
     with pytest.raises(InputError) as refused:
         read_sweep(written(tmp_path, text))
     assert 'tube.length must be a table such as { from = "0.2 m", to = "2 m" }, got ' in str(refused.value)
+
+
+def test_a_block_is_soon_done_however_long_its_variants_are(tmp_path):
+    """Ctrl-C loses the blocks under way: 500 s of muscle take a core some seconds, and less than the least block is none."""
+    sweep = dataclasses.replace(read_sweep(written(tmp_path)), block=0)
+    many = dataclasses.replace(sweep, variants=grid({"high": [1e5 + i for i in range(2000)]}))
+    sizes = [many.sized(2, 1000, duration) for duration in (0.1, 2.5, 20.0, 600.0)]
+    assert sizes == [256, 128, 16, 16]

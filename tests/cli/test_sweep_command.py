@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from mckibben.batch.store import read_results
@@ -110,6 +111,61 @@ def test_ctrl_c_leaves_a_store_that_goes_on(run, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(SerialTeam, "run", interrupted)
         code, out, err = run('["1 bar", "2 bar", "3 bar"]', "--json", text=text)
-    assert (code, out) == (130, "") and "the same command goes on" in err
+    # two of three were stored when it came
+    assert (code, out) == (130, "") and "2 of 3 variants are in" in err and "the same command goes on" in err
     code, out, _ = run('["1 bar", "2 bar", "3 bar"]', "--json", text=text)
     assert code == 0 and (json.loads(out)["runs"], json.loads(out)["new"]) == (3, 1)
+
+
+def test_ctrl_c_before_a_block_is_done_says_that_nothing_was(run, monkeypatch):
+    from mckibben.batch.workers import SerialTeam
+
+    def interrupted(self, work, blocks, tell):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(SerialTeam, "run", interrupted)
+    code, out, err = run('["1 bar", "2 bar"]')
+    assert (code, out) == (130, "") and err == "mckibben: interrupted; no variant was done\n"
+
+
+BACK = (
+    FILE
+    + """
+[outputs.rise]
+channel = "muscle.pressure"
+reduce = "time_to"
+"""
+)
+THERE_AND_BACK = (
+    PROTOCOL
+    + """
+[[steps]]
+label = "low"
+span = "1 L0"
+pressure = "0 bar"
+for = "0.5 s"
+"""
+)
+
+
+def test_a_measure_that_means_nothing_has_no_value_and_every_face_says_why(run, monkeypatch):
+    """After a step up and back the pressure ends where it began: no share of its way is ever a rise."""
+    monkeypatch.setattr("test_sweep_command.PROTOCOL", THERE_AND_BACK)
+    code, out, err = run('["1 bar", "2 bar"]', "--json", text=BACK)
+    found = json.loads(out)
+    assert code == 1 and found["codes"] == {"done": 2} and found["unmeasured"] == {"rise": [0, 1]}
+    (said,) = found["warnings"]
+    assert said.startswith("rise has no value in 2 of 2 variants (0 to 1); in the first, muscle.pressure ends ")
+    assert said in err
+    _, results = read_results(found["store"])
+    assert np.isnan(results.outputs["rise"]).all() and np.isfinite(results.outputs["peak"]).all()
+    assert [c.text for c in results.cautions] == [said] and "2 without rise" in repr(results)
+    assert all("rise: muscle.pressure ends" in message for message in results.message)
+
+
+def test_a_step_that_stays_has_a_rise_and_no_word(run):
+    code, out, err = run('["1 bar", "2 bar"]', "--json", text=BACK)
+    found = json.loads(out)
+    assert (code, found["unmeasured"], found["warnings"]) == (0, {}, [])
+    _, results = read_results(found["store"])
+    assert (results.outputs["rise"] > 0.0).all() and "without" not in repr(results)

@@ -11,11 +11,13 @@ whole path, lengthening counted against it; ``work_out`` counts what they do whi
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Caution, collect
 from ..components import Environment
 from ..documents import JsonValue
 from ..errors import InputError
@@ -24,12 +26,13 @@ from ..muscles.law import TensionLaw
 from ..muscles.stored import stored_along
 from ..pneumatics.exergy import DeadState
 from ..pneumatics.gas import AIR
+from ..quantities import with_unit
 from ..recordings import Recording
 from ..specimens import Specimen, muscle_specimen
 from ._energy_samples import Flows, whole_pieces
 from ._recorded_machine import RecordedMachine
 from .channels import known
-from .cycles import Cycle, find_cycles
+from .cycles import Cycle, closed_cycles, find_cycles
 from .energy_parts import CycleEnergy, EnergyAccount, EnergyPart, Saving
 
 __all__ = ["CycleEnergy", "EnergyAccount", "EnergyPart", "Saving", "energy_account"]
@@ -143,6 +146,9 @@ def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEn
         return []
     try:
         all_cycles = find_cycles(record[drive], subject=f"channel {drive}")
+        held = {f"{m}.pressure": record[f"{m}.pressure"] for m in muscles}
+        all_cycles, caution = closed_cycles(all_cycles, record.time, held)
+        notes += [caution.text] if caution else []
     except InputError as error:
         if channel is not None:
             raise
@@ -199,6 +205,7 @@ class _Piece(NamedTuple):
     mass: np.ndarray
     stored: np.ndarray
     cycles: tuple[Cycle, ...]
+    caution: Caution | None  # where some are left out
 
 
 def estimate(
@@ -236,7 +243,7 @@ def estimate(
     pieces = [_piece(record, p, basis, (pressure, tension, span), cycle) for p in whole_pieces(record)]
     pairs = [(p, c) for p in pieces for c in p.cycles]
     if not pairs:
-        raise InputError("cycles", None, "must have one in which the muscle is filled and emptied")
+        raise InputError("cycles", None, "must have one in which the muscle is filled and emptied, or stretched")
     cycles = tuple(_one(p, c, basis) for p, c in pairs)
     parts = tuple(a._replace(value=sum(c.parts[i].value for c in cycles)) for i, a in enumerate(cycles[0].parts))
     air = sum(c.air for c in cycles)
@@ -249,7 +256,15 @@ def estimate(
         *(["dead_volume"] if np.isnan(basis.idle) else []),
         *(["supply"] if np.isnan(basis.supply_abs) else []),
     ]
-    notes = ("estimated with the gas at the room's temperature and the muscle at rest on its law",)
+    cautions = collect(*(p.caution for p in pieces))
+    means = sorted(float(p.pressure_abs[c.start : c.end].mean() - basis.dead.pressure_abs) for p, c in pairs)
+    if means[-1] - means[0] > 0.02 * abs(means[-1]):
+        words = " to ".join(with_unit(mean, "Pa") for mean in (means[0], means[-1]))
+        cautions += (Caution(f"the parts are sums over cycles at different mean pressures ({words})", "pressure"),)
+    notes = (
+        *(c.text for c in cautions),
+        "estimated with the gas at the room's temperature and the muscle at rest on its law",
+    )
     return EnergyAccount(
         kind="measured",
         parts=parts,
@@ -304,15 +319,16 @@ def _piece(record: Recording, where: slice, given: _Known, names: tuple[str, str
     volume = np.asarray(given.law.volume(span, gauge))
     at = gauge + float(given.dead.pressure_abs)
     mass = np.asarray(given.dead.gas.mass(at, volume, given.dead.temperature))
-    drive = mass if cycle is None else record[cycle][where]
-    try:
-        cycles = find_cycles(drive, subject="mass of the gas" if cycle is None else f"channel {cycle}")
-    except InputError:
-        cycles = ()
-    # between two low turns the muscle is filled and emptied
-    cycles = tuple(c for c in cycles if not c.begins_high)
+    cycles: tuple[Cycle, ...] = ()
+    # Between two low turns the muscle is filled and emptied; where it is only stretched, its span goes to and fro.
+    for drive in [mass, span] if cycle is None else [record[cycle][where]]:
+        if not cycles:
+            with contextlib.suppress(InputError):
+                cycles = find_cycles(drive)
+            cycles = tuple(c for c in cycles if drive is span or not c.begins_high)
+    cycles, caution = closed_cycles(cycles, record.time[where], {names[0]: gauge})
     stored = stored_along(given.law, span, gauge)
-    return _Piece(record.time[where], at, span, tension, mass, stored, cycles)
+    return _Piece(record.time[where], at, span, tension, mass, stored, cycles, caution)
 
 
 def _one(piece: _Piece, cycle: Cycle, known: _Known) -> CycleEnergy:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from ..accessors import Accessor, implementation
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
@@ -91,6 +92,8 @@ class CycleEnergy(NamedTuple):
     shaft_work: float
     work_out: float
     parts: tuple[EnergyPart, ...]
+
+    __repr__ = brief
 
     @property
     def efficiency(self) -> float:

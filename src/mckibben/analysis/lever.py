@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..answers import brief
 from ..errors import InputError
 from ..recordings import Recording
 from .channels import known
@@ -70,6 +71,8 @@ class ContractionTiming(NamedTuple):
     above: str  # rest or zero, from which set points count
     rising: tuple[TensionShare, ...]
     relaxing: tuple[TensionShare, ...]
+
+    __repr__ = brief
 
     @property
     def time_to_peak(self) -> float:

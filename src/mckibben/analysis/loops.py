@@ -6,16 +6,17 @@ nearest: straight and parabolic paths are exact, and noise and counts average ov
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ..answers import Caution, warn
 from ..errors import InputError
 from ..recordings import ForceMap, Recording
 from ._regression import Interval, linear_fit
 from .channels import finite, known, positive
-from .cycles import Cycle, cycle_frequency, find_cycles
+from .cycles import Cycle, HeldCycles, cycle_frequency, find_cycles, held_cycles
 from .segments import segments
 
 _HALF_WINDOW = 0.05
@@ -111,7 +112,11 @@ def paths(record: Recording, *, length: str = "muscle.length", tension: str = "m
         InputError: a channel is missing, or there is no full cycle.
     """
     x, y = known(record, length), known(record, tension)
-    each = [paths_of(x, y, cycle) for cycle in find_cycles(x, skip=skip, subject=f"channel {length}")]
+    return _paths(x, y, find_cycles(x, skip=skip, subject=f"channel {length}"))
+
+
+def _paths(x: np.ndarray, y: np.ndarray, cycles: Sequence[Cycle]) -> Paths:
+    each = [paths_of(x, y, cycle) for cycle in cycles]
     return Paths(_pooled([p.rising for p in each]), _pooled([p.falling for p in each]))
 
 
@@ -171,6 +176,7 @@ class TensionLoop(NamedTuple):
     tension_low: float  # [N]
     tension_high: float  # [N]
     closure: float  # tension at the end less that at the beginning [N]
+    pressure: float = float("nan")  # mean gauge pressure, where the recording has one [Pa]
 
     @property
     def work(self) -> float:
@@ -200,7 +206,7 @@ class LoopRatio(NamedTuple):
 def loops(
     record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
 ) -> tuple[TensionLoop, ...]:
-    """The loop of every full cycle.
+    """The loop of every full cycle in which pressure and tension return; what is left out is said as a warning.
 
     Args:
         record: with both channels.
@@ -211,15 +217,41 @@ def loops(
     Raises:
         InputError: a channel is missing or not finite, or there is no full cycle.
     """
+    groups, cautions = loops_by_held(record, length=length, tension=tension, skip=skip)
+    warn(cautions)
+    each = [(cycle.start, one) for held, parts in groups for cycle, one in zip(held.cycles, parts, strict=True)]
+    return tuple(one for _, one in sorted(each, key=lambda pair: pair[0]))
+
+
+def loops_by_held(
+    record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
+) -> tuple[tuple[tuple[HeldCycles, tuple[TensionLoop, ...]], ...], tuple[Caution, ...]]:
+    """The loops by what was held, as `cycles.held_cycles` parts them; arguments and errors as there."""
     x, y = known(record, length), known(record, tension)
-    return tuple(_loop(x, y, cycle) for cycle in find_cycles(x, skip=skip, subject=f"channel {length}"))
+    groups, cautions = held_cycles(record, length=length, tension=tension, skip=skip)
+    room = length.rpartition(".")[0]
+    name = next((n for n in (f"{room}.pressure" if room else "pressure", "pressure") if n in record), None)
+
+    def one(cycle: Cycle) -> TensionLoop:
+        mean = float("nan") if name is None else float(record[name][cycle.start : cycle.end].mean())
+        return _loop(x, y, cycle)._replace(pressure=mean)
+
+    return tuple((held, tuple(map(one, held.cycles))) for held in groups), cautions
 
 
 def loop(
     record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
 ) -> TensionLoop:
-    """The mean of the loops of all full cycles; arguments and errors as in `loops`."""
-    return mean_loop(loops(record, length=length, tension=tension, skip=skip))
+    """The mean of the loops of all full cycles; arguments, errors and warnings as in `loops`.
+
+    A mean over loops of different pressures, speeds or strokes is said as a warning.
+    """
+    groups, cautions = loops_by_held(record, length=length, tension=tension, skip=skip)
+    if len(groups) > 1:
+        held = "; ".join(group.words() for group, _ in groups)
+        cautions += (Caution(f"the mean is over loops in which different things were held ({held})", "cycles"),)
+    warn(cautions)
+    return mean_loop([one for _, parts in groups for one in parts])
 
 
 def mean_loop(each: Sequence[TensionLoop]) -> TensionLoop:
@@ -329,7 +361,7 @@ def static_points(
     pressure: str = "muscle.pressure",
     skip: int = 0,
 ) -> tuple[StaticPoint, ...]:
-    """Points of one quasi-static recording at constant pressure.
+    """Points of a quasi-static recording, for each pressure that was held.
 
     Args:
         record: with the three channels.
@@ -343,19 +375,26 @@ def static_points(
         InputError: a channel is missing, there is no full cycle, or a length is not reached on both paths.
     """
     at = finite(lengths, "lengths")
-    points_by_place = {
-        name: paths(record, length=length, tension=channel, skip=skip)
-        for name, channel in (("pressure", pressure), ("tension", tension))
-    }
+    x = known(record, length)
+    groups, cautions = held_cycles(record, length=length, tension=tension, skip=skip)
+    warn(cautions)
+    return tuple(
+        point
+        for group in groups
+        for point in _static(at, *(_paths(x, known(record, n), group.cycles) for n in (pressure, tension)))
+    )
+
+
+def _static(at: np.ndarray, pressures: Paths, tensions: Paths) -> Iterator[StaticPoint]:
+    points_by_place = {"pressure": pressures, "tension": tensions}
     rising, falling = points_by_place["tension"]
     low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
     for x in at:
         if not low <= x <= high:
             raise InputError("lengths", float(x), f"must be between {low:.6g} and {high:.6g} m, which both paths reach")
     mean = {name: 0.5 * (p.rising.at(at) + p.falling.at(at)) for name, p in points_by_place.items()}
-    return tuple(
-        StaticPoint(float(x), float(p), float(f)) for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True)
-    )
+    for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True):
+        yield StaticPoint(float(x), float(p), float(f))
 
 
 def force_map(

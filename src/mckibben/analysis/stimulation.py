@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..answers import brief
 from ..errors import InputError
 from ..recordings import Recording
 from .channels import known
@@ -46,6 +47,8 @@ class StimulatedContraction(NamedTuple):
     mean: float  # NaN of a single stimulus [N]
     ripple: float  # NaN of a single stimulus [1]
 
+    __repr__ = brief
+
 
 class StimulatedLoop(NamedTuple):
     """The mean work loop of a stimulated muscle."""
@@ -55,6 +58,8 @@ class StimulatedLoop(NamedTuple):
     cycles: int
     work: float  # net, of one cycle, positive if the muscle delivers it [J]
     power: float  # mean over the cycle [W]
+
+    __repr__ = brief
 
 
 def stimulated_loops(

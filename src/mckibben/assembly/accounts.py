@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from .._jax import Scalar, Tree, jnp
+from ..answers import brief
 from ..engine import Run
 from ..engine.native import call_compiled
 from ..muscles.stored import stored_change
@@ -42,6 +43,8 @@ class Accounts(NamedTuple):
     dissipated: float
     exergy: float
     energy_parts: ExergyBalance
+
+    __repr__ = brief
 
 
 def accounts(

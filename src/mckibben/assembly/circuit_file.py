@@ -40,7 +40,7 @@ import numpy as np
 from .. import schema
 from .._jax import Scalar, Tree
 from ..accessors import implementation
-from ..answers import Caution, collect
+from ..answers import Caution, brief, collect
 from ..components import Environment, FlowElement, paths
 from ..components.module import map_leaves
 from ..documents import JsonValue, parse_toml, read_text, with_own_paths
@@ -119,6 +119,8 @@ class PlannedSignal:
     waveform: Waveform
     unit: str
     drives: tuple[str, ...]
+
+    __repr__ = brief
 
     @property
     def straight(self) -> bool:

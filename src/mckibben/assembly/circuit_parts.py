@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from .. import schema
+from ..answers import brief
 from ..components import Environment
 from ..errors import InputError, MissingParametersError
 from ..muscles import law_from_specimen
@@ -401,3 +402,5 @@ class FitTable:
     columns: dict[str, str | int] = schema.by_name((str, int), "the name or the number of a column")
     units: dict[str, str] = schema.by_name((str,), "a unit in words")
     pressure_zero: float = schema.number("Pa", doc="what the sensors read at zero", default=0.0)
+
+    __repr__ = brief

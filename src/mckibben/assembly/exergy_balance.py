@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar
+from ..answers import brief
 from ..documents import JsonValue
 from ..engine.native import call_compiled
 from ..muscles.law import law_name
@@ -58,6 +59,8 @@ class ExergyLedger(NamedTuple):
     stored: dict[str, float]
     throughput: float
 
+    __repr__ = brief
+
     @property
     def remainder(self) -> float:
         """Input that no part accounts for [J]."""
@@ -93,6 +96,8 @@ class ExergyBalance:
     load: ExergyLedger
     air: float
     compressor: Mapping[str, float]
+
+    __repr__ = brief
 
     def plus(self, other: ExergyBalance) -> ExergyBalance:
         """Return the sum of both balances."""

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .outputs import VariantOutcome
+from ..answers import Caution, brief
+from .outputs import VariantOutcome, codes_of
 from .store import opened, zarr_library
-from .sweep import Sweep, codes_of
+from .sweep import Sweep
 from .workers import SweepJob, VariantBlock, Workers
 
 Progress = Callable[[float, int], None]  # variants that are done, of all
@@ -24,6 +25,8 @@ class SweepReport(NamedTuple):
         runs: variants with a result.
         new: number of those run by this call.
         failed: whose result is none that reached its end.
+        unmeasured: variants that reached their end and have no value of an output, their places by its name.
+        cautions: of those, with the reason of the first.
         codes: how many have each result code, by its name.
         store: path of the results.
         seconds: that this call took [s].
@@ -33,10 +36,14 @@ class SweepReport(NamedTuple):
     runs: int
     new: int
     failed: int
+    unmeasured: dict[str, list[int]]
+    cautions: tuple[Caution, ...]
     codes: dict[str, int]
     store: str
     seconds: float
     muscle_seconds: float
+
+    __repr__ = brief
 
     @property
     def rate(self) -> float:
@@ -50,6 +57,7 @@ def run_sweep(
     *,
     workers: Workers | None = None,
     progress: Progress = lambda done, total: None,
+    stored: Callable[[int], None] = lambda count: None,
 ) -> SweepReport:
     """Run the variants that the store in a folder does not have yet.
 
@@ -60,6 +68,7 @@ def run_sweep(
         out: folder.
         workers: where; a Dask cluster on this machine by default.
         progress: told how far it is.
+        stored: told how many variants the store holds, whenever that changes.
 
     Raises:
         MissingLibraryError: before anything is computed, if the extra ``sweep`` is not installed.
@@ -71,12 +80,14 @@ def run_sweep(
     zarr_library()
     team_of.check_libraries()
     first = sweep.check()
-    block = sweep.sized(team_of.count, first.bench.plan.samples)
+    plan = first.bench.plan
+    block = sweep.sized(team_of.count, plan.samples, plan.duration)
     new, simulated = 0, 0.0
     with opened(out, sweep, block) as store:
         todo = [VariantBlock(part, sweep.variants[part]) for part in store.missing()]
         already = store.count - sum(b.part.stop - b.part.start for b in todo)
         progress(already, store.count)
+        stored(already)
         if todo:
             job = SweepJob.of(sweep, threads=0 if team_of.way == "serial" else 1)
             with team_of.open() as team:
@@ -85,17 +96,21 @@ def run_sweep(
                 def tell(share: float) -> None:
                     progress(already + new + share * sizes[0], store.count)
 
-                for done, results in team.run(job, todo, tell):
-                    store.write(done.part, results)
-                    new += len(results.code)
-                    simulated += float(np.sum(results.duration))
+                for done, block_results in team.run(job, todo, tell):
+                    store.write(done.part, block_results)
+                    new += len(block_results.code)
+                    stored(already + new)
+                    simulated += float(np.sum(block_results.duration))
                     progress(already + new, store.count)
-        codes = store.codes()
+        results = store.measured()
+    codes = results.code
     there = codes != VariantOutcome.NOT_RUN
     return SweepReport(
         runs=int(there.sum()),
         new=new,
         failed=int((there & (codes != VariantOutcome.DONE)).sum()),
+        unmeasured={n: u.tolist() for n in results.outputs if (u := results.unmeasured(n)).size},
+        cautions=results.cautions,
         codes=codes_of(codes),
         store=str(store.path),
         seconds=time.perf_counter() - begun,

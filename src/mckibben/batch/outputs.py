@@ -12,7 +12,7 @@ Channels are those that a recording of `mckibben run` has, and only samples that
 | first, final, min, max, mean, rms | of the samples [unit of the channel] |
 | integral | over time, straight between the samples [unit s] |
 | area | over the channel named by `over`: the work of a loop with its sign [product of both units] |
-| time_to | from the first sample until a `share` of the way from the first to the last value is passed [s] |
+| time_to | from the first sample until a `share` of the way from the first to the last value is passed [s]; NaN if no step |
 | drift | change over the last fifth of the samples, over the way from the first to the last value [1] |
 | samples | the samples themselves, the output ``time`` with them |
 | account | engine's own integral over the run, such as ``delivered`` [J] |
@@ -44,6 +44,7 @@ LATER = ("time_to", "drift", "samples")  # made of kept samples
 BALANCES = ("mass", "gas", "muscle", "mechanics", "energy", "exergy")
 KINDS = (*RUNNING, *LATER, "account", "balance")
 TIME = "time"
+BEYOND = 0.5  # of its way, by which a step may overshoot: a pole pair of a damping of 0.2 does
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,11 @@ SENTENCES = {
     VariantOutcome.STOPPED: "The bench stopped it: an interlock tripped, or a test that had to come true did not.",
     VariantOutcome.REFUSED: "Nothing moved: the dry run or a value's bounds spoke against it.",
 }
+
+
+def codes_of(codes: np.ndarray) -> dict[str, int]:
+    """Count the variants by result code, by its name."""
+    return {VariantOutcome(c).name.lower(): int(n) for c, n in zip(*np.unique(codes, return_counts=True), strict=True)}
 
 
 # ---- running outputs of one lane
@@ -336,22 +342,41 @@ def final_values(one: Output, sums: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.asarray(np.where(sums["count"] > 0, values, np.nan))
 
 
-def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> float:
+def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> tuple[float, str]:
     """Time from the first sample until a share of the change from first to last value is first passed [s].
 
-    Passings lie between samples by a straight line; NaN if the values end where they begin.
+    Passings lie between samples by a straight line.
 
     Args:
         one: the output.
         time: time of the samples that count (n,) [s].
         values: values of the channel (n,).
+
+    Returns:
+        The time, and what must be said of it: NaN where the values are no step, a time of a step under way where they have
+        not settled; nothing where they have.
     """
-    if len(values) < 2 or not np.isfinite(values).all() or values[-1] == values[0]:
-        return float("nan")
+    if len(values) < 2 or not np.isfinite(values).all():
+        return float("nan"), f"{one.channel} has fewer than two samples, or some that are not finite"
+    size, whole = abs(values[-1] - values[0]), float(np.ptp(values))
+    change, settled = drift(time, values)
+    said = (
+        ""
+        if settled
+        else (
+            f"{one.channel} has not settled after {time[-1] - time[0]:.3g} s, in the last fifth of which it still changes "
+            f"by {abs(change):.1%} of its way"
+        )
+    )
+    # What ends where it began, or on the way back, has no time of its own: the last sample alone decides when it is passed.
+    if not whole < (1.0 + BEYOND) * size:
+        return float("nan"), f"{one.channel} ends {size / max(whole, 1e-300):.1%} of its range from where it began" + (
+            f", and {said.removeprefix(one.channel + ' ')}" if said else ": it steps back, or not at all"
+        )
     way = (values - values[0]) / (values[-1] - values[0])
     i = int(np.argmax(way >= one.share))
     between = (one.share - way[i - 1]) / (way[i] - way[i - 1])
-    return float(time[i - 1] + between * (time[i] - time[i - 1]) - time[0])
+    return float(time[i - 1] + between * (time[i] - time[i - 1]) - time[0]), said
 
 
 def drift(time: np.ndarray, values: np.ndarray) -> tuple[float, bool]:

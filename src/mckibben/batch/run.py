@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._jax import Tree, jax
+from ..answers import Answer, Caution, collect
 from ..assembly.accounts import accounts
 from ..bench.hardware.pneumatics import MUSCLE
 from ..bench.segment import SensorNoise
@@ -20,11 +22,23 @@ from . import march
 from .kernels import KernelKey, LaneKernels, at_rest, channels_of
 from .lanes import BuiltVariant, LaneGroup, LanePlanner, VariantFamily
 from .march import MarchedPart
-from .outputs import LATER, TIME, Output, RunningTotals, VariantOutcome, drift, final_values, start_totals, time_to
+from .outputs import (
+    LATER,
+    TIME,
+    Output,
+    RunningTotals,
+    VariantOutcome,
+    codes_of,
+    drift,
+    final_values,
+    start_totals,
+    time_to,
+)
 from .run_template import RunTemplate
 from .variants import Variants, power
 
 LANES = 256  # of a call of the processor: more are hardly faster
+LISTED = 8  # runs of variants that a caution names
 GPU_LANES = 16384  # of a call of a GPU, which fewer leave idle
 LATER_CHANNELS = 8  # that a run keeps until its outputs are made of them, with copies
 Tell = Callable[[float], None]  # told the share of the work that is done
@@ -35,20 +49,56 @@ def lanes_per_call(engine: str) -> int:
     return GPU_LANES if engine == "gpu" else LANES
 
 
-class Results(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class Results(Answer):
     """Outputs of some variants.
 
     Attributes:
         code: result codes (n,).
-        message: a sentence for each.
+        message: a sentence for each; where an output has no value, why.
         duration: simulated time of each [s] (n,).
         outputs: by name (n,); whole channels (n, samples), NaN beyond the end of each.
+        cautions: of every output that has no value, or one of a step under way, in variants that reached their end.
     """
 
     code: np.ndarray
     message: list[str]
     duration: np.ndarray
     outputs: dict[str, np.ndarray]
+    cautions: tuple[Caution, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        said = [
+            self._caution(name, lanes, words)
+            for name in self.outputs
+            for lanes, words in ((self.unmeasured(name), "has no value"), (self._under_way(name), "is not settled"))
+        ]
+        object.__setattr__(self, "cautions", collect(*said))
+
+    def unmeasured(self, name: str) -> np.ndarray:
+        """Variants that reached their end and have no value of an output, their places (m,)."""
+        values = self.outputs[name]
+        none = np.isnan(values) if values.ndim == 1 else np.zeros(len(self.code), bool)
+        return np.flatnonzero(none & (np.asarray(self.code) == VariantOutcome.DONE))
+
+    def _under_way(self, name: str) -> np.ndarray:
+        remarks = np.array([f" {name}: " in message for message in self.message], bool)
+        return np.setdiff1d(np.flatnonzero(remarks), self.unmeasured(name))
+
+    def _caution(self, name: str, lanes: np.ndarray, words: str) -> Caution | None:
+        if not lanes.size:
+            return None
+        runs = np.split(lanes, np.flatnonzero(np.diff(lanes) > 1) + 1)
+        which = ", ".join(f"{r[0]} to {r[-1]}" if len(r) > 1 else f"{r[0]}" for r in runs[:LISTED])
+        which += " .." if len(runs) > LISTED else ""
+        why = self.message[lanes[0]].partition(f" {name}: ")[2].partition(". ")[0].rstrip(".")
+        said = f"{name} {words} in {lanes.size:,} of {len(self.code):,} variants ({which})"
+        return Caution(f"{said}; in the first, {why}" if why else said, f"outputs.{name}")
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{n:,} {name}" for name, n in codes_of(self.code).items())
+        without = ", ".join(f"{len(self.unmeasured(n)):,} without {n}" for n in self.outputs if self.unmeasured(n).size)
+        return f"Results({counts}{f' ({without})' if without else ''}; outputs: {', '.join(self.outputs)})"
 
 
 class Runner:
@@ -141,6 +191,7 @@ class _Piece:
         self.message = [VariantOutcome.DONE.sentence] * count
         self.outputs: dict[str, np.ndarray] = {}
         self.gathered: list[list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]]] = [[] for _ in lanes]
+        self.reasons: dict[tuple[int, str], str] = {}  # why an output of a lane has no value
         self.integrals: dict[str, np.ndarray] = {}
         self.balances: dict[str, np.ndarray] = {}
         sums = jax.tree.map(
@@ -252,6 +303,11 @@ class _Piece:
         bad = np.isin(self.code, [VariantOutcome.NOT_FINITE, VariantOutcome.TOO_STIFF, VariantOutcome.IMPOSSIBLE])
         for values in self.outputs.values():
             values[bad] = np.nan
+        for name, values in self.outputs.items():
+            for lane in np.flatnonzero((self.code == 0) & np.isnan(values) if values.ndim == 1 else []):
+                self.reasons.setdefault((int(lane), name), "no sample counts, or it does not change")
+        for (lane, name), why in self.reasons.items():
+            self.message[lane] += f" {name}: {why}." if self.code[lane] == 0 else ""
 
     def _of_samples(self, one: Output) -> None:
         kept = []
@@ -262,8 +318,9 @@ class _Piece:
                 pieces.append((time[inside], samples[one.channel][inside]))
             kept.append(tuple(np.concatenate(x) if x else np.zeros(0) for x in zip(*pieces, strict=True)))
         if one.reduce == "time_to":
-            self.outputs[one.name] = np.array([time_to(one, *x) for x in kept])
-            self._say_unsettled(one, kept)
+            timed = [time_to(one, *x) for x in kept]
+            self.outputs[one.name] = np.array([value for value, _ in timed])
+            self.reasons |= {(lane, one.name): why for lane, (_, why) in enumerate(timed) if why}
             return
         if one.reduce == "drift":
             self.outputs[one.name] = np.array([drift(*x)[0] for x in kept])
@@ -273,16 +330,6 @@ class _Piece:
             self.outputs[name] = np.stack(
                 [np.pad(x[i], (0, longest - len(x[i])), constant_values=np.nan) for x in kept]
             )
-
-    def _say_unsettled(self, one: Output, kept: Sequence[tuple[np.ndarray, ...]]) -> None:
-        """Add messages for lanes in which a channel left the value that an output waited for."""
-        for lane, (time, values) in enumerate(kept):
-            change, settled = drift(time, values)
-            if self.code[lane] == 0 and not settled:
-                self.message[lane] += (
-                    f" {one.name}: {one.channel} has not settled after {time[-1] - time[0]:.3g} s, in the last fifth of "
-                    f"which it still changes by {abs(change):.1%} of its way."
-                )
 
 
 class _Ended(NamedTuple):

@@ -54,6 +54,12 @@ class ResultStore:
         """Result codes of all variants."""
         return np.asarray(self.group["code"][:])
 
+    def measured(self) -> Results:
+        """All results but whole channels, which may not fit into the memory."""
+        outputs = {n: np.asarray(a[:]) for n, a in sorted(self.group["outputs"].arrays()) if a.ndim == 1}
+        message = [str(m) for m in self.group["message"][:]]
+        return Results(self.codes(), message, np.asarray(self.group["duration"][:]), outputs)
+
     def missing(self) -> list[slice]:
         """Blocks without results."""
         codes = self.codes()

@@ -9,14 +9,12 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from .._jax import Scalar
 from ..bench.segment import CHUNK
 from ..documents import JsonValue
 from ..errors import InputError
 from .lanes import BuiltVariant, build
-from .outputs import LATER, VariantOutcome, check_channels, document, wanted
+from .outputs import LATER, check_channels, document, wanted
 from .run import Results, Runner, known_names, lanes_per_call
 from .run_template import RunFactory, RunTemplate
 from .variants import Variants, power
@@ -26,6 +24,7 @@ MOST_CORNERS = 16  # combinations of extreme values that are built before anythi
 MOST_WORDS = 64  # values of a path that are words, likewise
 MEMORY = 1e9  # that the samples of a block may take in a worker [bytes]
 LEAST_BLOCK = 16
+MUSCLE_SECONDS = 500.0  # simulated in a block: a few seconds of a core, and no slower than larger blocks
 
 
 @dataclass(frozen=True)
@@ -106,12 +105,13 @@ class Sweep:
         self.sized(1, max(longest, first.bench.plan.samples))
         return first
 
-    def sized(self, workers: int, samples: int) -> int:
-        """Number of variants per block: enough for every worker, within the memory.
+    def sized(self, workers: int, samples: int, duration: float = 0.0) -> int:
+        """Number of variants per block: enough for every worker, within the memory, and soon done: it is what Ctrl-C loses.
 
         Args:
             workers: that share the work.
             samples: samples of the longest variant.
+            duration: of the longest variant; 0 if its time does not count [s].
 
         Raises:
             InputError: if one variant alone takes more than the memory.
@@ -129,6 +129,8 @@ class Sweep:
                 where=self.where,
             )
         most = lanes_per_call(self.engine)
+        if self.engine != "gpu" and duration:
+            most = min(most, max(LEAST_BLOCK, 1 << int(MUSCLE_SECONDS / duration).bit_length() >> 1))
         wished = self.block or max(LEAST_BLOCK, min(most, power(-(-len(self.variants) // (2 * workers)))))
         return max(1, min(wished, 1 << (fits.bit_length() - 1), power(len(self.variants))))
 
@@ -177,8 +179,3 @@ def run_batch(sweep: Sweep, *, progress: Callable[[float], None] = lambda _: Non
 def blocks(count: int, size: int) -> Iterator[slice]:
     """Split variants into blocks."""
     return (slice(i, min(i + size, count)) for i in range(0, count, size))
-
-
-def codes_of(codes: np.ndarray) -> dict[str, int]:
-    """Count the variants by result code, by its name."""
-    return {VariantOutcome(c).name.lower(): int(n) for c, n in zip(*np.unique(codes, return_counts=True), strict=True)}

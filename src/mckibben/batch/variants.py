@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 
@@ -23,6 +24,8 @@ class Variants:
     """Columns of one length: float64 in SI, or objects for text."""
 
     columns: Mapping[str, np.ndarray]
+
+    __repr__ = brief
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 1

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Caution, collect
+from ..answers import Caution, brief, collect
 from ..assembly.build import rig_unit
 from ..assembly.muscle_unit import MuscleUnit
 from ..documents import JsonValue
@@ -58,6 +58,8 @@ class RunSegment(NamedTuple):
     friction: float
     asked: str
     motor_held: bool = False
+
+    __repr__ = brief
 
     @property
     def moves(self) -> bool:
@@ -117,6 +119,8 @@ class PreparedRun:
     findings: tuple[Finding, ...] = ()
     accepted: tuple[Finding, ...] = ()
     motor_held: bool = False
+
+    __repr__ = brief
 
     @property
     def cautions(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from ..answers import brief
 from ..documents import JsonValue, parse_json, read_text
 from ..errors import ConvergenceError, InputError, MissingDataError
 from ..registry import is_reference
@@ -32,6 +33,8 @@ class BenchmarkResult:
 
     scores: tuple[TaskScore, ...]
     absent: dict[str, str] = field(default_factory=dict)
+
+    __repr__ = brief
 
     def of(self, name: str) -> list[TaskScore]:
         """Scores on one task, best first."""

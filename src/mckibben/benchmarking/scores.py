@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from .records import BenchmarkRecord, DataSplit
@@ -68,6 +69,8 @@ class TaskScore:
     seconds: float = 0.0
     reason: str = ""
     date: str = ""
+
+    __repr__ = brief
 
     @classmethod
     def from_dict(cls, row: Mapping[str, Any], *, where: str | None = None) -> TaskScore:

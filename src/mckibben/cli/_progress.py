@@ -31,7 +31,7 @@ class _Guard:
         self.ended = threading.Event()
         self.protected = 0
         self.kept: list[str] = []
-        self.sentence = "nothing was written"
+        self.sentence: str | Callable[[], str] = "nothing was written"
 
 
 _guard = _Guard()
@@ -39,8 +39,9 @@ _guard = _Guard()
 
 def sentence() -> str:
     """What is said after Ctrl-C."""
-    kept = f"kept: {', '.join(_guard.kept)}" if _guard.kept else _guard.sentence
-    return f"interrupted; {kept}"
+    if _guard.kept:
+        return f"interrupted; kept: {', '.join(_guard.kept)}"
+    return f"interrupted; {_guard.sentence() if callable(_guard.sentence) else _guard.sentence}"
 
 
 def keep(path: str) -> None:
@@ -157,14 +158,18 @@ class Progress:
 
 @contextlib.contextmanager
 def progress(
-    title: str, total: float | None = None, *, saved: str = "nothing was written", guarded: bool = True
+    title: str,
+    total: float | None = None,
+    *,
+    saved: str | Callable[[], str] = "nothing was written",
+    guarded: bool = True,
 ) -> Iterator[Progress]:
     """Show progress on standard error, on a terminal only.
 
     Args:
         title: is done, such as ``fitting``.
         total: parts of the work; None if that is not known.
-        saved: what stays after Ctrl-C, as a sentence.
+        saved: what stays after Ctrl-C, as a sentence; or a function that says it at that moment.
         guarded: whether Ctrl-C may end the process by force.
     """
     _terminal.say_cautions()

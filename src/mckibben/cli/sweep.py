@@ -12,7 +12,7 @@ from .. import batch
 from ..documents import JsonValue
 from ..quantities import with_unit
 from ._progress import progress
-from ._terminal import Json, print_json, table
+from ._terminal import Json, caution, print_json, table
 
 if TYPE_CHECKING:
     from ..batch.drive import SweepReport
@@ -48,17 +48,29 @@ def sweep(
     if dry:
         _tell(wanted, as_json)
         return
-    with progress("sweep", 1.0, saved=f"what is done is in {out}, and the same command goes on") as bar:
+    stored = {"variants": 0, "of": 0}
+
+    def saved() -> str:
+        if not stored["variants"]:
+            return f"no variant was done{'; ' + str(out) + ' is as it was' if not stored['of'] else ''}"
+        done = f"{stored['variants']:,} of {stored['of']:,} variants are in {out}"
+        return f"{done}, and the same command goes on with the rest"
+
+    with progress("sweep", 1.0, saved=saved) as bar:
 
         def tell(done: float, total: int) -> None:
             bar.reached(done, total, f"{math.floor(done):,} of {total:,} variants")
 
-        report = batch.drive.run_sweep(wanted, out, workers=team, progress=tell)
+        def keep(count: int) -> None:
+            stored.update(variants=count, of=len(wanted.variants))
+
+        report = batch.drive.run_sweep(wanted, out, workers=team, progress=tell, stored=keep)
+    caution(*(c.text for c in report.cautions))
     if as_json:
         print_json(_result(report))
     else:
         _print(wanted, report)
-    if report.failed:
+    if report.failed or report.unmeasured:
         raise typer.Exit(1)
 
 
@@ -100,6 +112,8 @@ def _result(report: SweepReport) -> dict[str, JsonValue]:
     return {
         "runs": report.runs,
         "failed": report.failed,
+        "unmeasured": report.unmeasured,
+        "warnings": [c.text for c in report.cautions],
         "store": report.store,
         "muscle_seconds_per_second": report.rate,
         "new": report.new,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import brief
 from ..errors import InputError, compose_sentence
 from .amounts import read_amount
 from .commands import Deferred, Follow, Reach
@@ -45,6 +46,8 @@ class Limits:
     has: frozenset[str] = frozenset(
         ("valve", "motor", "person", "pressure sensor", "span sensor", "tension sensor")
     )  # sensors and parts, in the words of `Step.needs`
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from .commands import ANYWHERE, Command, Deferred, Reach, SetPoints, StepClock, kept
@@ -50,6 +51,8 @@ class PlannedStep:
     pulled: Reach | None = None
     stimulation: np.ndarray | Deferred | None = None
 
+    __repr__ = brief
+
     @property
     def until(self) -> Until | None:
         """Condition that ends the step early."""
@@ -73,6 +76,8 @@ class ProtocolPlan:
     protocol: Protocol
     rest_length: float
     steps: tuple[PlannedStep, ...]
+
+    __repr__ = brief
 
     @property
     def sample_rate(self) -> float:

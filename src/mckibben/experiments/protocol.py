@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from .. import schema
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FrozenTable, Place, read_table, write_table
@@ -96,6 +97,8 @@ class ProtocolParameter:
     inferred: tuple[Any, ...] = schema.entry(_read_inferred, write=_all, default=())
     note: str = ""
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         if bool(self.low) != bool(self.high):
             raise InputError("low", None, "and high must both be stated")
@@ -142,6 +145,8 @@ class ProtocolChoice:
         "table of what each option sets",
         write=lambda options, place: {option: dict(sets) for option, sets in options},
     )
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_options(self, self.inferred, Place("inferred"))

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .._jax import Array, Scalar, jax, jnp
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.creep import MaxwellChain
@@ -314,6 +315,8 @@ class HysteresisModel:
     free: tuple[str, ...]
     rmse: float
     aicc: float
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, repr=False)

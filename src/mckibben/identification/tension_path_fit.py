@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Array, Tree, jax, jnp
+from ..answers import brief
 from ..errors import InputError
 from ..muscles.creep import MaxwellChain
 from ..muscles.hysteresis import FrictionLimit, MaxwellSlip
@@ -89,6 +90,8 @@ class BranchFit:
     parameters: dict[str, Estimate]
     rmse: float
     warnings: tuple[str, ...]
+
+    __repr__ = brief
 
     def friction(self) -> MaxwellSlip:
         """The fitted friction."""

@@ -18,6 +18,7 @@ from typing import Any
 
 from .. import schema
 from .._jax import Scalar
+from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity
@@ -129,6 +130,8 @@ class Correction:
     correlation: float = schema.number("1", (-1.0, 1.0), default=0.0)
     linearity: float = schema.number("channel", (0.0, 1e9), default=math.nan)
 
+    __repr__ = brief
+
     def term(self, name: str) -> CorrectionTerm:
         """One of `TERMS`; the neutral value if it was never determined."""
         return self.terms.get(name, CorrectionTerm(TERMS[name][0]))
@@ -194,6 +197,8 @@ class Calibration:
     rig: str = schema.entry(_read_line)
     created: str = schema.entry(_read_date)
     corrections: Mapping[str, Correction] = field(default_factory=dict)
+
+    __repr__ = brief
 
     def correction(self, channel: str) -> Correction:
         """Correction of a channel.

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.cycles import find_cycles
-from ..analysis.loops import loop
+from ..analysis.loops import loops_by_held, mean_loop
 from ..analysis.segments import segments, steps_of, varied
 from ..analysis.stimulation import StimulatedContraction, StimulatedLoop, stimulated_contractions, stimulated_loops
+from ..answers import Caution, collect
 from ..citations import bibtex, known_keys
 from ..documents import JsonValue
 from ..errors import InputError
@@ -380,21 +381,19 @@ def _word(name: str) -> str:
 
 def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) -> list[Block]:
     """Show width, height, work and stiffness of the mean loop of each part."""
-    rows = []
+    rows: list[TableRow] = []
+    cautions: list[Caution] = []
     for part in parts:
         try:
-            mean_loop = loop(part, length=length, tension=tension)
+            groups, said = loops_by_held(part, length=length, tension=tension)
         except InputError:
             continue
-        values = (
-            1e3 * mean_loop.width,
-            mean_loop.height,
-            mean_loop.work,
-            1e-2 * mean_loop.stiffness,
-            mean_loop.friction,
-        )
-        count = len(find_cycles(part[length]))
-        rows.append(TableRow((_case(part, apart), str(count), *(significant(v) for v in values))))
+        cautions += said
+        for held, loops in groups:
+            mean = mean_loop(loops)
+            values = (1e3 * mean.width, mean.height, mean.work, 1e-2 * mean.stiffness, mean.friction)
+            case = ", ".join(filter(None, (_case(part, apart), held.words())))
+            rows.append(TableRow((case, str(len(loops)), *(significant(v) for v in values))))
     if not rows:
         return []
     columns = (
@@ -407,7 +406,8 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
         TableColumn("Friction", "N", True),
     )
     words = (
-        f"Mean loop of each part, {_word(tension)} over {_word(length)}. Width at mid-range of the tension, height at "
+        f"Mean loop of each part and of what was held in it, {_word(tension)} over {_word(length)}. Width at mid-range of "
+        "the tension, height at "
     )
     return [
         ReportTable(
@@ -415,7 +415,12 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
             tuple(rows),
             words + "that of the length, both positive where the muscle takes work in; friction is half the height. "
             "Work per cycle is positive where the muscle does it",
-        )
+        ),
+        *(
+            [NoteBox("Caution", tuple(f"{c.text[:1].upper()}{c.text[1:]}." for c in collect(*cautions)))]
+            if cautions
+            else []
+        ),
     ]
 
 

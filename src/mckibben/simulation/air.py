@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._jax import Tree
-from ..answers import Caution, collect
+from ..answers import Caution, brief, collect
 from ..assembly.assumptions import Assumption, inferred
 from ..assembly.build import INFERRED, LINE_VALVE, AirLine, circuit_for, is_line_valve
 from ..assembly.circuit_file import CircuitPlan, driven, read_circuit
@@ -69,6 +69,8 @@ class AirCircuit(NamedTuple):
     document: dict[str, Any]
     assumptions: tuple[Assumption, ...] = ()
     cautions: tuple[Caution, ...] = ()
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

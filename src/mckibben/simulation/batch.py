@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._jax import Scalar, Tree
-from ..answers import Caution
+from ..answers import Caution, brief
 from ..components import paths
 from ..errors import InputError
 from ..recordings.recording import Recording
@@ -42,6 +42,8 @@ class BatchState:
     commands: np.ndarray
     noise: Mapping[str, Any]
     structure: str
+
+    __repr__ = brief
 
 
 class SimulationBatch:

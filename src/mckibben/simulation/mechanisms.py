@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..answers import Caution, collect
+from ..answers import Caution, brief, collect
 from ..assembly.assumptions import Assumption, of_unit
 from ..assembly.build import test_cord, unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
@@ -574,6 +574,8 @@ class Chain(Mechanism):
 
     links: tuple[Link, ...]
     gravity: Amount = amount("m/s^2", (0.1, 100.0), default=GRAVITY)
+
+    __repr__ = brief
 
     def __init__(self, *links: Link, gravity: Amount = GRAVITY) -> None:
         if not links or not all(isinstance(link, Link) for link in links):

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Tree, jnp
-from ..answers import Caution
+from ..answers import Caution, brief
 from ..assembly.machine import Machine
 from ..components import Scalar, field
 from ..components.sampled import Plant
@@ -51,6 +51,8 @@ class SimulationState:
     commands: np.ndarray
     noise: Mapping[str, Any]
     structure: str
+
+    __repr__ = brief
 
 
 class CommandInput(NamedTuple):

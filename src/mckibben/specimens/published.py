@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
+from ..answers import brief
 from ..documents import parse_toml
 from ..errors import InputError
 from ..quantities import to_si
@@ -37,6 +38,8 @@ class PublishedRange:
     through: str = word("the paper that cites them, where they were not at hand", default="")
     derived: bool = flag("computed by its source of other numbers", default=False)
     note: str = word(default="")
+
+    __repr__ = brief
 
     def si(self, unit: str) -> tuple[float, float]:
         """Convert both ends to an SI unit; raises `InputError` for another dimension."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...answers import brief
 from ...errors import InputError, UnreachableError
 from ...quantities import with_unit
 from .cycles import CYCLES, Conditions, EnergyCycle, computed, energy_cycle, isotonic_pressure
@@ -109,6 +110,8 @@ class CyclePath(NamedTuple):
     y: np.ndarray
     corners: dict[str, int]
 
+    __repr__ = brief
+
     def area(self) -> float:
         """Work done along it, the integral of y dx by the trapezoid rule [J]."""
         return float(np.sum(0.5 * (self.y[1:] + self.y[:-1]) * np.diff(self.x)))
@@ -130,6 +133,8 @@ class CycleLoops(NamedTuple):
     conditions: Conditions
     piston: CyclePath
     tendon: CyclePath
+
+    __repr__ = brief
 
 
 def cycle_loops(muscle: CycleMuscle, name: str, conditions: Conditions, *, points: int = LEG_POINTS) -> CycleLoops:

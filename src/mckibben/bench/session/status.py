@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...answers import brief
 from ...documents import JsonValue
 from ...experiments.waveforms import time_words
 from ...quantities import with_unit
@@ -131,6 +132,8 @@ class Status:
     protocol: tuple[str, float, float] | None = None
     recorded: float | None = None
     units: Mapping[str, str] = field(default_factory=lambda: {n: u for n, (u, _) in channels.measured().items()})
+
+    __repr__ = brief
 
     def line(self) -> str:
         """Summarise state and main values in one line."""

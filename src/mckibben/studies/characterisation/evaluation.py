@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.loops import TensionPath
+from ...answers import brief
 from ...errors import InputError, StageError
 from ...identification.fit import Fit, fit_all, fitted_specimen, measured_range
 from ...identification.tension_path_fit import (
@@ -114,6 +115,8 @@ class Evaluation:
     largest: float
     gain_change: Estimate
     lengths: tuple[float, float]
+
+    __repr__ = brief
 
     @property
     def error(self) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from ..._jax import Scalar, jax, jnp
 from ...analysis.characteristics import dynamic_range
 from ...analysis.segments import segments
+from ...answers import brief
 from ...bench.rig_file import rig as rig_of
 from ...components import paths
 from ...documents import JsonValue
@@ -211,6 +212,8 @@ class Match(NamedTuple):
     curves_after: Mapping[str, Curve]
     simulated: Curve | None = None
     rms_simulated: float = float("nan")
+
+    __repr__ = brief
 
     @property
     def hits(self) -> tuple[Tuned, ...]:

@@ -20,6 +20,7 @@ from ...analysis.loops import loop
 from ...analysis.segments import segments
 from ...analysis.shortening import fit_hill, force_velocity_point, power_density
 from ...analysis.steps import step_responses, twitch, unsettled
+from ...answers import brief
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.biological_run import fibre_run
 from ...bench.prepare import prepare
@@ -67,6 +68,8 @@ class Trials:
     values: Mapping[str, float]
     curves: Mapping[str, Curve]
     notes: tuple[str, ...]
+
+    __repr__ = brief
 
     def column(self) -> MuscleColumn:
         """Column of the table with these numbers and those of the law."""

@@ -24,7 +24,7 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...analysis.loops import loop, paths, peak_velocity
 from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
-from ...answers import Caution
+from ...answers import Caution, brief
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError, choice
@@ -65,6 +65,8 @@ class ComparedMuscle:
     upper_length: float
     section_area: float | None
     area_from: str
+
+    __repr__ = brief
 
     @property
     def id(self) -> str:
@@ -222,6 +224,8 @@ class MuscleColumn(NamedTuple):
     values: Mapping[str, float]
     notes: tuple[str, ...] = ()
 
+    __repr__ = brief
+
 
 class PropertyRow(NamedTuple):
     """One property of all columns [SI], None if unknown, and the published values of biological muscle."""
@@ -229,6 +233,8 @@ class PropertyRow(NamedTuple):
     property: Property
     values: tuple[float | None, ...]
     published: PublishedRange | None
+
+    __repr__ = brief
 
     def shown(self) -> list[float | None]:
         """The values in the property's unit."""

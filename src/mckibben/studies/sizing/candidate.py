@@ -14,6 +14,7 @@ import numpy as np
 
 from ..._jax import Scalar
 from ...analysis.energy.muscle import PotentialMuscle, Probe
+from ...answers import brief
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
 from ...documents import JsonValue
@@ -32,6 +33,8 @@ class LawEnds(NamedTuple):
 
     pairs: Mapping[str, tuple[TensionLaw, TensionLaw]]
     without_range: tuple[str, ...] = ()
+
+    __repr__ = brief
 
 
 def no_ends() -> LawEnds:
@@ -83,6 +86,8 @@ class Candidate:
     friction_range: tuple[float, float] | None = None
     spec: Specimen | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Judged:
@@ -113,6 +118,8 @@ class Judged:
     nominal: Mapping[str, float]
     air: float
     speed: float | None = None
+
+    __repr__ = brief
 
     @property
     def verdict(self) -> str:

@@ -25,6 +25,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from ...answers import brief
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...documents import JsonValue
 from ...pneumatics.build import valve_from_specimen
@@ -101,6 +102,8 @@ class LineResult:
     def valve_mass_shown(self) -> str:
         """Mass of the valve in g."""
         return NOT_KNOWN if "mass" in self.not_stated else f"{1e3 * self.valve_mass:.0f}"
+
+    __repr__ = brief
 
 
 def lines_for(

@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from ...answers import brief
 from ...components.flow import GasState
 from ...pneumatics.compressor import Compressor
 from ...pneumatics.gas import AIR, REFERENCE_DENSITY
@@ -84,6 +85,8 @@ class SourceResult:
     fillings_range: tuple[float, float] | None = None
     duty: float | None = None
     surely: bool = True
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

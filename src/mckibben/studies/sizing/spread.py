@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+from ...answers import brief
 from ...errors import InputError
 from ...muscles.law import TensionLaw
 from ...quantities import declared
@@ -41,6 +42,8 @@ class InferredRanges(NamedTuple):
     air: tuple[float, float]
     from_numbers: tuple[str, ...]
     without_range: tuple[str, ...]
+
+    __repr__ = brief
 
 
 def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> InferredRanges:
