@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .identification.ranking import fit as fit
     from .muscles import Muscle as Muscle
     from .muscles import TensionLaw as TensionLaw
-    from .muscles.build import build_law as law  # noqa: F401
+    from .muscles.build import law as law
     from .muscles.build import muscle as muscle
     from .quantities import quantity as quantity
     from .recordings import Channel as Channel

@@ -22,6 +22,7 @@ from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
+from ..registry import CODE
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable, with_command
@@ -319,15 +320,18 @@ def table_of_commands() -> Any:
 
 @contextlib.contextmanager
 def _safe_children() -> Iterator[None]:
-    """Keep child processes from importing modules of the current folder, which may contain data of a user."""
-    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS")}
+    """Keep child processes from importing modules of the current folder, which may contain data of a user.
+
+    Python files that the command allows are allowed until it ends.
+    """
+    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS", CODE)}
     os.environ["PYTHONSAFEPATH"] = "1"
     os.environ["PYTHONWARNINGS"] = ",".join([*filter(None, [known["PYTHONWARNINGS"]]), *(f"ignore:{w}" for w in CACHE)])
     try:
         yield
     finally:
         for name, value in known.items():
-            os.environ.pop(name)
+            os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
 
