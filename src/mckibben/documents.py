@@ -49,6 +49,8 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     """
     where = os.fspath(path)
     try:
+        if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+            raise no_file(where)  # it might never end
         with open(path, "rb") as stream:
             data = stream.read(LONGEST + 1)
         if len(data) > LONGEST:
@@ -62,6 +64,15 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         raise InputError(field, where, f"it cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
         raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
+
+
+def no_file(path: str | os.PathLike[str], field: str = "file") -> InputError:
+    """The error about a path at which no plain file is: nothing, or a pipe or device, which might never end."""
+    if not os.path.exists(path) or os.path.isdir(path):
+        return not_found(path, field)
+    return InputError(
+        field, os.fspath(path), "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
+    )
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:

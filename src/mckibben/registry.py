@@ -7,8 +7,8 @@ A package that has a tension law, a valve, a step of a protocol, a sensor or an 
     my_law = "my_package.laws:MyLaw"
 
 A class in a file of one's own needs no package: its name is ``my.py:MyLaw``, on the command line, in Python and in files.
-A name in a file runs nothing by itself. It resolves once a person has named the Python file, in an option such as ``--law`` or
-``--code``, in Python by `allow_code` or as an argument, or in the environment variable ``MCKIBBEN_CODE``.
+A name in a file runs nothing by itself. It resolves once a person has named the Python file, in an option such as ``--law``
+or ``--code``, in Python by `allow_code` or as an argument, or in the environment variable ``MCKIBBEN_CODE``.
 
 The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
 ``mckibben.models`` and ``mckibben.formats``.
@@ -167,7 +167,9 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
     if not _is_allowed(path):
         stated, stated_field = _places.get(reference, (where, field))
         demand = f"names code, which a file cannot run by itself; if you trust {path}, allow it: --code {path}"
-        said = f"{stated_field or field} {shortened(repr(reference))} {demand}, or mckibben.registry.allow_code in Python"
+        said = (
+            f"{stated_field or field} {shortened(repr(reference))} {demand}, or mckibben.registry.allow_code in Python"
+        )
         raise InputError(field, reference, demand, where=where or stated, sentence=said)
     module = _module_of(path, field, reference, where)
     if not hasattr(module, name):

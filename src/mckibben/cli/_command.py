@@ -22,7 +22,6 @@ import typer
 import typer.core
 
 from ..registry import allow_code, named_by_person
-
 from . import _progress, _terminal, _values
 
 WIDEST = 100  # columns of a help text; longer lines are hard to read

@@ -13,8 +13,7 @@ import numpy as np
 from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....muscles import braid
-from ....muscles.build import built_muscle
-from ....muscles.build import rest_length_of
+from ....muscles.build import built_muscle, rest_length_of
 from ....specimens import Specimen, specimens
 
 if TYPE_CHECKING:
