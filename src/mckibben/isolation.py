@@ -22,11 +22,9 @@ import re
 import select
 import signal
 import struct
-import subprocess
 import sys
-import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -40,6 +38,8 @@ T = TypeVar("T")
 MEMORY, TIME = "MCKIBBEN_READ_MEMORY", "MCKIBBEN_READ_TIME"
 LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 24  # [B], 1
 LEAST_TIME, TIME_PER_BYTE = 20.0, 2.5e-6  # [s], [s/B]
+# Suffixes of files that are never parsed here.
+PARSED = tuple(f".{name}" for name in "nc mcap mat tdms parquet gz xlsx xls ods h5 hdf5 db3 bag ddf".split())
 AT_ONCE = 4  # files that are read at the same time
 KEPT = 16 << 20  # a process that has read a larger file is not kept [B]
 IDLE = 120.0  # time after which a process that reads nothing ends [s]
@@ -140,6 +140,9 @@ class _Reader:
     """A process that calls functions with files, one after the other."""
 
     def __init__(self) -> None:
+        import subprocess
+        import tempfile
+
         environment = {**os.environ, **dict.fromkeys(_THREADS, "1")}
         self.complaints = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
         # -P: not a module that lies beside somebody's data; a session of its own: Ctrl-C is for this process
@@ -243,10 +246,16 @@ _places = threading.BoundedSemaphore(AT_ONCE)
 inside: ReadingLimits | None = None  # of this process, where it is one that may be ended
 
 
+def start_for(words: Iterable[str]) -> None:
+    """Begin a process before it is needed, while other things are being loaded, if some words name a file to parse."""
+    if any(word.lower().endswith(PARSED) and os.path.isfile(word) for word in words):
+        start()
+
+
 def start() -> None:
-    """Begin a process before it is needed, while other things are being loaded."""
+    """Begin a process before it is needed, while other things are being loaded, where there is a processor for it."""
     with _lock:
-        if not _idle and not inside:
+        if not _idle and not inside and (os.cpu_count() or 1) > 1:
             with contextlib.suppress(OSError):
                 _idle.append(_Reader())
 
@@ -321,7 +330,7 @@ def serve() -> None:
     out = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
     stdin = sys.stdin.buffer.raw  # type: ignore[attr-defined]
-    importlib.import_module("mckibben.recordings.files")
+    importlib.import_module(f"{__package__}.recordings.formats")
     while _asked(stdin):
         head = stdin.read(_LENGTH.size)
         if len(head) < _LENGTH.size:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib
+import itertools
 import os
 import shutil
 import sys
@@ -22,6 +23,7 @@ from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
+from ..isolation import start_for
 from ..registry import CODE
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
@@ -338,6 +340,8 @@ def _safe_children() -> Iterator[None]:
 
 def _execute(arguments: list[str] | None) -> Any:
     """Run a command and return its exit code."""
+    words = sys.argv[1:] if arguments is None else arguments
+    start_for(word for before, word in itertools.pairwise(("", *words)) if before != "--out")
     _keep_compilations()
     begin()
     try:
