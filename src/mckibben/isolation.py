@@ -94,18 +94,15 @@ class ReadingLimits(NamedTuple):
 
     def no_memory(self, name: str) -> InputError:
         """The error of a file that needs more memory."""
-        said, more = (
-            f"reading it takes more than {self.memory / 2**30:.3g} GiB of memory",
-            max(2, round(2e-9 * self.memory)),
-        )
-        return InputError("file", name, sentence=f"{said}; if you trust the file, {MEMORY}='{more} GB' allows more")
+        said = f"reading it takes more than {self.memory / 2**30:.3g} GiB of memory"
+        more = f"if you trust the file, {MEMORY}='{max(2, round(2e-9 * self.memory))} GB' allows more"
+        return InputError("file", name, sentence=f"{said}; {more}", where=name)
 
     def no_time(self, name: str) -> InputError:
         """The error of a file that takes more time."""
         said = f"reading it did not come to an end within {self.time:.0f} s"
-        return InputError(
-            "file", name, sentence=f"{said}; if the file is sound, {TIME}='{round(4 * self.time)} s' allows more"
-        )
+        more = f"if the file is sound, {TIME}='{round(4 * self.time)} s' allows more"
+        return InputError("file", name, sentence=f"{said}; {more}", where=name)
 
 
 def _physical() -> int:
@@ -178,7 +175,7 @@ class _Reader:
                 raise limits.no_time(name) from None
             if _NO_MEMORY.search(self.complaints.read(1 << 16).decode("utf-8", "replace")):
                 raise limits.no_memory(name) from None
-            raise InputError("file", None, "is damaged: the process that read it crashed") from None
+            raise InputError("file", None, "is damaged: the process that read it crashed", where=name) from None
         finally:
             watch.cancel()
         kind, value = tree
