@@ -12,6 +12,7 @@ import json
 import os
 import re
 import secrets
+import stat
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -49,8 +50,12 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     """
     where = os.fspath(path)
     try:
-        with open(path, "rb") as stream:
+        with open(path, "rb", opener=_open_at_once) as stream:
+            if stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode):
+                raise no_file(where)
             data = stream.read(LONGEST + 1)
+        if data is None:  # a device that has nothing to say yet
+            raise no_file(where)
         if len(data) > LONGEST:
             raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long; it is longer")
         return data.decode("utf-8")
@@ -62,6 +67,20 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         raise InputError(field, where, f"it cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
         raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file, or a pipe into which nobody writes."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def no_file(path: str | os.PathLike[str], field: str = "file") -> InputError:
+    """The error about a path at which no plain file is: nothing, or a pipe or device, which might never end."""
+    if not os.path.exists(path) or os.path.isdir(path):
+        return not_found(path, field)
+    return InputError(
+        field, os.fspath(path), "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
+    )
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:
