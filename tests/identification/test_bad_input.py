@@ -232,3 +232,43 @@ def test_two_open_directions_of_the_same_parameters_are_said_once():
     known = uncertainty(slopes, chance.standard_normal(9), ("a", "b", "c", "d"))
     assert known.warnings == ("the data cannot tell a, b, c and d apart",)
     assert np.isinf(known.standard_error).all()
+
+
+def rotated(jacobian: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A singular value decomposition as another library returns it: any basis of what the data leave open."""
+    left, strength, directions = np.linalg.svd(jacobian, full_matrices=False)
+    chance = np.random.default_rng(seed)
+    null = strength < 1e-12 * strength[0]
+    turn, _ = np.linalg.qr(chance.standard_normal((null.sum(), null.sum())))
+    directions[null] = turn @ directions[null]
+    directions[~null] *= chance.choice([-1.0, 1.0], (~null).sum())[:, None]
+    return left, strength, directions
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_data_cannot_tell_apart_is_of_the_data_and_of_no_basis(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    chance = np.random.default_rng(0)
+    a, b, c, e = chance.standard_normal((4, 9))
+    # two columns that are one, three that are one but for sign and size, and one of its own
+    slopes = np.stack([a + b, c, a + b, e, -2.0 * c, c], axis=1)
+    turned = rotated(slopes / np.linalg.norm(slopes, axis=0), seed)
+    monkeypatch.setattr(np.linalg, "svd", lambda *_, **__: turned)
+    known = uncertainty(slopes, chance.standard_normal(9), tuple("abcdef"))
+    assert known.warnings == ("the data cannot tell a and c apart", "the data cannot tell b, e and f apart")
+    assert np.isinf(known.standard_error).tolist() == [True, True, True, False, True, True]
+
+
+def test_fewer_values_than_parameters_leave_the_rest_open() -> None:
+    # two values of a sum of three, and one of a fourth alone: no row of a decomposition is there for what is open
+    slopes = np.array([[1.0, 2.0, 1.5, 0.0], [1.0, 1.0, 0.5, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    known = uncertainty(slopes, np.array([0.1, -0.1, 0.1]), tuple("abcd"))
+    assert known.warnings == ("the data cannot tell a, b and c apart",)
+    assert np.isinf(known.standard_error).tolist() == [True, True, True, False]
+
+
+def test_a_parameter_that_hardly_takes_part_is_open_all_the_same() -> None:
+    # a hundredth of c is in b: what a and b leave open moves c by a hundredth, and its interval has no end
+    a, c = np.random.default_rng(0).standard_normal((2, 9))
+    known = uncertainty(np.stack([a, a + 0.01 * c, c], axis=1), c, tuple("abc"))
+    assert known.warnings == ("the data cannot tell a, b and c apart",)
+    assert np.isinf(known.standard_error).all()

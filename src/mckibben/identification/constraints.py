@@ -17,7 +17,7 @@ from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
-from .uncertainty import Estimate
+from .uncertainty import Estimate, determined, open_groups
 
 KINDS = {"tension": "N", "stiffness": "N/m", "free_length": "m", "volume": "m^3"}
 
@@ -146,15 +146,13 @@ def _middle(q: Quantity, rest_length: float | None) -> float:
 
 def _undetermined(jacobian: np.ndarray, free: tuple[str, ...], count: int) -> tuple[set[str], tuple[str, ...]]:
     """Parameters that vary along a direction unconstrained by the data, and a description."""
-    _, strength, directions = np.linalg.svd(jacobian, full_matrices=True)
-    rank = int(np.sum(strength > 1e-9 * strength[0]))
-    loose = directions[rank:]
-    if not len(loose):
+    directions = determined(jacobian)[2]
+    rank, names = len(directions), {free[i] for group in open_groups(directions) for i in group}
+    if not names:
         return set(), ()
-    names = {n for i, n in enumerate(free) if np.abs(loose[:, i]).max() > 1e-6}
     listed = ", ".join(sorted(names))
     words = (
-        f"{rank} independent constraints of {count} leave {len(loose)} of {len(free)} parameters open: "
+        f"{rank} independent constraints of {count} leave {len(free) - rank} of {len(free)} parameters open: "
         f"they cannot tell {listed} apart"
     )
     return names, (words, "the values given follow from the starting values; they are a choice and no finding")

@@ -13,6 +13,9 @@ import numpy as np
 INSEPARABLE = 0.999
 # A direction in parameter space this much weaker than the strongest is not determined by float64 data at all.
 UNDETERMINED = 1e-7
+# Share of the others' change, at least which a parameter changes with them unseen, to be named among them: 1 in 10^3, as
+# above. Rounding of the projector is far below its square: 2e-16 over UNDETERMINED.
+INVOLVED = 1e-3
 # A difference of AICc up to this does not tell two models apart (Burnham and Anderson, 2002).
 INDIFFERENT = 2.0
 # Of a 95 % interval of a Gaussian.
@@ -57,25 +60,18 @@ def uncertainty(
 
     n, p = jacobian.shape
     degrees = max(n - p, 1)
-    size = np.linalg.norm(jacobian, axis=0)
+    size, strength, directions = determined(jacobian)
     dead = size == 0.0
-    columns = jacobian / np.where(dead, 1.0, size)
-    _, strength, directions = np.linalg.svd(columns, full_matrices=False)
-    weak = strength < UNDETERMINED * max(strength[0], 1e-300)
     variance = float(residual @ residual) / degrees
-    inverse = (directions.T * np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, strength) ** 2)) @ directions
+    inverse = (directions.T / strength**2) @ directions
     error = np.sqrt(variance * np.diag(inverse)) / np.where(dead, 1.0, size)
     spread = np.sqrt(np.diag(inverse))
     correlation = inverse / np.where(spread > 0, spread, 1.0)[:, None] / np.where(spread > 0, spread, 1.0)[None]
     warnings = [f"the data do not contain {name}" for name, d in zip(names, dead, strict=True) if d]
-    error[dead] = np.inf
-    groups = [
-        tuple(i for i in np.flatnonzero(np.abs(direction) > 0.05) if not dead[i]) for direction in directions[weak]
-    ]
-    for group in dict.fromkeys(groups):  # several directions of the same parameters are one sentence
+    for group in open_groups(directions):
+        error[list(group)] = np.inf
         if len(group) > 1:
             warnings.append(f"the data cannot tell {_listed([names[i] for i in group])} apart")
-            error[list(group)] = np.inf
     for i in range(p):
         for j in range(i):
             if abs(correlation[i, j]) > INSEPARABLE and np.isfinite(error[[i, j]]).all():
@@ -83,6 +79,40 @@ def uncertainty(
                     f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
                 )
     return Uncertainty(error, correlation, float(stdtrit(degrees, 0.5 + confidence / 2.0)), tuple(warnings))
+
+
+def determined(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Directions in parameter space, each parameter in units of its effect, that data determine.
+
+    Args:
+        jacobian: derivative of the prediction to each parameter, (n, p); any scaling.
+
+    Returns:
+        Norm of each column (p,), strength of each direction (k,) and the directions, orthonormal (k, p).
+    """
+    size = np.linalg.norm(jacobian, axis=0)
+    _, strength, directions = np.linalg.svd(jacobian / np.where(size == 0.0, 1.0, size), full_matrices=False)
+    strong = strength >= UNDETERMINED * max(strength[0], 1e-300)
+    return size, strength[strong], directions[strong]
+
+
+def open_groups(directions: np.ndarray) -> tuple[tuple[int, ...], ...]:
+    """Groups of parameters whose changes cancel within the group; one alone changes nothing.
+
+    They follow from the projector onto what the directions leave open. A basis of that space, of which a singular value
+    decomposition returns any, mixes independent groups and may pass by a parameter.
+
+    Args:
+        directions: orthonormal, all that the data determine (k, p).
+
+    Returns:
+        Indices of each group, in ascending order.
+    """
+    projector = np.eye(directions.shape[1]) - directions.T @ directions
+    joined = np.abs(projector) > INVOLVED**2
+    for _ in projector:  # a chain of p parameters is closed after p steps
+        joined = joined @ joined
+    return tuple(dict.fromkeys(tuple(np.flatnonzero(row).tolist()) for row in joined if row.any()))
 
 
 def posterior_uncertainty(covariance: np.ndarray, names: tuple[str, ...]) -> Uncertainty:
