@@ -22,6 +22,8 @@ from ..experiments.protocol import Protocol
 from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
+from ..muscles.evidence import law_cautions
+from ..muscles.law import law_name
 from ..specimens import Specimen, muscle_specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
@@ -128,7 +130,8 @@ class PreparedRun:
             for ask in dict.fromkeys(asked)
             if self.rig.operator_action(ask) is None
         ]
-        return (*old, *unknown)
+        of_muscle = (str(one) for one in law_cautions(self.specimen, law_name(self.unit.law)))
+        return (*old, *unknown, *of_muscle)
 
     def segments(self) -> Iterator[RunSegment]:
         """Divide the plan at the operator actions."""

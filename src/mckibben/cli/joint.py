@@ -219,12 +219,12 @@ def _cautions(recording: Recording) -> list[str | None]:
     from ..muscles.plausible import pressure_caution
 
     highest = max(float(recording[f"{name}.pressure"].max()) for name in ("flexor", "extensor"))
-    return [pressure_caution(highest)]
+    return [pressure_caution(highest), *recording.meta.get("warnings", [])]
 
 
 def _content(recording: Recording) -> dict[str, Any]:
     balance = dict(recording.meta["balance"])
-    return {"channels": recording.summary(), "duration": recording.duration, "balance": balance}
+    return {"law_error": recording.meta.get("law_error"), "channels": recording.summary(), "duration": recording.duration, "balance": balance}
 
 
 def _show(recording: Recording) -> None:

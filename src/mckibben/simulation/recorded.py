@@ -13,6 +13,8 @@ from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
 from ..engine import sampled
 from ..engine.native import call_compiled
+from ..muscles.evidence import law_cautions, law_error
+from ..muscles.law import law_name
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from .kernel import RecordingKernel
@@ -122,8 +124,8 @@ def _described(output: str) -> tuple[str, str, str]:
 
 def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationState) -> dict[str, Tree]:
     machine, room = simulation.machine, simulation.machine.environment
-    stated = [published(muscle) for muscle in simulation.system.muscles.values()]
-    specimens = [spec for spec in stated if spec is not None]
+    by_name = {name: published(muscle) for name, muscle in simulation.system.muscles.items()}
+    specimens = [spec for spec in by_name.values() if spec is not None]
     cites = [key for unit in machine.units.values() for key in unit.law.cites]
     cites += [key for spec in specimens for key in spec.sources]
     return {
@@ -140,6 +142,9 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",
+        "law_error": {name: law_error(spec, law_name(machine.units[name].law)) for name, spec in by_name.items()},
+        "warnings": list(dict.fromkeys(str(one) for name, spec in by_name.items()
+                                       for one in law_cautions(spec, law_name(machine.units[name].law)))),
         "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),
