@@ -121,7 +121,7 @@ def unit_parameter(unit: MuscleUnit, path: str) -> Quantity:
 def with_parameters(
     spec: Specimen, unit: MuscleUnit, values: Mapping[str, float], *, law: str | None = None
 ) -> tuple[Specimen, MuscleUnit]:
-    """Replace parameters of a muscle by their paths; another rest length cuts the muscle, see `muscles.build.at_rest_length`.
+    """Replace parameters of a muscle by their paths; another rest length cuts it, see `muscles.build.at_rest_length`.
 
     Args:
         spec: of which the muscle was built.

@@ -158,6 +158,7 @@ def _cautions(computed: WorkingCycles, pressure: str | None, stretched: str | No
     longest = float(computed.muscles[computed.volume].length_range()[1])
     between = computed.conditions
     return caution(
+        *(str(one) for one in muscles.evidence.law_cautions(computed.specimen, computed.law)),
         muscles.plausible.pressure_caution(between.pressure, computed.specimen, text=pressure),
         None
         if stretched is None

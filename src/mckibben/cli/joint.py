@@ -224,7 +224,12 @@ def _cautions(recording: Recording) -> list[str | None]:
 
 def _content(recording: Recording) -> dict[str, Any]:
     balance = dict(recording.meta["balance"])
-    return {"law_error": recording.meta.get("law_error"), "channels": recording.summary(), "duration": recording.duration, "balance": balance}
+    return {
+        "law_error": recording.meta.get("law_error"),
+        "channels": recording.summary(),
+        "duration": recording.duration,
+        "balance": balance,
+    }
 
 
 def _show(recording: Recording) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from .. import identification, muscles
+from ..answers import collect
 from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
@@ -259,10 +260,10 @@ def _point(built: Any, length: float, drive: float, biological: bool) -> dict[st
 
 
 def _add_ranges(points: list[dict[str, Any]], spec: Specimen | None, name: str, built: Any) -> tuple[Caution, ...]:
-    """What the ranges of a specimen's numbers, and a braid's other laws, leave of the tension at each point, beside the tension.
+    """What ranges of a specimen's numbers, and other laws of a braid, leave of the tension at each point, beside it.
 
     Returns:
-        Cautions where the laws of a braid differ, for the point at which they do most.
+        Cautions where the laws of a braid differ, for the point at which they do most, and where none can pull.
     """
     if spec is None or spec.kind != "mckibben":
         return ()
@@ -276,7 +277,9 @@ def _add_ranges(points: list[dict[str, Any]], spec: Specimen | None, name: str, 
         point |= {"by_law": {name: point["tension"]} | others} if others else {}
         differing = muscles.sleeve.differing_caution(spec, name, point["tension"], others)
         said += [(max(others.values()) - min(others.values()), differing)] if differing else []
-    return (max(said, key=lambda one: one[0])[1],) if said else ()
+    pulls = np.array([p["tension"] for p in points])
+    beyond = muscles.evidence.beyond_braid_caution(built, at[0], pulls)
+    return collect(max(said, key=lambda one: one[0])[1] if said else None, beyond)
 
 
 def _add_bands(points: list[dict[str, Any]], posterior: Posterior) -> str | None:
@@ -303,10 +306,10 @@ def _print_point(point: dict[str, Any], title: str, biological: bool, band: str)
         [k.replace("_", " "), "not known to this law" if point[k] != point[k] else with_unit(point[k], u)]
         for k, u in UNITS.items()
     ]
+    rows[1:1] = [[f"by {law}", with_unit(pull, "N")] for law, pull in list(point.get("by_law", {}).items())[1:]]
     if "tension_low" in point:
         ends = " to ".join(with_unit(point[f"tension_{end}"], "N") for end in ("low", "high"))
         rows.insert(1, [f"tension, {band}", ends])
-    rows[1:1] = [[f"by {law}", with_unit(pull, "N")] for law, pull in list(point.get("by_law", {}).items())[1:]]
     words = ["slack" if point["slack"] else "taut"] + (["overstretched"] if point["overstretched"] else [])
     force = f"activation {point['activation']:g}" if biological else with_unit(point["pressure"], "Pa")
     table(f"{title}, at {with_unit(point['length'], 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])

@@ -70,8 +70,8 @@ _ALONG_UNIT = {"m": 1, "m/Pa": 1, "N/m": -1}
 def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tuple[Specimen, dict[str, Any]]:
     """The same muscle cut to the rest length among some changes, and the changes that are left.
 
-    All that goes with the length goes with it: lengths, turns, volume and stiffness of the law, friction and creep. Ends stay
-    as they are, seats and inactive lengths, so that a short muscle with ends is weaker than a long one at the same contraction.
+    All that goes with the length goes with it: lengths, turns, volume and stiffness of the law, friction and creep. Ends
+    stay as they are, seats and inactive lengths, so that with them a short muscle is weaker at the same contraction.
 
     Args:
         spec: the muscle.
@@ -90,16 +90,20 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
     if ratio == 1.0:
         return spec, left
     if not law_type(law).any_length and len(measured_rest_lengths(spec)) < 2:
-        raise _of_one_length(spec, law, whole, float(wanted))
+        raise _of_one_length(law, whole, float(wanted), _others_of(spec), where=spec.where or spec.id)
     laws = {name: group for name, group in spec.laws.items() if name == law or law_type(name).any_length}
 
     rest = SpecimenNumber(value=float(wanted), unit="m", note="cut to length")
     whole_number = spec.laws[law].get("rest_length", spec.properties.get("rest_length"))
 
-    def cut(group: Mapping[str, SpecimenNumber], along: Callable[[str, SpecimenNumber], int]) -> dict[str, SpecimenNumber]:
+    def cut(
+        group: Mapping[str, SpecimenNumber], along: Callable[[str, SpecimenNumber], int]
+    ) -> dict[str, SpecimenNumber]:
         def one(name: str, number: SpecimenNumber) -> SpecimenNumber:
             if whole_number is not None and (number.value, number.unit) == (whole_number.value, whole_number.unit):
-                return rest if along(name, number) == 1 else number  # to the bit, or the muscle would be overstretched at rest
+                return (
+                    rest if along(name, number) == 1 else number
+                )  # to the bit, or the muscle would be overstretched at rest
             return _scaled(number, ratio ** along(name, number))
 
         return {name: one(name, number) for name, number in group.items()}
@@ -122,6 +126,34 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
     return spec, left
 
 
+def cut_parameters(
+    law: str, parameters: Mapping[str, float], changes: Mapping[str, float], whole: Sequence[float]
+) -> dict[str, float]:
+    """Parameters of a law [SI] as of a muscle cut to the rest length among some changes; without one as they are.
+
+    Args:
+        law: its name.
+        parameters: of the muscles that were measured.
+        changes: among them, perhaps, the rest length.
+        whole: rest lengths of the measured muscles [m]; where they are several, all share the parameters.
+
+    Raises:
+        InputError: the law's coefficients are of one length.
+    """
+    wanted, rests = changes.get("rest_length"), np.unique(np.asarray(whole, float))
+    if wanted is None or rests.size != 1 or float(wanted) == rests[0]:
+        return dict(parameters)
+    if not law_type(law).any_length:
+        raise _of_one_length(law, float(rests[0]), float(wanted), [A_FIT])
+    known = declared(law_type(law))
+    cut = {name: value * (float(wanted) / float(rests[0])) ** known[name].along for name, value in parameters.items()}
+    return cut | {
+        name: float(wanted)
+        for name in cut
+        if name != "turns" and parameters[name] == rests[0] and known[name].along == 1
+    }
+
+
 def _stated_rest_length(spec: Specimen, law: str) -> float:
     """Rest length for which a file states a law [m]."""
     stated = spec.laws[law].get("rest_length")
@@ -142,17 +174,30 @@ def _scaled(number: SpecimenNumber, factor: float) -> SpecimenNumber:
     return dataclasses.replace(number, value=value, range=ends, inferred=True, note=said)
 
 
-def _of_one_length(spec: Specimen, law: str, whole: float, wanted: float) -> InputError:
-    """The refusal of another length, with what does it: other laws of the muscle, specimens of its bore."""
+A_FIT = "a fit of a law that goes with the length, such as hyperelastic_braid"
+
+
+def _others_of(spec: Specimen) -> list[str]:
+    """What does another length of a muscle: another law of it, else a fit of one; specimens of its bore."""
     laws = [name for name in spec.laws if law_type(name).any_length]
-    bore = spec.properties.get("rest_inner_diameter")
-    alike = [s.id for s in specimens() if bore is not None and len(measured_rest_lengths(s)) > 1 and s.id != spec.id
-             and s.property_si("rest_inner_diameter", "m") == spec.property_si("rest_inner_diameter", "m")]
-    others = [f"the law {laws[0]} of {spec.id}"] if laws else ["a fit of a law that goes with the length, such as hyperelastic_braid"]
-    others += [f"the specimen {name}, fitted to several lengths" for name in alike]
+    bore = None if "rest_inner_diameter" not in spec.properties else spec.property_si("rest_inner_diameter", "m")
+    alike = [
+        s.id
+        for s in specimens()
+        if bore is not None and len(measured_rest_lengths(s)) > 1 and s.id != spec.id
+        and s.property_si("rest_inner_diameter", "m") == bore
+    ]  # fmt: skip
+    return [
+        f"the law {laws[0]} of {spec.id}" if laws else A_FIT,
+        *(f"the specimen {s}, fitted to several lengths" for s in alike),
+    ]
+
+
+def _of_one_length(law: str, whole: float, wanted: float, others: list[str], where: str | None = None) -> InputError:
+    """The refusal of another length, with what does it."""
     shown, own = with_unit(wanted, "m"), with_unit(whole, "m")
     said = f"rest_length must be {own}, got {shown}: the coefficients of {law} are of one length. Use {' or '.join(others)}"
-    return InputError(f"{law}.rest_length", shown, f"must be {own}", where=spec.where or spec.id, sentence=said)
+    return InputError(f"{law}.rest_length", shown, f"must be {own}", where=where, sentence=said)
 
 
 def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | None = None) -> TensionLaw:

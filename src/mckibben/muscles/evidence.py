@@ -1,18 +1,21 @@
 """What stands behind the numbers of a specimen: how far its law was from measurements, and where that was found.
 
-A file states the errors of its laws and the rest lengths of the muscles that were measured. Whatever answers for such a muscle
-says so: the error always, and a caution where it is large or where a rest length is beyond the measured ones.
+A file states the errors of its laws and the rest lengths of the muscles that were measured. Whatever answers for such a
+muscle says so: the error always, and a caution where it is large or where a rest length is beyond the measured ones.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ..answers import Caution, collect
 from ..documents import JsonValue
 from ..quantities import with_unit
 from ..specimens import Specimen
 from ..specimens.load import KNOWN_ERRORS
+from .braid import SHORTEST_SHARE, braid_of
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
 SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
@@ -87,9 +90,29 @@ def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Ca
     ends = " to ".join(with_unit(end, "m", 3) for end in dict.fromkeys((measured[0], measured[-1])))
     said = f"a rest length of {with_unit(rest, 'm', 4)} is beyond the measured ones of {spec.id}, {ends}"
     if error is None or error.other_length is None:
-        return Caution(f"{said}: the tension there is that of a like muscle, and nothing says how far it is off", "rest_length")
+        return Caution(
+            f"{said}: the tension there is that of a like muscle, and nothing says how far it is off", "rest_length"
+        )
     note = spec.errors[law]["other_length"].note
-    return Caution(f"{said}: there {law} was off by up to {_percent(error.other_length)} of the largest tension ({note})", "rest_length")
+    return Caution(
+        f"{said}: there {law} was off by up to {_percent(error.other_length)} of the largest tension ({note})",
+        "rest_length",
+    )
+
+
+def beyond_braid_caution(law: object, length: np.ndarray, tension: np.ndarray) -> Caution | None:
+    """Caution about a pull [N] at a length [m] to which no gas shortens the law's braid; None where there is none."""
+    shape = braid_of(law)
+    if shape is None:
+        return None
+    beyond = (length < (1.0 - SAME_LENGTH) * SHORTEST_SHARE * shape.thread_length) & (tension > 0.0)
+    if not beyond.any():
+        return None
+    at, angle = float(length[beyond].max()), shape.degrees(float(length[beyond].max()))
+    said = (
+        f"at {with_unit(at, 'm', 4)} the threads stand at {angle:.1f} deg, and gas shortens a braid to 54.7 deg at most"
+    )
+    return Caution(f"{said}: the law pulls where the braid cannot", "length")
 
 
 def _percent(share: float) -> str:

@@ -169,7 +169,9 @@ class Muscle(Module):
         at, gauge = np.asarray(in_si(length, "m", field="length")), np.asarray(in_si(pressure, "Pa", field="pressure"))
         found = tension_range(self.specimen, self.law_name, self.law, at, gauge)
         if found is None:
-            raise InputError("specimen", None, f"must state ranges of numbers that were not measured; {self.title} does not")
+            raise InputError(
+                "specimen", None, f"must state ranges of numbers that were not measured; {self.title} does not"
+            )
         low, high = (end if end.ndim else end.item() for end in found)
         return low, high
 

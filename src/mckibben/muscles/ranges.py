@@ -1,8 +1,8 @@
-"""How far a tension may be off because of numbers that nobody measured: what the ranges of a specimen's file leave.
+"""How far a tension may be off because of numbers that nobody measured, as the ranges of a specimen's file say.
 
-Each number is moved to both of its ends while the others stay; the changes to either side add as squares, for the numbers are
-independent. The parameters of a braid all follow from its dimensions, so that there the dimensions are moved, not the parameters. Ranges
-of a fitted law are intervals of parameters that only hold together; its error says more (`evidence`), and no range is computed.
+Each number is moved to both of its ends while the others stay; the changes to either side add as squares, for the numbers
+are independent. The parameters of a braid all follow from its dimensions, so that there the dimensions are moved instead.
+Ranges of a fitted law belong to parameters that only hold together; there the law's error says more (`evidence`).
 """
 
 from __future__ import annotations

@@ -82,7 +82,6 @@ SHORE_READING = 5.0  # a tube of 1 mm is too thin for the norm
 SHORTEST = 0.61
 SLENDER = 4.0  # length over diameter
 LEAST_BORE = 0.05  # of the diameter, which bladder and threads must leave
-LIMIT = 3.0**-0.5  # shortest length of a braid over its thread length: that of 54.7 degrees, where it encloses most
 PRESSURE = 5e5  # [Pa] at which friction and the contracted diameter are stated
 # Range of Kp over E A/L0: that of the nylon muscle is 1.7 to 3.8 times as large, by the thread taken.
 PASSIVE = (0.5, 4.0)
@@ -169,7 +168,9 @@ def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None 
         thread_length=shape.thread_length, turns=shape.turns, wall_thickness=wall + thread, upper_length=upper
     )
     modulus = youngs_modulus(shore)
-    slope, zero = straight_line(thick, upper, SHORTEST * shape.thread_length, LIMIT * shape.thread_length)
+    slope, zero = straight_line(
+        thick, upper, SHORTEST * shape.thread_length, braid.SHORTEST_SHARE * shape.thread_length
+    )
     inner = {"thread_length": shape.thread_length, "turns": shape.turns, "wall_thickness": wall + thread}
     rest_volume = braid.inner_volume(rest, **inner)
     # Beyond the upper length the gas ceases to pull over this length, where the law has emptied its braid; threads do not
@@ -289,7 +290,9 @@ def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, 
 def _stated_error(known: tuple[BraidError, ...]) -> SpecimenNumber:
     """The largest error of a law for the make of which it is worst among those that it may be of: a loose sleeve."""
     first, *others = known
-    note = f"computed, not measured: of a {first.make}" + "".join(f"; {100 * e.largest:.0f} % of {e.make}" for e in others)
+    note = f"computed, not measured: of a {first.make}" + "".join(
+        f"; {100 * e.largest:.0f} % of {e.make}" for e in others
+    )
     return SpecimenNumber(value=100.0 * first.largest, unit="%", inferred=True, note=note)
 
 
@@ -320,7 +323,9 @@ def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
     unseen = {*_MODULI, *_UNSEEN, *(INFERRED if name == "linear_threshold" else ())}
     changes: list[dict[str, Any]] = []
     count = 1 + 2 * len(DIMENSIONS)
-    columns = {n: np.broadcast_to(np.asarray(getattr(built, n), float), (count,)) for n in declared(law) if n not in unseen}
+    columns = {
+        n: np.broadcast_to(np.asarray(getattr(built, n), float), (count,)) for n in declared(law) if n not in unseen
+    }
     for k in range(1, count):
         off = {n: float(getattr(law, n)) + c[k] - c[0] for n, c in columns.items() if c[k] != c[0]}
         changes += [off] if off else []
@@ -390,7 +395,9 @@ def _group(law: str, built: TensionLaw, threads: float) -> dict[str, SpecimenNum
     """The parameters of a law, with the ranges that the readings leave, for threads of a length [m]."""
     known = declared(built)
     # No braid shortens beyond 54.7 degrees, and one that pulls at rest has its end below its rest length.
-    limits = {name: q.bounds for name, q in known.items()} | {"shortest_length": (LIMIT * threads, threads)}
+    limits = {name: q.bounds for name, q in known.items()} | {
+        "shortest_length": (braid.SHORTEST_SHARE * threads, threads)
+    }
     return {key: _parameter(law, key, q.unit, getattr(built, key), limits[key]) for key, q in known.items()}
 
 
@@ -416,7 +423,9 @@ def _parameter(law: str, key: str, unit: str, values: Scalar, limits: tuple[floa
         return stated_number(value, unit, source="inferred", note=note, interval=ends)
     if key == "upper_length":
         return stated_number(value, unit, source="chou1996", note="as the property of that name")
-    return stated_number(value, unit, source="chou1996", note=f"computed from the dimensions{cut}", interval=(low, high))
+    return stated_number(
+        value, unit, source="chou1996", note=f"computed from the dimensions{cut}", interval=(low, high)
+    )
 
 
 # Elastic parameters: factors of the range that hardness and readings leave, and the note.

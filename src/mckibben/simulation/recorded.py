@@ -143,8 +143,13 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
         "result": "done",
         "message": "The run reached its end.",
         "law_error": {name: law_error(spec, law_name(machine.units[name].law)) for name, spec in by_name.items()},
-        "warnings": list(dict.fromkeys(str(one) for name, spec in by_name.items()
-                                       for one in law_cautions(spec, law_name(machine.units[name].law)))),
+        "warnings": list(
+            dict.fromkeys(
+                str(one)
+                for name, spec in by_name.items()
+                for one in law_cautions(spec, law_name(machine.units[name].law))
+            )
+        ),
         "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),

@@ -181,5 +181,7 @@ def _read(text: str, *, where: str) -> Specimen:
         for name, stated in group.items():
             value = stated.si(KNOWN_ERRORS[name], field=errors.table(law).field(name), where=where)
             if not isinstance(value, float) or value < 0.0:
-                raise errors.table(law).fail(name, str(stated.value), "must be one share of the largest tension, not negative")
+                raise errors.table(law).fail(
+                    name, str(stated.value), "must be one share of the largest tension, not negative"
+                )
     return one
