@@ -59,13 +59,18 @@ _USUAL: dict[str, dict[str, tuple[float, float]]] = {
 
 
 class Quantity(NamedTuple):
-    """The declaration of one parameter: SI unit, bounds (inclusive), meaning, symbol, and a range usual in practice."""
+    """The declaration of one parameter: SI unit, bounds (inclusive), meaning, symbol, and a range usual in practice.
+
+    `along` is the power of the rest length with which it goes where the same muscle is cut to another length: 1 of a
+    length along the axis, of turns and of a volume, -1 of a stiffness, 0 of what belongs to cross-section and material.
+    """
 
     unit: str
     bounds: tuple[float, float]
     doc: str
     symbol: str
     typical: tuple[float, float]
+    along: int = 0
 
     def check(self, name: str, value: object, *, where: str | None = None) -> None:
         """Raise `InputError` when a concrete value is not finite or out of bounds."""
@@ -92,6 +97,7 @@ def quantity(
     symbol: str = "",
     typical: tuple[float, float] | None = None,
     default: Any = dataclasses.MISSING,
+    along: int = 0,
 ) -> Any:
     """Declare a physical parameter as a field of a module.
 
@@ -102,6 +108,7 @@ def quantity(
         symbol: as the field writes it.
         typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
         default: value where none is given [unit]; None for a parameter that only some uses have.
+        along: power of the rest length with which it goes, see `Quantity`.
 
     Examples:
         >>> import mckibben as mk
@@ -111,7 +118,7 @@ def quantity(
         >>> float(Pulley().radius)
         0.02
     """
-    declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
+    declared = Quantity(unit, bounds, doc, symbol, typical or bounds, along)
     options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
     converter = _array_or_none if default is None else as_array
     return dataclasses.field(metadata={"quantity": declared, "converter": converter}, kw_only=True, **options)

@@ -9,18 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..components import Environment, MemoryElement
+from ..components import Environment, MemoryElement, paths
 from ..components.flow import FlowElement
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles import Muscle
-from ..muscles.build import built_muscle
+from ..muscles.build import at_rest_length, built_muscle
+from ..muscles.dimensions import REST_LENGTH
 from ..muscles.elements import Tendon
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
+from ..quantities import Quantity
 from ..specimens import Specimen, muscle_specimen
 from .loads import JointLoad, Load, MomentArm
 from .machine import Machine
@@ -113,6 +115,31 @@ def unit_from_specimen(
     chosen = built_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))
     where = stated.where or stated.id
     return unit_from_muscle(chosen, rubs=rubs, tendon=tendon, wrap=wrap, where=where, **mechanics)
+
+
+def unit_parameter(unit: MuscleUnit, path: str) -> Quantity:
+    """The declaration of a muscle's parameter by its path; every specimen has a rest length, also where its law has none."""
+    return REST_LENGTH if path == "law.rest_length" else paths.declaration(unit, path)
+
+
+def with_parameters(
+    spec: Specimen, unit: MuscleUnit, values: Mapping[str, float], *, law: str | None = None
+) -> tuple[Specimen, MuscleUnit]:
+    """Replace parameters of a muscle by their paths; another rest length cuts it, see `muscles.build.at_rest_length`.
+
+    Args:
+        spec: of which the muscle was built.
+        unit: the muscle.
+        values: by path [SI], such as ``law.rest_length``.
+        law: with which it was built; its default law if left out.
+    """
+    others = dict(values)
+    if "law.rest_length" in others:
+        name = law or spec.law
+        spec, _ = at_rest_length(spec, name, {"rest_length": others.pop("law.rest_length")})
+        unit = unit_from_specimen(spec, law=name, tendon=unit.tendon)
+    changed: MuscleUnit = paths.put(unit, others)
+    return spec, changed
 
 
 def unit_from_muscle(

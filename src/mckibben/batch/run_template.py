@@ -11,13 +11,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..assembly.build import rig_unit
+from ..assembly.build import rig_unit, unit_parameter, with_parameters
 from ..assembly.muscle_unit import MuscleUnit
 from ..bench.prepare import PreparedRun, prepare
 from ..bench.rig import Rig
 from ..bench.rig_file import put_rig_value, read_rig
 from ..bench.rig_file import rig as rig_of
-from ..components import paths
 from ..documents import JsonValue
 from ..engine import STEP
 from ..errors import InputError
@@ -107,10 +106,11 @@ class RunFactory:
         of_rig = {k: v for k, v in settings.items() if k.startswith("rig.")}
         of_muscle = {k: v for k, v in settings.items() if k.startswith("muscle.")}
         of_steps = {k: v for k, v in settings.items() if k not in of_rig and k not in of_muscle}
+        spec, unit = self._changed(self._specimen(muscle), self._unit(muscle), of_muscle)
         return prepare(
             self._protocol(_key(of_steps)),
-            muscle=self._specimen(muscle),
-            unit=self._changed(self._unit(muscle), of_muscle),
+            muscle=spec,
+            unit=unit,
             rig=self._rig((rig, *_key(of_rig))),
             plumbing=plumbing,
             step=template.step,
@@ -122,14 +122,14 @@ class RunFactory:
         return self.template.specimens.get(name) or muscle_specimen(name)
 
     @staticmethod
-    def _changed(unit: MuscleUnit, given: Mapping[str, str]) -> MuscleUnit:
+    def _changed(spec: Specimen, unit: MuscleUnit, given: Mapping[str, str]) -> tuple[Specimen, MuscleUnit]:
+        values = {}
         for key, words in given.items():
             path = key.removeprefix("muscle.")
-            declared = paths.declaration(unit, path)
-            value = parse(words, declared.unit, field=key)
-            declared.check(key, value)
-            unit = paths.put(unit, {path: value})
-        return unit
+            declared = unit_parameter(unit, path)
+            values[path] = parse(words, declared.unit, field=key)
+            declared.check(key, values[path])
+        return with_parameters(spec, unit, values)
 
     def _read_rig(self, key: tuple[Any, ...]) -> Rig:
         name, *changes = key

@@ -14,11 +14,12 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from ..assembly.build import unit_parameter
 from ..assembly.muscle_unit import MuscleUnit
 from ..bench.rig import Rig
 from ..bench.rig_file import LENGTH
 from ..bench.sensors import SENSORS
-from ..components import Environment, paths
+from ..components import Environment
 from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.amounts import read_amount
@@ -104,7 +105,7 @@ def setting(path: str, protocol: Protocol, rig: Rig, unit: MuscleUnit, *, where:
     if path.startswith("muscle."):
         path_in_muscle = path.removeprefix("muscle.")
         try:
-            quantity = paths.declaration(unit, path_in_muscle)
+            quantity = unit_parameter(unit, path_in_muscle)
         except InputError as error:
             raise error.changed(value=path, where=where) from None
         return Setting(path, quantity.unit, quantity)

@@ -15,6 +15,8 @@ from ..assembly.machine import Machine
 from ..components.paths import resolved
 from ..documents import JsonValue
 from ..experiments.plan import PlannedStep
+from ..muscles.evidence import law_error
+from ..muscles.law import law_name
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Recording
 from .hardware.computer import Timing
@@ -84,6 +86,7 @@ def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
         "converters": _ends(bench),
         **_calibrated(bench),
         "seed": bench.seed,
+        "law_error": law_error(spec, law_name(bench.unit.law)),
         "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
         "citations": list(
             dict.fromkeys(

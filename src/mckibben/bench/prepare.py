@@ -23,6 +23,8 @@ from ..experiments.protocol import Protocol
 from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
+from ..muscles.evidence import law_cautions
+from ..muscles.law import law_name
 from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
 from ..recordings.memory import INTEGRATED, check_memory
 from ..specimens import Specimen, muscle_specimen
@@ -135,7 +137,8 @@ class PreparedRun:
             for ask in dict.fromkeys(asked)
             if self.rig.operator_action(ask) is None
         ]
-        return (*old, *unknown, *map(str, self.set_point_cautions()))
+        of_muscle = (str(one) for one in law_cautions(self.specimen, law_name(self.unit.law)))
+        return (*old, *unknown, *of_muscle, *map(str, self.set_point_cautions()))
 
     def set_point_cautions(self) -> tuple[Caution, ...]:
         """What can hardly be meant of the protocol's pressures and spans, and of the rig's parts."""

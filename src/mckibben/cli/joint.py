@@ -221,7 +221,12 @@ def _course(text: str, unit: str, field: str) -> _Held:
 
 def _content(recording: Recording) -> dict[str, Any]:
     balance = dict(recording.meta["balance"])
-    return {"channels": recording.summary(), "duration": recording.duration, "balance": balance}
+    return {
+        "law_error": recording.meta.get("law_error"),
+        "channels": recording.summary(),
+        "duration": recording.duration,
+        "balance": balance,
+    }
 
 
 def _show(recording: Recording) -> None:

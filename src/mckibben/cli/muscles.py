@@ -6,9 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 from .. import identification, muscles
+from ..answers import collect
 from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
@@ -34,6 +36,7 @@ from ._terminal import (
 )
 
 if TYPE_CHECKING:
+    from ..answers import Caution
     from ..identification import Posterior
 
 Name = Annotated[
@@ -64,8 +67,11 @@ def show(
         chosen = chosen_law(law, spec)
         built = None if spec.kind == "valve" else _law(spec, chosen, {})
         groups = {"properties": spec.properties} | ({f"laws.{chosen}": spec.laws[chosen]} if built else {})
+        groups |= {f"errors.{chosen}": spec.errors[chosen]} if chosen in spec.errors else {}
         groups |= {f"friction.{k}": g for k, g in spec.friction.items()}
         numbers = [(f"{path}.{key}", p) for path, group in groups.items() for key, p in group.items()]
+        error = muscles.evidence.error_of(spec, chosen)
+        cautions = caution(*(str(one) for one in muscles.evidence.law_cautions(spec, chosen)))
         files.write("figure", lambda path: _draw(built, spec, path))
         files.write("specimen", lambda path: save_specimen(spec, path))
         files.write_rows([{"parameter": path} | _entry(p) for path, p in numbers])
@@ -76,6 +82,8 @@ def show(
             "laws": list(spec.laws),
             "parameters": {path: _entry(p) for path, p in numbers},
             "sources": spec.sources,
+            "law_error": muscles.evidence.law_error(spec, chosen),
+            "warnings": cautions,
         }
         files.write_result(content)
         if as_json:
@@ -85,6 +93,8 @@ def show(
         table(f"{spec.title} ({spec.id})", ["parameter", "value", "source", "", "note"], rows, right=[1])
         others = ", ".join(k for k in spec.laws if k != chosen) or "none"
         typer.echo(f"\nLaw: {getattr(built, 'title', chosen)}. Other laws stated: {others}." if built else "")
+        if error is not None:
+            typer.echo(f"Error of the law: {error}.")
         for key in dict.fromkeys(spec.sources):
             typer.echo(f"[{key}] {reference(key)}")
         files.say()
@@ -140,28 +150,37 @@ def tension(
         about_pressures = (
             None if pressure is None else muscles.plausible.pressure_caution(max(drives), spec, text=pressure)
         )
-        warnings = [] if biological else caution(*about_lengths, about_pressures)
+        warnings = (
+            [] if biological else caution(*about_lengths, about_pressures, *muscles.evidence.law_cautions(spec, chosen))
+        )
         points = [_point(built, at, drive, biological) for at in lengths for drive in drives]
+        warnings += caution(*(str(one) for one in _add_ranges(points, spec, chosen, built)))
         if from_posterior is not None:
             posterior = identification.read_posterior(from_posterior, law=chosen)
             posterior.check_muscle(built, name)
             warnings += caution(posterior.beyond(lengths, drives))
             warnings += caution(_add_bands(points, posterior))
+        error = muscles.evidence.error_of(spec, chosen)
         about: dict[str, Any] = {"law": chosen, "specimen": None if spec is None else spec.id, "warnings": warnings}
+        about["law_error"] = muscles.evidence.law_error(spec, chosen)
         defaults = [] if spec is not None else _defaults(built, change, chosen)
         if spec is None:
             about |= {"parameters": values(built), "defaults": defaults}
         answer = points[0] | about if len(points) == 1 else {"points": points} | about
-        files.write_rows(points, UNITS | {"length": "m", "pressure": "Pa", "braid_length": "m"} | BAND)
+        flat = [{key: value for key, value in point.items() if key != "by_law"} for point in points]
+        files.write_rows(flat, UNITS | {"length": "m", "pressure": "Pa", "braid_length": "m"} | BAND)
         files.write_result(answer)
         if as_json:
             print_json(answer)
             return
         title = f"{built.title} law" if spec is None else f"{spec.title}, {chosen}"
+        band = "range" if from_posterior is None else "95 %"  # what low and high are the ends of
         if len(points) == 1:
-            _print_point(points[0], title, biological)
+            _print_point(points[0], title, biological, band)
         else:
-            _print_points(points, title, biological)
+            _print_points(points, title, biological, band)
+        if error is not None:
+            typer.echo(f"Error of the law: {error}.")
         if defaults:
             units = declared(type(built))
             said = ", ".join(f"{n} = {with_unit(float(getattr(built, n)), units[n].unit)}" for n in defaults)
@@ -228,6 +247,29 @@ def _point(built: Any, length: float, drive: float, biological: bool) -> dict[st
     }
 
 
+def _add_ranges(points: list[dict[str, Any]], spec: Specimen | None, name: str, built: Any) -> tuple[Caution, ...]:
+    """What ranges of a specimen's numbers, and other laws of a braid, leave of the tension at each point, beside it.
+
+    Returns:
+        Cautions where the laws of a braid differ, for the point at which they do most, and where none can pull.
+    """
+    if spec is None or spec.kind != "mckibben":
+        return ()
+    at = [np.array([p[name] for p in points]) for name in ("length", "pressure")]
+    ends = muscles.ranges.tension_range(spec, name, built, *at)
+    for k, point in enumerate(points if ends is not None else ()):
+        point |= {"tension_low": float(ends[0][k]), "tension_high": float(ends[1][k])}
+    said = []
+    for point in points:
+        others = muscles.sleeve.other_laws(spec, name, point["length"], point["pressure"])
+        point |= {"by_law": {name: point["tension"]} | others} if others else {}
+        differing = muscles.sleeve.differing_caution(spec, name, point["tension"], others)
+        said += [(max(others.values()) - min(others.values()), differing)] if differing else []
+    pulls = np.array([p["tension"] for p in points])
+    beyond = muscles.evidence.beyond_braid_caution(built, at[0], pulls)
+    return collect(max(said, key=lambda one: one[0])[1] if said else None, beyond)
+
+
 def _add_bands(points: list[dict[str, Any]], posterior: Posterior) -> str | None:
     """The 95 % band of the tension at each point, beside the tension.
 
@@ -247,35 +289,33 @@ def _add_bands(points: list[dict[str, Any]], posterior: Posterior) -> str | None
     )
 
 
-def _print_point(point: dict[str, Any], title: str, biological: bool) -> None:
+def _print_point(point: dict[str, Any], title: str, biological: bool, band: str) -> None:
     rows = [
         [k.replace("_", " "), "not known to this law" if point[k] != point[k] else with_unit(point[k], u)]
         for k, u in UNITS.items()
     ]
+    rows[1:1] = [[f"by {law}", with_unit(pull, "N")] for law, pull in list(point.get("by_law", {}).items())[1:]]
     if "tension_low" in point:
         ends = " to ".join(with_unit(point[f"tension_{end}"], "N") for end in ("low", "high"))
-        rows.insert(1, ["tension, 95 %", ends])
+        rows.insert(1, [f"tension, {band}", ends])
     words = ["slack" if point["slack"] else "taut"] + (["overstretched"] if point["overstretched"] else [])
     force = f"activation {point['activation']:g}" if biological else with_unit(point["pressure"], "Pa")
     table(f"{title}, at {with_unit(point['length'], 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
 
 
-def _print_points(points: list[dict[str, Any]], title: str, biological: bool) -> None:
+def _print_points(points: list[dict[str, Any]], title: str, biological: bool, band: str) -> None:
     drive = "activation" if biological else "pressure"
     units = {"length": "m", drive: "1" if biological else "Pa", "tension": "N"}
     units |= {"tension_low": "N", "tension_high": "N"} if "tension_low" in points[0] else {}
     units |= {"volume": "m^3", "stiffness": "N/m"}
-    heads = [_words(name) if unit == "1" else f"{_words(name)}, {shown_unit(unit)}" for name, unit in units.items()]
+    words = {"tension_low": f"{band}: from", "tension_high": "to"}
+    heads = [words.get(name, name) + ("" if unit == "1" else f", {shown_unit(unit)}") for name, unit in units.items()]
     rows = []
     for point in points:
         numbers = [from_si(point[name], unit, shown_unit(unit)) for name, unit in units.items()]
-        words = ["slack"] * point["slack"] + ["overstretched"] * point["overstretched"]
-        rows.append([*("" if number != number else f"{number:.4g}" for number in numbers), ", ".join(words)])
+        states = ["slack"] * point["slack"] + ["overstretched"] * point["overstretched"]
+        rows.append([*("" if number != number else f"{number:.4g}" for number in numbers), ", ".join(states)])
     table(title, [*heads, ""], rows, right=range(len(heads)))
-
-
-def _words(name: str) -> str:
-    return {"tension_low": "95 %: from", "tension_high": "to"}.get(name, name)
 
 
 def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Specimen | None, str, Any]:
@@ -290,7 +330,8 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
     chosen = chosen_law(law, spec)
     if spec.kind == "biological":
         return spec, chosen, _law(spec, chosen, {})
-    return spec, chosen, _law(spec, chosen, parameters(change, chosen))
+    muscle = muscles.build.muscle(spec, law=chosen, **parameters(change, chosen, of=spec))
+    return muscle.specimen, chosen, muscle.law  # perhaps cut to another length
 
 
 def _named_law(name: str, parameters: dict[str, float]) -> Any:
@@ -306,9 +347,10 @@ def _named_law(name: str, parameters: dict[str, float]) -> Any:
     return muscles.build.build_law(name, parameters)
 
 
-def parameters(words: Iterable[str] | None, law: str) -> dict[str, float]:
-    """Parse ``--set`` arguments to parameters of a law [SI]; a bare number is taken as SI."""
+def parameters(words: Iterable[str] | None, law: str, of: Specimen | None = None) -> dict[str, float]:
+    """Parse ``--set`` arguments to parameters of a law [SI], and of a specimen; a bare number is taken as SI."""
     known = declared(muscles.laws.law_type(law))
+    known |= {} if of is None else {"rest_length": muscles.dimensions.REST_LENGTH}  # which its law need not have
     values = {}
     for name, text in assignments(words).items():
         if name not in known:

@@ -431,13 +431,14 @@ def prepared(
     of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
     spec = muscle_specimen(muscle)
     unit = build.rig_unit(spec, law=law)
+    values = {}
     for key, words in changes.items():
         if key.startswith("muscle."):
             path = key.removeprefix("muscle.")
-            declared = components.paths.declaration(unit, path)
-            value = parse(words, declared.unit, field=f"--set {key}")
-            declared.check(f"--set {key}", value)
-            unit = components.paths.put(unit, {path: value})
+            declared = build.unit_parameter(unit, path)
+            values[path] = parse(words, declared.unit, field=f"--set {key}")
+            declared.check(f"--set {key}", values[path])
+    spec, unit = build.with_parameters(spec, unit, values, law=law)
     on = chosen_rig(rig, changes, calibration)
     return preparation.prepare(chosen_protocol(protocol, of_protocol), muscle=spec, unit=unit, rig=on, **options)
 
@@ -500,7 +501,8 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
 
 def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, JsonValue]:
     meta = recording.meta
-    keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing")
+    keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing",
+            "law_error")  # fmt: skip
     result = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
     return {
         "result": meta["result"],

@@ -18,7 +18,7 @@ from .._jax import Scalar
 from ..accessors import Accessor
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
-from ..muscles.build import build_law, default_parameters
+from ..muscles.build import build_law, cut_parameters, default_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
 from ..muscles.muscle import Muscle
@@ -273,14 +273,20 @@ class Fit(ErrorMeasures):
         return posterior_of_fit(self, sensors=sensors, **options)
 
     def build(self, **changes: JsonValue) -> TensionLaw:
-        """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind."""
+        """The fitted law; `changes` replace parameters, such as the rest length of another muscle of the kind.
+
+        Fitted parameters that go with the length are those of the measured muscle, and are scaled with it.
+        """
         changes = self._in_si(changes)
         known = {k: (float(np.max(v)) if np.ndim(v) else v) for k, v in self.known.items()}
-        if "rest_length" in changes and "rest_length" in self.known and "upper_length" in self.known:
+        rests = np.unique(np.ravel(self.known.get("rest_length", ())))
+        if "rest_length" in changes and rests.size > 1 and "upper_length" in self.known:
             # A muscle of another length is used as far, in proportion, as those that were measured.
             reach = float(np.max(self.known["upper_length"] / np.asarray(self.known["rest_length"])))
             known["upper_length"] = reach * float(changes["rest_length"])
-        return build_law(self.law, known | {n: e.value for n, e in self.parameters.items()} | changes)
+        fitted = {n: float(changes.get(n, e.value)) for n, e in self.parameters.items()}
+        changes = {n: v for n, v in changes.items() if n not in fitted}
+        return build_law(self.law, cut_parameters(self.law, known | fitted, changes, rests) | changes)
 
     def predict(self, length: Any, pressure: Any, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
@@ -686,6 +692,7 @@ def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: 
         properties=({} if like is None else like.properties) | measured_range(good[0].points) | creep,
         friction=friction,
         laws={f.law: _numbers(f) for f in good},
+        errors={f.law: _errors(f) for f in good},
     )
 
 
@@ -697,15 +704,36 @@ def measured_range(points: ForceMap, lengths: tuple[float, float] | None = None)
         lengths: shortest and longest measured length [m]; those of the points by default.
     """
     shortest, longest = lengths or (float(points.length.min()), float(points.length.max()))
-    ends = {
+    measured = {
         "highest_measured_pressure": (float(points.pressure.max()), "Pa"),
         "shortest_measured_length": (shortest, "m"),
         "longest_measured_length": (longest, "m"),
     }
     note = "of the points to which the laws were fitted"
-    return {
-        name: SpecimenNumber(value=float(f"{value:.6g}"), unit=unit, note=note) for name, (value, unit) in ends.items()
+    properties = {
+        name: SpecimenNumber(value=float(f"{value:.6g}"), unit=unit, note=note)
+        for name, (value, unit) in measured.items()
     }
+    if points.rest_length is None:
+        return properties
+    rests = [float(rest) for rest in np.unique(points.rest_length)]
+    # Not those of the specimen whose other dimensions are taken: it may be of another length.
+    ends = {"rest_length": rests[-1], "upper_length": max(rests[-1], longest)}
+    rest = {name: SpecimenNumber(value=value, unit="m", note=note) for name, value in ends.items()}
+    return rest | properties | {"measured_rest_lengths": SpecimenNumber(value=rests, unit="m", note=note)}
+
+
+def _errors(f: Fit) -> dict[str, SpecimenNumber]:
+    """Errors of a fitted law over the largest measured tension, of points that were left out where there are such."""
+    held = f.cross.get("pressure")
+    left_out = held is not None and not held.failed
+    worst = held if held is not None and left_out else f
+    said = "predicted with their pressure left out" if left_out else "to which it was fitted"
+    numbers = {"rms": (worst.rmse, f"of the points, {said}"), "largest": (worst.max_error, f"of the points, {said}")}
+    if "rest_length" in f.cross and not f.cross["rest_length"].failed:
+        numbers["other_length"] = (f.cross["rest_length"].max_error, "each rest length left out in turn")
+    top = float(f.points.tension.max())
+    return {n: SpecimenNumber(value=float(f"{v / top:.3g}"), unit="1", note=note) for n, (v, note) in numbers.items()}
 
 
 def _numbers(f: Fit) -> dict[str, SpecimenNumber]:

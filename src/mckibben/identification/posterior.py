@@ -23,7 +23,7 @@ from .._jax import jax
 from ..accessors import Accessor
 from ..documents import JsonValue, parse_json, read_text
 from ..errors import ConvergenceError, InputError
-from ..muscles.build import build_law
+from ..muscles.build import build_law, cut_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import declared, in_si, with_unit
@@ -233,8 +233,13 @@ class Posterior:
             **changes: parameters that replace fitted or known ones [SI], such as the rest length.
         """
         known = _whole(self.known)
+        rests = np.ravel(self.known.get("rest_length", ()))
         return [
-            build_law(self.law, known | {n: float(v[i]) for n, v in self.samples.items()} | changes)
+            build_law(
+                self.law,
+                cut_parameters(self.law, known | {n: float(v[i]) for n, v in self.samples.items()}, changes, rests)
+                | changes,
+            )
             for i in self.rows(count)
         ]
 
@@ -335,6 +340,8 @@ class Posterior:
 
     def signed_tensions(self, length: np.ndarray, pressure: np.ndarray, **changes: Any) -> np.ndarray:
         """Signed tension by the law of every sample at points (q,), shape (d, q) [N]; negative where the braid is slack."""
+        if "rest_length" in changes and np.unique(np.ravel(self.known.get("rest_length", ()))).size == 1:
+            return np.stack([np.asarray(law.braid_tension(length, pressure)) for law in self.laws(**changes)])
         points = ForceMap("", length, pressure, np.ones(len(length)))
         free = {name: self.samples[name] for name in self.samples if name not in changes}
         known = _whole(self.known) | {k: v for k, v in changes.items() if k in declared(law_type(self.law))}

@@ -17,6 +17,7 @@ from .._jax import jnp
 from ..components import Scalar
 
 SMALLEST_SINE = 1e-3
+SHORTEST_SHARE = 3.0**-0.5  # least length over the thread length: at 54.7 degrees a braid encloses most
 
 
 class BraidShape(NamedTuple):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import inspect
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -13,11 +15,13 @@ from ..accessors import implementation
 from ..components import Hysteresis, MemoryElement
 from ..documents import JsonValue
 from ..errors import InputError, MissingParametersError
-from ..quantities import Quantity, declared, in_si, shown_unit
+from ..quantities import Quantity, declared, has_dimension, in_si, shown_unit, with_unit
 from ..registry import is_reference, named_by_person
-from ..specimens import Specimen, SpecimenNumber, muscle_specimen
+from ..specimens import Specimen, SpecimenNumber, muscle_specimen, specimens
+from . import dimensions
 from .biological import BiologicalMuscle
 from .creep import MaxwellChain
+from .evidence import measured_rest_lengths
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
 from .laws import LAWS, law_key, law_type
@@ -40,6 +44,7 @@ def law_from_specimen(
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "must be a muscle; it is a valve", where=spec.where)
     name = law or spec.law
+    spec, changes = at_rest_length(spec, name, changes or {})
     if name not in spec.laws:
         known = law_type(name)  # an unknown name is a better complaint than a missing one
         raise InputError(
@@ -50,7 +55,149 @@ def law_from_specimen(
         key: p.si(_unit_of(name, key, spec.where), field=f"laws.{name}.{key}", where=spec.where)
         for key, p in group.items()
     }
-    return build_law(name, parameters | dict(changes or {}), where=spec.where or spec.id)
+    return build_law(name, parameters | changes, where=spec.where or spec.id)
+
+
+# Properties of a muscle that go with its rest length, and the power; parameters of a law say so in their declaration.
+_ALONG = {
+    "rest_length": 1, "upper_length": 1, "stretched_length": 1, "shortest_measured_length": 1,
+    "longest_measured_length": 1, "creep_stiffness": -1,
+}  # fmt: skip
+# Travels of a friction are along the axis, so that its numbers go as the length in their unit; forces and pressures stay.
+_ALONG_UNIT = {"m": 1, "m/Pa": 1, "N/m": -1}
+
+
+def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tuple[Specimen, dict[str, Any]]:
+    """The same muscle cut to the rest length among some changes, and the changes that are left.
+
+    All that goes with the length goes with it: lengths, turns, volume and stiffness of the law, friction and creep. Ends
+    stay as they are, seats and inactive lengths, so that with them a short muscle is weaker at the same contraction.
+
+    Args:
+        spec: the muscle.
+        law: name of the law that is used.
+        changes: parameters of that law by name [SI].
+
+    Raises:
+        InputError: the law's coefficients are of one length; names laws and specimens that do it.
+    """
+    left = dict(changes)
+    if spec.kind != "mckibben" or law not in spec.laws or "rest_length" not in left:
+        return spec, left
+    whole, wanted = _stated_rest_length(spec, law), left.pop("rest_length")
+    dimensions.REST_LENGTH.check(f"{law}.rest_length", wanted, where=spec.where or spec.id)
+    ratio = float(wanted) / whole
+    if ratio == 1.0:
+        return spec, left
+    if not law_type(law).any_length and len(measured_rest_lengths(spec)) < 2:
+        raise _of_one_length(law, whole, float(wanted), _others_of(spec), where=spec.where or spec.id)
+    laws = {name: group for name, group in spec.laws.items() if name == law or law_type(name).any_length}
+
+    rest = SpecimenNumber(value=float(wanted), unit="m", note="cut to length")
+    whole_number = spec.laws[law].get("rest_length", spec.properties.get("rest_length"))
+
+    def cut(
+        group: Mapping[str, SpecimenNumber], along: Callable[[str, SpecimenNumber], int]
+    ) -> dict[str, SpecimenNumber]:
+        def one(name: str, number: SpecimenNumber) -> SpecimenNumber:
+            if whole_number is not None and (number.value, number.unit) == (whole_number.value, whole_number.unit):
+                return (
+                    rest if along(name, number) == 1 else number
+                )  # to the bit, or the muscle would be overstretched at rest
+            return _scaled(number, ratio ** along(name, number))
+
+        return {name: one(name, number) for name, number in group.items()}
+
+    def by_unit(_: str, number: SpecimenNumber) -> int:
+        return next((power for unit, power in _ALONG_UNIT.items() if has_dimension(f"1 {number.unit}", unit)), 0)
+
+    properties = cut(spec.properties, lambda name, _: _ALONG.get(name, 0))
+    if not spec.errors:  # a file that says nothing of what was measured is taken to be of the length that it states
+        properties.setdefault("measured_rest_lengths", SpecimenNumber(value=whole, unit="m", note="before it was cut"))
+    spec = dataclasses.replace(
+        spec,
+        law=law,
+        map=None,  # of the whole muscle
+        properties=properties | {"rest_length": rest},
+        laws={n: cut(group, functools.partial(_along_of, n)) for n, group in laws.items()},
+        errors={name: group for name, group in spec.errors.items() if name in laws},
+        friction={name: cut(group, by_unit) for name, group in spec.friction.items()},
+    )
+    return spec, left
+
+
+def cut_parameters(
+    law: str, parameters: Mapping[str, float], changes: Mapping[str, float], whole: Sequence[float]
+) -> dict[str, float]:
+    """Parameters of a law [SI] as of a muscle cut to the rest length among some changes; without one as they are.
+
+    Args:
+        law: its name.
+        parameters: of the muscles that were measured.
+        changes: among them, perhaps, the rest length.
+        whole: rest lengths of the measured muscles [m]; where they are several, all share the parameters.
+
+    Raises:
+        InputError: the law's coefficients are of one length.
+    """
+    wanted, rests = changes.get("rest_length"), np.unique(np.asarray(whole, float))
+    if wanted is None or rests.size != 1 or float(wanted) == rests[0]:
+        return dict(parameters)
+    if not law_type(law).any_length:
+        raise _of_one_length(law, float(rests[0]), float(wanted), [A_FIT])
+    known = declared(law_type(law))
+    cut = {name: value * (float(wanted) / float(rests[0])) ** known[name].along for name, value in parameters.items()}
+    return cut | {
+        name: float(wanted)
+        for name in cut
+        if name != "turns" and parameters[name] == rests[0] and known[name].along == 1
+    }
+
+
+def _stated_rest_length(spec: Specimen, law: str) -> float:
+    """Rest length for which a file states a law [m]."""
+    stated = spec.laws[law].get("rest_length")
+    return rest_length_of(spec) if stated is None else float(str(stated.si("m", field=f"laws.{law}.rest_length")))
+
+
+def _along_of(law: str, key: str, _: SpecimenNumber) -> int:
+    known = declared(law_type(law))
+    return known[key].along if key in known else 0  # an unknown one is refused where the law is built
+
+
+def _scaled(number: SpecimenNumber, factor: float) -> SpecimenNumber:
+    if factor == 1.0:
+        return number
+    value = [factor * v for v in number.value] if isinstance(number.value, list) else factor * number.value
+    ends = None if number.range is None else (factor * number.range[0], factor * number.range[1])
+    said = f"{number.note}; scaled with the rest length" if number.note else "scaled with the rest length"
+    return dataclasses.replace(number, value=value, range=ends, inferred=True, note=said)
+
+
+A_FIT = "a fit of a law that goes with the length, such as hyperelastic_braid"
+
+
+def _others_of(spec: Specimen) -> list[str]:
+    """What does another length of a muscle: another law of it, else a fit of one; specimens of its bore."""
+    laws = [name for name in spec.laws if law_type(name).any_length]
+    bore = None if "rest_inner_diameter" not in spec.properties else spec.property_si("rest_inner_diameter", "m")
+    alike = [
+        s.id
+        for s in specimens()
+        if bore is not None and len(measured_rest_lengths(s)) > 1 and s.id != spec.id
+        and s.property_si("rest_inner_diameter", "m") == bore
+    ]  # fmt: skip
+    return [
+        f"the law {laws[0]} of {spec.id}" if laws else A_FIT,
+        *(f"the specimen {s}, fitted to several lengths" for s in alike),
+    ]
+
+
+def _of_one_length(law: str, whole: float, wanted: float, others: list[str], where: str | None = None) -> InputError:
+    """The refusal of another length, with what does it."""
+    shown, own = with_unit(wanted, "m"), with_unit(whole, "m")
+    said = f"rest_length must be {own}, got {shown}: the coefficients of {law} are of one length. Use {' or '.join(others)}"
+    return InputError(f"{law}.rest_length", shown, f"must be {own}", where=where, sentence=said)
 
 
 def law(name: str | type[TensionLaw], parameters: Mapping[str, JsonValue]) -> TensionLaw:
@@ -162,7 +309,7 @@ def built_muscle(
         return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
     spec = name if isinstance(name, Specimen) else muscle_specimen(name)
     chosen = (law if isinstance(law, str) else LAWS.stated_as(law, spec.laws)) if law else spec.law
-    changes = _in_si(chosen, parameters)
+    spec, changes = at_rest_length(spec, chosen, _in_si(chosen, parameters))
     if spec.kind == "biological":
         fibre = cast(TensionLaw, _biological(spec, chosen, changes))  # it answers the questions of a law
         return Muscle(fibre, _own(friction), creep, specimen=spec)
@@ -243,6 +390,7 @@ muscle = MuscleFactory()
 def _in_si(law: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters as people give them, in SI; those that the law does not have pass, to be refused with the rest."""
     known = declared(BiologicalMuscle if law not in LAWS else law_type(law)) if parameters else {}
+    known = {"rest_length": dimensions.REST_LENGTH} | known  # a specimen has one even where its law has none
     return {
         key: in_si(value, known[key].unit, field=f"{law}.{key}") if key in known else value
         for key, value in parameters.items()
@@ -312,6 +460,7 @@ def from_specimen(
     """
     if spec.kind == "biological":
         return _biological(spec, law or spec.law, dict(changes or {}))
+    spec, changes = at_rest_length(spec, law or spec.law, changes or {})
     chosen = friction or next(iter(spec.friction), None)
     return Muscle(
         law=law_from_specimen(spec, law, changes=changes),

@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 from .._jax import Scalar
-from ..quantities import quantity
+from ..quantities import Quantity, quantity
+
+REST_LENGTH = Quantity("m", (1e-3, 100.0), "length at rest", "L0", (1e-3, 100.0), 1)
 
 
 def thread_length() -> Scalar:
     """Length of one thread b [m]."""
-    length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0))
+    length: Scalar = quantity("m", (1e-3, 100.0), "length of one thread", symbol="b", typical=(0.05, 1.0), along=1)
     return length
 
 
 def turns() -> Scalar:
     """Turns of one thread around the braid n [1]."""
-    turns: Scalar = quantity("1", (0.05, 1e3), "turns of one thread around the braid", symbol="n", typical=(0.8, 8.0))
+    meaning = "turns of one thread around the braid"
+    turns: Scalar = quantity("1", (0.05, 1e3), meaning, symbol="n", typical=(0.8, 8.0), along=1)
     return turns
 
 
 def rest_length() -> Scalar:
     """Length at rest L0 [m]."""
-    length: Scalar = quantity("m", (1e-3, 100.0), "length at rest", symbol="L0")
+    unit, bounds, meaning, symbol, _, along = REST_LENGTH
+    length: Scalar = quantity(unit, bounds, meaning, symbol=symbol, along=along)
     return length
 
 
 def upper_length() -> Scalar:
     """Upper working length Lu [m]: the end of the range, where a stop begins."""
-    length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where a stop begins", symbol="Lu")
+    length: Scalar = quantity("m", (1e-3, 100.0), "upper working length, where a stop begins", symbol="Lu", along=1)
     return length
 
 
@@ -52,14 +56,14 @@ def rest_angle(typical: tuple[float, float], **options: object) -> Scalar:
 def rest_volume() -> Scalar:
     """Gas volume at rest length V0 [m^3], needed only for the volume itself and zero where unknown."""
     meaning = "gas volume at rest length; needed only for the volume itself"
-    volume: Scalar = quantity("m^3", (0.0, 1.0), meaning, symbol="V0", default=0.0)
+    volume: Scalar = quantity("m^3", (0.0, 1.0), meaning, symbol="V0", default=0.0, along=1)
     return volume
 
 
 def stop_stiffness() -> Scalar:
     """Coefficient of the end non-linearity knl [N/m^2], zero where none was inferred."""
     stiffness: Scalar = quantity(
-        "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0
+        "N/m^2", (0.0, 1e12), "coefficient of the end non-linearity nl(L)", symbol="knl", default=0.0, along=-2
     )
     return stiffness
 

@@ -71,6 +71,8 @@ class TensionLaw(Module):
 
     title: ClassVar[str]
     cites: ClassVar[tuple[str, ...]]
+    # Whether the law holds for the same muscle cut to another rest length, with each parameter as its `along` says.
+    any_length: ClassVar[bool] = False
     # What an identification frees unless told otherwise; all other fields must be known.
     fitted: ClassVar[tuple[str, ...]]
     # A dimension that may be unknown: it is then fitted, in place of parameters that the data could no longer tell from it.

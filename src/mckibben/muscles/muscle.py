@@ -23,6 +23,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
+from .evidence import LawError, error_of, law_cautions
 from .law import LawState, TensionLaw, law_name
 from .plausible import length_caution, measured_length_caution, pressure_caution
 
@@ -157,7 +158,33 @@ class Muscle(Module):
             raise InputError("contraction", str(contraction), "must be between -100 % and 100 %")
         return rest * (1.0 - share)
 
+    def tension_range(self, length: Quantity, pressure: Quantity) -> tuple[Scalar, Scalar]:
+        """Lowest and highest tension [N] that the ranges of the specimen's numbers leave at a length [m] and pressure [Pa].
+
+        Raises:
+            InputError: the specimen states no ranges from which one could be computed; see `muscles.ranges.tension_range`.
+        """
+        tension_range = implementation("muscles.ranges:tension_range")
+        at, gauge = np.asarray(in_si(length, "m", field="length")), np.asarray(in_si(pressure, "Pa", field="pressure"))
+        found = tension_range(self.specimen, self.law_name, self.law, at, gauge)
+        if found is None:
+            raise InputError(
+                "specimen", None, f"must state ranges of numbers that were not measured; {self.title} does not"
+            )
+        low, high = (end if end.ndim else end.item() for end in found)
+        return low, high
+
     # ---- what it is
+
+    @property
+    def error(self) -> LawError | None:
+        """How far the law is from what was measured of this muscle, as its specimen states it; None where it does not."""
+        return error_of(self.specimen, self.law_name)
+
+    @functools.cached_property
+    def cautions(self) -> tuple[Caution, ...]:
+        """What must be known of every answer of this muscle, such as a large error; said as warnings with each."""
+        return law_cautions(self.specimen, self.law_name)
 
     @property
     def law_name(self) -> str:
@@ -261,6 +288,7 @@ class Muscle(Module):
         parts = answer if isinstance(answer, LawState) else (answer,)
         if any(map(is_jax_array, arguments)) or any(map(is_traced, parts)):
             return answer
+        warn(self.cautions, stacklevel=3)
         plain = [np.asarray(part) if np.ndim(part) else np.asarray(part).item() for part in parts]
         return LawState(*plain) if isinstance(answer, LawState) else plain[0]
 

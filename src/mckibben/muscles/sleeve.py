@@ -5,8 +5,11 @@ thickness and Shore hardness of the bladder. The braid is two layers of threads 
 middle of the threads lies at D - 2 d, and from there bladder and inner thread reach tk = h + d inwards:
 
     b = L0/cos theta,   n = L0 tan theta / (pi (D - 2 d))                                            (eqs. 5, 6)
-    Kg, Lmin: straight line through eq. 10 over the stroke                                            (eq. 10 to eq. 11)
+    Kg, Lmin: straight line through eq. 10 over the stroke, Lmin >= b/sqrt(3)                         (eq. 10 to eq. 11)
     Kp = E A / L0,   A = pi (D - 4 d - h) h,   E of the hardness
+
+No gas shortens a braid beyond 54.7 degrees, where it encloses most; eq. 10, whose wall keeps its thickness instead of its
+volume, pulls a little further where the wall is thick, so that the line is turned about that end.
 
 Threshold pressure and friction cannot be seen on a sleeve; they are those of the nylon muscle. Range: braid angles of
 20.5 to 50 degrees at rest; muscles of four diameters and longer, because ends are not cylinders. Errors: `ERRORS`.
@@ -21,11 +24,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar, Tree, jit, jnp
+from ..answers import Caution
 from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit
 from ..specimens import Specimen, SpecimenNumber
 from . import braid
 from .bladder import BLADDER_SHARE
+from .build import law_from_specimen
 from .law import TensionLaw
 from .laws.hyperelastic_braid import HyperelasticBraid
 from .laws.ideal import Ideal
@@ -76,6 +81,7 @@ SHORE_READING = 5.0  # a tube of 1 mm is too thin for the norm
 # Length to which the straight line is taken over the thread length: 52 degrees, little short of no pull.
 SHORTEST = 0.61
 SLENDER = 4.0  # length over diameter
+LEAST_BORE = 0.05  # of the diameter, which bladder and threads must leave
 PRESSURE = 5e5  # [Pa] at which friction and the contracted diameter are stated
 # Range of Kp over E A/L0: that of the nylon muscle is 1.7 to 3.8 times as large, by the thread taken.
 PASSIVE = (0.5, 4.0)
@@ -92,11 +98,12 @@ class BraidError(NamedTuple):
 # Computed by `tests/muscles/test_sleeve.py`, rounded up; the worst of the muscles of a make: the nylon muscle, whose own
 # threshold it is, and two fluidic muscles with a hardness of 70.
 ERRORS: dict[str, tuple[BraidError, ...]] = {
-    "linear_threshold": (BraidError(0.13, 0.24, "loose sleeve"), BraidError(0.17, 0.36, "threads in rubber")),
+    "linear_threshold": (BraidError(0.11, 0.19, "loose sleeve"), BraidError(0.17, 0.34, "threads in rubber")),
     "hyperelastic_braid": (BraidError(0.32, 0.69, "loose sleeve"), BraidError(0.05, 0.12, "threads in rubber")),
     "thick_wall": (BraidError(0.32, 0.38, "loose sleeve"), BraidError(0.20, 0.31, "threads in rubber")),
     "ideal": (BraidError(0.39, 0.63, "loose sleeve"), BraidError(0.22, 0.32, "threads in rubber")),
 }
+DIFFER = 1.25  # largest over least tension of a braid's laws from which their difference is said
 TRUST = (
     "Trust linear_threshold for a sleeve that lies loosely on its bladder: it alone knows the pressure below which the "
     "bladder does not fill the braid. Trust hyperelastic_braid where the threads lie in the rubber or are glued to it, and "
@@ -119,13 +126,16 @@ def youngs_modulus(shore: Scalar) -> Scalar:
     return 0.0981e6 * (56.0 + 7.62336 * shore) / (0.137505 * (254.0 - 2.54 * shore))
 
 
-def straight_line(law: TensionLaw, longest: Scalar, shortest: Scalar) -> tuple[Tree, Tree]:
+def straight_line(law: TensionLaw, longest: Scalar, shortest: Scalar, limit: Scalar = 0.0) -> tuple[Tree, Tree]:
     """Least-squares slope of the force per pressure over five lengths of the stroke, Kg [m], and its zero, Lmin [m].
+
+    Where the line would end below the limit it is the one through zero there.
 
     Args:
         law: proportional to the pressure, such as `thick_wall`; its parameters may be arrays.
         longest: end of the stroke [m].
         shortest: its other end [m].
+        limit: least zero [m].
     """
     pressure = 1e6
     shares = jnp.linspace(0.0, 1.0, 5) - 0.5
@@ -133,7 +143,10 @@ def straight_line(law: TensionLaw, longest: Scalar, shortest: Scalar) -> tuple[T
     pull = [law.braid_tension(middle + s * span, pressure) / pressure for s in shares]
     mean = sum(pull) / 5.0
     slope = sum(s * f for s, f in zip(shares, pull, strict=True)) / (jnp.sum(shares**2) * span)
-    return slope, middle - mean / slope
+    zero = middle - mean / slope
+    arms = [middle + s * span - limit for s in shares]
+    through = sum(a * f for a, f in zip(arms, pull, strict=True)) / sum(a * a for a in arms)
+    return jnp.where(zero < limit, through, slope), jnp.maximum(zero, limit)
 
 
 def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None = None) -> dict[str, TensionLaw]:
@@ -155,7 +168,9 @@ def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None 
         thread_length=shape.thread_length, turns=shape.turns, wall_thickness=wall + thread, upper_length=upper
     )
     modulus = youngs_modulus(shore)
-    slope, zero = straight_line(thick, upper, SHORTEST * shape.thread_length)
+    slope, zero = straight_line(
+        thick, upper, SHORTEST * shape.thread_length, braid.SHORTEST_SHARE * shape.thread_length
+    )
     inner = {"thread_length": shape.thread_length, "turns": shape.turns, "wall_thickness": wall + thread}
     rest_volume = braid.inner_volume(rest, **inner)
     # Beyond the upper length the gas ceases to pull over this length, where the law has emptied its braid; threads do not
@@ -228,11 +243,7 @@ def from_braid(
         "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
     }
     at = {key: _number(key, value) for key, value in dimensions.items()}
-    bore = at["diameter"] - 4.0 * at["thread_diameter"] - 2.0 * at["bladder_thickness"]
-    if bore < 0.05 * at["diameter"]:
-        filled = at["diameter"] - bore
-        allowed = f"must be more than {filled / 0.95 * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
-        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
+    _check_geometry(at)
     laws, upper, pull, bore = _computed(_varied(at, shore is None))
     return Specimen(
         id=name,
@@ -242,9 +253,22 @@ def from_braid(
         law="linear_threshold",
         note=TRUST,
         properties=_properties(at, float(upper), float(bore), float(pull), shore is None),
-        laws={law: _group(law, laws[law]) for law in ERRORS},
+        laws={law: _group(law, laws[law], float(np.ravel(laws["ideal"].thread_length)[0])) for law in ERRORS},  # type: ignore[attr-defined]
+        errors={law: {"largest": _stated_error(known)} for law, known in ERRORS.items()},
         friction={"maxwell_slip": _friction(float(pull), at["rest_length"])},
     )
+
+
+def _check_geometry(at: Mapping[str, float]) -> None:
+    """Refuse dimensions that no braid on a bladder has."""
+    filled = 4.0 * at["thread_diameter"] + 2.0 * at["bladder_thickness"]
+    if filled > (1.0 - LEAST_BORE) * at["diameter"]:
+        least = filled / (1.0 - LEAST_BORE)
+        allowed = f"must be more than {least * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
+        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
+    if at["rest_length"] < at["diameter"]:
+        allowed = f"must be the diameter or more, {at['diameter'] * 1e3:.3g} mm, or the braid is no cylinder"
+        raise InputError("rest_length", f"{at['rest_length'] * 1e3:.3g} mm", allowed, where="braid")
 
 
 @jit
@@ -261,6 +285,69 @@ def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, 
         wall_thickness=thick.wall_thickness,
     )
     return laws, linear.upper_length, linear.tension(at["rest_length"], PRESSURE), bore
+
+
+def _stated_error(known: tuple[BraidError, ...]) -> SpecimenNumber:
+    """The largest error of a law for the make of which it is worst among those that it may be of: a loose sleeve."""
+    first, *others = known
+    note = f"computed, not measured: of a {first.make}" + "".join(
+        f"; {100 * e.largest:.0f} % of {e.make}" for e in others
+    )
+    return SpecimenNumber(value=100.0 * first.largest, unit="%", inferred=True, note=note)
+
+
+class VariedLaw(NamedTuple):
+    """Changes of a law's parameters [SI] by a reading that is off, and parameters that no reading tells."""
+
+    of_dimensions: list[dict[str, Any]]
+    unseen: frozenset[str]
+
+
+# Properties of a braid's specimen, in the order of `DIMENSIONS`.
+_PROPERTIES = ("rest_length", "outer_diameter", "rest_angle", "thread_diameter", "bladder_thickness", "shore_hardness")
+
+
+def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
+    """How readings that are off change a law of a braid; None of a specimen that was not made from a braid's dimensions.
+
+    Args:
+        spec: as `from_braid` makes it, perhaps cut to another length.
+        name: of the law.
+        law: the law, perhaps with other parameters.
+    """
+    if name not in ERRORS or not set(_PROPERTIES) <= set(spec.properties):
+        return None
+    units = (q.unit for q in DIMENSIONS.values())
+    at = {key: spec.property_si(path, unit) for key, path, unit in zip(DIMENSIONS, _PROPERTIES, units, strict=True)}
+    built = _computed(_varied(at, spec.properties["shore_hardness"].inferred))[0][name]
+    unseen = {*_MODULI, *_UNSEEN, *(INFERRED if name == "linear_threshold" else ())}
+    changes: list[dict[str, Any]] = []
+    count = 1 + 2 * len(DIMENSIONS)
+    columns = {
+        n: np.broadcast_to(np.asarray(getattr(built, n), float), (count,)) for n in declared(law) if n not in unseen
+    }
+    for k in range(1, count):
+        off = {n: float(getattr(law, n)) + c[k] - c[0] for n, c in columns.items() if c[k] != c[0]}
+        changes += [off] if off else []
+    return VariedLaw(changes, frozenset(unseen))
+
+
+def other_laws(spec: Specimen, name: str, length: float, pressure: float) -> dict[str, float]:
+    """Tension of a braid by its other laws [N]; empty of a specimen that was not made from a braid's dimensions."""
+    if name not in ERRORS or not {*_PROPERTIES} <= set(spec.properties):
+        return {}
+    laws = {law: law_from_specimen(spec, law) for law in ERRORS if law in spec.laws and law != name}
+    return {law: float(built.tension(length, pressure)) for law, built in laws.items()}
+
+
+def differing_caution(spec: Specimen, name: str, tension: float, others: Mapping[str, float]) -> Caution | None:
+    """What is not known where the laws of a braid differ, which of them is recommended, and why; None where they agree."""
+    pulls = {name: tension} | dict(others)
+    if not others or max(pulls.values()) <= DIFFER * min(pulls.values()):
+        return None
+    shown = ", ".join(f"{pull:.3g} N by {law}" for law, pull in pulls.items())
+    said = f"nothing of {spec.id} was measured, and its laws differ: {shown}. {TRUST}"
+    return Caution(said, "law")
 
 
 def slenderness_caution(spec: Specimen) -> str | None:
@@ -295,21 +382,32 @@ def _varied(at: Mapping[str, float], unknown: bool) -> dict[str, np.ndarray]:
     ends = {name: (at[name] * (1.0 - share), at[name] * (1.0 + share)) for name, share in READING.items()}
     ends["braid_angle"] = (max(at["braid_angle"] - ANGLE_READING, NARROWEST), at["braid_angle"] + ANGLE_READING)
     ends["shore"] = (max(hardness[0], 20.0), min(hardness[1], 80.0))
+    # A reading cannot be off by so much that bladder and threads fill the braid.
+    spare = 0.9 * ((1.0 - LEAST_BORE) * at["diameter"] - 4.0 * at["thread_diameter"] - 2.0 * at["bladder_thickness"])
+    for name, part in (("thread_diameter", 0.25), ("bladder_thickness", 0.5)):
+        ends[name] = ends[name][0], min(ends[name][1], at[name] + part * spare)
+    ends["diameter"] = max(ends["diameter"][0], at["diameter"] - spare), ends["diameter"][1]
     rows = [dict(at)] + [{**at, name: end} for name, pair in ends.items() for end in pair]
     return {name: np.array([row[name] for row in rows]) for name in DIMENSIONS}
 
 
-def _group(law: str, built: TensionLaw) -> dict[str, SpecimenNumber]:
-    """The parameters of a law, with the ranges that the readings leave."""
-    return {key: _parameter(law, key, q.unit, getattr(built, key)) for key, q in declared(built).items()}
+def _group(law: str, built: TensionLaw, threads: float) -> dict[str, SpecimenNumber]:
+    """The parameters of a law, with the ranges that the readings leave, for threads of a length [m]."""
+    known = declared(built)
+    # No braid shortens beyond 54.7 degrees, and one that pulls at rest has its end below its rest length.
+    limits = {name: q.bounds for name, q in known.items()} | {
+        "shortest_length": (braid.SHORTEST_SHARE * threads, threads)
+    }
+    return {key: _parameter(law, key, q.unit, getattr(built, key), limits[key]) for key, q in known.items()}
 
 
-def _parameter(law: str, key: str, unit: str, values: Scalar) -> SpecimenNumber:
+def _parameter(law: str, key: str, unit: str, values: Scalar, limits: tuple[float, float]) -> SpecimenNumber:
     values = np.broadcast_to(np.asarray(values, float), (1 + 2 * len(DIMENSIONS),))
     value, off = float(values[0]), values[1:] - values[0]
     # Readings are independent: their effects to either side add as squares.
     below, above = (float(np.sqrt(np.sum(np.where(off * sign > 0.0, off, 0.0) ** 2))) for sign in (-1.0, 1.0))
-    low, high = value - below, value + above
+    low, high = max(value - below, limits[0]), min(value + above, limits[1])
+    cut = "" if (low, high) == (value - below, value + above) else "; the range ends where no braid can be"
     if key in ("rest_length", "rest_angle"):
         return stated_number(value, unit, note=AS_READ, interval=(low, high))
     if key in INFERRED and law == "linear_threshold":
@@ -325,7 +423,9 @@ def _parameter(law: str, key: str, unit: str, values: Scalar) -> SpecimenNumber:
         return stated_number(value, unit, source="inferred", note=note, interval=ends)
     if key == "upper_length":
         return stated_number(value, unit, source="chou1996", note="as the property of that name")
-    return stated_number(value, unit, source="chou1996", note="computed from the dimensions", interval=(low, high))
+    return stated_number(
+        value, unit, source="chou1996", note=f"computed from the dimensions{cut}", interval=(low, high)
+    )
 
 
 # Elastic parameters: factors of the range that hardness and readings leave, and the note.

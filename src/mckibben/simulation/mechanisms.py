@@ -23,6 +23,8 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
+from ..muscles.evidence import law_cautions
+from ..muscles.law import law_name
 from ..muscles.plausible import argument_cautions, span_cautions, span_limits, working_span
 from ..quantities import amount, amounts, declared, parse
 from ..specimens import Specimen, muscle_specimen
@@ -650,8 +652,10 @@ def default_span(muscle: AnyMuscle, unit: MuscleUnit) -> float:
 
 
 def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str) -> tuple[Caution, ...]:
-    """Cautions about the span at which a muscle is mounted [m]; see `muscles.plausible.span_cautions`."""
-    return span_cautions(span, unit.law, rest_length(muscle, unit), published(muscle), name=name)
+    """Cautions about a muscle's law, and about the span at which it is mounted [m]; see `muscles.plausible.span_cautions`."""
+    spec = published(muscle)
+    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), spec, name=name)
+    return collect(*law_cautions(spec, law_name(unit.law)), *of_span)
 
 
 def _span(stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit) -> float:

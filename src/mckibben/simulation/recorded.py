@@ -16,6 +16,8 @@ from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
 from ..engine import sampled
 from ..engine.native import call_compiled
+from ..muscles.evidence import law_error
+from ..muscles.law import law_name
 from ..muscles.plausible import pressure_caution
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
@@ -140,8 +142,8 @@ def _meta(
     simulation: Simulation, closed: Accounts | None, start: SimulationState, shortest_step: float
 ) -> dict[str, Tree]:
     machine, room = simulation.machine, simulation.machine.environment
-    stated = [published(muscle) for muscle in simulation.system.muscles.values()]
-    specimens = [spec for spec in stated if spec is not None]
+    by_name = {name: published(muscle) for name, muscle in simulation.system.muscles.items()}
+    specimens = [spec for spec in by_name.values() if spec is not None]
     cites = [key for unit in machine.units.values() for key in unit.law.cites]
     cites += [key for spec in specimens for key in spec.sources]
     return {
@@ -164,6 +166,7 @@ def _meta(
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",
+        "law_error": {name: law_error(spec, law_name(machine.units[name].law)) for name, spec in by_name.items()},
         "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),

@@ -37,6 +37,7 @@ KNOWN_PROPERTIES = {
     "creep_stiffness": "N/m",  # of Maxwell elements beside the braid, as many as time constants
     "creep_time_constants": "s",
     "leak_decay": "1/s",  # share of the pressure that the shut muscle loses per second
+    "measured_rest_lengths": "m",  # of the muscles to which the laws were fitted, one or several
     "highest_measured_pressure": "Pa",  # gauge; of the points to which the laws were fitted
     "shortest_measured_length": "m",
     "longest_measured_length": "m",
@@ -53,6 +54,13 @@ KNOWN_PROPERTIES = {
     "voltage": "V",
 }
 
+# Errors that a specimen may state of each of its laws, as shares of the largest measured tension [1].
+KNOWN_ERRORS = {
+    "rms": "1",
+    "largest": "1",
+    "other_muscle": "1",  # the largest on another muscle of the make
+    "other_length": "1",  # the largest at a rest length to which the law was not fitted
+}
 
 MUSCLES = ("mckibben", "biological")  # kinds of specimens that are muscles
 
@@ -166,4 +174,14 @@ def _read(text: str, *, where: str) -> Specimen:
         value = stated.si(KNOWN_PROPERTIES[name], field=properties.field(name), where=where)
         if isinstance(value, float) and value < 0.0:
             raise properties.fail(name, value, "must be a number that is not negative")
+    errors = table.table("errors")
+    errors.only(one.laws, "the file states the laws")
+    for law, group in one.errors.items():
+        errors.table(law).only(KNOWN_ERRORS)
+        for name, stated in group.items():
+            value = stated.si(KNOWN_ERRORS[name], field=errors.table(law).field(name), where=where)
+            if not isinstance(value, float) or value < 0.0:
+                raise errors.table(law).fail(
+                    name, str(stated.value), "must be one share of the largest tension, not negative"
+                )
     return one

@@ -86,7 +86,8 @@ def _read_sources(raw: Any, place: Place) -> list[str]:
 class Specimen:
     """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it.
 
-    A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`.
+    A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`. `errors`
+    states by law how far its tension is from what was measured or printed, see `specimens.load.KNOWN_ERRORS`.
 
     Examples:
         >>> import mckibben as mk
@@ -108,6 +109,7 @@ class Specimen:
     properties: Group = entry(_read_group, default_factory=dict)
     laws: dict[str, Group] = entry(_read_groups, default_factory=dict)
     friction: dict[str, Group] = entry(_read_groups, default_factory=dict)
+    errors: dict[str, Group] = entry(_read_groups, default_factory=dict)
     valve: Group = entry(_read_group, default_factory=dict)
     map: str | None = word(default=None)
     where: str = ""

@@ -29,7 +29,7 @@ def specimen_toml(spec: Specimen, *, heading: str = "") -> str:
     for name, group in groups.items():
         if group:
             out[name] = _lines(group)
-    for name, several in (("laws", spec.laws), ("friction", spec.friction)):
+    for name, several in (("laws", spec.laws), ("errors", spec.errors), ("friction", spec.friction)):
         if several:
             table = tomlkit.table(is_super_table=True)
             for kind, group in several.items():

@@ -13,11 +13,13 @@ from ...components import Environment
 from ...documents import JsonValue
 from ...errors import InputError
 from ...extras import library
+from ...muscles.build import at_rest_length
 from ...muscles.build import muscle as built_muscle
+from ...muscles.evidence import law_cautions
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
 from ...muscles.plausible import length_caution, pressure_caution, typed, usual_pressure
-from ...quantities import in_si, with_unit
+from ...quantities import in_si, values, with_unit
 from ...specimens import Specimen, muscle_specimen
 from . import cycles as one_cycle
 from .curves import LEG_POINTS, CycleLoops, EnergyCurve, cycle_loops, energy_curve
@@ -194,7 +196,7 @@ def energy(
         >>> mk.energy("nylon", pressure="5 bar", cycles="maximal")
         WorkingCycles(nylon, 5 bar: maximal 29.2%)
     """
-    spec, law, changes = _described(muscle, law, parameters)
+    spec, changes, law = _described(muscle, law, parameters)
     names = _names([cycles] if isinstance(cycles, str) else cycles)
     if volume == "":
         raise InputError("volume", volume, "must be the name of a volume")
@@ -218,6 +220,7 @@ def energy(
     computed = {n: {v: energy_cycle(m, n, conditions) for v, m in muscles.items()} for n in names}
     length, longest = conditions.stretched_length, float(own.law.length_range()[1])
     said = collect(
+        *law_cautions(spec, law),
         pressure_caution(conditions.pressure, spec, text=typed(pressure)),
         None
         if stretched_length is None
@@ -230,13 +233,16 @@ def energy(
 
 def _described(
     muscle: str | os.PathLike[str] | Specimen | Muscle, law: str | None, parameters: Mapping[str, float] | None
-) -> tuple[Specimen, str | None, Mapping[str, float] | None]:
-    """Specimen, name of the law, and changed parameters."""
+) -> tuple[Specimen, dict[str, float], str | None]:
+    """Specimen, cut where its rest length was changed; other changed parameters, and name of the law."""
     if isinstance(muscle, Muscle):
         if muscle.specimen is None:
             raise InputError("muscle", muscle.title, "must have a specimen, which states friction and lengths")
-        return muscle.specimen, law or law_name(muscle.law), parameters
-    return muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle), law, parameters
+        own = values(muscle.law) if law in (None, law_name(muscle.law)) else {}
+        spec, law, parameters = muscle.specimen, law or law_name(muscle.law), own | dict(parameters or {})
+    else:
+        spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
+    return *at_rest_length(spec, law or spec.law, parameters or {}), law
 
 
 def _names(cycles: Iterable[str]) -> list[str]:

@@ -83,10 +83,10 @@ class GasSpring(SpringVolume):
     """Gas spring (eq. 11)."""
 
     stiffness_per_pressure: Scalar = quantity(
-        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2)
+        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2), along=-1
     )
     shortest_length: Scalar = quantity(
-        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5)
+        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5), along=1
     )
     rest_length: Scalar = dimensions.rest_length()
     upper_length: Scalar = dimensions.upper_length()
@@ -96,6 +96,7 @@ class GasSpring(SpringVolume):
 
     title = "Gas spring"
     cites = ("chou1996",)
+    any_length = True
     fitted = ("stiffness_per_pressure", "shortest_length")
 
     def elastic_tension(self, length: Scalar) -> Scalar:

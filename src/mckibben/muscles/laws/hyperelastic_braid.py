@@ -75,6 +75,7 @@ class HyperelasticBraid(TensionLaw):
 
     title = "Hyperelastic braid"
     cites = ("ogden1972", "chou1996")
+    any_length = True
     fitted_if_unknown = {"rest_diameter": ("thread_depth",)}
     lengths_needed = {"thread_compliance": 3}
     fitted = ("thread_depth", "rest_angle", "length_factor", "shear_modulus", "thread_compliance")

@@ -28,6 +28,7 @@ class Ideal(TensionLaw):
 
     title = "Ideal virtual work"
     cites = ("gaylord1958", "schulte1961", "chou1996")
+    any_length = True
     fitted = ("thread_length", "turns")
 
     def elastic_tension(self, length: Scalar) -> Scalar:

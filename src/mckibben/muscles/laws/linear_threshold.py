@@ -24,16 +24,16 @@ class LinearThreshold(SpringVolume):
     """Linearised law with threshold and passive stiffness (eqs. 12a, 12b and 13)."""
 
     stiffness_per_pressure: Scalar = quantity(
-        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2)
+        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2), along=-1
     )
     shortest_length: Scalar = quantity(
-        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5)
+        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5), along=1
     )
     threshold_pressure: Scalar = quantity(
         "Pa", (-5e5, 2e6), "gauge pressure at which the bladder reaches the braid", symbol="Pth", typical=(0.0, 2e5)
     )
     passive_stiffness: Scalar = quantity(
-        "N/m", (0.0, 1e6), "passive stiffness of bladder and braid", symbol="Kp", typical=(1e1, 1e4)
+        "N/m", (0.0, 1e6), "passive stiffness of bladder and braid", symbol="Kp", typical=(1e1, 1e4), along=-1
     )
     rest_length: Scalar = dimensions.rest_length()
     upper_length: Scalar = dimensions.upper_length()
@@ -44,6 +44,7 @@ class LinearThreshold(SpringVolume):
 
     title = "Linear with threshold"
     cites = ("chou1996",)
+    any_length = True
     fitted = ("stiffness_per_pressure", "shortest_length", "threshold_pressure", "passive_stiffness")
 
     def elastic_tension(self, length: Scalar) -> Scalar:

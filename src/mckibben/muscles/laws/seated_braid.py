@@ -41,6 +41,7 @@ class SeatedBraid(TensionLaw):
 
     title = "Seated braid"
     cites = ("ogden1972", "chou1996")
+    any_length = True
     fitted_if_unknown = {"rest_diameter": ()}
     fitted = ("rest_angle", "shear_modulus", "seat_compliance")
 

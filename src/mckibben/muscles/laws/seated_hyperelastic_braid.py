@@ -69,6 +69,7 @@ class SeatedHyperelasticBraid(TensionLaw):
 
     title = "Seated hyperelastic braid"
     cites = ("ogden1972", "chou1996")
+    any_length = True
     fitted_if_unknown = {"rest_diameter": ("thread_depth",)}
     fitted = (
         "rest_angle", "shear_modulus", "thread_depth", "length_factor", "ogden_exponent", "thread_compliance",

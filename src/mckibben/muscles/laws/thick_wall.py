@@ -31,6 +31,7 @@ class ThickWall(TensionLaw):
 
     title = "Virtual work with wall thickness"
     cites = ("chou1996",)
+    any_length = True
     fitted = ("thread_length", "turns", "wall_thickness")
 
     def elastic_tension(self, length: Scalar) -> Scalar:

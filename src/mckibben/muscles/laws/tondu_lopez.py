@@ -39,6 +39,7 @@ class TonduLopez(TensionLaw):
 
     title = "Tondu & Lopez"
     cites = ("tondu2000",)
+    any_length = True
     fitted = ("rest_radius", "rest_angle", "end_factor", "end_factor_gain")
 
     def elastic_tension(self, length: Scalar) -> Scalar:

@@ -61,6 +61,11 @@ def specimen_of(muscle: Candidate, pressure: float) -> Specimen:
             "coulomb_friction": friction,
         },
         laws={muscle.law_name: numbers},
+        errors={
+            muscle.law_name: {
+                "largest": SpecimenNumber(value=muscle.error.share, unit="1", inferred=True, note=muscle.error.source)
+            }
+        },
     )
 
 

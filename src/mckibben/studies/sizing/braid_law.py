@@ -18,16 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._jax import Scalar, jnp
-from ...identification import evaluate
 from ...muscles import braid, sleeve
 from ...muscles.build import law_from_specimen
+from ...muscles.evidence import error_of, measured_rest_lengths
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.ideal import Ideal
 from ...muscles.laws.linear_threshold import LinearThreshold
 from ...muscles.laws.thick_wall import ThickWall
 from ...muscles.sleeve import InferredDimension, straight_line
-from ...recordings import read_force_map
-from ...specimens import Specimen, map_file, specimen
+from ...specimens import Specimen, specimen
 
 BRAID_LAWS = ("linear_threshold", "thick_wall", "ideal")
 
@@ -98,22 +97,6 @@ def braid_law(
     )
 
 
-# What is known of laws without a map, as shares of the largest force: share, kind, and where it comes from.
-STATED: dict[tuple[str, str], tuple[float, str, str]] = {
-    ("festo-10mm", "seated_braid"): (0.05, "cross-validated", "a length left out, see the law"),
-    ("nylon", "linear_threshold"): (
-        0.05,
-        "inferred",
-        "the paper fits ten points and prints no residual; a few N of 110",
-    ),
-    ("fiberglass", "linear_threshold"): (0.10, "inferred", "four parameters of two printed constraints"),
-    ("bridgestone", "linear_threshold"): (0.10, "inferred", "four parameters of two printed constraints"),
-    ("DMSP-40-400", "hyperelastic_braid"): (
-        0.15,
-        "inferred",
-        "the law of the muscle of 20 mm; at twice the bore it misses the printed force by 12 %",
-    ),
-}
 PUBLISHED = (0.20, "published", "the ideal law errs by 10-20 % of the largest force on real muscles; the upper end")
 OTHER_LENGTH = 0.05  # of a fluidic muscle of another length than the one measured, that of `seated_braid`
 OTHER_BORE = 0.10  # of one scaled to another bore, inferred
@@ -129,31 +112,21 @@ class LawError(NamedTuple):
     source: str
 
 
-@functools.lru_cache(maxsize=64)
-def _on_map(id_: str, law: str) -> LawError:
-    spec = specimen(id_)
-    points = read_force_map(map_file(spec), rest_length=spec.property_si("rest_length", "m"))
-    error = np.abs(np.asarray(evaluate(law_from_specimen(spec, law), points)))
-    return LawError(float(error.max() / np.max(points.tension)), "largest on its map", spec.map or "")
-
-
 def error_of_specimen(spec: Specimen, law: str) -> LawError:
-    """Error of a law for a specimen."""
-    if spec.map is not None:
-        return _on_map(spec.id, law)
-    if "bladder_thickness" in spec.properties and law in sleeve.ERRORS:
-        known = sleeve.ERRORS[law][0]
-        return LawError(known.largest, "computed", f"of a braid's dimensions, on a muscle of the make {known.make!r}")
-    return LawError(*STATED.get((spec.id, law), PUBLISHED))
+    """Largest error of a law for a specimen, as its file states it."""
+    stated = error_of(spec, law)
+    if stated is None or stated.largest is None:
+        return LawError(*PUBLISHED)
+    return LawError(stated.largest, "inferred" if spec.errors[law]["largest"].inferred else "measured", stated.source)
 
 
 def error_of_size(spec: Specimen, law: str, *, same_bore: bool) -> LawError:
     """Error of a specimen's law at another length, or also another bore."""
-    error = error_of_specimen(spec, law)
+    error, stated = error_of_specimen(spec, law), error_of(spec, law)
     if not same_bore:
         return LawError(error.share + OTHER_BORE, "inferred", f"{spec.id} scaled to another bore and length")
-    if error.kind == "cross-validated":
-        return error  # that of another length it is
+    if len(measured_rest_lengths(spec)) > 1 and stated is not None and stated.other_length is not None:
+        return LawError(stated.other_length, "cross-validated", spec.errors[law]["other_length"].note)
     return LawError(error.share + OTHER_LENGTH, "inferred", f"{spec.id} taken to another length")
 
 

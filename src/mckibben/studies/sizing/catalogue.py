@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MckibbenError
-from ...muscles.build import law_from_specimen, upper_length_of
-from ...muscles.law import TensionLaw
+from ...muscles.build import cut_parameters, law_from_specimen, upper_length_of
+from ...muscles.law import TensionLaw, law_name
+from ...quantities import values
 from ...specimens import Specimen, specimen, specimens
 from ...specimens.parts import CataloguePart, parts
 from .braid_law import INFERRED, error_of_size, error_of_specimen, usual
@@ -170,8 +171,8 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
 
 def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
     """Scale a law to another rest length and bore; return it with the scale of the bore."""
-    scale = bore / float(law.rest_diameter)
-    changed = {"rest_length": length, "upper_length": length}
+    scale, own = bore / float(law.rest_diameter), values(law)
+    changed = cut_parameters(law_name(law), own, {"rest_length": length}, [own["rest_length"]])
     changed |= {n: scale * float(getattr(law, n)) for n in BORES}
     if hasattr(law, "seat_compliance") and abs(scale - 1.0) > 1e-6:  # u = q sqrt(F): u with the bore, F with its square
         changed["seat_compliance"] = float(law.seat_compliance)

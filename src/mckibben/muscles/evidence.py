@@ -1,0 +1,119 @@
+"""What stands behind the numbers of a specimen: how far its law was from measurements, and where that was found.
+
+A file states the errors of its laws and the rest lengths of the muscles that were measured. Whatever answers for such a
+muscle says so: the error always, and a caution where it is large or where a rest length is beyond the measured ones.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..answers import Caution, collect
+from ..documents import JsonValue
+from ..quantities import with_unit
+from ..specimens import Specimen
+from ..specimens.load import KNOWN_ERRORS
+from .braid import SHORTEST_SHARE, braid_of
+
+NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
+SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
+
+
+class LawError(NamedTuple):
+    """Error of a law over the largest measured tension [1], None where it is not known, and what it was found on."""
+
+    rms: float | None
+    largest: float | None
+    other_muscle: float | None
+    other_length: float | None
+    source: str
+
+    def __str__(self) -> str:
+        known = [f"{_percent(share)} {word}" for share, word in ((self.rms, "rms"), (self.largest, "at most")) if share]
+        more = f", {_percent(self.other_muscle)} where it is another muscle" if self.other_muscle else ""
+        return f"{' and '.join(known)} of the largest tension{more} ({self.source})"
+
+    @property
+    def worst(self) -> float:
+        """The largest share by which the tension of a muscle of this rest length may be off [1]."""
+        return max(self.largest or 0.0, self.other_muscle or 0.0)
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The shares and their source as plain values, for JSON."""
+        return {**self._asdict(), "sentence": str(self)}
+
+
+def error_of(spec: Specimen | None, law: str) -> LawError | None:
+    """The error that a specimen states of one of its laws; None where it states none."""
+    group = {} if spec is None else spec.errors.get(law, {})
+    if spec is None or not group:
+        return None
+    shares = {n: float(str(p.si("1", field=f"errors.{law}.{n}", where=spec.where))) for n, p in group.items()}
+    notes = dict.fromkeys(group[n].note for n in KNOWN_ERRORS if n in group and n != "other_length")
+    return LawError(**{n: shares.get(n) for n in KNOWN_ERRORS}, source="; ".join(notes) or "as its file states")
+
+
+def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
+    """The error that a specimen states of one of its laws, for metadata and JSON; None where it states none."""
+    error = error_of(spec, law)
+    return None if error is None else error.to_dict()
+
+
+def measured_rest_lengths(spec: Specimen) -> list[float]:
+    """Rest lengths of the muscles to which a specimen's laws were fitted [m], rising; none where the file states none."""
+    if "measured_rest_lengths" not in spec.properties:
+        return []
+    value = spec.properties["measured_rest_lengths"].si("m", field="properties.measured_rest_lengths", where=spec.where)
+    return sorted(value if isinstance(value, list) else [value])
+
+
+def law_cautions(spec: Specimen | None, law: str) -> tuple[Caution, ...]:
+    """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length."""
+    error = error_of(spec, law)
+    if spec is None:
+        return ()
+    large = error is not None and error.worst > NOTABLE
+    said = Caution(f"the tension of {spec.id} by {law} may be off by {error}", "law") if large else None
+    return collect(said, _rest_length_caution(spec, law, error))
+
+
+def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:
+    """Caution about a rest length beyond those that were measured."""
+    measured = measured_rest_lengths(spec)
+    if not measured or "rest_length" not in spec.properties:
+        return None
+    rest = spec.property_si("rest_length", "m")
+    if (1.0 - SAME_LENGTH) * measured[0] <= rest <= (1.0 + SAME_LENGTH) * measured[-1]:
+        return None
+    ends = " to ".join(with_unit(end, "m", 3) for end in dict.fromkeys((measured[0], measured[-1])))
+    said = f"a rest length of {with_unit(rest, 'm', 4)} is beyond the measured ones of {spec.id}, {ends}"
+    if error is None or error.other_length is None:
+        return Caution(
+            f"{said}: the tension there is that of a like muscle, and nothing says how far it is off", "rest_length"
+        )
+    note = spec.errors[law]["other_length"].note
+    return Caution(
+        f"{said}: there {law} was off by up to {_percent(error.other_length)} of the largest tension ({note})",
+        "rest_length",
+    )
+
+
+def beyond_braid_caution(law: object, length: np.ndarray, tension: np.ndarray) -> Caution | None:
+    """Caution about a pull [N] at a length [m] to which no gas shortens the law's braid; None where there is none."""
+    shape = braid_of(law)
+    if shape is None:
+        return None
+    beyond = (length < (1.0 - SAME_LENGTH) * SHORTEST_SHARE * shape.thread_length) & (tension > 0.0)
+    if not beyond.any():
+        return None
+    at, angle = float(length[beyond].max()), shape.degrees(float(length[beyond].max()))
+    said = (
+        f"at {with_unit(at, 'm', 4)} the threads stand at {angle:.1f} deg, and gas shortens a braid to 54.7 deg at most"
+    )
+    return Caution(f"{said}: the law pulls where the braid cannot", "length")
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"
