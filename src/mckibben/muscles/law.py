@@ -29,8 +29,8 @@ from ..errors import InputError, NoVolumeError, UnreachableError
 from ..quantities import declared, quantity, with_unit
 from ..registry import registered_name
 from . import threads
+from .plausible import HIGHEST_PRESSURE
 
-FULL_PRESSURE = 8e5  # gauge pressure at which threads have their stated strain, the rating of most muscles [Pa]
 LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
@@ -84,7 +84,10 @@ class TensionLaw(Module):
 
     # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
     thread_strain: Scalar = quantity(
-        "1", (1e-4, 0.02), "strain of the threads under the tension at the longest length and 8 bar", symbol="e",
+        "1",
+        (1e-4, 0.02),
+        "strain of the threads under the tension at the longest length and 10 bar",
+        symbol="e",
         default=0.005,
     )
 
@@ -162,9 +165,9 @@ class TensionLaw(Module):
         return derivative(lambda x: self.braid_tension(x, pressure), length)
 
     def thread_stiffness(self) -> Scalar:
-        """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 8 bar over their stretch."""
+        """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 10 bar over their stretch."""
         longest = jnp.asarray(self.length_range()[1], float)
-        full = self.elastic_tension(longest) + _active(self, longest, jnp.full_like(longest, FULL_PRESSURE))
+        full = self.elastic_tension(longest) + _active(self, longest, jnp.full_like(longest, HIGHEST_PRESSURE))
         return jnp.maximum(full, LEAST_PULL) / (self.thread_strain * longest)
 
     # ---- the muscle between its anchors: unilateral
