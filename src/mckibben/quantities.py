@@ -101,7 +101,7 @@ def quantity(
         doc: meaning, one phrase.
         symbol: as the field writes it.
         typical: range from which a fit draws its starting points [unit]; the bounds where it is left out.
-        default: value where none is given [unit].
+        default: value where none is given [unit]; None for a parameter that only some uses have.
 
     Examples:
         >>> import mckibben as mk
@@ -113,7 +113,12 @@ def quantity(
     """
     declared = Quantity(unit, bounds, doc, symbol, typical or bounds)
     options: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
-    return dataclasses.field(metadata={"quantity": declared, "converter": as_array}, kw_only=True, **options)
+    converter = _array_or_none if default is None else as_array
+    return dataclasses.field(metadata={"quantity": declared, "converter": converter}, kw_only=True, **options)
+
+
+def _array_or_none(value: object) -> Array | None:
+    return None if value is None else as_array(value)
 
 
 def as_array(value: object) -> Array:
@@ -143,7 +148,8 @@ def declared(owner: Any) -> dict[str, Quantity]:
 
 def values(owner: Any) -> dict[str, float | list[float]]:
     """Declared parameters of an instance as plain floats, or lists of them [their SI units]."""
-    return {name: np.asarray(getattr(owner, name)).tolist() for name in declared(owner)}
+    stated = {name: getattr(owner, name) for name in declared(owner)}
+    return {name: np.asarray(value).tolist() for name, value in stated.items() if value is not None}
 
 
 def check_fields(owner: Any, *, where: str | None = None) -> None:

@@ -189,6 +189,24 @@ def test_model_exchange_is_close_to_co_simulation(fmu: Fmu) -> None:
     np.testing.assert_allclose(ends["ModelExchange"], ends["CoSimulation"], rtol=1e-2)
 
 
+def test_model_exchange_by_an_integrator_that_runs_away_ends_with_an_error_and_says_so(fmu: Fmu) -> None:
+    said: list[str] = []
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        fmpy.simulate_fmu(
+            str(fmu.folder),
+            stop_time=0.5,
+            solver="Euler",
+            step_size=1e-3,
+            output_interval=1e-3,
+            start_values={"command.muscle": 1.0},
+            output=["tension_end"],
+            fmi_type="ModelExchange",
+            logger=lambda *arguments: said.append(str(arguments)),
+            fmi_call_logger=None,
+        )
+    assert any("not finite or not possible" in text for text in said) or fmu.description.fmiVersion == "2.0"
+
+
 def test_a_host_in_c_gets_the_bits_of_the_part(part: Part, fmu: Fmu, tmp_path: Path) -> None:
     if fmu.description.fmiVersion.startswith("2"):
         pytest.skip("the host in C is one of FMI 3.0")

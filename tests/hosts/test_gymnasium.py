@@ -78,16 +78,25 @@ def test_lanes_that_are_reset_by_a_mask_leave_the_others_as_they_are():
     assert np.array_equal(after[[0, 2]], start[[0, 2]]) and np.array_equal(after[1], seen[1])
 
 
-def test_a_lane_whose_state_is_impossible_ends_alone():
+def test_a_lane_that_cannot_go_on_is_truncated_alone_and_says_why():
     many = environments.MuscleVectorEnv(3, LIFT)
     many.reset(seed=0)
     kernel = many._kernel
     kernel.put_carry(np.array([1]), np.full_like(kernel.carry[:, 1], np.nan), kernel.observation[:, 1].copy())
-    seen, rewards, terminated, truncated, _ = many.step(np.zeros((3, 1)))
-    assert terminated.tolist() == [False, True, False] and not truncated.any()
+    seen, rewards, terminated, truncated, infos = many.step(np.zeros((3, 1)))
+    assert truncated.tolist() == [False, True, False] and not terminated.any()
     assert np.isfinite(seen).all() and rewards[1] == -100.0
-    seen, rewards, terminated, _, infos = many.step(np.zeros((3, 1)))
-    assert not terminated.any() and rewards[1] == 0.0 and infos["_error"].tolist() == [True, False, True]
+    assert "not finite" in infos["message"][1] and infos["_message"].tolist() == [False, True, False]
+    seen, rewards, _, truncated, infos = many.step(np.zeros((3, 1)))
+    assert not truncated.any() and rewards[1] == 0.0 and infos["_error"].tolist() == [True, False, True]
+
+
+def test_an_environment_that_cannot_go_on_is_truncated_and_says_why():
+    env = lift()
+    env.reset(seed=0)
+    env.unwrapped._kernel.set_carry(*(np.full_like(x, np.nan) for x in env.unwrapped._plant.start))
+    _, reward, terminated, truncated, info = env.step(np.zeros(1))
+    assert truncated and not terminated and reward == -100.0 and "not finite" in info["message"]
 
 
 def test_the_reward_is_the_error_in_tolerances_and_the_opening_of_the_valve():

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar
-from ..assembly.muscle_unit import UnitState
+from ..assembly.muscle_unit import BraidMotion
 from ..errors import InputError
 from ..muscles.stored import stored_along
 from ..pneumatics.exergy import DeadState, Seen
@@ -217,10 +217,12 @@ class Flows:
 
     def _muscle(self, name: str) -> None:
         unit, record = self.machine.unit(name), self.record
-        at = UnitState(known(record, f"{name}.length"), known(record, f"{name}.velocity"))
+        length, gauge, rubbing = (known(record, f"{name}.{what}") for what in ("length", "pressure", "friction"))
         span, speed = known(record, f"{name}.span"), known(record, f"{name}.span_velocity")
+        inner = np.asarray(unit.law.braid_tension(length, gauge)) + rubbing
+        at = BraidMotion(length, known(record, f"{name}.velocity"), inner, known(record, f"{name}.tension"))
         power = -known(record, f"{name}.load_tension") * speed
-        taken = known(record, f"{name}.friction") * at.velocity
+        taken = rubbing * at.velocity
         # over a bone, the load feels another tension than the muscle
         taken = taken + (known(record, f"{name}.load_tension") - known(record, f"{name}.tension")) * speed
         slip = known(record, f"{name}.slip") if unit.clamp is not None else np.zeros(())
@@ -230,6 +232,5 @@ class Flows:
         for part, value in parts.items():
             self.out[part] = self.out[part] + self._sum(value)
         self.work_out = self.work_out + self._sum(np.where(power > 0.0, power, 0.0))
-        gauge = known(record, f"{name}.pressure")
         self.stored["muscle"] = self.stored["muscle"] + stored_along(unit.law, np.asarray(at.length), gauge)
         self.stored["tendon"] = self.stored["tendon"] + np.asarray(unit.kinetic_and_elastic(at, span - slip))

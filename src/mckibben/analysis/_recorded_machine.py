@@ -80,6 +80,7 @@ class RecordedMachine:
         return construct(law_type(names[0]), known)
 
     def unit(self, muscle: str) -> MuscleUnit:
-        """A muscle with its tendon, end mass and dampers; without friction, which the recording shows itself."""
+        """A muscle with its dampers, and its tendon if it has one; without friction, which the recording shows itself."""
         values = {k: v for k, v in self.below(f"units.{muscle}").items() if "." not in k}
-        return MuscleUnit(law=self.law(muscle), tendon=Tendon(**self.below(f"units.{muscle}.tendon")), **values)
+        cord = self.below(f"units.{muscle}.tendon")
+        return MuscleUnit(law=self.law(muscle), tendon=Tendon(**cord) if cord else None, **values)

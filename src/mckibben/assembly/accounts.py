@@ -58,16 +58,17 @@ def accounts(
     """
     (begin, memory), end = start, run.state
     flow = {k: float(v) for k, v in run.integrals.items()}
-    before, after = (
-        _Held(*map(float, call_compiled(_held, machine, state, z, dict(inputs))))
+    (before, braids), (after, moved) = (
+        call_compiled(_held, machine, state, z, dict(inputs))
         for state, z, inputs in ((begin, memory, first), (end, run.memory, last))
     )
+    before, after = (_Held(*map(float, held)) for held in (before, after))
     more = _Held(*(b - a for a, b in zip(before, after, strict=True)))
     ambient = float(machine.environment.pressure_abs)
     got = StoredChange(
         gas=more.gas,
         gas_exergy=more.exergy,
-        muscle=sum(_muscle_energy(machine, name, begin, end) for name in machine.units),
+        muscle=sum(stored_change(unit.law, _floats(braids[n]), _floats(moved[n])) for n, unit in machine.units.items()),
         tendon=more.tendon,
         load=more.load,
         friction=more.friction,
@@ -122,29 +123,29 @@ class _Held(NamedTuple):
     muscles: Any
 
 
-def _held(machine: Machine, state: Tree, memory: Tree, inputs: dict[str, Any]) -> _Held:
-    circuit, inputs_with_lengths, units = state["circuit"], machine.with_lengths(state, inputs), machine.units
+def _held(
+    machine: Machine, state: Tree, memory: Tree, inputs: dict[str, Any]
+) -> tuple[_Held, dict[str, tuple[Scalar, Scalar]]]:
+    """Contents, and the length [m] and gauge pressure [Pa] of every braid."""
+    motions, circuit, units = machine.motions(state, memory, inputs), state["circuit"], machine.units
+    inputs_with_lengths = machine.with_lengths(state, memory, inputs)
     mass, energy = machine.joined.stored(circuit, inputs_with_lengths)
-    spans = machine.held_spans(machine.load.spans(state["load"], inputs), memory)
+    tendon, load, friction = machine.mechanical_energies(state, memory, inputs)
     kept = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
-    muscles = state["muscles"]
-    return _Held(
+    held = _Held(
         mass,
         energy,
         stored_exergy(machine.joined, circuit, inputs_with_lengths, machine.environment),
-        sum(u.kinetic_and_elastic(muscles[n], spans[n].span) for n, u in units.items()),
-        machine.load.stored_energy(state["load"]),
-        sum((ledger.work for ledger in kept), jnp.zeros(())),
+        tendon,
+        load,
+        friction,
         sum((ledger.dissipated for ledger in kept), jnp.zeros(())),
         sum(v.value for v in machine.joined.volumes(circuit, inputs_with_lengths).values()),
-        sum(u.law.braid_volume(muscles[n].length, machine.gauge(state, n)) for n, u in units.items()),
+        sum(u.law.braid_volume(motions[n].length, machine.gauge(state, n)) for n, u in units.items()),
     )
+    return held, {n: (motions[n].length, machine.gauge(state, n)) for n in units}
 
 
-def _muscle_energy(machine: Machine, name: str, start: Tree, end: Tree) -> float:
-    """Gain of the energy stored in bladder and braid [J]."""
-    ambient = float(machine.environment.pressure_abs)
-    first, last = (
-        (float(s["muscles"][name].length), float(s["circuit"]["pressure"][name]) - ambient) for s in (start, end)
-    )
-    return stored_change(machine.units[name].law, first, last)
+def _floats(braid: tuple[Scalar, Scalar]) -> tuple[float, float]:
+    length, gauge = braid
+    return float(length), float(gauge)

@@ -37,16 +37,16 @@ class InferredNumber(NamedTuple):
 
 
 INFERRED: dict[str, InferredNumber] = {
-    "end_mass": InferredNumber(0.02, (0.005, 0.1), "kg; a fitting of a muscle of 1 cm diameter"),
+    "end_mass": InferredNumber(0.02, (0.005, 0.1), "kg; a fitting of a muscle of 1 cm diameter, before a tendon"),
     "viscosity": InferredNumber(
         0.2,
         (0.0, 1.0),
         "N s/m; 0.35 would add a count of the paper's cell at 8 L0/s, and nothing viscous was seen there",
     ),
     "stop_damping": InferredNumber(100.0, (10.0, 300.0), "N s/m; a braid pulled taut does not bounce"),
-    "tendon_stiffness": InferredNumber(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame"),
-    "tendon_toe": InferredNumber(5e-4, (1e-4, 2e-3), "m; the stretch over which a cord stiffens"),
-    "tendon_loss": InferredNumber(0.2, (0.0, 1.0), "s/m; a taut cord hardly rings"),
+    "tendon_stiffness": InferredNumber(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame of the test machine"),
+    "tendon_toe": InferredNumber(5e-4, (1e-4, 2e-3), "m; the stretch over which that cord stiffens"),
+    "tendon_loss": InferredNumber(0.2, (0.0, 1.0), "s/m; that cord, taut, hardly rings"),
     "port_volume": InferredNumber(2e-6, (1e-6, 1e-5), "m^3; the valve's outlet and fittings"),
     "heat_conductance": InferredNumber(0.2, (0.05, 1.0), "W/K; between adiabatic and isothermal"),
     "tube_length": InferredNumber(0.5, (0.1, 2.0), "m; what the printed times of the nylon muscle allow"),
@@ -73,6 +73,11 @@ def _usual(name: str) -> float:
     return INFERRED[name].value
 
 
+def test_cord() -> Tendon:
+    """The cord between a muscle and the load of the paper's test machine; its numbers are `INFERRED`."""
+    return Tendon(stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss"))
+
+
 def unit_from_specimen(
     spec: Specimen | str,
     *,
@@ -85,7 +90,7 @@ def unit_from_specimen(
     changes: Mapping[str, JsonValue] | None = None,
     **mechanics: float,
 ) -> MuscleUnit:
-    """A muscle with tendon and end mass from a specimen; what the specimen does not state is `INFERRED`.
+    """A muscle from a specimen, tied to its anchors unless it has a tendon; what the specimen does not state is `INFERRED`.
 
     Args:
         spec: a McKibben specimen, or its id.
@@ -94,10 +99,10 @@ def unit_from_specimen(
             elements with its limit, since a friction without memory chatters at rest.
         rubs: False for a muscle without friction.
         creep: viscoelastic elements beside the braid.
-        tendon: between the muscle and the load.
+        tendon: between the muscle and the load; none by default, as `test_cord` is that of the test machine.
         wrap: a bone that the muscle lies over.
         changes: parameters of the law to replace, by field name [SI].
-        **mechanics: ``end_mass`` [kg], ``viscosity`` and ``stop_damping`` [N s/m].
+        **mechanics: as `unit_from_muscle` has them.
 
     Raises:
         InputError: if the specimen is no McKibben muscle, or states something else than what was requested.
@@ -119,37 +124,52 @@ def unit_from_muscle(
     where: str | None = None,
     **mechanics: float,
 ) -> MuscleUnit:
-    """A muscle between a tendon and an end mass; what is left out is `INFERRED`.
+    """A muscle tied to its anchors, or between an end mass and a tendon; what is left out is `INFERRED`.
 
     Args:
         muscle: its law, friction and creep; no biological one.
         rubs: False for a muscle without friction.
-        tendon: between the muscle and the load.
+        tendon: between the muscle and the load; none by default.
         wrap: a bone that the muscle lies over.
         where: place used in a complaint.
-        **mechanics: ``end_mass`` [kg], ``viscosity`` and ``stop_damping`` [N s/m].
+        **mechanics: ``viscosity`` and ``stop_damping`` [N s/m]; with a tendon ``end_mass`` [kg], without one
+            ``slack_damping`` [N s/m], which follows from the law where it is left out.
 
     Raises:
         InputError: if the muscle is biological, or states something else than what was asked for.
     """
     if muscle.is_biological:
         raise InputError("muscle", muscle.title, "must be a McKibben muscle; it is biological", where=where)
-    known = ("end_mass", "viscosity", "stop_damping")
+    usual: dict[str, Any] = {name: _usual(name) for name in ("viscosity", "stop_damping")}
+    usual |= {"slack_damping": None} if tendon is None else {"end_mass": _usual("end_mass")}
     for name in mechanics:
-        if name not in known:
-            raise InputError(name, None, known=known, where=where)
-    cord = tendon or Tendon(
-        stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss")
-    )
+        if name in ("end_mass", "slack_damping") and name not in usual:
+            one = "a muscle without tendon has none" if tendon is None else "a muscle with a tendon has none"
+            raise InputError(name, None, f"must be left out: {one}", where=where)
+        if name not in usual:
+            raise InputError(name, None, known=usual, where=where)
     return MuscleUnit(
         law=muscle.law,
-        tendon=cord,
+        tendon=tendon,
         friction=muscle.friction if rubs else None,
         creep=muscle.creep,
         wrap=wrap,
-        clamp=None,
-        **{name: mechanics.get(name, _usual(name)) for name in known},
+        **(usual | mechanics),
     )
+
+
+def rig_unit(muscle: MuscleUnit | Muscle | Specimen | str, *, law: str | None = None) -> MuscleUnit:
+    """A muscle on a test rig, which holds it by `test_cord`; a unit stays as it is, with the tendon that it has or has not.
+
+    Args:
+        muscle: a unit, a muscle, or a specimen or its id.
+        law: one of the laws that a specimen states; its default law by default.
+    """
+    if isinstance(muscle, MuscleUnit):
+        return muscle
+    if isinstance(muscle, Muscle):
+        return unit_from_muscle(muscle, tendon=test_cord())
+    return unit_from_specimen(muscle, law=law, tendon=test_cord())
 
 
 class AirLine(NamedTuple):

@@ -6,7 +6,7 @@ The state counts mass and pressure of every volume, and where a volume is isothe
 each other: such a machine has modes at zero that nothing excites. Memory cannot be linearised: friction is either held,
 its force constant, as while it slides one way, or stuck, each element a spring, as in small motions about a point of rest.
 Range: smooth points. At a kink, such as a regulator at its set-point, a closed valve or a tendon just slack, the model
-holds on the side that the derivative of the formula takes.
+holds on the side that the derivative of the formula takes. A tied muscle that is taut has no state of its own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..engine.signals import Value
 from ..errors import ConvergenceError, InputError, UnreachableError
 from ..pneumatics.circuit import Circuit
 from .machine import Machine
-from .stiffness import memory_stiffness
+from .muscle_unit import TiedState, stuck_states
 
 RATE_SUFFIX = ".rate"  # of an input's own rate of change, which a prescribed motion has beside its value
 FLOOR = 1e-3  # a state smaller than this [SI] is measured against it
@@ -145,16 +145,29 @@ def linearise(
     names = tuple(inputs_by_name), tuple(outputs)
     (a, b), (c, d) = _jacobians(machine, state, memory, dict(inputs), values, *names, friction == "stuck")
     matrix, states = np.array(a), state_names(state)
-    if friction == "stuck" and isinstance(machine, Machine):
-        for name, unit in machine.units.items():
-            stiff = memory_stiffness(unit, machine.gauge(state, name))
-            row, column = (states.index(f"muscles.{name}.{what}") for what in ("velocity", "length"))
-            matrix[row, column] -= float(stiff) / float(unit.end_mass)
+    moving = _moving(machine, state, states)
     columns = [n + end for n in inputs_by_name for end in ("", RATE_SUFFIX)]
     into, through = np.array(b), np.array(d)
     kept = [i for i in range(len(columns)) if i % 2 == 0 or np.any(into[:, i]) or np.any(through[:, i])]
-    model_names = Names(states, tuple(columns[i] for i in kept), tuple(outputs))
-    return LinearModel(matrix, into[:, kept], np.array(c), through[:, kept], model_names)
+    model_names = Names(tuple(states[i] for i in moving), tuple(columns[i] for i in kept), tuple(outputs))
+    return LinearModel(
+        matrix[np.ix_(moving, moving)],
+        into[np.ix_(moving, kept)],
+        np.array(c)[:, moving],
+        through[:, kept],
+        model_names,
+    )
+
+
+def _moving(machine: Machine | Circuit, state: Tree, states: tuple[str, ...]) -> list[int]:
+    """Indices of all states but the sag of tied muscles that are taut."""
+    units = machine.units if isinstance(machine, Machine) else {}
+    taut = {
+        f"muscles.{name}.sag"
+        for name in units
+        if isinstance(at := state["muscles"][name], TiedState) and float(at.sag) <= 0.0
+    }
+    return [i for i, name in enumerate(states) if name not in taut]
 
 
 @functools.partial(jit, static_argnums=(5, 6, 7))
@@ -168,22 +181,28 @@ def _jacobians(
     outputs: tuple[str, ...],
     stuck: bool,
 ) -> Any:
-    """Derivatives of (rate, outputs) by (state, inputs); a stuck wrap is a spring on the span."""
+    """Derivatives of (rate, outputs) by (state, inputs); what is stuck deflects with the braid, a wrap with the span."""
     flat, back = flatten_util.ravel_pytree(state)
-    load = machine.load if isinstance(machine, Machine) and stuck else None
-    before = {} if load is None else load.spans(state["load"], inputs)
+
+    def stuck_at(at: Tree, now: Mapping[str, Value]) -> Tree:
+        if not (stuck and isinstance(machine, Machine)):
+            return memory
+        spans, before = (machine.load.spans(*there) for there in ((at["load"], now), (state["load"], inputs)))
+        muscles = {}
+        for name, unit in machine.units.items():
+            held, length = memory["muscles"][name], unit.length
+            stretch = length(at["muscles"][name], spans[name].span)
+            stretch = stretch - length(state["muscles"][name], before[name].span)
+            muscles[name] = stuck_states(unit, held, stretch, machine.gauge(state, name))
+            if "wrap" in held:
+                moved = held["wrap"].state + spans[name].span - before[name].span
+                muscles[name] |= {"wrap": held["wrap"]._replace(state=moved)}
+        return {**memory, "muscles": muscles}
 
     def both(x: jax.Array, u: jax.Array) -> tuple[Tree, Tree]:
         all_inputs = {**inputs, **{n: Value(u[2 * i], u[2 * i + 1]) for i, n in enumerate(sources)}}
         at = back(x)
-        now = memory
-        if load is not None:
-            kept, spans = dict(memory["muscles"]), load.spans(at["load"], all_inputs)
-            for name, ledgers in memory["muscles"].items():
-                if "wrap" in ledgers:
-                    moved = ledgers["wrap"]._replace(state=ledgers["wrap"].state + spans[name].span - before[name].span)
-                    kept[name] = {**ledgers, "wrap": moved}
-            now = {**memory, "muscles": kept}
+        now = stuck_at(at, all_inputs)
         shown = machine.outputs(at, now, all_inputs)
         picked = jnp.stack([shown[n] + 0.0 for n in outputs]) if outputs else jnp.zeros(0)
         return flatten_util.ravel_pytree(machine.rate(at, now, all_inputs))[0], picked

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..components import Environment, Scalar
-from ..components.system import IndependentPart, Moment, System
+from ..components.system import Exchange, IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -18,8 +18,9 @@ from ..pneumatics.circuit import Circuit
 from ..pneumatics.exergy import exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
+from .loads.load import mode_bound
 from .machine_array import ALONE, MachineCoupling, at_rest, find_coupling
-from .muscle_unit import MusclePath, MuscleUnit, UnitState, braid_tension
+from .muscle_unit import BraidMotion, MusclePath, MuscleUnit, braid_tension
 
 MANY = 8  # muscles from which on independent ones are integrated side by side, each by the same compiled step
 MANY_COUPLED = 16  # muscles from which on those that share a tank or a load are evaluated as arrays
@@ -93,7 +94,7 @@ class Machine(System):
         return self.circuit.commands(signals)
 
     def initial(self, pressures: Mapping[str, float], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
-        """State and memory at rest: every braid balances its tendon, friction and creep are relaxed.
+        """State and memory at rest: every braid balances its tendon or hangs in its ties, friction and creep are relaxed.
 
         Args:
             pressures: absolute pressure of every volume of the circuit [Pa].
@@ -233,36 +234,47 @@ class Machine(System):
         load = self.load.initial()
         spans = self.load.spans(load, inputs)
         ambient = self.environment.pressure_abs
-        states = {n: unit.equilibrium(spans[n].span, pressures[n] - ambient) for n, unit in self.units.items()}
-        with_lengths, joined = self.with_lengths({"muscles": states}, inputs), self.joined
+        lengths = {n: unit.equilibrium(spans[n].span, pressures[n] - ambient) for n, unit in self.units.items()}
+        with_lengths, joined = {**inputs, **{f"{n}.length": Value(*at) for n, at in lengths.items()}}, self.joined
         circuit = joined.at_rest(pressures, with_lengths, self.environment.temperature)
         memory = {
             "circuit": joined.initial_memory(circuit, with_lengths),
             "muscles": {name: unit.initial_memory() for name, unit in self.units.items()},
         }
+        states = {n: unit.resting(lengths[n], spans[n].span) for n, unit in self.units.items()}
         return {"circuit": circuit, "muscles": states, "load": load}, memory
 
-    def with_lengths(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, Value]:
+    def with_lengths(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Value]:
         """Inputs, with the lengths of the muscles that the circuit needs."""
-        return {**inputs, **{f"{name}.length": Value(*state["muscles"][name]) for name in self.units}}
+        return self._with(self.motions(state, memory, inputs), inputs)
+
+    def _with(self, motions: Mapping[str, BraidMotion], inputs: Mapping[str, Value]) -> dict[str, Value]:
+        return {**inputs, **{f"{name}.length": Value(at.length, at.velocity) for name, at in motions.items()}}
 
     def gauge(self, state: Tree, name: str) -> Scalar:
         """Gauge pressure in a muscle [Pa]."""
         gauge: Scalar = state["circuit"]["pressure"][name] - self.environment.pressure_abs
         return gauge
 
+    def motions(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, BraidMotion]:
+        """Length, velocity and tension of every muscle."""
+        held = self.held_spans(self.load.spans(state["load"], inputs), memory)
+        return {
+            name: unit.motion(state["muscles"][name], memory["muscles"][name], self.gauge(state, name), *held[name])
+            for name, unit in self.units.items()
+        }
+
     def pulls(
         self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
     ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
         """Spans, tensions at the muscles, and tensions at the load."""
-        spans = self.load.spans(state["load"], inputs)
-        held = self.held_spans(spans, memory)
-        tensions = {n: unit.tension(state["muscles"][n], *held[n]) for n, unit in self.units.items()}
-        return (
-            spans,
-            tensions,
-            {n: unit.load_tension(memory["muscles"][n], tensions[n]) for n, unit in self.units.items()},
-        )
+        motions = self.motions(state, memory, inputs)
+        tensions = {name: at.tension for name, at in motions.items()}
+        return self.load.spans(state["load"], inputs), tensions, self._felt(memory, motions)
+
+    def _felt(self, memory: Tree, motions: Mapping[str, BraidMotion]) -> dict[str, Scalar]:
+        """Tensions at the load."""
+        return {n: unit.load_tension(memory["muscles"][n], motions[n].tension) for n, unit in self.units.items()}
 
     def held_spans(self, spans: Mapping[str, SpanState], memory: Tree) -> dict[str, SpanState]:
         """Spans less what clamps have slipped, with their rates."""
@@ -273,13 +285,15 @@ class Machine(System):
 
     def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of gas, muscles and load."""
-        _, tensions, felt = self.pulls(state, memory, inputs)
+        motions = self.motions(state, memory, inputs)
+        held = self.held_spans(self.load.spans(state["load"], inputs), memory)
         muscles = {
-            name: unit.rate(state["muscles"][name], memory["muscles"][name], self.gauge(state, name), tensions[name])
+            name: unit.rate(state["muscles"][name], motions[name], held[name].velocity)
             for name, unit in self.units.items()
         }
-        gas = self.joined.rate(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
-        return {"circuit": gas, "muscles": muscles, "load": self.load.rates(state["load"], felt, inputs)}
+        gas = self.joined.rate(state["circuit"], memory["circuit"], self._with(motions, inputs))
+        load = self.load.rates(state["load"], self._felt(memory, motions), inputs)
+        return {"circuit": gas, "muscles": muscles, "load": load}
 
     def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """The circuit's accounts, those of exergy with them, and the powers of the mechanics [W].
@@ -290,16 +304,15 @@ class Machine(System):
         turned into heat by dampers, of which ``viscous`` in the muscles and their tendons. The load's own follow with the
         prefix ``load.``.
         """
-        with_lengths, joined = self.with_lengths(state, inputs), self.joined
-        now = joined.passing(state["circuit"], memory["circuit"], with_lengths)
+        motions, joined = self.motions(state, memory, inputs), self.joined
+        now = joined.passing(state["circuit"], memory["circuit"], self._with(motions, inputs))
         out = joined.crossing(now) | exergies(joined, now, self.environment)
-        spans, _, felt = self.pulls(state, memory, inputs)
+        spans, felt = self.load.spans(state["load"], inputs), self._felt(memory, motions)
         held = self.held_spans(spans, memory)
         outside, lost = self.load.powers(state["load"], felt, inputs)
         braid, filling, exchanged, work, viscous, delivered = (jnp.zeros(()) for _ in range(6))
         for name, unit in self.units.items():
-            at: UnitState = state["muscles"][name]
-            gauge = self.gauge(state, name)
+            at, gauge = motions[name], self.gauge(state, name)
             swelling = now.swelling(name)
             moved, filled = braid_tension(unit.law, at.length, gauge) * at.velocity, gauge * swelling
             braid, filling = braid + moved, filling + filled
@@ -318,26 +331,49 @@ class Machine(System):
         own = {f"load.{key}": value for key, value in self.load.accounts(state["load"], felt, inputs).items()}
         return out | powers | outer | own
 
+    def mechanical_energies(
+        self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar, Scalar]:
+        """Energy of end masses and tendons, that of the load, and work that friction and creep took until now [J]."""
+        motions = self.motions(state, memory, inputs)
+        spans = self.held_spans(self.load.spans(state["load"], inputs), memory)
+        moving = [u.kinetic_and_elastic(motions[n], spans[n].span) for n, u in self.units.items()]
+        ledgers = [ledger for parts in memory["muscles"].values() for ledger in parts.values()]
+        taken: Scalar = sum((ledger.work for ledger in ledgers), start=jnp.zeros(()))
+        return sum(moving, start=jnp.zeros(())), self.load.stored_energy(state["load"]), taken
+
+    def stored_energies(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Internal energy of the gas; that of the mechanics with what friction took [J]."""
+        gas = self.joined.stored(state["circuit"], self.with_lengths(state, memory, inputs))[1]
+        return {"gas": gas, "mechanics": sum(self.mechanical_energies(state, memory, inputs), start=jnp.zeros(()))}
+
+    def balances(self, integrands: Tree) -> dict[str, Exchange]:
+        """Of the gas, as `Circuit.balances` has it, and of the mechanics, both over the work exchanged with the braids."""
+        exchanged = integrands["exchanged"]
+        gas = self.circuit.balances(integrands)["gas"]._replace(turnover=exchanged)
+        powers = integrands["outside"] - integrands["lost"] - integrands["braid"]
+        return {"gas": gas, "mechanics": Exchange(powers, exchanged)}
+
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance friction and creep along the path, and the memory of valves."""
+        first, last = (self.motions(moment.state, memory, moment.inputs) for moment in (start, end))
         gas = self.joined.advance_memory(
             memory["circuit"],
-            Moment(start.state["circuit"], self.with_lengths(start.state, start.inputs)),
-            Moment(end.state["circuit"], self.with_lengths(end.state, end.inputs)),
+            Moment(start.state["circuit"], self._with(first, start.inputs)),
+            Moment(end.state["circuit"], self._with(last, end.inputs)),
             duration,
         )
-        before = self.load.spans(start.state["load"], start.inputs)
-        after, tensions, _ = self.pulls(end.state, memory, end.inputs)
+        before, after = (self.load.spans(moment.state["load"], moment.inputs) for moment in (start, end))
         muscles = {
             name: unit.advance_memory(
                 memory["muscles"][name],
                 MusclePath(
-                    end.state["muscles"][name].length - start.state["muscles"][name].length,
+                    last[name].length - first[name].length,
                     after[name].span - before[name].span,
                     self.gauge(start.state, name),
                     self.gauge(end.state, name),
-                    tensions[name],
-                    after[name].span - end.state["muscles"][name].length - unit.tendon.slack_length,
+                    last[name].tension,
+                    0.0 if unit.tendon is None else after[name].span - last[name].length - unit.tendon.slack_length,
                 ),
                 duration,
             )
@@ -350,11 +386,23 @@ class Machine(System):
         return self.joined.admissible(state["circuit"])
 
     def max_rate_bound(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Scalar:
-        """The circuit's bound, and that of each taut tendon on its end mass [1/s]."""
-        with_lengths = self.with_lengths(state, inputs)
-        bounds = [self.joined.max_rate_bound(state["circuit"], memory["circuit"], with_lengths)]
-        bounds += [jnp.sqrt(unit.tendon.stiffness / unit.end_mass) for unit in self.units.values()]
-        return jnp.stack(bounds).max()
+        """The circuit's bound, that of each muscle by itself, and that of the load which they hold [1/s].
+
+        A muscle with a tendon has the mode of the tendon on its end mass; a tied one the creep of the slack braid, and it
+        holds the load as stiffly as its law, its gas shut in and its friction stuck.
+        """
+        motions, joined = self.motions(state, memory, inputs), self.joined
+        with_lengths = self._with(motions, inputs)
+        bounds = [joined.max_rate_bound(state["circuit"], memory["circuit"], with_lengths)]
+        volumes, restraints = joined.volumes(state["circuit"], with_lengths), {}
+        for name, unit in self.units.items():
+            gauge = self.gauge(state, name)
+            stiff = joined.gas.heat_ratio * state["circuit"]["pressure"][name] / volumes[name].value
+            restraints[name], bound = unit.restraint(motions[name], gauge, stiff)
+            bounds.append(bound)
+            if unit.end_mass is not None:  # on which the tendon's loss acts too, the more the tighter it is
+                bounds.append(mode_bound(unit.end_mass, *restraints[name]))
+        return jnp.stack([*bounds, self.load.max_rate_bound(state["load"], restraints)]).max()
 
     def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Outputs of the circuit, of each muscle, and of the load.
@@ -362,21 +410,22 @@ class Machine(System):
         A muscle has its span, length and their rates, tension at its end and at the load, friction, gauge pressure, volume
         and whether it is slack (1 or 0); one with a clamp has what that has slipped.
         """
-        out = self.joined.outputs(state["circuit"], memory["circuit"], self.with_lengths(state, inputs))
-        spans, tensions, felt = self.pulls(state, memory, inputs)
+        motions = self.motions(state, memory, inputs)
+        out = self.joined.outputs(state["circuit"], memory["circuit"], self._with(motions, inputs))
+        spans, felt = self.load.spans(state["load"], inputs), self._felt(memory, motions)
         for name, unit in self.units.items():
-            at, gauge = state["muscles"][name], self.gauge(state, name)
+            at, gauge = motions[name], self.gauge(state, name)
             out |= {
                 f"{name}.span": spans[name].span + jnp.zeros(()),
                 f"{name}.span_velocity": spans[name].velocity + jnp.zeros(()),
                 f"{name}.length": at.length,
                 f"{name}.velocity": at.velocity,
-                f"{name}.tension": tensions[name],
+                f"{name}.tension": at.tension,
                 f"{name}.load_tension": felt[name],
-                f"{name}.friction": unit.memory_force(memory["muscles"][name], at, gauge),
+                f"{name}.friction": unit.memory_force(memory["muscles"][name], at.velocity, gauge),
                 f"{name}.pressure": gauge,
                 f"{name}.volume": unit.law.braid_volume(at.length, gauge),
-                f"{name}.slack": jnp.where(tensions[name] > 0.0, 0.0, 1.0),
+                f"{name}.slack": jnp.where(at.tension > 0.0, 0.0, 1.0),
             }
             if unit.clamp is not None:
                 out[f"{name}.slip"] = memory["muscles"][name]["clamp"].state

@@ -142,7 +142,7 @@ class MachineArray(System):
 
             def one(cell: Machine, at: Any, kept: Any, now: Any) -> tuple[Any, Any]:
                 rate = cell.rate(at, kept, now)
-                flows = cell.joined.junction_inflows(at["circuit"], kept["circuit"], cell.with_lengths(at, now))
+                flows = cell.joined.junction_inflows(at["circuit"], kept["circuit"], cell.with_lengths(at, kept, now))
                 share = flows, _effort(cell, at, kept, now)
                 return {part: rate[part] for part in ("circuit", "muscles")}, share
 

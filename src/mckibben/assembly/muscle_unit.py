@@ -1,32 +1,60 @@
-"""A muscle that moves: braid, friction and creep on a small end mass, and a tendon from there to the load.
+"""A muscle that moves between its anchor and the load: tied to both, or with a tendon between braid and load.
+
+Tied, which is the default, the braid has no mass and is as long as its span X while taut. Its only state is the sag e, by
+which a slack braid is longer than its span:
+
+    L = X + e,   N = F(L, P') + Ff(z) + Fc(.)               inner tension of the braid: law, friction, creep
+    R = N + eta dX/dt                                        below zero where the braid gets longer faster than its span
+    taut   e = 0, R >= 0:   dL/dt = dX/dt,    T = max(min(N + c(L) dX/dt, 2 R), 0)
+    slack  else:            dL/dt = -N/eta,   T = 0
+
+A slack braid creeps to its free length against the slack damping eta, with a time constant of about `SLACK_TIME`; a tie does
+not pull on what sags, and a taut one does not stretch: nothing but the law stands between pressure, span and tension. One
+that shortens faster than it could alone pulls with less than its law until 2 R, and T is zero where it sags; otherwise
+tension and slack would both be possible, and the rate would jump. The power lost, T dX/dt - N dL/dt, is never
+negative: (T - N) dX/dt while taut, N^2/eta while slack. Source: the sweeping process of J. J. Moreau, J. Differential
+Equations 26, 1977, doi:10.1016/0022-0396(77)90085-7, with a viscous braid.
+
+With a tendon, braid, friction and creep act on the small mass of a fitting:
 
     m dv/dt = T - F(L, P') - Ff(z) - Fc(e) - c(L) v,   dL/dt = v,   T = tendon(X - L, dX/dt - v)
 
-L is the braid's length, X the span to the load. The end mass makes tension and slack a state instead of an equation to be
-solved: a slack braid follows its free length, and when the tendon pulls again nothing has to be found. Beyond the longest
-length of the law the damping c grows, because a braid that is pulled taut does not bounce. A muscle that lies over a bone
-has a `Wrap`, and the load then feels another tension than the muscle; a `Clamp` takes what it has slipped from the span X.
+The end mass makes tension and slack a state instead of an equation to be solved. Range: below 1 kHz; the muscle pulls less
+than its law by what the tendon stretches, which is part of a test machine whose cord it is.
 
-Range: below 1 kHz; the mass of 20 g and the tendon's stiffness of 1e5 N/m are of a fitting and a cord, and move the results
-of a muscle of 1-10 N/mm by less than a few percent. Creep elements are in parallel with the braid.
+Beyond the longest length of the law the damping c grows, because a braid that is pulled taut does not bounce. A muscle that
+lies over a bone has a `Wrap`, and the load then feels another tension than the muscle; a `Clamp` holds a tendon and takes
+what it has slipped from the span X. Creep elements are in parallel with the braid.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._jax import Tree, jax, jit, jnp
-from ..components import Hysteresis, MemoryElement, Module, Scalar
+import numpy as np
+
+from .._jax import Tree, is_traced, jax, jit, jnp
+from ..components import Hysteresis, MemoryElement, Module, Scalar, derivative
 from ..components.element import Advanced
+from ..components.module import flatten
+from ..engine.native import call_compiled
+from ..errors import InputError
 from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw
-from ..quantities import quantity
+from ..quantities import as_array, quantity
 from .clamp import Clamp
+from .loads.load import Restraint
 from .wrap import Wrap
 
 # Stretch beyond the law's longest length at which the damping of the stop is full [m].
 STOP_TRAVEL = 1.3e-3
 HALVINGS = 64  # of a bracket: from any length to the last bit
+END_MASS = 0.02  # of a fitting between braid and tendon [kg]
+SLACK_TIME = 1e-3  # in which a slack braid relaxes where it is stiffest, unless its damping is stated [s]
+SLACK_PRESSURES = np.linspace(0.0, 10e5, 11)  # at which its stiffness is looked up for that, gauge [Pa]
+LEAST_DAMPING = 1e-3  # of a slack braid that nothing draws to a free length [N s/m]
+RETURN_RATE = 1e3  # at which a sag below zero, which is an error of a step, is forgotten [1/s]
+RESERVE = 2.0  # tension over the force by which a shortening braid would keep up with its span [1]
 
 
 class UnitState(NamedTuple):
@@ -34,6 +62,28 @@ class UnitState(NamedTuple):
 
     length: Scalar
     velocity: Scalar
+
+
+class TiedState(NamedTuple):
+    """Length of the braid beyond its span [m]; zero while it is taut."""
+
+    sag: Scalar
+
+
+class BraidMotion(NamedTuple):
+    """Motion of a braid at a moment.
+
+    Attributes:
+        length: length of the braid [m].
+        velocity: its rate [m/s].
+        inner: tension of law, friction and creep [N], signed.
+        tension: tension between braid and load, never negative [N].
+    """
+
+    length: Scalar
+    velocity: Scalar
+    inner: Scalar
+    tension: Scalar
 
 
 class MuscleLedger(NamedTuple):
@@ -59,19 +109,41 @@ class MusclePath(NamedTuple):
 
 
 class MuscleUnit(Module):
-    """A muscle as part of a machine; immutable."""
+    """A muscle as part of a machine; immutable. Without a tendon it is tied to its anchors.
+
+    A tied muscle has a slack damping, and one with a tendon has an end mass; the other of the two is None.
+    """
 
     law: TensionLaw
-    tendon: Tendon
+    tendon: Tendon | None = None
     friction: Hysteresis | None = None
     creep: MemoryElement | None = None
     wrap: Wrap | None = None
     clamp: Clamp | None = None
-    end_mass: Scalar = quantity("kg", (1e-4, 10.0), "mass of the moving fitting", symbol="m", default=0.02)
+    end_mass: Scalar = quantity(
+        "kg", (1e-4, 10.0), "mass of the fitting between braid and tendon", symbol="m", default=None
+    )
     viscosity: Scalar = quantity("N*s/m", (0.0, 1e4), "internal damping", symbol="c", default=1.0)
     stop_damping: Scalar = quantity(
         "N*s/m", (0.0, 1e4), "further damping beyond the longest length", symbol="cs", default=100.0
     )
+    slack_damping: Scalar = quantity(
+        "N*s/m", (1e-6, 1e6), "against which a slack braid comes to its free length", symbol="eta", default=None
+    )
+
+    def __check_init__(self) -> None:
+        """Fill in what is left out, drop what the other kind has, and refuse a clamp that holds no tendon."""
+        known = self.__dict__
+        if self.tendon is None:
+            if self.clamp is not None:
+                raise InputError("clamp", None, "needs a tendon that it holds, and the muscle has none", where="muscle")
+            known["end_mass"] = None
+            if known["slack_damping"] is None:
+                known["slack_damping"] = as_array(usual_slack_damping(self))
+        else:
+            known["slack_damping"] = None
+            if known["end_mass"] is None:
+                known["end_mass"] = as_array(END_MASS)
 
     @property
     def parts(self) -> dict[str, MemoryElement]:
@@ -93,17 +165,63 @@ class MuscleUnit(Module):
         """Span between the muscle's anchor and what holds the tendon [m]: less what the clamp has slipped."""
         return span if self.clamp is None else span - memory["clamp"].state
 
-    def tension(self, state: UnitState, span: Scalar, span_velocity: Scalar) -> Scalar:
-        """Tension of the tendon at the muscle [N], never negative; the span is that of `held_span`."""
-        return self.tendon.force(span - state.length, span_velocity - state.velocity)
+    def length(self, state: UnitState | TiedState, span: Scalar) -> Scalar:
+        """Length of the braid [m]; the span is that of `held_span`."""
+        if isinstance(state, UnitState):
+            return state.length
+        return span + state.sag
+
+    def motion(
+        self,
+        state: UnitState | TiedState,
+        memory: dict[str, MuscleLedger],
+        pressure: Scalar,
+        span: Scalar,
+        span_velocity: Scalar,
+    ) -> BraidMotion:
+        """Length, velocity and tension, which is never negative.
+
+        Args:
+            state: of the muscle.
+            memory: of its elements.
+            pressure: gauge pressure [Pa].
+            span: that of `held_span` [m].
+            span_velocity: its rate [m/s].
+        """
+        if isinstance(state, UnitState):
+            assert self.tendon is not None
+            own = braid_tension(self.law, state.length, pressure)
+            inner = own + self.memory_force(memory, state.velocity, pressure)
+            tension = self.tendon.force(span - state.length, span_velocity - state.velocity)
+            return BraidMotion(state.length, state.velocity, inner, tension)
+        length = self.length(state, span)
+        own, resisting = braid_tension(self.law, length, pressure), self._slack_damping(length)
+        held = own + self.memory_force(memory, span_velocity, pressure)
+        reserve = held + resisting * span_velocity
+        sags = (state.sag > 0.0) | (reserve < 0.0)
+        pull = jnp.minimum(held + self.damping(length) * span_velocity, RESERVE * reserve)
+        # Friction that depends on velocity slows a slack braid and may stop it, but never turns it back.
+        still = own + self.memory_force(memory, 0.0, pressure)
+        free = own + self.memory_force(memory, -still / resisting, pressure)
+        free = jnp.where(still > 0.0, jnp.where(free > 0.0, free, 0.0), jnp.where(free < 0.0, free, 0.0))
+        return BraidMotion(
+            length,
+            jnp.where(sags, -free / resisting, span_velocity - RETURN_RATE * state.sag),
+            jnp.where(sags, free, held),
+            jnp.where(sags | (pull < 0.0), 0.0, pull),
+        )
+
+    def _slack_damping(self, length: Scalar) -> Scalar:
+        """Damping of the slack braid [N s/m]: no less than the taut one's, or what is slack could not get taut."""
+        return jnp.maximum(self.slack_damping, self.damping(length))
 
     def load_tension(self, memory: dict[str, MuscleLedger], tension: Scalar) -> Scalar:
         """Tension that acts on the load, behind the bone [N]."""
         return tension if self.wrap is None else tension + self.wrap.force(memory["wrap"].state)
 
-    def memory_force(self, memory: dict[str, MuscleLedger], state: UnitState, pressure: Scalar) -> Scalar:
-        """Friction and creep together [N], positive when they oppose lengthening."""
-        forces = (part.force(memory[name].state, state.velocity, pressure) for name, part in self.parts.items())
+    def memory_force(self, memory: dict[str, MuscleLedger], velocity: Scalar, pressure: Scalar) -> Scalar:
+        """Friction and creep together [N], positive when they oppose lengthening; velocity of the braid [m/s]."""
+        forces = (part.force(memory[name].state, velocity, pressure) for name, part in self.parts.items())
         return sum(forces, start=jnp.zeros(()))
 
     def damping(self, length: Scalar) -> Scalar:
@@ -113,11 +231,12 @@ class MuscleUnit(Module):
         share = jnp.where(above < 1.0, above, 1.0)
         return self.viscosity + self.stop_damping * (share * share)
 
-    def rate(self, state: UnitState, memory: dict[str, MuscleLedger], pressure: Scalar, tension: Scalar) -> UnitState:
-        """Rates of length and velocity; gauge pressure [Pa], tension of the tendon [N]."""
-        inner = braid_tension(self.law, state.length, pressure) + self.memory_force(memory, state, pressure)
-        push = tension - inner - self.damping(state.length) * state.velocity
-        return UnitState(state.velocity, push / self.end_mass)
+    def rate(self, state: UnitState | TiedState, motion: BraidMotion, span_velocity: Scalar) -> UnitState | TiedState:
+        """Rates of the state, from what `motion` returned and the rate of the held span [m/s]."""
+        if isinstance(state, UnitState):
+            push = motion.tension - motion.inner - self.damping(state.length) * state.velocity
+            return UnitState(state.velocity, push / self.end_mass)
+        return TiedState(motion.velocity - span_velocity)
 
     def advance_memory(
         self, memory: dict[str, MuscleLedger], path: MusclePath, duration: Scalar
@@ -136,28 +255,54 @@ class MuscleUnit(Module):
         if self.wrap is not None:
             done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
         if self.clamp is not None:
+            assert self.tendon is not None
             done["clamp"] = self.clamp.advance(memory["clamp"].state, self.tendon, path.end_stretch)
         return {
             name: MuscleLedger(new.state, memory[name].work + new.work, memory[name].dissipated + new.dissipated)
             for name, new in done.items()
         }
 
-    def kinetic_and_elastic(self, state: UnitState, span: Scalar) -> Scalar:
-        """Energy of the end mass and of the tendon [J]."""
-        return 0.5 * self.end_mass * state.velocity**2 + self.tendon.stored_energy(span - state.length)
+    def kinetic_and_elastic(self, at: UnitState | BraidMotion, span: Scalar) -> Scalar:
+        """Energy of the end mass and of the tendon [J]; a tied muscle has neither."""
+        if self.tendon is None:
+            return jnp.zeros_like(at.length)
+        return 0.5 * self.end_mass * at.velocity**2 + self.tendon.stored_energy(span - at.length)
 
-    def lost(self, state: UnitState, span: Scalar, span_velocity: Scalar) -> Scalar:
-        """Power lost in damper and tendon [W], never negative; the friction's loss is in its ledger."""
-        stretching = span_velocity - state.velocity
-        tension = self.tension(state, span, span_velocity)
-        in_tendon = (tension - self.tendon.force(span - state.length)) * stretching
-        return self.damping(state.length) * state.velocity**2 + in_tendon
+    def lost(self, motion: BraidMotion, span: Scalar, span_velocity: Scalar) -> Scalar:
+        """Power lost in dampers and tendon [W], never negative; the friction's loss is in its ledger.
+
+        Args:
+            motion: what `motion` returned.
+            span: that of `held_span` [m].
+            span_velocity: its rate [m/s].
+        """
+        if self.tendon is None:
+            return motion.tension * span_velocity - motion.inner * motion.velocity
+        stretching = span_velocity - motion.velocity
+        in_tendon = (motion.tension - self.tendon.force(span - motion.length)) * stretching
+        return self.damping(motion.length) * motion.velocity**2 + in_tendon
+
+    def restraint(self, at: BraidMotion, pressure: Scalar, gas_stiffness: Scalar) -> tuple[Restraint, Scalar]:
+        """Bound of what the load feels, and of the muscle's own rates [1/s].
+
+        Args:
+            at: what `motion` returned.
+            pressure: gauge pressure [Pa].
+            gas_stiffness: rise of its pressure with the volume taken from it, dP/dV where it is shut in [Pa/m^3].
+        """
+        if self.tendon is not None:
+            cord = self.tendon.stiffness
+            return Restraint(cord, self.tendon.loss * at.tension), jnp.sqrt(cord / self.end_mass)
+        per_pressure = derivative(lambda p: self.law.braid_tension(at.length, p), pressure)  # -dV/dL
+        stiff = jnp.abs(self.law.braid_stiffness(at.length, pressure)) + gas_stiffness * per_pressure * per_pressure
+        stiff, resisting = stiff + memory_stiffness(self, pressure), self._slack_damping(at.length)
+        return Restraint(RESERVE * stiff, RESERVE * resisting), stiff / resisting
 
     def equilibrium(self, span: Scalar, pressure: Scalar) -> UnitState:
-        """The length at which braid and tendon balance at rest, without friction and creep; it may be traced.
+        """The length at which the braid balances its tendon or hangs between its anchors at rest; it may be traced.
 
-        A slack braid has its free length. Where the law has none, as without pressure or bladder, it lies as long as its
-        span; and none is longer than its law's longest length unless it is pulled there.
+        Friction and creep are relaxed. A slack braid has its free length. Where the law has none, as without pressure or
+        bladder, it lies as long as its span; and none is longer than its law's longest length unless it is pulled there.
 
         Args:
             span: from the anchor to the load [m].
@@ -165,6 +310,48 @@ class MuscleUnit(Module):
         """
         rest: UnitState = _equilibrium(self, span, pressure)
         return rest
+
+    def resting(self, at: UnitState, span: Scalar) -> UnitState | TiedState:
+        """State of the muscle where its braid has a length at rest; the span is that of `held_span` [m]."""
+        return at if self.tendon is not None else TiedState(at.length - span)
+
+
+def memory_stiffness(unit: MuscleUnit, pressure: Scalar) -> Scalar:
+    """Stiffness of friction and creep while no element slips or relaxes [N/m]; gauge pressure [Pa]."""
+    relaxed = unit.initial_memory()
+    return derivative(lambda dx: unit.memory_force(stuck_states(unit, relaxed, dx, pressure), 0.0, pressure), 0.0)
+
+
+def stuck_states(
+    unit: MuscleUnit, memory: dict[str, MuscleLedger], stretch: Scalar, pressure: Scalar
+) -> dict[str, MuscleLedger]:
+    """Memory after a short, quick stretch [m] in which nothing slips or relaxes; gauge pressure [Pa]."""
+    at = {"start_pressure": pressure, "end_pressure": pressure, "duration": 0.0}
+    deflected = dict(memory)
+    for name, part in unit.parts.items():
+        moved = part.advance(part.initial(), stretch, **at).state - part.initial()
+        deflected[name] = memory[name]._replace(state=memory[name].state + moved)
+    return deflected
+
+
+def usual_slack_damping(unit: MuscleUnit) -> Scalar:
+    """Damping with which a slack braid comes to its free length in `SLACK_TIME` where it is stiffest [N s/m].
+
+    The stiffness is that of the law at its free length, the largest up to 10 bar, with that of stuck friction and creep.
+    """
+    if any(is_traced(leaf) for leaf in flatten(unit)[0]):
+        return _slack_damping(unit, jnp.asarray(SLACK_PRESSURES))
+    usual: Scalar = call_compiled(_slack_damping, unit, SLACK_PRESSURES)
+    return usual
+
+
+def _slack_damping(unit: MuscleUnit, pressures: Scalar) -> Scalar:
+    def stiffness(pressure: Scalar) -> Scalar:
+        free = unit.law.free_length(pressure)
+        own = unit.law.braid_stiffness(free, pressure)
+        return jnp.where(jnp.isfinite(own) & (own > 0.0), own, 0.0) + memory_stiffness(unit, pressure)
+
+    return jnp.maximum(SLACK_TIME * jnp.max(jax.vmap(stiffness)(pressures)), LEAST_DAMPING)
 
 
 @jit  # traced once for all that asks for it
@@ -178,13 +365,15 @@ def _equilibrium(unit: MuscleUnit, span: Scalar, pressure: Scalar) -> UnitState:
     """Straight-line, so that thousands of machines are prepared at once."""
 
     def excess(length: Scalar) -> Any:
-        """Pull of the braid over that of its tendon [N]."""
-        return braid_tension(unit.law, length, pressure) - unit.tendon.force(span - length)
+        """Pull of the braid over that of its tendon [N]; tied, of itself."""
+        own = braid_tension(unit.law, length, pressure)
+        return own if unit.tendon is None else own - unit.tendon.force(span - length)
 
     shortest, longest = unit.law.length_range()
-    hanging = span - unit.tendon.slack_length  # the tendon gets slack here
-    taut = (hanging > shortest) & (excess(hanging) >= 0.0)
-    low = jnp.where(taut, shortest, jnp.maximum(shortest, hanging))
+    # Where braid or tendon gets slack.
+    hanging = span if unit.tendon is None else span - unit.tendon.slack_length
+    taut = (excess(hanging) >= 0.0) & (True if unit.tendon is None else hanging > shortest)
+    low = jnp.where(taut, shortest, hanging if unit.tendon is None else jnp.maximum(shortest, hanging))
     high = jnp.where(taut, hanging, jnp.maximum(longest, hanging))
 
     def halve(_: int, ends: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
@@ -195,4 +384,6 @@ def _equilibrium(unit: MuscleUnit, span: Scalar, pressure: Scalar) -> UnitState:
     ends = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
     braid_length = 0.5 * (ends[0] + ends[1])
     length = jnp.where(excess(low) >= 0.0, low, jnp.where(excess(high) <= 0.0, high, braid_length))
+    if unit.tendon is None:
+        length = jnp.where(taut, span, length)  # its own pull is all that a tie asks for
     return UnitState(length, jnp.zeros_like(length))

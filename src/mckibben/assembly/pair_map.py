@@ -33,6 +33,7 @@ ANGLES, LEVELS = 17, 9
 FINE = 4  # solved pressures per level that is kept
 NEWTON = 40  # steps; a dozen are enough where there is a solution
 LONGEST, STEEPEST = 2e-3, 5e4  # of a Newton step [m], [Pa]
+TIE = 1e5  # force that stands for a tied muscle's length being off its span [N/m]
 LEFT = 1e-6  # share of the moments that may be left unbalanced
 
 
@@ -160,12 +161,24 @@ def _at_rest(
     def pressures(x: Array) -> dict[str, Any]:
         return {"flexor": mean + x[2], "extensor": mean - x[2]}
 
+    def pulls(x: Array) -> dict[str, tuple[Any, Any]]:
+        """Tension of each muscle, and what its length is off by [N]."""
+        gauge, out = pressures(x), {}
+        for i, name in enumerate(NAMES):
+            unit, beyond = machine.units[name], spans[name].span - x[i]
+            braid = unit.law.braid_tension(x[i], gauge[name])
+            if unit.tendon is None:
+                out[name] = braid, TIE * beyond
+            else:
+                cord = unit.tendon.force(beyond)
+                out[name] = cord, cord - braid
+        return out
+
     def felt(x: Array) -> dict[str, Any]:
-        return {n: machine.units[n].tendon.force(spans[n].span - x[i]) for i, n in enumerate(NAMES)}
+        return {name: pull for name, (pull, _) in pulls(x).items()}
 
     def excess(x: Array) -> Any:
-        gauge, pull = pressures(x), felt(x)
-        residuals = [pull[n] - machine.units[n].law.braid_tension(x[i], gauge[n]) for i, n in enumerate(NAMES)]
+        pull, residuals = felt(x), [off for _, off in pulls(x).values()]
         return jnp.stack([*residuals, load.inertia * load.rates(joint, pull, inputs).velocity])
 
     def closer(_: Any, x: Array) -> Any:
@@ -173,17 +186,20 @@ def _at_rest(
         most = jnp.array([LONGEST, LONGEST, STEEPEST])
         return x + jnp.where(step > most, most, jnp.where(step < -most, -most, step))
 
-    taut = [spans[n].span - machine.units[n].tendon.toe_length for n in NAMES]
+    cords = {n: machine.units[n].tendon for n in NAMES}
+    taut = [spans[n].span - (0.0 if cord is None else cord.toe_length) for n, cord in cords.items()]
     x = jax.lax.fori_loop(0, NEWTON, closer, jnp.stack([*taut, jnp.zeros(())]))
     slopes, pull = jax.jacfwd(excess)(x), felt(x)
     yielding = jnp.linalg.solve(slopes[:2, :2], slopes[:2, 2])
-    per_difference = slopes[2, 2] - slopes[2, :2] @ yielding  # the tendons give a little
+    per_difference = slopes[2, 2] - slopes[2, :2] @ yielding  # tendons give a little
     begin, memory = start
     room = machine.environment.pressure_abs
     gas = {**begin["circuit"]["pressure"], **{n: room + p for n, p in pressures(x).items()}}
     state = {
         "circuit": {**begin["circuit"], "pressure": gas},
-        "muscles": {n: UnitState(x[i], jnp.zeros(())) for i, n in enumerate(NAMES)},
+        "muscles": {
+            n: machine.units[n].resting(UnitState(x[i], jnp.zeros(())), spans[n].span) for i, n in enumerate(NAMES)
+        },
         "load": joint,
     }
     stiff = joint_stiffness(machine, state, memory, inputs).relaxed_at_pressure

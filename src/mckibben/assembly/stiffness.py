@@ -1,6 +1,6 @@
 """Stiffness of a muscle and of a joint at a point: of a short, quick stretch or a relaxed one, with gas shut in or held.
 
-    k = dF/dL + dF/dP' dP'/dL + k_z         in series with the tendon: k k_t/(k + k_t)
+    k = dF/dL + dF/dP' dP'/dL + k_z         in series with a tendon, where there is one: k k_t/(k + k_t)
 
 Shut in, the gas answers with its heat model (P V^n constant, n = gamma for a quick stretch with a wall); held, the pressure
 stays. A short stretch finds the elements of friction and creep stuck, each with its spring k_z; in a long and slow one they
@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..pneumatics.heat import Inflow, VolumeState
 from .loads import JointLoad
 from .machine import Machine
-from .muscle_unit import MuscleUnit
+from .muscle_unit import memory_stiffness
 
 
 class Stiffness(NamedTuple):
@@ -33,23 +33,12 @@ class Stiffness(NamedTuple):
     relaxed_at_pressure: Scalar
 
 
-def memory_stiffness(unit: MuscleUnit, pressure: Scalar) -> Scalar:
-    """Stiffness of friction and creep while no element slips or relaxes [N/m]; gauge pressure [Pa]."""
-    at = {"start_pressure": pressure, "end_pressure": pressure, "duration": 0.0}
-
-    def force(dx: Any) -> Any:
-        moved = (p.force(p.advance(p.initial(), dx, **at).state, 0.0, pressure) for p in unit.parts.values())
-        return sum(moved, start=jnp.zeros(()))
-
-    return derivative(force, 0.0)
-
-
 def braid_stiffness(
     machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str, *, mass: bool
 ) -> Scalar:
     """Stiffness of the braid with its gas [N/m], with the mass of the gas constant or with its pressure."""
     unit = machine.units[name]
-    length, gauge = state["muscles"][name].length, machine.gauge(state, name)
+    length, gauge = machine.motions(state, memory, inputs)[name].length, machine.gauge(state, name)
     stiff = unit.law.braid_stiffness(length, gauge)
     if not mass:
         return stiff
@@ -59,11 +48,11 @@ def braid_stiffness(
 
 def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str) -> Scalar:
     """dP/dL of the gas shut into a muscle and stretched quickly, by its heat model [Pa/m]."""
-    circuit, with_lengths = machine.joined, machine.with_lengths(state, inputs)
+    circuit, with_lengths = machine.joined, machine.with_lengths(state, memory, inputs)
     node: Any = circuit.nodes[name]
     p, m = state["circuit"]["pressure"][name], state["circuit"]["mass"][name]
     temperature = circuit.outputs(state["circuit"], memory["circuit"], with_lengths)[f"{name}.temperature"]
-    moved = node.volume(p, state["muscles"][name].length, 1.0)
+    moved = node.volume(p, with_lengths[f"{name}.length"].value, 1.0)
     whole = m * circuit.gas.gas_constant * temperature / p  # with the fittings and the tube's share
     closed = Inflow(jnp.zeros(()), jnp.zeros(()))
 
@@ -76,20 +65,22 @@ def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping
 
 
 def muscle_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str) -> Stiffness:
-    """Stiffness of a muscle with its tendon at a point [N/m], zero where the tendon is slack.
+    """Stiffness of a muscle, with its tendon if it has one, at a point [N/m]; zero where it is slack.
 
     Raises:
         InputError: if there is no such muscle.
     """
     if name not in machine.units:
         raise InputError("muscle", name, known=machine.units, where="stiffness")
-    unit = machine.units[name]
-    spans = machine.held_spans(machine.load.spans(state["load"], inputs), memory)
-    cord = derivative(unit.tendon.force, spans[name].span - state["muscles"][name].length)
+    unit, motion = machine.units[name], machine.motions(state, memory, inputs)[name]
     stuck = memory_stiffness(unit, machine.gauge(state, name))
+    span = machine.held_spans(machine.load.spans(state["load"], inputs), memory)[name].span
+    cord = None if unit.tendon is None else derivative(unit.tendon.force, span - motion.length)
 
     def seen(short: bool, mass: bool) -> Scalar:
         stiffness = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
+        if cord is None:
+            return jnp.where(motion.tension > 0.0, stiffness, 0.0)
         return jnp.where(cord > 0.0, stiffness * cord / jnp.where(cord > 0.0, stiffness + cord, 1.0), 0.0)
 
     return _told(seen(True, True), seen(True, False), seen(False, True), seen(False, False))

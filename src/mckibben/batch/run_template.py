@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..assembly.build import unit_from_specimen
+from ..assembly.build import rig_unit
 from ..assembly.muscle_unit import MuscleUnit
 from ..bench.prepare import PreparedRun, prepare
 from ..bench.rig import Rig
@@ -75,7 +75,7 @@ class RunTemplate:
     @functools.cached_property
     def first_unit(self) -> MuscleUnit:
         """Default muscle of variants."""
-        return unit_from_specimen(self.specimens.get(self.muscle) or muscle_specimen(self.muscle))
+        return rig_unit(self.specimens.get(self.muscle) or muscle_specimen(self.muscle))
 
     def words(self, values: Mapping[str, JsonValue]) -> dict[str, str]:
         """Values of a variant as ``--set`` would state them, including common ones."""
@@ -89,7 +89,7 @@ class RunFactory:
         self.template = template
         self._rig = _remembering(self._read_rig)
         self._protocol = _remembering(self._read_protocol)
-        self._unit = _remembering(lambda name: unit_from_specimen(self._specimen(name)))
+        self._unit = _remembering(lambda name: rig_unit(self._specimen(name)))
 
     def bench(self, values: Mapping[str, JsonValue]) -> PreparedRun:
         """Prepare the run of one variant, including the dry run.

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._jax import jax, jnp
 from ..assembly.accounts import CLOSED, Accounts, accounts
-from ..assembly.build import antagonist_pair
+from ..assembly.build import antagonist_pair, rig_unit
 from ..assembly.exergy_balance import document
 from ..assembly.loads import MomentArm
 from ..assembly.machine import Machine
@@ -85,6 +85,8 @@ def joint_stand(
 ) -> JointStand:
     """Build a pair on a joint, with computer, pressure sensors, valves and tubes of a rig, and the map of the pair.
 
+    The muscles pull by cords as those of the test machine (`assembly.build.test_cord`), unless they are units of one's own.
+
     Args:
         flexor: turns to positive angles.
         extensor: the same kind where it is left out.
@@ -110,8 +112,8 @@ def joint_stand(
     bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
     stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
     machine = antagonist_pair(
-        flexor,
-        flexor if extensor is None else extensor,
+        rig_unit(flexor),
+        rig_unit(flexor if extensor is None else extensor),
         supply=float(parts.supply_pressure),
         flexor_arm=bends,
         extensor_arm=stretches,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..assembly.build import unit_from_muscle, unit_from_specimen
+from ..assembly.build import rig_unit
 from ..assembly.muscle_unit import MuscleUnit
 from ..documents import JsonValue
 from ..engine import STEP
@@ -170,7 +170,8 @@ def prepare(
     Args:
         protocol: a protocol, the name of a shipped one, or the path of a ``.toml`` file.
         muscle: a specimen, its id or file, or a muscle.
-        unit: what was built from the specimen, where something of it was changed.
+        unit: what was built from the specimen, where something of it was changed; by default `assembly.build.rig_unit`,
+            which has the cord of the test machine between muscle and load.
         rig: a rig, its name or file.
         plumbing: name of the way in which the pneumatic parts are joined; chosen by what the protocol needs if left out.
         step: largest step of the physics [s].
@@ -201,10 +202,10 @@ def prepare(
     if isinstance(muscle, MuscleUnit):
         unit = muscle
     elif isinstance(muscle, Muscle):
-        spec, unit = muscle.specimen, unit or unit_from_muscle(muscle)
+        spec, unit = muscle.specimen, unit or rig_unit(muscle)
     else:
         spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
-        unit = unit or unit_from_specimen(spec)
+        unit = unit or rig_unit(spec)
     layout = on.layout(wanted, plumbing)
     rest = rest_length_of(spec, unit.law)
     plan = _plan(wanted, rest)

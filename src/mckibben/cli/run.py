@@ -430,7 +430,7 @@ def prepared(
     changes = pairs(change, "--set", _EXAMPLE)
     of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
     spec = muscle_specimen(muscle)
-    unit = build.unit_from_specimen(spec, law=law)
+    unit = build.rig_unit(spec, law=law)
     for key, words in changes.items():
         if key.startswith("muscle."):
             path = key.removeprefix("muscle.")

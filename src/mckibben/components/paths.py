@@ -28,6 +28,8 @@ def _with_values(owner: Any, prefix: str) -> Iterator[tuple[str, Quantity, Any]]
         for f in dataclasses.fields(owner):
             value = getattr(owner, f.name)
             if "quantity" in f.metadata:
+                if value is None:  # a parameter that this one does not have
+                    continue
                 yield prefix + f.name, f.metadata["quantity"], value
             else:
                 yield from _with_values(value, f"{prefix}{f.name}.")

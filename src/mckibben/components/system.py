@@ -17,6 +17,13 @@ class Value(NamedTuple):
     rate: Scalar
 
 
+class Exchange(NamedTuple):
+    """What a store of energy exchanges: net power into it, and a measure of all in and out [W]; or energies [J]."""
+
+    net: Scalar
+    turnover: Scalar
+
+
 class Moment(NamedTuple):
     """The continuous state and the inputs at one moment."""
 
@@ -85,6 +92,14 @@ class System(Module):
     @abc.abstractmethod
     def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of the balances' independent integrals, such as enthalpy flows [W]; an empty tree where there are none."""
+
+    def stored_energies(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Energies of the stores whose balance is watched, by name [J]; none by default."""
+        return {}
+
+    def balances(self, integrands: Tree) -> dict[str, Exchange]:
+        """What each of `stored_energies` exchanges, from `integrands` or from integrals of them: linear in these."""
+        return {}
 
     @abc.abstractmethod
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:

@@ -15,13 +15,14 @@ import numpy as np
 
 from .._jax import Scalar, Tree, jax, jnp
 from ..components.module import flatten, map_leaves
-from ..components.system import System
+from ..components.system import System, Value
 from ..errors import ConvergenceError, InputError
 from .coupled import CoupledRun, find_groups
 from .native import EngineFunction, call_compiled, call_in_lanes, compile_function
 from .rates import RK4_LIMIT, fastest_rate
 from .side_by_side import SideBySide, Split
 from .signals import Signal
+from .soundness import OF_STORES, OPEN, balance_errors, unsound_sentence
 from .step import outputs_of, step, zero_integrals
 
 STEP = 50e-6  # default step of the physics [s]
@@ -33,6 +34,7 @@ ATTEMPTS = 3  # runs, where a run meets faster modes than its start showed
 COARSE = 1e-4  # longer steps of the Rosenbrock method, which is stable at any, are compared with half the step [s]
 CHANGE = 0.05  # share of a channel's range by which half the step may change it
 MOST_GROUPS = 8  # structures of coupled cells up to which they are evaluated as arrays
+HALVINGS = 4  # of the step, where a balance does not close
 PROBES = 256  # states at which the rates are examined
 
 
@@ -44,6 +46,7 @@ class Result(enum.Enum):
     TOO_STIFF = "A mode of the system is too fast for this step."
     IMPOSSIBLE = "A state is beyond what the physics allows, such as a pressure below vacuum."
     TOO_COARSE = "Half the step gives another result."
+    UNBALANCED = "An energy balance does not close."
 
 
 class Run(NamedTuple):
@@ -93,8 +96,8 @@ def integrate(
         signals: inputs by name, all of one length.
         period: period of the samples [s].
         memory: memory at the start.
-        step_size: largest step of the physics [s]; shortened so that a whole number fits a period, and for the Rosenbrock
-            method further where the system's rates ask for it.
+        step_size: largest step of the physics [s]; shortened so that a whole number fits a period, for the Rosenbrock method
+            further where the system's rates ask for it, and halved where an energy balance does not close.
         method: ``rk4``, ``ros2``, or ``auto`` for the choice by the system's own rates.
         raises: raise on a result that is not `Result.DONE`.
 
@@ -121,11 +124,23 @@ def integrate(
         if needed.split <= plan.split and needed.stiff <= plan.stiff:
             break
         plan = needed
+    last = _inputs(signals, samples - 1, 1.0, period)
+    ends = (state, memory, first), period * samples
+    errors = _balance_errors(system, *ends, carry, last)
+    for _ in range(HALVINGS):
+        if not max(errors.values(), default=0.0) > OPEN:
+            break
+        plan = plan._replace(split=2 * plan.split)
+        carry, kept = _run(system, state, memory, dict(signals), period, plan.split * inner, samples, plan.stiff)
+        errors = _balance_errors(system, *ends, carry, last)
     stiff, h = plan.stiff, h / plan.split
     result, message = _judge(system, carry, kept, fastest, h, stiff)
     if result is Result.DONE and stiff and h > COARSE:
         half = _run(system, state, memory, dict(signals), period, 2 * plan.split * inner, samples, stiff)[1]
         result, message = _compared(kept[2], half[2], h)
+    worst = max(errors, key=lambda name: errors[name], default="")
+    if result is Result.DONE and worst and errors[worst] > OPEN:
+        result, message = Result.UNBALANCED, unsound_sentence(OF_STORES[worst], errors[worst], h)
     run = Run(
         time=period * np.arange(samples + 1),
         outputs=kept[2],
@@ -141,6 +156,22 @@ def integrate(
     if raises and result is not Result.DONE:
         raise ConvergenceError(message)
     return run
+
+
+def _balance_errors(
+    system: System, begin: tuple[Tree, Tree, Tree], duration: float, end: Tree, inputs: Tree
+) -> dict[str, float]:
+    """Errors of the balances of a run: (state, memory, inputs) at its start, the carry and the inputs at its end."""
+    if type(system).balances is System.balances:
+        return {}
+    before, after = (call_compiled(_stored, system, *ends) for ends in (begin, (end[0], end[1], inputs)))
+    errors = balance_errors(before, after, system.balances(end[2]), duration)
+    return {name: float(error) for name, error in errors.items()}
+
+
+def _stored(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
+    """`System.stored_energies`."""
+    return system.stored_energies(state, memory, inputs)
 
 
 class _Plan(NamedTuple):

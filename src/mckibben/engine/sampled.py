@@ -21,10 +21,12 @@ from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .step import step, zero_integrals
+from .soundness import Soundness, possible
+from .step import Integrands, integrands_of, step, zero_integrals
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
 MOST_SPLIT = 8  # parts of a step up to which Runge-Kutta is cheaper than the stiff method
+MOST_HALVED = 64  # parts of a step that are tried where a balance does not close
 
 
 class Carry(NamedTuple):
@@ -108,11 +110,10 @@ def observe(
 ) -> tuple[dict[str, Scalar], Observation]:
     """Measure a sample: values for the software, and values of the plant to record."""
     now = _inputs(plant, carry.history, latency, 1.0, period)
-    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((carry.state, carry.memory))]).all()
     look = Observation(
         plant.outputs(carry.state, carry.memory, now),
         plant.max_rate_bound(carry.state, carry.memory, now),
-        plant.admissible(carry.state) & finite,
+        possible(plant, carry.state, carry.memory),
     )
     return plant.sense(carry.state, carry.memory, now, row), look
 
@@ -126,6 +127,7 @@ def act(
     inner: Scalar,
     latency: Scalar | None,
     stiff: bool,
+    integrands: Integrands = integrands_of,
 ) -> tuple[Carry, dict[str, Scalar]]:
     """New commands to the converters, and the physics until the next sample: the carry, and what the converters hold."""
     newest = plant.convert(commands)
@@ -140,7 +142,7 @@ def act(
         def inputs(share: Scalar) -> dict[str, Tree]:
             return {n: s.within(last, first, then, share, period) for n, s in signals.items()}
 
-        return step(plant, physics, inputs, h, stiff)
+        return step(plant, physics, inputs, h, stiff, integrands)
 
     state, memory, sums = jax.lax.fori_loop(0, inner, one, (carry.state, carry.memory, carry.integrals))
     return Carry(state, memory, sums, carry.software, history), newest
@@ -215,6 +217,23 @@ class Steps(NamedTuple):
             return Steps(max(explicit, self.split + 1), False)
         wanted = math.ceil(fastest * usual / ROS2_LIMIT) if known else 2 * self.split
         return Steps(min(max(wanted, self.split + 1 if self.stiff else 1), MOST_PARTS), True)
+
+    def after(self, fastest: float, code: float, usual: float) -> Steps | None:
+        """Steps for a sample that was taken with these: the same if it stands, else those with which to repeat it.
+
+        Args:
+            fastest: bound of the fastest mode at its end [1/s].
+            code: its soundness.
+            usual: the step before it is split [s].
+
+        Returns:
+            None where no step is short enough: a mode is too fast, or halving the step does not help.
+        """
+        if not self.short(fastest, usual):
+            return self.shorter(fastest, usual)
+        if code == Soundness.SOUND:
+            return self
+        return self._replace(split=2 * self.split) if 2 * self.split <= MOST_HALVED else None
 
 
 def advance(

@@ -22,6 +22,7 @@ TABLEAU = ((0.0, 0.0, 1.0 / 6.0), (0.5, 0.5, 1.0 / 3.0), (0.5, 0.5, 1.0 / 3.0), 
 UNROLLED = 24  # states up to which the stages are written out: faster to run, slower to compile
 GAMMA = 1.0 - 0.5**0.5  # of ROS2, the L-stable choice with small errors
 Inputs = Callable[[Any], Any]  # share of the step -> inputs
+Integrands = Callable[[System, Any, Any, Any], Any]  # of (system, state, memory, inputs)
 
 
 # Traced once for all stages of a step, for all steps, and for every run of a system of this structure.
@@ -38,14 +39,22 @@ def integrands_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str
 
 
 @jit
+def balances_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
+    """`System.balances` of the integrands; of these, a kernel computes what is needed for it."""
+    return system.balances(system.integrands(state, memory, inputs))
+
+
+@jit
 def outputs_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
     """`System.outputs`."""
     return system.outputs(state, memory, inputs)
 
 
-def zero_integrals(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
+def zero_integrals(
+    system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value], of: Integrands = integrands_of
+) -> Tree:
     """Integrals of a system before the first step: zeros."""
-    shapes = jax.eval_shape(integrands_of, system, state, memory, inputs)
+    shapes = jax.eval_shape(of, system, state, memory, inputs)
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
 
@@ -61,7 +70,12 @@ def axpy(a: Scalar, x: Scalar, y: Scalar) -> Tree:
 
 
 def step(
-    system: System, carry: tuple[Tree, Tree, Tree], inputs: Inputs, h: Scalar, stiff: bool
+    system: System,
+    carry: tuple[Tree, Tree, Tree],
+    inputs: Inputs,
+    h: Scalar,
+    stiff: bool,
+    integrands: Integrands = integrands_of,
 ) -> tuple[Tree, Tree, Tree]:
     """Advance (continuous state, memory, integrals) by a time h [s].
 
@@ -71,6 +85,7 @@ def step(
         inputs: the inputs as a function of the share of the step, 0 to 1.
         h: duration of the step [s].
         stiff: use ROS2 instead of Runge-Kutta.
+        integrands: what the integrals are of.
     """
     state, memory, sums = carry
     has_memory = bool(jax.tree.leaves(memory))
@@ -79,13 +94,15 @@ def step(
         first = rate_of(system, state, memory, inputs(0.0))
         middle = axpy(0.5 * h, rate_of(system, axpy(0.25 * h, first, state), memory, inputs(0.25)), state)
         memory = advance_memory_of(system, memory, Moment(state, inputs(0.0)), Moment(middle, inputs(0.5)), 0.5 * h)
-    new, sums = (_ros2 if stiff else _rk4)(system, state, memory, sums, inputs, h)
+    new, sums = (_ros2 if stiff else _rk4)(system, state, memory, sums, inputs, h, integrands)
     if has_memory:
         memory = advance_memory_of(system, memory, Moment(middle, inputs(0.5)), Moment(new, inputs(1.0)), 0.5 * h)
     return new, memory, sums
 
 
-def _rk4(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scalar) -> tuple[Tree, Tree]:
+def _rk4(
+    system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scalar, integrands: Integrands
+) -> tuple[Tree, Tree]:
     """Four stages; of a large system in a loop, which the compiler handles once instead of four times."""
     counted = bool(jax.tree.leaves(sums))
 
@@ -96,7 +113,7 @@ def _rk4(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scala
         now = inputs(share)
         k = rate_of(system, at, z, now)
         if counted:
-            gain = axpy(weight * h, integrands_of(system, at, z, now), gain)
+            gain = axpy(weight * h, integrands(system, at, z, now), gain)
         return (k, axpy(weight * h, k, change), gain), None
 
     carry = jax.tree.map(jnp.zeros_like, (y, y, sums))
@@ -108,7 +125,9 @@ def _rk4(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scala
     return axpy(1.0, carry[1], y), axpy(1.0, carry[2], sums)
 
 
-def _ros2(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scalar) -> tuple[Tree, Tree]:
+def _ros2(
+    system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scalar, integrands: Integrands
+) -> tuple[Tree, Tree]:
     flat, back = flatten_util.ravel_pytree(y)
     total, whole = flatten_util.ravel_pytree(sums)
 
@@ -116,7 +135,7 @@ def _ros2(system: System, y: Scalar, z: Any, sums: Tree, inputs: Inputs, h: Scal
         return flatten_util.ravel_pytree(rate_of(system, back(v), z, inputs(share)))[0]
 
     def sum_rate(v: Any, share: float) -> Any:
-        return flatten_util.ravel_pytree(integrands_of(system, back(v), z, inputs(share)))[0]
+        return flatten_util.ravel_pytree(integrands(system, back(v), z, inputs(share)))[0]
 
     first, rates = jax.linearize(lambda v: rate(v, 0.0), flat)
     matrix = jnp.eye(flat.size) - GAMMA * h * jax.vmap(rates, out_axes=1)(jnp.eye(flat.size))

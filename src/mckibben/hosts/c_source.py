@@ -9,6 +9,7 @@ brought back. A state of zeros is one that was never set; the part then rests at
 from __future__ import annotations
 
 import functools
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ import lanewise
 from .._jax import jax
 from ..components.programs import lower_or_load
 from ..documents import write_text
+from ..engine.soundness import MEANINGS
 from ..errors import InputError
 from .coupling import HostStep, IntegratorStep, advance, complete, observe, rates, rest
 from .part import MODE, Part
@@ -39,7 +41,7 @@ UNITS_OF_OUTPUTS = {
     "slack": ("1", "1 where the tendon is slack, else 0"),
     "work": ("J", "work of the host on the muscle since the start"),
     "rate_bound": ("1/s", "bound of the fastest mode"),
-    "sound": ("1", "1 if the state is finite and possible, else 0"),
+    "sound": ("1", "1 where the step can be relied on, else a code that says why not"),
 }
 UNITS_OF_STATES = {
     "mass": ("kg", "mass of the gas"),
@@ -234,7 +236,8 @@ def with_names(text: str, name: str, **words: str) -> str:
 
 def _with_step(name: str, library: lanewise.CLibrary) -> tuple[str, str]:
     """Header and source with the step that a host calls."""
-    declared, defined = (with_names(text, name) for text in (STEP_DECLARED, STEP_DEFINED))
+    meanings = ", ".join(json.dumps(meaning) for meaning in MEANINGS.values())
+    declared, defined = (with_names(text, name, MEANINGS=meanings) for text in (STEP_DECLARED, STEP_DEFINED))
     mark = "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
     assert library.header.endswith(mark)
     return library.header.removesuffix(mark) + declared + mark, library.source + defined
@@ -251,6 +254,9 @@ enum { UPPER_STATE_SIZE = (int)(sizeof(NAME_state) / sizeof(double)) };
    A state of zeros rests at these spans and commands first. */
 void NAME_step(const NAME_parameters *parameters, NAME_state *state, const NAME_inputs *inputs, double period,
                int staggered, NAME_outputs *outputs);
+
+/* What a code of `sound` means: anything but 1 says why a step cannot be relied on. */
+const char *NAME_meaning(double sound);
 """
 
 STEP_DEFINED = """
@@ -260,5 +266,11 @@ void NAME_step(const NAME_parameters *restrict parameters, NAME_state *restrict 
     const NAME_timing timing = {period, staggered == UPPER_STAGGERED ? 1.0 : 0.0};
     if (!(state->started > 0.0)) NAME_rest(parameters, inputs, state);
     NAME_advance(parameters, state, inputs, &timing, outputs);
+}
+
+const char *NAME_meaning(double sound)
+{
+    static const char *const meanings[] = {MEANINGS};
+    return meanings[(int)sound];
 }
 """

@@ -6,7 +6,8 @@ the part has substeps of its own. In one call for a step h of the host, it
 1. ramps each span from where the last ramp ended to ``span + ahead * rate``, ``ahead`` being h, or h/2 where the host's
    rates are half a step older than its positions, as those of a semi-implicit Euler method are (a staggered host);
 2. takes its own steps;
-3. returns the mean tension over the step, with which the host is to step its mechanism.
+3. returns the mean tension over the step, with which the host is to step its mechanism, and whether it is sound: where an
+   energy balance does not close, it takes its own steps again, shorter ones, before it says so.
 
 The ramp is continuous, so that the stiff cord is never shocked, and on a straight ramp mean tension times displacement is
 the work exactly. The coupling is of second order in h, through slack and snap too.
@@ -33,6 +34,7 @@ from ..components import Environment, FlowElement, Module, Scalar, field
 from ..components.system import Moment
 from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
+from ..engine.soundness import Soundness, balance_errors, soundness
 from ..engine.step import advance_memory_of, outputs_of, step, zero_integrals
 from ..pneumatics.circuit import Circuit
 from ..quantities import as_array, quantity
@@ -40,6 +42,9 @@ from ..simulation.stepping import CommandInput
 
 LINE = 32  # changes of a command that are on their way at once; more frequent ones are merged in pairs
 MOST_STEPS = 1_000_000  # of the physics in a step of the host
+REPEATS = (
+    4  # times that a step is taken at most, each in four times as many steps of the physics, until its balances close
+)
 ACCOUNTS = ("enthalpy", "heat", "lost")  # integrals of the machine that are kept beside the work of each muscle [J]
 OF_MUSCLES = {
     "tension_end": "load_tension",
@@ -236,7 +241,7 @@ class PartOutputs(NamedTuple):
         muscle: at the end of the step, by muscle, see `OF_MUSCLES` [SI].
         work: of the host on each muscle since the start [J].
         rate_bound: bound of the fastest mode [1/s].
-        sound: 1 if the state is finite and possible, else 0.
+        sound: code of the step, see `engine.soundness`: 1 where the state is finite and possible and the balances close.
     """
 
     tension: Mapping[str, Scalar]
@@ -305,18 +310,31 @@ def advance(
 
     bound = machine.max_rate_bound(state.physics, state.memory, _at(signals, 0.0, duration))
     count = jnp.ceil(jnp.maximum(duration / part.substep, duration * bound / RK4_LIMIT) - 1e-9)
-    inner = jnp.clip(count, 1.0, MOST_STEPS).astype(int)
-    sums = zero_integrals(machine, state.physics, state.memory, _at(signals, 0.0, duration))
+    at_start = _at(signals, 0.0, duration)
+    start = state.physics, state.memory, zero_integrals(machine, state.physics, state.memory, at_start)
+    stored = machine.stored_energies(state.physics, state.memory, at_start)
 
-    def one(i: Any, carry: Any) -> Any:
-        begin, end = i / inner, (i + 1) / inner
+    def attempt(_: Any, carry: Any) -> Any:
+        ended, code, steps = carry
+        again = code != Soundness.SOUND
+        inner = jnp.where(again, jnp.clip(steps, 1.0, MOST_STEPS), 0.0).astype(int)
 
-        def now(share: Any) -> dict[str, Value]:
-            return {name: s.within(0, begin, end, share, duration) for name, s in signals.items()}
+        def one(i: Any, physics: Any) -> Any:
+            begin, end = i / inner, (i + 1) / inner
 
-        return step(machine, carry, now, duration / inner, False)
+            def now(share: Any) -> dict[str, Value]:
+                return {name: s.within(0, begin, end, share, duration) for name, s in signals.items()}
 
-    physics, memory, sums = jax.lax.fori_loop(0, inner, one, (state.physics, state.memory, sums))
+            return step(machine, physics, now, duration / inner, False)
+
+        new = jax.lax.fori_loop(0, inner, one, start)
+        ended = jax.tree.map(lambda a, b: jnp.where(again, a, b), new, ended)
+        left = machine.stored_energies(ended[0], ended[1], _at(signals, 1.0, duration))
+        errors = balance_errors(stored, left, machine.balances(ended[2]), duration)
+        return ended, soundness(machine, ended[0], ended[1], errors)[1], 4.0 * steps
+
+    unknown = jnp.full((), float(Soundness.IMPOSSIBLE))
+    (physics, memory, sums), code, _ = jax.lax.fori_loop(0, REPEATS, attempt, (start, unknown, count))
     work = {name: state.work[name] + sums[f"load.{name}.work"] for name in part.muscles}
     new = PartState(
         jnp.full((), 2.0),
@@ -329,7 +347,7 @@ def advance(
         {name: state.accounts[name] + sums[name] for name in ACCOUNTS},
     )
     tension = {name: sums[f"load.{name}.impulse"] / duration for name in part.muscles}
-    return new, _outputs(part, new, _at(signals, 1.0, duration), tension)
+    return new, _outputs(part, new, _at(signals, 1.0, duration), tension)._replace(sound=code)
 
 
 def observe(part: HostedMuscles, state: PartState, inputs: HostInputs) -> PartOutputs:
@@ -407,11 +425,10 @@ def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mappin
     machine = part.machine
     out = outputs_of(machine, state.physics, state.memory, values)
     muscle = {name: {k: out[f"{name}.{v}"] for k, v in OF_MUSCLES.items()} for name in part.muscles}
-    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(state)]).all()
     return PartOutputs(
         tension or {name: values_of["tension_end"] for name, values_of in muscle.items()},
         muscle,
         state.work,
         machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(()),
-        jnp.where(machine.admissible(state.physics) & finite, 1.0, 0.0),
+        soundness(machine, state.physics, state.memory)[1],
     )

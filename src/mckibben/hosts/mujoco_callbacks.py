@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Caution, warn
+from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import InputError
 from ..extras import library
 from .actuators import actuator_roles, state_sizes
@@ -64,7 +66,7 @@ class _AttachedPart:
             wanted = ", ".join(role.name for role in self.roles)
             raise InputError("actuators", ", ".join(names), f"must be one actuator for each of {wanted}, in this order")
         self.sizes, self.count = state_sizes(part), len(part.muscles)
-        self.total = act_size(part)
+        self.total, self.code, self.sound = act_size(part), part.outputs.index("sound"), True
         self.tensions = [part.outputs.index(f"{m}_tension" if self.count > 1 else "tension") for m in part.muscles]
 
     def places(self, model: Any) -> _ModelPlaces:
@@ -118,6 +120,11 @@ class _AttachedPart:
         if not state[0] > 0.0:
             state = self.part.rest_vector(inputs)
         new, out = self.part.step_vector(state, inputs, period, staggered=True)
+        code = Soundness(int(out[self.code]))
+        if code != Soundness.SOUND and self.sound:  # once, until it is sound again
+            sentence = SENTENCE.format(f"{period:g}", MEANINGS[code])
+            warn([Caution(f"{', '.join(self.names)}, at {data.time:g} s: {sentence}")])
+        self.sound = code == Soundness.SOUND
         following = np.concatenate([new / self.sizes, out[self.tensions]])
         data.act_dot[at.act : at.act + self.total] = (following - act) / period
 

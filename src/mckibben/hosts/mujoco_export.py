@@ -9,12 +9,14 @@ pointer, so that data may be copied, pickled and used on threads.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..documents import write_text
+from ..engine.soundness import SENTENCE
 from ..errors import InputError
 from ..extras import library
 from .actuators import ActuatorRole, actuator_roles, state_sizes
@@ -98,6 +100,7 @@ def plugin_source(source: PartSource) -> str:
         "PULLS": "\n".join(pulls),
         "SHOWN": ",\n        ".join(shown),
         "TITLE": plugin_name(source.name),
+        "SENTENCE": json.dumps(SENTENCE.format("%g", "%s")),
     }
     return with_names(TEMPLATE, source.name, **words)
 
@@ -283,7 +286,10 @@ static void act_dot(const mjModel *m, mjData *d, int instance)
     NAME_inputs inputs = NAME_default_inputs;
     for (int k = 0; k < SIZE; ++k) numbers[k] = d->act[a + k] * SCALES[k];
 GIVEN
+    const double before = q->out.sound;
     NAME_step(&q->parameters, (NAME_state *)numbers, &inputs, h, UPPER_STAGGERED, &q->out);
+    if (q->out.sound != 1.0 && (before == 1.0 || d->time == 0.0))
+        mju_warning("TITLE, at %g s: " SENTENCE, d->time, h, NAME_meaning(q->out.sound));
     for (int k = 0; k < SIZE; ++k) d->act_dot[a + k] = (numbers[k] / SCALES[k] - d->act[a + k]) / h;
 }
 

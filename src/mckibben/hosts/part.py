@@ -31,6 +31,7 @@ from ..components import paths
 from ..documents import parse_toml, read_text
 from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
+from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import ConvergenceError, InputError
 from ..quantities import Quantity
 from ..simulation.air import Air, air_circuit
@@ -247,13 +248,13 @@ class Part:
 
         Raises:
             InputError: names an unknown command or muscle.
-            ConvergenceError: the state is not finite or not possible any more.
+            ConvergenceError: the state is not finite or not possible any more, or a balance does not close.
         """
         vector = self._moment(state, span, rate, commands)
         new, out = self.step_vector(state, vector, period, staggered=staggered)
         seen = self._Outputs._make(out.tolist())
-        if seen.sound != 1.0:
-            raise ConvergenceError(f"The state is not finite or not possible any more after a step of {period:g} s.")
+        if seen.sound != Soundness.SOUND:
+            raise ConvergenceError(SENTENCE.format(f"{period:g}", MEANINGS[Soundness(int(seen.sound))]))
         return new, seen
 
     def observe(self, state: np.ndarray, *, span: Any, rate: Any = 0.0, **commands: float) -> Any:

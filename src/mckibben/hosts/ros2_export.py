@@ -7,12 +7,14 @@ description states.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..documents import write_text
+from ..engine.soundness import SENTENCE
 from .c_source import PartSource, with_names
 
 STEP = 1e-3  # longest step of the mechanism [s]
@@ -62,6 +64,7 @@ def hardware_source(source: PartSource) -> str:
         "COMMANDROWS": "\n".join(commands),
         "PARAMETERROWS": "\n".join(parameters),
         "LONGEST": repr(STEP),
+        "SENTENCE": json.dumps(SENTENCE.format("%g", "%s")),
     }
     return with_names(HARDWARE, name, **words)
 
@@ -327,7 +330,7 @@ private:
     }
     NAME_step(&parameters_, &state_, &inputs_, h, UPPER_SYNCHRONOUS, &out);
     if (out.sound != 1.0) {
-      RCLCPP_ERROR(rclcpp::get_logger("NAME"), "The state of the muscles is not possible any more: use a smaller step.");
+      RCLCPP_ERROR(rclcpp::get_logger("NAME"), SENTENCE, h, NAME_meaning(out.sound));
       return false;
     }
     for (auto & joint : joints_) {

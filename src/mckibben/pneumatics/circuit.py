@@ -14,7 +14,7 @@ from .._jax import Tree, jnp
 from ..components import Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..components.module import flatten
-from ..components.system import Moment, System, Value
+from ..components.system import Exchange, Moment, System, Value
 from ..errors import InputError
 from .exergy import ExergyStream, Passing, kind_of, path_name
 from .gas import AIR, Gas
@@ -138,6 +138,15 @@ class Circuit(System):
     def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Flows across the boundary: mass [kg/s], enthalpy, heat, work on moving walls, and of machines on the gas [W]."""
         return self.crossing(self.passing(state, memory, inputs))
+
+    def stored_energies(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Internal energy of all stored gas [J]."""
+        return {"gas": self.stored(state, inputs)[1]}
+
+    def balances(self, integrands: Tree) -> dict[str, Exchange]:
+        """Energy into the gas, over the enthalpy that crosses the border."""
+        net = integrands["enthalpy"] + integrands["heat"] + integrands["shaft"] - integrands["work"]
+        return {"gas": Exchange(net, integrands["enthalpy_turnover"])}
 
     def crossing(self, now: Passing) -> dict[str, Scalar]:
         """Flows across the boundary, from known flows."""

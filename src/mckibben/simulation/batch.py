@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..recordings.recording import Recording
 from .kernel import SampleKernel
 from .mechanisms import StartPressure
-from .stepping import SimulationState, noise_generator, unnamed_command
+from .stepping import BEHIND, SimulationState, noise_generator, unnamed_command
 
 if TYPE_CHECKING:
     from .simulation import Simulation
@@ -27,7 +27,7 @@ class BatchState:
     Attributes:
         sample: number of samples since the reset.
         carry: state, memory and past commands, (numbers, lanes).
-        observed: the true observations with their rate bounds, (fields + 2, lanes).
+        observed: the true observations with their rate bounds, (fields + 3, lanes).
         shown: the observations as they were returned, with noise, (fields, lanes).
         commands: in force, (commands, lanes).
         noise: state of the generator of the noise.
@@ -117,7 +117,7 @@ class SimulationBatch:
         carry, observed = (np.repeat(np.stack([s[i] for s in starts], axis=1), each, axis=1) for i in range(2))
         self._random = noise_generator(seed)
         held = np.repeat(np.array([[commands[name]] for name in self.commands]), self.lanes, axis=1)
-        shown = self._with_noise(observed[:-2])
+        shown = self._with_noise(observed[:-BEHIND])
         noise = self._random.bit_generator.state
         return self._go_on_from(BatchState(0, carry, observed, shown, held, noise, self.simulation.fingerprint))
 
@@ -149,7 +149,7 @@ class SimulationBatch:
         return self._observation()
 
     def _observation(self) -> Any:
-        rows = self._with_noise(self._kernel.observation[:-2])
+        rows = self._with_noise(self._kernel.observation[:-BEHIND])
         self._last = rows
         if self.simulation.noise is not None:
             self._sensed.append(rows)

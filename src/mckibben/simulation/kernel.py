@@ -19,8 +19,9 @@ from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
+from ..engine.soundness import Soundness, unsound_sentence
 from ..errors import ConvergenceError
-from .stepping import CommandedMachine, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
+from .stepping import BEHIND, CommandedMachine, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
 BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
@@ -57,7 +58,7 @@ class Programs:
         return self._function(("recorded", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
 
     def observe(self, plant: np.ndarray, carry: np.ndarray) -> np.ndarray:
-        """The observation in a carry, with its rate bound and soundness."""
+        """The observation in a carry, with what is `BEHIND` it."""
         run = self._function("observe", functools.partial(observe_vectors, self.layouts), *self.examples[:2])
         return np.asarray(run(plant, carry, mode=MODE))
 
@@ -84,7 +85,7 @@ class SampleKernel:
 
     Attributes:
         commands: vector to be set before a step; (commands, lanes) for lanes.
-        observation: vector of the last sample, with the rate bound and the soundness at its end.
+        observation: vector of the last sample, with what is `BEHIND` it.
         rate_bound: rate bound of the fastest mode at the present state [1/s].
         steps_taken: steps of the physics in the last sample.
         stiff: whether they were of the Rosenbrock method.
@@ -100,7 +101,7 @@ class SampleKernel:
         self._carries = [np.zeros((*carry.shape, *many)) for _ in range(2)]
         self._now = 0  # which of the two is the present one
         self._commands = np.zeros((*commands.shape, *many))
-        self._observed = np.zeros((len(programs.fields) + 2, *many))
+        self._observed = np.zeros((len(programs.fields) + BEHIND, *many))
         self._inner = np.zeros((), np.int64)
         self._calls: dict[bool, list[Callable[[], None]]] = {}
         self.rate_bound, self.steps_taken, self.stiff = 0.0, inner, False
@@ -145,73 +146,71 @@ class SampleKernel:
         self._commands[place, self.lanes :] = value[-1]
 
     def step(self) -> None:
-        """Go on by one sample, in steps as short as the machine's own rates ask for.
+        """Go on by one sample, in steps as short as the machine's own rates and balances ask for.
 
         Raises:
-            ConvergenceError: a state is not finite or not possible, or no step is short enough.
+            ConvergenceError: a state is not finite or not possible, a balance does not close, or no step is short enough.
         """
         if self.lanes is not None:
             before = self._observed.copy()
-            broken = np.flatnonzero(self.step_lanes())
-            if broken.size:
+            broken = self.step_lanes()
+            if broken:
                 self._now ^= 1
                 self._observed[:] = before
-                raise ConvergenceError(
-                    f"The state of lane {broken[0]} is not finite, or not possible, or needs too short a step."
-                )
+                lane = min(broken)
+                raise ConvergenceError(f"Lane {lane} cannot go on. {broken[lane]}")
             return
         if self.rate_bound * self._usual <= RK4_LIMIT:  # nearly always
             self._run(self.inner, False)
-            bound, sound = self._observed[-2], self._observed[-1] == 1.0
+            bound, sound = self._observed[-2], self._observed[-1] == Soundness.SOUND
             if bound * self._usual <= RK4_LIMIT and sound:
                 self.rate_bound = bound
                 self._now ^= 1
                 return
         self._careful_step()
 
-    def step_lanes(self) -> np.ndarray:
-        """Go on by one sample in all lanes, each in steps as short as its own rates ask for, as it would alone.
+    def step_lanes(self) -> dict[int, str]:
+        """Go on by one sample in all lanes, each in steps as short as its own rates and balances ask for, as it would alone.
 
         Returns:
-            Which lanes stay where they were (lanes,), since their state would not be finite or possible, or no step is
-            short enough.
+            Lanes that stay where they were, each with the sentence that says why.
         """
         assert self.lanes is not None
         before = self._observed.copy()
         self._run(self.inner, False)
         allowed = RK4_LIMIT / self._usual
-        steady = (before[-2] <= allowed) & (self._observed[-2] <= allowed) & (self._observed[-1] == 1.0)
-        broken = np.zeros(self.lanes, bool)
+        steady = (before[-2] <= allowed) & (self._observed[-2] <= allowed) & (self._observed[-1] == Soundness.SOUND)
+        broken: dict[int, str] = {}
         self._now ^= 1
         if not steady.all():
-            broken[self._step_carefully(np.flatnonzero(~steady[: self.lanes]), before)] = True
+            broken = self._step_carefully(np.flatnonzero(~steady[: self.lanes]), before)
             for array in (self._carries[self._now], self._observed):
                 array[:, self.lanes :] = array[:, self.lanes - 1 : self.lanes]
         return broken
 
-    def _step_carefully(self, lanes: np.ndarray, before: np.ndarray) -> list[int]:
-        """Take a sample that was too coarse in some lanes again, those with equal steps together; the lanes that break."""
+    def _step_carefully(self, lanes: np.ndarray, before: np.ndarray) -> dict[int, str]:
+        """Take a sample that was too coarse in some lanes again, those with equal steps together; what ends lanes."""
         source, target = self._carries[1 - self._now], self._carries[self._now]
         waiting = {int(lane): self._allowed_steps(float(before[-2, lane])) for lane in lanes}
-        broken = []
+        broken = {lane: self._why(None, before[:, lane]) for lane, wanted in waiting.items() if wanted is None}
         while waiting:
-            groups: dict[Steps | None, list[int]] = {}
+            groups: dict[Steps, list[int]] = {}
             for lane, wanted in waiting.items():
-                groups.setdefault(wanted, []).append(lane)
+                if wanted is not None:
+                    groups.setdefault(wanted, []).append(lane)
             waiting = {}
             for steps, members in groups.items():
-                if steps is None:
-                    broken += members
-                    continue
                 for lane, carry, observed in zip(members, *self._stepped(source, members, steps), strict=True):
-                    if not steps.short(float(observed[-2]), self._usual):
-                        waiting[lane] = steps.shorter(float(observed[-2]), self._usual)
-                    elif observed[-1] == 1.0:
+                    again = steps.after(float(observed[-2]), observed[-1], self._usual)
+                    if again == steps:
                         target[:, lane], self._observed[:, lane] = carry, observed
+                    elif again is None:
+                        broken[lane] = self._why(steps, observed)
                     else:
-                        broken.append(lane)
+                        waiting[lane] = again
+        ended = list(broken)
         for array, old in ((target, source), (self._observed, before)):
-            array[:, broken] = old[:, broken]
+            array[:, ended] = old[:, ended]
         return broken
 
     def _stepped(self, source: np.ndarray, lanes: list[int], steps: Steps) -> tuple[np.ndarray, np.ndarray]:
@@ -239,16 +238,24 @@ class SampleKernel:
         steps = self._allowed_steps(self.rate_bound)
         while steps is not None:
             self._run(self.inner * steps.split, steps.stiff)
-            bound, sound = float(self._observed[-2]), bool(self._observed[-1] == 1.0)
-            if steps.short(bound, self._usual):
-                if not sound:
-                    h = self._usual / steps.split
-                    raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
+            bound = float(self._observed[-2])
+            again = steps.after(bound, float(self._observed[-1]), self._usual)
+            if again == steps:
                 self.rate_bound = bound
                 self._now ^= 1
                 return
-            steps = steps.shorter(bound, self._usual)
-        raise ConvergenceError(f"A mode of the system is too fast ({self.rate_bound:.3g} 1/s) for any step.")
+            if again is None:
+                raise ConvergenceError(self._why(steps, self._observed))
+            steps = again
+        raise ConvergenceError(self._why(None, self._observed))
+
+    def _why(self, steps: Steps | None, observed: np.ndarray) -> str:
+        """Why a sample cannot be taken: with the shortest steps that were tried, or none, and what they led to."""
+        imbalance, bound, code = observed[-BEHIND:].tolist()
+        if np.isfinite(bound) and (steps is None or not steps.short(bound, self._usual)):
+            return f"A mode of the system is too fast ({bound:.3g} 1/s) for any step."
+        tried = self._usual / (steps or Steps()).split
+        return unsound_sentence(code if np.isfinite(bound) else Soundness.IMPOSSIBLE, imbalance, tried)
 
     def _run(self, inner: int, stiff: bool) -> None:
         calls = self._calls.get(stiff)
@@ -282,11 +289,12 @@ class RecordingKernel:
         programs: programs of the machine's structure.
         plant: its parameters as a vector.
         period: period of the samples [s].
-        inner: steps of the physics per sample, where the modes allow them.
+        inner: steps of the physics per sample, where modes and balances allow them.
     """
 
     def __init__(self, programs: Programs, plant: np.ndarray, period: float, inner: int) -> None:
         self.programs, self.plant, self.period, self.inner = programs, plant, period, inner
+        self.most_steps = inner
 
     def replay(
         self, carry: np.ndarray, commands: np.ndarray, bound: float
@@ -298,12 +306,14 @@ class RecordingKernel:
             commands: commands of the samples, (samples, commands).
             bound: bound of the fastest mode at the start [1/s].
 
+        The most steps that a sample took are then in `most_steps`.
+
         Returns:
             The carry at the end, the integrals over all samples, and the outputs (samples + 1,).
         """
         # the carries come from the kernel that stepped, so that its choice of steps is made again as it was
         pilot = SampleKernel(self.programs, self.plant, self.period, self.inner)
-        pilot.set_carry(carry, np.zeros(len(self.programs.fields) + 2))
+        pilot.set_carry(carry, np.zeros(len(self.programs.fields) + BEHIND))
         pilot.rate_bound = bound
         rows = [self.programs.outputs(self.plant, carry)]
         sums: dict[str, float] = {}
@@ -311,6 +321,7 @@ class RecordingKernel:
             before = pilot.carry.copy()
             pilot.commands[:] = row
             pilot.step()
+            self.most_steps = max(self.most_steps, pilot.steps_taken)
             run = self.programs.recorded(pilot.stiff)
             _, integrals, outputs = run(
                 self.plant, before, row, np.float64(self.period), np.int64(pilot.steps_taken), mode=MODE

@@ -78,7 +78,7 @@ def record(
         unit, _, meaning = _described(output)
         column = np.array([row[k] for row in sensed])
         channels[f"measured.{name}"] = Channel(column, unit, "measured", f"{meaning}, measured")
-    return Recording(time, channels, _meta(simulation, closed, start))
+    return Recording(time, channels, _meta(simulation, closed, start, period / kernel.most_steps))
 
 
 def _accounts(simulation: Simulation, begin: Tree, end: Tree, sums: dict[str, float]) -> Accounts:
@@ -120,7 +120,9 @@ def _described(output: str) -> tuple[str, str, str]:
     return unit, name, meaning
 
 
-def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationState) -> dict[str, Tree]:
+def _meta(
+    simulation: Simulation, closed: Accounts | None, start: SimulationState, shortest_step: float
+) -> dict[str, Tree]:
     machine, room = simulation.machine, simulation.machine.environment
     stated = [published(muscle) for muscle in simulation.system.muscles.values()]
     specimens = [spec for spec in stated if spec is not None]
@@ -136,7 +138,11 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
         "balance": {name: float(getattr(closed, name)) for name in CLOSED} if closed else {},
         "friction": {"work": closed.friction, "dissipated": closed.dissipated} if closed else {},
         "energy": document(machine, [closed.energy_parts]) if closed else {},
-        "timing": {"control_rate": 1.0 / simulation.period, "step": simulation.period / simulation.inner},
+        "timing": {
+            "control_rate": 1.0 / simulation.period,
+            "step": simulation.period / simulation.inner,
+            "shortest_step": shortest_step,
+        },
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",

@@ -15,9 +15,10 @@ import numpy as np
 from .._jax import Scalar, Tree, jax, jnp
 from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
+from ..engine.soundness import Soundness, unsound_sentence
 from ..errors import ConvergenceError, InputError
 from .kernel import MODE
-from .stepping import step_vectors
+from .stepping import BEHIND, step_vectors
 
 if TYPE_CHECKING:
     from .simulation import Simulation
@@ -72,8 +73,8 @@ class Rollout:
         Raises:
             ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
         """
-        _, _, costs, bounds = self._run(parameters, *self._start())
-        self._check(bounds)
+        _, _, costs, behind = self._run(parameters, *self._start())
+        self._check(behind)
         return float(jnp.mean(costs))
 
     def value_and_grad(self, parameters: Tree) -> tuple[float, Tree]:
@@ -82,8 +83,8 @@ class Rollout:
         Raises:
             ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
         """
-        (value, bounds), slopes = self._slope(parameters, *self._start())
-        self._check(bounds)
+        (value, behind), slopes = self._slope(parameters, *self._start())
+        self._check(behind)
         return float(value), jax.tree.map(np.asarray, slopes)
 
     def as_function(self) -> Callable[[Tree], Scalar]:
@@ -97,16 +98,17 @@ class Rollout:
         start, usual = self._start(), self.simulation.period / self.simulation.inner
 
         def mean_cost(parameters: Tree) -> Scalar:
-            value, bounds = self._mean_cost(parameters, *start)
-            cost: Scalar = jnp.where(jnp.max(bounds) * usual <= RK4_LIMIT, value, jnp.nan)
+            value, behind = self._mean_cost(parameters, *start)
+            sound = (behind[:, -2] * usual <= RK4_LIMIT) & (behind[:, -1] == Soundness.SOUND)
+            cost: Scalar = jnp.where(sound.all(), value, jnp.nan)
             return cost
 
         return mean_cost
 
     def trajectory(self, parameters: Tree) -> tuple[Tree, dict[str, np.ndarray]]:
         """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
-        seen, commands, _, bounds = self._run(parameters, *self._start())
-        self._check(bounds)
+        seen, commands, _, behind = self._run(parameters, *self._start())
+        self._check(behind)
         carry, observed, _, sample = self._start()
         names = self.simulation.programs.fields
         first = [float(observed[k]) for k in range(len(names))]
@@ -132,17 +134,16 @@ class Rollout:
             if self.cost is not None:
                 named = {name: held[k] for k, name in enumerate(simulation.commands)}
                 price = self.cost(self._observation(observed, (sample + index + 1.0) * simulation.period), named)
-            bound = jnp.where(observed[-1] == 1.0, observed[-2], jnp.nan)
             numbers = [observed[k] for k in range(self._fields)]
-            return (carry, observed, held), (numbers, held, jnp.asarray(price, float), bound)
+            return (carry, observed, held), (numbers, held, jnp.asarray(price, float), observed[-BEHIND:])
 
         begin = (jnp.asarray(carry), jnp.asarray(observed), jnp.asarray(held))
         _, kept = jax.lax.scan(one, begin, jnp.arange(float(self.steps)))
         return kept
 
     def _mean_cost(self, parameters: Any, *start: Any) -> tuple[Tree, Tree]:
-        _, _, costs, bounds = self._trajectory(parameters, *start)
-        return jnp.mean(costs), bounds
+        _, _, costs, behind = self._trajectory(parameters, *start)
+        return jnp.mean(costs), behind
 
     def _observation(self, observed: Any, time: Scalar) -> Any:
         return self.simulation.Observation(time, *(observed[k] for k in range(self._fields)))
@@ -154,12 +155,15 @@ class Rollout:
                 raise InputError("command", name, known=known)
         return jnp.stack([jnp.asarray(commands.get(name, held[k]), float) for k, name in enumerate(known)])
 
-    def _check(self, bounds: Any) -> None:
-        fastest, usual = float(np.max(bounds)), self.simulation.period / self.simulation.inner
-        if not fastest * usual <= RK4_LIMIT:
-            need = (
-                f" It needs {RK4_LIMIT / fastest:.2g} s or less" if np.isfinite(fastest) else " A state is not possible"
-            )
+    def _check(self, behind: Any) -> None:
+        rows, usual = np.asarray(behind), self.simulation.period / self.simulation.inner
+        fastest = float(np.max(rows[:, -2]))
+        if np.isfinite(fastest) and fastest * usual > RK4_LIMIT:
             raise ConvergenceError(
-                f"The step of {usual:.3g} s is too long for this run.{need}: give the simulation another step."
+                f"The step of {usual:.3g} s is too long for this run. It needs {RK4_LIMIT / fastest:.2g} s or less: "
+                "give the simulation another step."
             )
+        unsound = np.flatnonzero(rows[:, -1] != Soundness.SOUND)
+        if unsound.size:  # a run with derivatives repeats no sample
+            imbalance, _, code = rows[unsound[0]].tolist()
+            raise ConvergenceError(f"Sample {unsound[0]} is not sound. {unsound_sentence(code, imbalance, usual)}")

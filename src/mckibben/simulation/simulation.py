@@ -31,7 +31,15 @@ from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
 from .kernel import Programs, SampleKernel
 from .mechanisms import Amount, Mechanism, StartPressure, in_si, muscle_unit
-from .stepping import CommandedMachine, CommandInput, SimulationState, noise_generator, rest_carry, unnamed_command
+from .stepping import (
+    BEHIND,
+    CommandedMachine,
+    CommandInput,
+    SimulationState,
+    noise_generator,
+    rest_carry,
+    unnamed_command,
+)
 
 if TYPE_CHECKING:
     from .rollout import Rollout
@@ -147,7 +155,7 @@ class Simulation:
         carry, observed = self._rest(starts, first)
         self._random = noise_generator(seed)
         vector = np.array([first[name] for name in self.commands])
-        shown = self._with_noise(observed[:-2].tolist()) if self.noise is not None else []
+        shown = self._with_noise(observed[:-BEHIND].tolist()) if self.noise is not None else []
         noise = self._random.bit_generator.state
         return self._go_on_from(SimulationState(0, carry, observed, tuple(shown), vector, noise, self.fingerprint))
 
@@ -228,7 +236,7 @@ class Simulation:
         self._kernel.commands[:] = state.commands
         self._random.bit_generator.state = dict(state.noise)
         self._log, self._sensed = [], [list(state.shown)] if state.shown else []
-        return self._make((self._sample * self.period, *(state.shown or state.observed[:-2].tolist())))
+        return self._make((self._sample * self.period, *(state.shown or state.observed[:-BEHIND].tolist())))
 
     # ---- what was, and more of the same
 

@@ -15,13 +15,13 @@ import numpy as np
 from .._jax import Tree, jnp
 from ..assembly.machine import Machine
 from ..components import Scalar, field
-from ..components.module import flatten
 from ..components.sampled import Plant
-from ..components.system import Moment
+from ..components.system import Exchange, Moment
 from ..engine import sampled
 from ..engine.packed import Layout
 from ..engine.signals import Signal, Value
-from ..engine.step import zero_integrals
+from ..engine.soundness import balance_errors, soundness
+from ..engine.step import balances_of, integrands_of, zero_integrals
 from ..errors import InputError
 
 
@@ -32,7 +32,7 @@ class SimulationState:
     Attributes:
         sample: number of samples since the reset.
         carry: state, memory and past commands, as a vector.
-        observed: the true observation with its rate bound.
+        observed: the true observation with what is `BEHIND` it.
         shown: the observation as it was returned, with noise; empty if there is none.
         commands: in force.
         noise: state of the generator of the noise.
@@ -102,6 +102,14 @@ class CommandedMachine(Plant):
         """Of the machine."""
         return self.machine.integrands(state, memory, inputs)
 
+    def stored_energies(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Of the machine [J]."""
+        return self.machine.stored_energies(state, memory, inputs)
+
+    def balances(self, integrands: Tree) -> dict[str, Exchange]:
+        """Of the machine."""
+        return self.machine.balances(integrands)
+
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Of the machine."""
         return self.machine.advance_memory(memory, start, end, duration)
@@ -151,16 +159,18 @@ class StepResult(NamedTuple):
     Attributes:
         carry: state, memory and past commands.
         observation: by field.
+        imbalance: largest relative error of a balance that is watched; 0 with all integrals, when none is.
         rate_bound: bound of the fastest mode [1/s].
-        sound: whether the state is finite and possible (bool).
-        integrals: integrals of the balances over the sample; empty if they are not wanted.
+        sound: code of the sample, see `engine.soundness`.
+        integrals: all integrals over the sample, or of what is watched.
         inputs: in force at the end.
     """
 
     carry: Any
     observation: dict[str, Scalar]
+    imbalance: Scalar
     rate_bound: Scalar
-    sound: Any
+    sound: Scalar
     integrals: Any
     inputs: dict[str, Any]
 
@@ -184,29 +194,45 @@ def advance_sample(
         period: period of the sample [s].
         inner: whole steps of the physics.
         stiff: use the Rosenbrock method.
-        integrals: whether the integrals of the balances are wanted.
+        integrals: whether all integrals of the accounts are wanted; without them, balances are watched.
     """
     state, memory, history = carry
     before = sampled.Carry(state, memory, (), (), history)
-    if integrals:
-        now = sampled.inputs_of(plant, before, None, period)
-        before = before._replace(integrals=zero_integrals(plant, state, memory, now))
-    after, _ = sampled.act(plant, before, commands, period=period, inner=inner, latency=None, stiff=stiff)
+    now = sampled.inputs_of(plant, before, None, period)
+    of = integrands_of if integrals else balances_of
+    before = before._replace(integrals=zero_integrals(plant, state, memory, now, of))
+    after, _ = sampled.act(
+        plant, before, commands, period=period, inner=inner, latency=None, stiff=stiff, integrands=of
+    )
     inputs = sampled.inputs_of(plant, after, None, period)
+    errors = None
+    if not integrals:
+        # an input that jumps at the start of the sample, such as a span's rate, moves nothing that is stored
+        stored = [plant.stored_energies(state, memory, now), plant.stored_energies(after.state, after.memory, inputs)]
+        errors = balance_errors(*stored, after.integrals, period)
     return StepResult(
         (after.state, after.memory, after.history),
-        *_seen(plant, after.state, after.memory, inputs),
+        *_seen(plant, after.state, after.memory, inputs, errors),
         after.integrals,
         inputs,
     )
 
 
 def _seen(
-    plant: CommandedMachine, state: Tree, memory: Tree, inputs: Mapping[str, Value]
-) -> tuple[dict[str, Scalar], Scalar, Any]:
-    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in flatten((state, memory))[0]]).all()
+    plant: CommandedMachine,
+    state: Tree,
+    memory: Tree,
+    inputs: Mapping[str, Value],
+    errors: Mapping[str, Scalar] | None = None,
+) -> tuple[dict[str, Scalar], Scalar, Scalar, Scalar]:
     bound = plant.max_rate_bound(state, memory, inputs)
-    return plant.sense(state, memory, inputs, {}), bound, plant.admissible(state) & finite
+    imbalance, code = soundness(plant, state, memory, errors)
+    return plant.sense(state, memory, inputs, {}), imbalance, bound, code
+
+
+BEHIND = (
+    3  # numbers of a vector behind the observation: error of a balance, bound of the fastest mode, code of the sample
+)
 
 
 def noise_generator(seed: int) -> np.random.Generator:
@@ -227,20 +253,21 @@ def unnamed_command(values: Sequence[object], commands: Sequence[str]) -> InputE
 def step_vectors(
     layouts: Layouts, stiff: bool, plant: Tree, carry: Tree, commands: Tree, period: Scalar, inner: Scalar
 ) -> tuple[Tree, Tree]:
-    """One sample of vectors: (parameters, carry, commands) to (carry, observation with rate bound and soundness)."""
+    """One sample of vectors: (parameters, carry, commands) to (carry, observation with what is `BEHIND` it)."""
     machine = layouts.plant.unpack(plant)
     named = {name: commands[i] for i, name in enumerate(layouts.commands)}
     end = advance_sample(machine, layouts.carry.unpack(carry), named, period, inner, stiff=stiff)
-    return layouts.carry.packed(end.carry), _observed(machine, end.observation, end.rate_bound, end.sound)
+    seen = _observed(machine, end.observation, end.imbalance, end.rate_bound, end.sound)
+    return layouts.carry.packed(end.carry), seen
 
 
-def _observed(plant: CommandedMachine, observation: Mapping[str, Scalar], bound: Any, sound: Any) -> Any:
+def _observed(plant: CommandedMachine, observation: Mapping[str, Scalar], *behind: Any) -> Any:
     numbers = [observation[name] for name, _ in plant.shown]
-    return jnp.stack([jnp.asarray(x, float) for x in (*numbers, bound, sound)])
+    return jnp.stack([jnp.asarray(x, float) for x in (*numbers, *behind)])
 
 
 def observe_vectors(layouts: Layouts, plant: Tree, carry: Tree) -> Tree:
-    """The observation in a carry, with its rate bound and soundness."""
+    """The observation in a carry, with what is `BEHIND` it."""
     machine, (state, memory, history) = layouts.plant.unpack(plant), layouts.carry.unpack(carry)
     inputs = sampled.inputs_of(machine, sampled.Carry(state, memory, (), (), history), None, 1.0)
     return _observed(machine, *_seen(machine, state, memory, inputs))

@@ -15,7 +15,7 @@ from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.system import Value
 from ...quantities import quantity
-from .load import TOGETHER, Load, SpanState
+from .load import TOGETHER, Load, Restraint, SpanState, mode_bound
 
 
 class BodyState(NamedTuple):
@@ -75,6 +75,11 @@ class Body(Load):
         pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
         inner = self.stiffness * (state.position - self.spring_rest) + self.damping * state.velocity
         return BodyState(state.velocity, (self.weight + self._outside(inputs) - inner - pull) / self.mass)
+
+    def max_rate_bound(self, state: BodyState, restraints: Mapping[str, Restraint]) -> Scalar:
+        """Bound of the body on spring, damper and muscles [1/s]."""
+        stiff = self.stiffness + sum(restraints[n].stiffness for n in self.held)
+        return mode_bound(self.mass, stiff, self.damping + sum(restraints[n].damping for n in self.held))
 
     def stored_energy(self, state: BodyState) -> Scalar:
         """Kinetic, elastic, and of the weight's height [J]."""

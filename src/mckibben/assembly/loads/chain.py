@@ -20,8 +20,8 @@ from ...components import Module, Scalar, field
 from ...components.system import Value
 from ...errors import InputError
 from ...quantities import quantity
-from .joint import MomentArm, elastic_energies, elastic_moment, unit_arm
-from .load import TOGETHER, Load, SpanState
+from .joint import MomentArm, elastic_energies, elastic_moment, hinge_stiffness, unit_arm
+from .load import TOGETHER, Load, Restraint, SpanState, mode_bound
 
 
 class ChainState(NamedTuple):
@@ -149,6 +149,10 @@ class LinkChain(Load):
             moments[i] = (
                 moments[i] + self._outside(link, inputs) - elastic_moment(link, angle) - link.damping * velocity
             )
+        return ChainState(tuple(state.velocity), tuple(self._accelerations(state, moments)))
+
+    def _accelerations(self, state: ChainState, moments: list[Scalar]) -> list[Scalar]:
+        """Angular accelerations of the joints under moments about them [N m]."""
         factors, weights = self._couplings()
         directions, turning = _running_sums(state.angle), _running_sums(state.velocity)
         number = len(self.order)
@@ -165,8 +169,41 @@ class LinkChain(Load):
                     load = load - factors[i][j] * jnp.sin(apart) * turning[j] * turning[j]
             loads.append(load)
         accelerations = _solve_positive(matrix, loads)
-        relative = [a - (accelerations[i - 1] if i else 0.0) for i, a in enumerate(accelerations)]
-        return ChainState(tuple(state.velocity), tuple(relative))
+        return [a - (accelerations[i - 1] if i else 0.0) for i, a in enumerate(accelerations)]
+
+    def max_rate_bound(self, state: ChainState, restraints: Mapping[str, Restraint]) -> Scalar:
+        """Bound of the links on springs, stops, weight, dampers and muscles [1/s], by the norm of their matrices."""
+        number = len(self.order)
+        still = state._replace(velocity=tuple(jnp.zeros(()) for _ in self.order))
+        unit: list[list[Scalar]] = [
+            [jnp.ones(()) if i == j else jnp.zeros(()) for j in range(number)] for i in range(number)
+        ]
+        rest = self._accelerations(still, [jnp.zeros(())] * number)
+        yields = [[jnp.abs(a - r) for a, r in zip(self._accelerations(still, u), rest, strict=True)] for u in unit]
+        weights, zero = self._couplings()[1], jnp.zeros(())
+        stiff: list[list[Scalar]] = [[zero] * number for _ in range(number)]
+        damping: list[list[Scalar]] = [[zero] * number for _ in range(number)]
+        for i, link in enumerate(self._ordered):
+            stiff[i][i] = hinge_stiffness(link, state.angle[i], state.velocity[i])
+            damping[i][i] = link.damping + zero
+            for j in range(number):  # the weight of each link beyond both hinges
+                stiff[i][j] = stiff[i][j] + self.gravity * sum(weights[max(i, j) :], start=zero)
+        for name, about in self.arms.items():
+            arms = {self.order.index(joint): arm for joint, arm in about.items()}
+            sizes = {j: jnp.abs(arm.arm(state.angle[j])) for j, arm in arms.items()}
+            for i, one in sizes.items():
+                for j, other in sizes.items():
+                    stiff[i][j] = stiff[i][j] + one * other * restraints[name].stiffness
+                    damping[i][j] = damping[i][j] + one * other * restraints[name].damping
+
+        def norm(matrix: list[list[Scalar]]) -> Scalar:
+            """Largest sum of a row of the sizes of (inverse mass) x matrix."""
+            rows = [
+                sum(yields[k][i] * matrix[k][j] for k in range(number) for j in range(number)) for i in range(number)
+            ]
+            return jnp.stack(rows).max()
+
+        return mode_bound(jnp.ones(()), norm(stiff), norm(damping))
 
     def tip(self, state: ChainState) -> tuple[Scalar, Scalar]:
         """Place of the last link's end from the first hinge: across, towards which positive angles turn, and upwards [m]."""

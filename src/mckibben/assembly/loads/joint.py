@@ -19,7 +19,9 @@ from ..._jax import Array, jnp
 from ...components import Module, Scalar, field
 from ...components.system import Value
 from ...quantities import quantity
-from .load import TOGETHER, Load, SpanState
+from .load import TOGETHER, Load, Restraint, SpanState, mode_bound
+
+AHEAD = 0.01  # [s]
 
 
 class MomentArm(Module):
@@ -70,6 +72,13 @@ def elastic_energies(hinge: Hinge, angle: Scalar) -> tuple[Scalar, Scalar]:
     """Energy of the spring, and of the stops [J]; angle [rad]."""
     spring = 0.5 * hinge.stiffness * (angle - hinge.spring_rest) ** 2
     return spring, 0.5 * hinge.stop_stiffness * _beyond(hinge, angle) ** 2
+
+
+def hinge_stiffness(hinge: Hinge, angle: Scalar, velocity: Scalar) -> Scalar:
+    """Stiffness of the spring, and of a stop that is met within `AHEAD` [N m/rad]."""
+    ahead = _beyond(hinge, angle + AHEAD * velocity)
+    met = (_beyond(hinge, angle) != 0.0) | (ahead != 0.0)
+    return hinge.stiffness + jnp.where(met, hinge.stop_stiffness, 0.0)
 
 
 class JointState(NamedTuple):
@@ -135,6 +144,14 @@ class JointLoad(Load):
         )
         turning = self.muscle_moment(state, tensions) + self._outside(inputs) - held
         return JointState(state.velocity, turning / self.inertia)
+
+    def max_rate_bound(self, state: JointState, restraints: Mapping[str, Restraint]) -> Scalar:
+        """Bound of the hinge on spring, stops, weight, damper and muscles [1/s]."""
+        squares = {name: arm.arm(state.angle) ** 2 for name, arm in self.arms.items()}
+        stiff = hinge_stiffness(self, state.angle, state.velocity) + jnp.abs(self.gravity_moment)
+        stiff = stiff + sum(square * restraints[n].stiffness for n, square in squares.items())
+        damping = self.damping + sum(square * restraints[n].damping for n, square in squares.items())
+        return mode_bound(self.inertia, stiff, damping)
 
     def stored_energy(self, state: JointState) -> Scalar:
         """Kinetic, elastic, of the stops, and of the limb's height [J]."""

@@ -6,7 +6,7 @@ import abc
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ..._jax import Tree
+from ..._jax import Tree, jnp
 from ...components import Module, Scalar
 from ...components.system import Value
 
@@ -18,6 +18,18 @@ class SpanState(NamedTuple):
 
     span: Scalar
     velocity: Scalar
+
+
+class Restraint(NamedTuple):
+    """Bounds of what a muscle resists a motion of its load with: stiffness [N/m] and damping [N s/m]."""
+
+    stiffness: Scalar
+    damping: Scalar
+
+
+def mode_bound(inertia: Scalar, stiffness: Scalar, damping: Scalar) -> Scalar:
+    """Bound of the rates of a mass on a spring with a damper [1/s]: no mode is faster than either of the two alone."""
+    return jnp.maximum(jnp.sqrt(stiffness / inertia), damping / inertia)
 
 
 class Load(Module):
@@ -71,6 +83,10 @@ class Load(Module):
     def accounts(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Return further powers [W] or the like whose integrals are wanted; none by default."""
         return {}
+
+    def max_rate_bound(self, state: Tree, restraints: Mapping[str, Restraint]) -> Scalar:
+        """Return a bound of its fastest mode [1/s] with the stiffness and damping of its muscles; none by default."""
+        return jnp.zeros(())
 
     @abc.abstractmethod
     def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:

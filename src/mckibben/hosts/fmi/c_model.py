@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 
+from ...engine.soundness import SENTENCE
 from ..c_source import PartSource, PartVariable
 from .variables import FmuVariable
 
-USED = ("rest", "step", "observe", "derivatives", "complete")  # functions of the part
+USED = ("rest", "step", "observe", "derivatives", "complete", "meaning")  # functions of the part
 STRUCTS = ("parameters", "inputs", "state", "outputs", "rates", "before")
 
 
@@ -21,6 +23,7 @@ def model_header(source: PartSource, variables: Sequence[FmuVariable], token: st
     lines += [f"#define part_{f} {source.name}_{f}" for f in USED]
     lines += [f"#define DEFAULT_{s.upper()} {source.name}_default_{s}" for s in ("parameters", "inputs")]
     lines += [f'#define TOKEN "{token}"', f"#define STATES {states}", f"#define MODEL_EXCHANGE {int(states > 0)}"]
+    lines += [f"#define SENTENCE {json.dumps(SENTENCE.format('%g', '%s'))}"]
     lines += [f"#define MEMORY {int(memory)} /* friction or other memory, which moves with steps */", "", "#endif", ""]
     return "\n".join(lines)
 

@@ -118,7 +118,8 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         """Hold positions of the valves, from -1 to 1, for one control period.
 
         Returns:
-            Observation, reward, whether the state is not possible any more, False, and the error.
+            Observation, reward, False, whether the simulation cannot go on, and the error; where it cannot, with the message
+            that says why.
         """
         action = np.clip(np.asarray(action, float).reshape(self.action_space.shape), -1.0, 1.0)
         plant, place = self._plant, self._count % self.task.samples
@@ -127,12 +128,12 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._kernel.commands[plant.disturbed] = self._episode.disturbances[:, place]
         try:
             self._kernel.step()
-        except ConvergenceError:
+        except ConvergenceError as error:
             self._kernel.observation[:] = before
-            return self._observation(), BROKEN, True, False, {"error": np.inf}
+            return self._observation(), BROKEN, False, True, {"error": np.inf, "message": str(error)}
         self._count += 1
-        error = self.task.error(self._seen(), self._episode.goals[:, place])
-        return self._observation(), float(self.task.reward(error, action)), False, False, {"error": float(error)}
+        missed = self.task.error(self._seen(), self._episode.goals[:, place])
+        return self._observation(), float(self.task.reward(missed, action)), False, False, {"error": float(missed)}
 
     def _seen(self) -> dict[str, Any]:
         return self._plant.seen(self._kernel.observation)
@@ -255,7 +256,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         """Hold positions of the valves, (lanes, valves) from -1 to 1, for one control period.
 
         Returns:
-            Observations, rewards, terminations, truncations, and the errors with the mask of lanes that have one.
+            Observations, rewards, terminations, truncations, and the errors with the mask of lanes that have one; for lanes
+            that cannot go on, which are truncated, the message that says why.
         """
         actions = np.clip(np.asarray(actions, float).reshape(self.action_space.shape), -1.0, 1.0)
         again = self._ended.copy()
@@ -270,19 +272,22 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         for k, command in enumerate(plant.disturbed):
             kernel.set_command(command, self._episodes.disturbances[k, place, self._lanes])
         goal = self._episodes.goals[:, place, self._lanes]
-        broken = kernel.step_lanes()
+        messages = kernel.step_lanes()
+        broken = np.isin(self._lanes, list(messages))
         self._count += 1
         errors = self.task.error(plant.seen(kernel.observation), goal)
         rewards = self.task.reward(errors, actions)
         rewards[broken], errors[broken] = BROKEN, np.inf
         self._count[broken] -= 1
-        terminations, truncations = broken.copy(), ~broken & (self._count >= self._limit)
+        terminations, truncations = np.zeros(self.num_envs, bool), broken | (self._count >= self._limit)
         if again.any():
             self._begin(np.flatnonzero(again))
             rewards[again], errors[again], terminations[again], truncations[again] = 0.0, 0.0, False, False
         self._ended = terminations | truncations
         observations = self._observations()
         infos: dict[str, Any] = {"error": errors, "_error": ~again}
+        for lane in np.flatnonzero(broken & ~again):
+            infos = self._add_info(infos, {"message": messages[int(lane)]}, int(lane))
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any():
             infos = self._begin_ended(observations, infos)
             observations = self._observations()

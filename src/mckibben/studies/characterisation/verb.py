@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...accessors import implementation
-from ...assembly.build import unit_from_muscle, unit_from_specimen
+from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.hardware.interface import Hardware
 from ...bench.prepare import PreparedRun, prepare, prepare_on_machine
@@ -325,7 +325,7 @@ def characterise(
     if (muscle is None) == (hardware is None):
         problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
         raise InputError("muscle", None, problem)
-    unit = None if muscle is None else _unit(muscle)
+    unit = None if muscle is None else rig_unit(muscle)
     if rest_length is None:
         if unit is None:
             raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
@@ -452,15 +452,7 @@ def _stand_in(rest_length: float) -> MuscleUnit:
             "rest_volume": 1e-5,
         },
     )
-    return unit_from_muscle(Muscle(law))
-
-
-def _unit(muscle: str | Specimen | Muscle | MuscleUnit) -> MuscleUnit:
-    if isinstance(muscle, MuscleUnit):
-        return muscle
-    if isinstance(muscle, Muscle):
-        return unit_from_muscle(muscle)
-    return unit_from_specimen(muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle))
+    return rig_unit(Muscle(law))
 
 
 def _rest_of(muscle: str | Specimen | Muscle | MuscleUnit | None, unit: MuscleUnit) -> float:
@@ -472,7 +464,7 @@ def _rest_of(muscle: str | Specimen | Muscle | MuscleUnit | None, unit: MuscleUn
 
 def rest_length_of_muscle(muscle: str | Specimen | Muscle | MuscleUnit) -> float:
     """Span at which a muscle is mounted on a simulated rig [m]."""
-    return _rest_of(muscle, _unit(muscle))
+    return _rest_of(muscle, rig_unit(muscle))
 
 
 def rate_of(rig: Rig) -> float:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..._jax import Array, Tree, jax, jnp
-from ...assembly.muscle_unit import MusclePath, MuscleUnit, UnitState
+from ...assembly.muscle_unit import BraidMotion, MusclePath, MuscleUnit, UnitState
 from ...components import Module, Scalar
 from ...components.system import Moment, System, Value
 from ...engine import march, ramped
@@ -75,7 +75,7 @@ def steady(
     """Tension of the tendon [N] and length of the braid [m] at rest or in steady motion, elementwise.
 
     Args:
-        unit: the muscle.
+        unit: the muscle, with a tendon.
         span: between the anchors [m].
         pressure: gauge pressure [Pa].
         velocity: velocity of span and braid alike [m/s], positive while lengthening.
@@ -84,6 +84,8 @@ def steady(
     span, pressure, velocity, direction = jnp.broadcast_arrays(
         *(jnp.asarray(x, float) for x in (span, pressure, velocity, direction))
     )
+    tendon = unit.tendon
+    assert tendon is not None
     rubbing = 0.0 if unit.friction is None else unit.friction.largest_force(pressure)
     resisting = direction * rubbing + unit.viscosity * velocity
 
@@ -91,9 +93,9 @@ def steady(
         return unit.law.braid_tension(length, pressure) + resisting
 
     def excess(length: Scalar) -> Any:
-        return pull(length) - unit.tendon.force(span - length)
+        return pull(length) - tendon.force(span - length)
 
-    longest = span - unit.tendon.slack_length
+    longest = span - tendon.slack_length
 
     def halve(_: int, ends: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
         middle = 0.5 * (ends[0] + ends[1])
@@ -109,7 +111,7 @@ def steady(
     stiffness = jax.lax.stop_gradient(stiffness)
     length = start - jnp.where(stiffness > 0.0, off / jnp.where(stiffness > 0.0, stiffness, 1.0), 0.0)
     taut = pull(longest) > 0.0
-    return jnp.where(taut, unit.tendon.force(span - length), 0.0), jnp.where(taut, length, longest)
+    return jnp.where(taut, tendon.force(span - length), 0.0), jnp.where(taut, length, longest)
 
 
 class Mounted(System):
@@ -118,10 +120,12 @@ class Mounted(System):
     unit: MuscleUnit
     span: Scalar
 
-    def rate(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> UnitState:
+    def rate(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of change of length and velocity of the braid."""
-        pull = self.unit.tension(state, self.span, 0.0)
-        return self.unit.rate(state, memory, inputs["pressure"].value, pull)
+        return self.unit.rate(state, self._motion(state, memory, inputs), jnp.zeros(()))
+
+    def _motion(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> BraidMotion:
+        return self.unit.motion(state, memory, inputs["pressure"].value, self.span, jnp.zeros(()))
 
     def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Return no integrands."""
@@ -129,14 +133,14 @@ class Mounted(System):
 
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the friction along the path."""
-        pull = self.unit.tension(end.state, self.span, 0.0)
+        pull = self._motion(end.state, memory, end.inputs).tension
         moved = end.state.length - start.state.length
         pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
         return self.unit.advance_memory(memory, MusclePath(moved, jnp.zeros(()), *pressures, pull), duration)
 
     def outputs(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Tension and length."""
-        return {"tension": self.unit.tension(state, self.span, 0.0), "length": state.length}
+        return {"tension": self._motion(state, memory, inputs).tension, "length": state.length}
 
 
 def twitch_of(muscle: Assisted, pressure: Array, period: float) -> jax.Array:

@@ -24,7 +24,7 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...analysis.loops import loop, paths, peak_velocity
 from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
-from ...assembly.build import unit_from_muscle, unit_from_specimen
+from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError, choice
 from ...extras import library
@@ -127,7 +127,7 @@ def subject(
             float(fibre.section_area),
             "stated",
         )
-    unit = unit_from_specimen(spec, law=law) if muscle is None else unit_from_muscle(muscle)
+    unit = rig_unit(spec if muscle is None else muscle, law=law)
     rest, upper = rest_length_of(spec, unit.law), upper_length_of(spec, unit.law)
     free = float(unit.law.free_length(pressure))
     if not free < LEAST * min(rest, upper):

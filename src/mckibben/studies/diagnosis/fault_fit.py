@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from ...assembly.build import unit_from_muscle, unit_from_specimen
+from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.faults import DRIFT, RigFaults
 from ...bench.hardware.pneumatics import Plumbing
@@ -38,7 +38,7 @@ from ...pneumatics.valves import PressureRegulator
 from ...quantities import declared, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
-from ...specimens import Specimen, muscle_specimen
+from ...specimens import Specimen
 from .observer import CHANNELS, MOTION, START_FRICTION, START_GAS, START_PORT, START_SLIP, Observer, RecordedSection
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
@@ -393,14 +393,10 @@ def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> R
 
 
 def _sound_unit(record: Recording, muscle: str | Specimen | Muscle | MuscleUnit | None) -> MuscleUnit:
-    if isinstance(muscle, MuscleUnit):
-        return muscle
-    if isinstance(muscle, Muscle):
-        return unit_from_muscle(muscle)
     named = record.meta.get("specimen") if muscle is None else muscle
     if named is None:
         raise InputError("muscle", None, "is missing: the recording does not state its muscle")
-    return unit_from_specimen(named if isinstance(named, Specimen) else muscle_specimen(str(named)))
+    return rig_unit(named if isinstance(named, MuscleUnit | Muscle | Specimen) else str(named))
 
 
 def sections_of(record: Recording, channels: Sequence[str], *, shut_off: bool = False) -> list[RecordedSection]:

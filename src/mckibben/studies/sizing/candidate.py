@@ -17,7 +17,6 @@ from ...analysis.energy.muscle import PotentialMuscle, Probe
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
 from ...documents import JsonValue
-from ...muscles.elements import Tendon
 from ...muscles.law import TensionLaw
 from ...pneumatics.gas import AIR
 from ...specimens import Specimen
@@ -273,12 +272,9 @@ def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> fl
 
 
 def unit_of(muscle: Candidate, **mechanics: JsonValue) -> MuscleUnit:
-    """Candidate as part of a machine, with the usual tendon and end mass."""
-    names = ("stiffness", "toe_length", "loss")
-    keys = ("tendon_stiffness", "tendon_toe", "tendon_loss")
-    cord = Tendon(**{n: ASSEMBLED[k].value for n, k in zip(names, keys, strict=True)})
-    usual: dict[str, JsonValue] = {n: ASSEMBLED[n].value for n in ("end_mass", "viscosity", "stop_damping")}
-    return MuscleUnit(law=muscle.law, tendon=cord, **(usual | mechanics))
+    """Candidate as part of a machine, tied to its anchors."""
+    usual: dict[str, JsonValue] = {n: ASSEMBLED[n].value for n in ("viscosity", "stop_damping")}
+    return MuscleUnit(law=muscle.law, **(usual | mechanics))
 
 
 def ranked(many: list[Judged]) -> list[Judged]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...assembly.build import unit_from_specimen
+from ...assembly.build import rig_unit
 from ...bench.prepare import PreparedRun
 from ...bench.protocol_run import compile_run
 from ...bench.rig import Rig
@@ -213,7 +213,7 @@ class BenchSelection:
         if number != self._number and not setup:
             return
         try:
-            unit = unit_from_specimen(self.spec)
+            unit = rig_unit(self.spec)
             if setup:
                 curves = self._laws(unit)
                 with self._lock:  # what was chosen meanwhile stays

@@ -150,9 +150,8 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component given, fmi2EventInfo *info)
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component given, fmi2Boolean noReturn, fmi2Boolean *event, fmi2Boolean *terminate)
 {
     I;
-    complete_integrator_step(i);
     *event = *terminate = fmi2False;
-    return fmi2OK;
+    return (fmi2Status)complete_integrator_step(i);
 }
 
 fmi2Status fmi2SetTime(fmi2Component given, fmi2Real time) { I; i->now.time = time; i->now.stale = 1.0; return fmi2OK; }

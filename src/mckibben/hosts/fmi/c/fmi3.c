@@ -179,9 +179,8 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance given, fmi3Boolean *again, fmi3
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance given, fmi3Boolean noReturn, fmi3Boolean *event, fmi3Boolean *terminate)
 {
     I;
-    complete_integrator_step(i);
     *event = *terminate = fmi3False;
-    return fmi3OK;
+    return (fmi3Status)complete_integrator_step(i);
 }
 
 fmi3Status fmi3SetTime(fmi3Instance given, fmi3Float64 time) { I; i->now.time = time; i->now.stale = 1.0; return fmi3OK; }

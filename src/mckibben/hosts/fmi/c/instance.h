@@ -100,13 +100,16 @@ static void set_defaults(instance *i)
     i->now.stale = 1.0;
 }
 
+/* Why the outputs cannot be relied on. */
+static const char *meaning(const instance *i) { return part_meaning(i->now.outputs.sound); }
+
 /* Rest at the present spans, commands and parameters. */
 static int settle(instance *i)
 {
     part_rest(&i->now.parameters, &i->now.inputs, &i->now.state);
     part_observe(&i->now.parameters, &i->now.state, &i->now.inputs, &i->now.outputs);
     i->now.stale = 0.0;
-    if (i->now.outputs.sound != 1.0) return report(i, BAD, "The muscle cannot rest at these spans and parameters.");
+    if (i->now.outputs.sound != 1.0) return report(i, BAD, "The muscle cannot rest at these spans and parameters: %s.", meaning(i));
     return GOOD;
 }
 
@@ -116,6 +119,9 @@ static int refresh(instance *i)
     if (i->now.stale != 1.0) return GOOD;
     if (i->now.initialised != 1.0) return settle(i);
     part_observe(&i->now.parameters, &i->now.state, &i->now.inputs, &i->now.outputs);
+    if (i->now.outputs.sound != 1.0)
+        return report(i, BAD, "At %g s, %s: the importer's integrator needs a shorter step, or a method for stiff systems.",
+                      i->now.time, meaning(i));
     i->now.stale = 0.0;
     return GOOD;
 }
@@ -144,6 +150,11 @@ static int get_rates(instance *i)
     const int status = i->now.initialised == 1.0 ? GOOD : refresh(i);
     if (status != GOOD) return status;
     part_derivatives(&i->now.parameters, &i->now.state, &i->now.inputs, &i->now.rates);
+    const char *const now = (const char *)&i->now;
+    for (size_t k = 0; k < sizeof CONTINUOUS / sizeof *CONTINUOUS; ++k)
+        for (size_t j = 0; j < CONTINUOUS[k].count; ++j)
+            if (!isfinite(((const double *)(now + CONTINUOUS[k].rate))[j]))
+                return report(i, DISCARD, "A rate is not finite at %g s: %s.", i->now.time, part_meaning(0.0));
     return GOOD;
 #else
     return report(i, BAD, "This FMU has co-simulation only.");
@@ -182,26 +193,29 @@ static int advance(instance *i, double time, double period)
     const part_outputs outputs = i->now.outputs;
     part_step(&i->now.parameters, &i->now.state, &i->now.inputs, period, i->now.staggered > 0.5, &i->now.outputs);
     if (i->now.outputs.sound != 1.0) {
+        const char *const why = meaning(i);
         i->now.state = state;
         i->now.outputs = outputs;
-        return report(i, DISCARD, "The state is not finite or not possible any more after a step of %g s at %g s.", period, time);
+        return report(i, DISCARD, SENTENCE, period, why);
     }
     i->now.time = time + period;
     return GOOD;
 }
 
-/* Model exchange: friction and other memory go along the integrator step that has ended. */
-static void complete_integrator_step(instance *i)
+/* Model exchange: friction and other memory go along the integrator step that has ended; no step can be taken back. */
+static int complete_integrator_step(instance *i)
 {
 #if MODEL_EXCHANGE
     const double duration = i->now.time - i->now.before_time;
-    if (!(duration > 0.0)) return;
+    if (!(duration > 0.0)) return GOOD;
     set_duration(&i->now.before, duration);
     part_complete(&i->now.parameters, &i->now.state, &i->now.inputs, &i->now.before);
     i->now.stale = 1.0;
     begin_integrator_step(i);
+    return refresh(i);
 #else
     (void)i;
+    return GOOD;
 #endif
 }
 
@@ -211,7 +225,10 @@ static int exchange_states(instance *i, int what, double *target, const double *
 {
     if (size != STATES) return report(i, BAD, "The FMU has %d continuous states, got %d.", (int)STATES, (int)size);
     if (what == READ_STATES && refresh(i) != GOOD) return BAD;
-    if (what == READ_RATES && get_rates(i) != GOOD) return BAD;
+    if (what == READ_RATES) {
+        const int status = get_rates(i);
+        if (status != GOOD) return status;
+    }
 #if MODEL_EXCHANGE
     char *now = (char *)&i->now;
     for (size_t k = 0, at = 0; k < sizeof CONTINUOUS / sizeof *CONTINUOUS; at += CONTINUOUS[k++].count) {

@@ -1,0 +1,101 @@
+"""Soundness of a sample: one code beside its numbers, and the balances that are watched while stepping.
+
+A step that is too long for a mode of the system may stay finite: a kink, such as a cord that slackens, keeps it in bounds.
+Its balances show it. For each store of energy E (`System.stored_energies`), with the net power into it and what it
+exchanges in both directions (`System.balances`), integrated over the sample by the stages of its own steps,
+
+    error = |E(end) - E(start) - integral of the net power| / (exchange + |E(end) - E(start)| + QUIET E period)
+
+which is zero up to the error of the method. Beyond `OPEN` the sample is not sound, and is done again with shorter steps.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from typing import Any
+
+from .._jax import Scalar, Tree, jax, jnp
+from ..components.system import Exchange, System
+
+OPEN = 1e-3  # error of a balance over a sample from which on it does not close
+QUIET = 1e-4  # share of the stored energy that a system at rest may exchange per second, against which rounding counts [1/s]
+LEAST = 1e-6  # [J]; of less exchange than this, rounding of what is stored is all that a balance shows
+
+
+class Soundness(enum.IntEnum):
+    """Code of a sample. All but `SOUND` end a run, those of a balance once shorter steps do not help."""
+
+    IMPOSSIBLE = 0
+    SOUND = 1
+    GAS = 2
+    MECHANICS = 3
+
+
+MEANINGS = {
+    Soundness.IMPOSSIBLE: "a state is not finite or not possible, such as a pressure below vacuum",
+    Soundness.SOUND: "finite, possible, and every balance closes",
+    Soundness.GAS: "the energy balance of the gas does not close",
+    Soundness.MECHANICS: "the energy balance of the mechanics does not close",
+}
+SENTENCE = (
+    "After a step of {} s, {}: take a shorter one."  # of a host that cannot repeat a step: its length, the meaning
+)
+OF_STORES = {"gas": Soundness.GAS, "mechanics": Soundness.MECHANICS}
+
+
+def unsound_sentence(code: float, imbalance: float, step: float) -> str:
+    """Why a sample is not sound although its steps [s] were shortened, and what would do."""
+    meaning = MEANINGS[Soundness(int(code))]
+    said = f"{meaning[0].upper()}{meaning[1:]}"
+    if code == Soundness.IMPOSSIBLE:
+        return f"{said}, with steps of {step:.3g} s: a command, a parameter or the start is far out of range."
+    return (
+        f"{said}: it is off by {100.0 * imbalance:.2g} % of what was exchanged, where {100.0 * OPEN:g} % are allowed, with "
+        f"steps of {step:.3g} s. Give a shorter step, or soften what changes within one, such as a stiff stop, a light load "
+        "or a small volume at a large valve."
+    )
+
+
+def possible(system: System, state: Tree, memory: Tree) -> Any:
+    """Whether a state is finite and can be at all (bool)."""
+    finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves((state, memory))]).all()
+    return system.admissible(state) & finite
+
+
+def balance_errors(
+    before: Mapping[str, Scalar], after: Mapping[str, Scalar], exchanges: Mapping[str, Exchange], duration: Scalar
+) -> dict[str, Scalar]:
+    """Relative errors of the balances of a sample, by store.
+
+    Args:
+        before: stored energies at its start [J].
+        after: stored energies at its end [J].
+        exchanges: what each store exchanged in it, integrated [J].
+        duration: of the sample [s].
+    """
+    quiet: Any = LEAST + QUIET * duration * sum(jnp.abs(energy) for energy in after.values())
+    errors = {}
+    for name, exchange in exchanges.items():
+        gain = after[name] - before[name]
+        errors[name] = jnp.abs(gain - exchange.net) / (exchange.turnover + jnp.abs(gain) + quiet)
+    return errors
+
+
+def soundness(
+    system: System, state: Tree, memory: Tree, errors: Mapping[str, Scalar] | None = None
+) -> tuple[Scalar, Scalar]:
+    """Largest error of a balance, and the code of a sample as a number.
+
+    Args:
+        system: whose sample it is.
+        state: continuous state at its end.
+        memory: memory at its end.
+        errors: of its balances, as `balance_errors` returns them.
+    """
+    code: Any = jnp.asarray(float(Soundness.SOUND))
+    worst: Any = jnp.zeros(())
+    for name, error in (errors or {}).items():
+        code = jnp.where((error > worst) & (error > OPEN), float(OF_STORES[name]), code)
+        worst = jnp.maximum(worst, error)
+    return worst, jnp.where(possible(system, state, memory), code, float(Soundness.IMPOSSIBLE))
