@@ -216,6 +216,7 @@ def _cautions(
 ) -> list[str | None]:
     longest, single = float(built.length_range()[1]), len(lengths) == 1
     said = [muscles.plausible.length_caution(at, longest, text=length if single else None) for at in lengths]
+    said += [] if any(said) else [muscles.plausible.stretch_caution(max(lengths), longest)]
     said.append(muscles.plausible.measured_length_caution((min(lengths), max(lengths)), spec))
     highest = max(drives)
     said += [muscles.plausible.pressure_caution(highest, spec, text=pressure)] if pressure is not None else []

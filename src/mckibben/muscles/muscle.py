@@ -24,7 +24,7 @@ from ..errors import InputError, PlausibilityWarning
 from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
 from .law import LawState, TensionLaw, law_name
-from .plausible import length_caution, measured_length_caution, pressure_caution
+from .plausible import length_caution, measured_length_caution, pressure_caution, stretch_caution
 
 if TYPE_CHECKING:
     from ..report.figures.plots import MusclePlots
@@ -231,7 +231,8 @@ class Muscle(Module):
         length = _quantity(value, "m", "length")
         largest = _largest(length)
         if largest is not None and self.longest_length is not None:
-            _warn(length_caution(largest, self.longest_length, text=_typed(value, largest)))
+            slip = length_caution(largest, self.longest_length, text=_typed(value, largest))
+            _warn(slip or stretch_caution(float(np.max(length)), self.longest_length))
             _warn(measured_length_caution((float(np.min(length)), float(np.max(length))), self.specimen))
         return length
 
