@@ -266,6 +266,9 @@ class TensionLaw(Module):
 
         if not (np.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", None, f"must be 0 N or more, got {tension:.6g} N")
+        for name, value, unit in (("span", span, "m"), ("highest", highest, "Pa")):
+            if not np.isfinite(value):
+                raise InputError(name, None, f"must be a number, got {value} {unit}")
         grid = np.linspace(0.0, highest, 1001)
         excess_at = np.asarray(self.tension(float(span), grid)) - tension
         met = np.flatnonzero(np.abs(excess_at) <= 1e-9 * max(tension, 1.0))

@@ -118,7 +118,8 @@ class Muscle(Module):
         """
         force, span = float(in_si(tension, "N", field="tension")), float(self._length(length))
         if self.is_biological:
-            return float(self.law.pressure_for(force, span))
+            fibre: Any = self.law
+            return float(fibre.activation_for(force, span))
         return self.law.pressure_for(force, span, highest=float(in_si(highest, "Pa", field="highest")))
 
     def quasi_static_tension(self, span: Quantity, pressure: Quantity, direction: Scalar) -> Scalar:
@@ -232,8 +233,8 @@ class Muscle(Module):
         largest = _largest(length)
         if largest is not None and self.longest_length is not None:
             slip = length_caution(largest, self.longest_length, text=_typed(value, largest))
-            _warn(slip or stretch_caution(float(np.max(length)), self.longest_length))
-            _warn(measured_length_caution((float(np.min(length)), float(np.max(length))), self.specimen))
+            _warn(slip or stretch_caution(float(np.nanmax(length)), self.longest_length))
+            _warn(measured_length_caution((float(np.nanmin(length)), float(np.nanmax(length))), self.specimen))
         return length
 
     def _drive(self, value: Quantity) -> Any:
@@ -283,6 +284,7 @@ def _largest(value: Any) -> float | None:
     if is_traced(value):
         return None
     numbers = np.asarray(value)
+    numbers = numbers[~np.isnan(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "fiu" or not numbers.size:
         return None
     return float(numbers.flat[int(np.argmax(np.abs(numbers)))])
