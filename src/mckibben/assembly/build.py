@@ -17,6 +17,7 @@ from ..muscles import Muscle
 from ..muscles.build import at_rest_length, built_muscle
 from ..muscles.dimensions import REST_LENGTH
 from ..muscles.elements import Tendon
+from ..muscles.plausible import largest_strain
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
 from ..pneumatics.orifice import Orifice
@@ -160,7 +161,8 @@ def unit_from_muscle(
         wrap: a bone that the muscle lies over.
         where: place used in a complaint.
         **mechanics: ``viscosity`` and ``stop_damping`` [N s/m]; with a tendon ``end_mass`` [kg], without one
-            ``slack_damping`` [N s/m], which follows from the law where it is left out.
+            ``slack_damping`` [N s/m], which follows from the law where it is left out; ``largest_strain`` [1], as the
+            specimen states it.
 
     Raises:
         InputError: if the muscle is biological, or states something else than what was asked for.
@@ -168,6 +170,7 @@ def unit_from_muscle(
     if muscle.is_biological:
         raise InputError("muscle", muscle.title, "must be a McKibben muscle; it is biological", where=where)
     usual: dict[str, Any] = {name: _usual(name) for name in ("viscosity", "stop_damping")}
+    usual["largest_strain"] = largest_strain(muscle.specimen)
     usual |= {"slack_damping": None} if tendon is None else {"end_mass": _usual("end_mass")}
     for name in mechanics:
         if name in ("end_mass", "slack_damping") and name not in usual:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -380,6 +381,12 @@ class Machine(System):
             for name, unit in self.units.items()
         }
         return {"circuit": gas, "muscles": muscles}
+
+    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
+        """Whether a muscle is longer than its threads bear."""
+        lengths = ((unit, outputs.get(f"{name}.length")) for name, unit in self.units.items())
+        over = [length > unit.breaking_length() for unit, length in lengths if length is not None]
+        return functools.reduce(jnp.logical_or, over, jnp.asarray(False))
 
     def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""

@@ -41,6 +41,7 @@ from ..engine.native import call_compiled
 from ..errors import InputError
 from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw
+from ..muscles.plausible import LARGEST_STRAIN
 from ..quantities import as_array, quantity, with_unit
 from .clamp import Clamp
 from .loads.load import Restraint
@@ -134,6 +135,9 @@ class MuscleUnit(Module):
         symbol="eta",
         default=None,
     )
+    largest_strain: Scalar = quantity(
+        "1", (1e-3, 1.0), "strain beyond the longest length at which the threads break", default=LARGEST_STRAIN
+    )
 
     def __check_init__(self) -> None:
         """Fill in what is left out, drop what the other kind has, and refuse a clamp that holds no tendon."""
@@ -148,6 +152,10 @@ class MuscleUnit(Module):
             known["slack_damping"] = None
             if known["end_mass"] is None:
                 known["end_mass"] = as_array(END_MASS)
+
+    def breaking_length(self) -> Scalar:
+        """Length of the braid at which its threads break [m]."""
+        return (1.0 + self.largest_strain) * self.law.length_range()[1]
 
     @property
     def mounting(self) -> str:
@@ -305,7 +313,8 @@ class MuscleUnit(Module):
         """
         if self.tendon is not None:
             cord = self.tendon.stiffness
-            return Restraint(cord, self.tendon.loss * at.tension), jnp.sqrt(cord / self.end_mass)
+            held = jnp.where(at.length > self.law.length_range()[1], self.law.thread_stiffness(), 0.0)
+            return Restraint(cord, self.tendon.loss * at.tension), jnp.sqrt((cord + held) / self.end_mass)
         per_pressure = derivative(lambda p: self.law.braid_tension(at.length, p), pressure)  # -dV/dL
         stiff = jnp.abs(self.law.braid_stiffness(at.length, pressure)) + gas_stiffness * per_pressure * per_pressure
         stiff, resisting = stiff + memory_stiffness(self, pressure), self._slack_damping(at.length)

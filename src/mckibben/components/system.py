@@ -131,6 +131,10 @@ class System(Module):
         """How the system is cut into many cells that act on each other by a core; None if it is not, or into few."""
         return None
 
+    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
+        """Whether outputs show a part loaded beyond what it bears (bool), elementwise; never by default."""
+        return jnp.asarray(False)
+
     def admissible(self, state: Tree) -> Scalar:
         """Whether a state can be at all, such as a pressure above vacuum (bool)."""
         return jnp.asarray(True)

@@ -21,7 +21,7 @@ from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .soundness import Soundness, possible
+from .soundness import Soundness, possible, unsound_sentence
 from .step import Integrands, integrands_of, step, zero_integrals
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
@@ -110,10 +110,11 @@ def observe(
 ) -> tuple[dict[str, Scalar], Observation]:
     """Measure a sample: values for the software, and values of the plant to record."""
     now = _inputs(plant, carry.history, latency, 1.0, period)
+    outputs = plant.outputs(carry.state, carry.memory, now)
     look = Observation(
-        plant.outputs(carry.state, carry.memory, now),
+        outputs,
         plant.max_rate_bound(carry.state, carry.memory, now),
-        possible(plant, carry.state, carry.memory),
+        possible(plant, carry.state, carry.memory) & ~plant.broken(outputs),
     )
     return plant.sense(carry.state, carry.memory, now, row), look
 
@@ -261,7 +262,8 @@ def advance(
         h, fastest = period / inner_now, float(np.max(results.rate_bound))
         if steps.short(fastest, period / inner):
             if not bool(results.sound.all()):
-                raise ConvergenceError(f"A state is not finite, or not possible, with steps of {h:.3g} s.")
+                broken = bool(np.any(plant.broken(results.outputs)))
+                raise ConvergenceError(unsound_sentence(Soundness.BROKEN if broken else Soundness.IMPOSSIBLE, 0.0, h))
             return after, results, inner_now
         shorter = steps.shorter(fastest, period / inner)
         if shorter is None:

@@ -30,6 +30,7 @@ class Soundness(enum.IntEnum):
     SOUND = 1
     GAS = 2
     MECHANICS = 3
+    BROKEN = 4
 
 
 MEANINGS = {
@@ -37,9 +38,10 @@ MEANINGS = {
     Soundness.SOUND: "finite, possible, and every balance closes",
     Soundness.GAS: "the energy balance of the gas does not close",
     Soundness.MECHANICS: "the energy balance of the mechanics does not close",
+    Soundness.BROKEN: "a muscle is longer than its threads bear",
 }
 SENTENCE = (
-    "After a step of {} s, {}: take a shorter one."  # of a host that cannot repeat a step: its length, the meaning
+    "After a step of {} s, {}. A shorter step may help."  # of a host that cannot repeat a step: its length, the meaning
 )
 OF_STORES = {"gas": Soundness.GAS, "mechanics": Soundness.MECHANICS}
 
@@ -50,6 +52,8 @@ def unsound_sentence(code: float, imbalance: float, step: float) -> str:
     said = f"{meaning[0].upper()}{meaning[1:]}"
     if code == Soundness.IMPOSSIBLE:
         return f"{said}, with steps of {step:.3g} s: a command, a parameter or the start is far out of range."
+    if code == Soundness.BROKEN:
+        return f"{said}: load it less, shorten its span, or state what its threads bear."
     return (
         f"{said}: it is off by {100.0 * imbalance:.2g} % of what was exchanged, where {100.0 * OPEN:g} % are allowed, with "
         f"steps of {step:.3g} s. Give a shorter step, or soften what changes within one, such as a stiff stop, a light load "
@@ -83,7 +87,7 @@ def balance_errors(
 
 
 def soundness(
-    system: System, state: Tree, memory: Tree, errors: Mapping[str, Scalar] | None = None
+    system: System, state: Tree, memory: Tree, outputs: Mapping[str, Scalar], errors: Mapping[str, Scalar] | None = None
 ) -> tuple[Scalar, Scalar]:
     """Largest error of a balance, and the code of a sample as a number.
 
@@ -91,6 +95,7 @@ def soundness(
         system: whose sample it is.
         state: continuous state at its end.
         memory: memory at its end.
+        outputs: of the system at its end.
         errors: of its balances, as `balance_errors` returns them.
     """
     code: Any = jnp.asarray(float(Soundness.SOUND))
@@ -98,4 +103,5 @@ def soundness(
     for name, error in (errors or {}).items():
         code = jnp.where((error > worst) & (error > OPEN), float(OF_STORES[name]), code)
         worst = jnp.maximum(worst, error)
+    code = jnp.where(system.broken(outputs), float(Soundness.BROKEN), code)
     return worst, jnp.where(possible(system, state, memory), code, float(Soundness.IMPOSSIBLE))

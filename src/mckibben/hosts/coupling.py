@@ -333,7 +333,9 @@ def advance(
         ended = jax.tree.map(lambda a, b: jnp.where(again, a, b), new, ended)
         left = machine.stored_energies(ended[0], ended[1], _at(signals, 1.0, duration))
         errors = balance_errors(stored, left, machine.balances(ended[2]), duration)
-        return ended, soundness(machine, ended[0], ended[1], errors)[1], 4.0 * steps
+        at_end = _at(signals, 1.0, duration)
+        seen = outputs_of(machine, ended[0], ended[1], at_end)
+        return ended, soundness(machine, ended[0], ended[1], seen, errors)[1], 4.0 * steps
 
     unknown = jnp.full((), float(Soundness.IMPOSSIBLE))
     (physics, memory, sums), code, _ = jax.lax.fori_loop(0, REPEATS, attempt, (start, unknown, count))
@@ -441,5 +443,5 @@ def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mappin
         muscle,
         state.work,
         machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(()),
-        jnp.where(_possible(part, state.reach), soundness(machine, state.physics, state.memory)[1], 0.0),
+        jnp.where(_possible(part, state.reach), soundness(machine, state.physics, state.memory, out)[1], 0.0),
     )

@@ -18,6 +18,7 @@ from typing import Any
 
 from .._jax import custom_jvp, jit, jnp
 from ..components import Scalar
+from . import threads
 
 # Share of the braid's volume at the upper working length: the bladder's own volume, and the width of the rounding.
 # Their choice makes Vb + wC/2 exactly that volume, so that nothing is rounded inside the working range.
@@ -43,7 +44,7 @@ def _rounded(y: Scalar) -> Scalar:
     u2 = u * u
     u4 = u2 * u2
     beyond = y - 1.0
-    return (u4 * u) * ((7.0 - 14.0 * u) + u2 * (10.0 - 2.5 * u)) + jnp.where(beyond > 0.0, beyond, 0.0)
+    return (u4 * u) * ((7.0 - 14.0 * u) + u2 * (10.0 - 2.5 * u)) + jnp.where(beyond <= 0.0, 0.0, beyond)
 
 
 @custom_jvp
@@ -60,8 +61,8 @@ def _curvature(y: Scalar) -> Scalar:
 
 
 def _within(y: Scalar) -> Scalar:
-    above = jnp.where(y > 0.0, y, 0.0)
-    return jnp.where(above < 1.0, above, 1.0)
+    above = jnp.where(y <= 0.0, 0.0, y)  # what is no number stays none
+    return jnp.where(above >= 1.0, 1.0, above)
 
 
 @_rounded.defjvp
@@ -76,6 +77,19 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 # traced once, however often a step calls them
 _rounded, _slope = jit(_rounded), jit(_slope)
+
+
+def least_upper_volume(slope: Scalar, upper_length: Scalar, thread_strain: Scalar) -> Scalar:
+    """Volume at the upper working length with which the braid still holds gas where its threads are straight [m^3].
+
+    Six times what it loses on the way: the rounding of the room then lowers the tension there by 4 % at most.
+
+    Args:
+        slope: dV/dL at the upper working length [m^2], negative where the gas pulls.
+        upper_length: [m].
+        thread_strain: see `threads` [1].
+    """
+    return -6.0 * slope * upper_length * threads.furthest(thread_strain)
 
 
 def gas_energy(

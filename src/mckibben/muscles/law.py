@@ -29,8 +29,8 @@ from ..errors import InputError, NoVolumeError, UnreachableError
 from ..quantities import declared, quantity, with_unit
 from ..registry import registered_name
 from . import threads
+from .plausible import HIGHEST_PRESSURE
 
-FULL_PRESSURE = 8e5  # gauge pressure at which threads have their stated strain, the rating of most muscles [Pa]
 LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
@@ -88,7 +88,7 @@ class TensionLaw(Module):
     thread_strain: Scalar = quantity(
         "1",
         (1e-4, 0.02),
-        "strain of the threads under the tension at the longest length and 8 bar",
+        "strain of the threads under the tension at the longest length and 10 bar",
         symbol="e",
         default=0.005,
     )
@@ -167,9 +167,9 @@ class TensionLaw(Module):
         return derivative(lambda x: self.braid_tension(x, pressure), length)
 
     def thread_stiffness(self) -> Scalar:
-        """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 8 bar over their stretch."""
+        """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 10 bar over their stretch."""
         longest = jnp.asarray(self.length_range()[1], float)
-        full = self.elastic_tension(longest) + _active(self, longest, jnp.full_like(longest, FULL_PRESSURE))
+        full = self.elastic_tension(longest) + _active(self, longest, jnp.full_like(longest, HIGHEST_PRESSURE))
         return jnp.maximum(full, LEAST_PULL) / (self.thread_strain * longest)
 
     # ---- the muscle between its anchors: unilateral
@@ -268,6 +268,9 @@ class TensionLaw(Module):
 
         if not (np.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", None, f"must be 0 N or more, got {tension:.6g} N")
+        for name, value, unit in (("span", span, "m"), ("highest", highest, "Pa")):
+            if not np.isfinite(value):
+                raise InputError(name, None, f"must be a number, got {value} {unit}")
         grid = np.linspace(0.0, highest, 1001)
         excess_at = np.asarray(self.tension(float(span), grid)) - tension
         met = np.flatnonzero(np.abs(excess_at) <= 1e-9 * max(tension, 1.0))

@@ -25,7 +25,7 @@ from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
 from .evidence import LawError, error_of, law_cautions
 from .law import LawState, TensionLaw, law_name
-from .plausible import length_caution, measured_length_caution, pressure_caution
+from .plausible import length_caution, measured_length_caution, pressure_caution, stretch_caution
 
 if TYPE_CHECKING:
     from ..report.figures.plots import MusclePlots
@@ -119,7 +119,8 @@ class Muscle(Module):
         """
         force, span = float(in_si(tension, "N", field="tension")), float(self._length(length))
         if self.is_biological:
-            return float(self.law.pressure_for(force, span))
+            fibre: Any = self.law
+            return float(fibre.activation_for(force, span))
         return self.law.pressure_for(force, span, highest=float(in_si(highest, "Pa", field="highest")))
 
     def quasi_static_tension(self, span: Quantity, pressure: Quantity, direction: Scalar) -> Scalar:
@@ -263,6 +264,7 @@ class Muscle(Module):
         if not lengths or longest is None:
             return ()
         far = length_caution(max(lengths, key=abs), longest, text=text)
+        far = far or stretch_caution(max(lengths), longest)
         return collect(far, measured_length_caution((min(lengths), max(lengths)), self.specimen))
 
     # ---- values in, values out
@@ -322,6 +324,7 @@ def _largest(value: Any) -> float | None:
     if is_traced(value):
         return None
     numbers = np.asarray(value)
+    numbers = numbers[~np.isnan(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "fiu" or not numbers.size:
         return None
     return float(numbers.flat[int(np.argmax(np.abs(numbers)))])

@@ -23,6 +23,9 @@ from ..specimens import Specimen
 # Muscles of catalogues are rated for 6 to 8 bar; the maps that ship reach 6.75 bar. Gauge [Pa].
 HIGHEST_PRESSURE = 10e5
 USUAL_PRESSURE = 5e5  # [Pa]
+# Beyond the longest length, where a specimen does not state another: aramid yarn breaks at 3.5 %, polyester at 13 %, polyamide
+# at 20 % (Teijin, Tensile properties of Technora in comparison with other industrial fibers, table 3).
+LARGEST_STRAIN = 0.035
 # Beyond this multiple of what is usual a value is a slip, not a choice.
 SLIP = 3.0
 LEAST_PRESSURE = 2e3  # [Pa]; inflates nothing
@@ -58,6 +61,22 @@ def usual_pressure(spec: Specimen) -> float:
     measured = spec.properties.get(MEASURED_PRESSURE)
     most = USUAL_PRESSURE if measured is None else spec.property_si(MEASURED_PRESSURE, "Pa")
     return min(USUAL_PRESSURE, most, highest_pressure(spec)[0])
+
+
+def largest_strain(spec: Specimen | None = None) -> float:
+    """Strain of a braid beyond the longest length of its law at which its threads break [1]."""
+    stated = spec is not None and "largest_strain" in spec.properties
+    return spec.property_si("largest_strain", "1") if spec is not None and stated else LARGEST_STRAIN
+
+
+def stretch_caution(length: float, longest: float) -> Caution | None:
+    """Caution about a length beyond the longest that a law is made for [m]; None if it is within."""
+    if not length > longest:
+        return None
+    digits = next(digits for digits in (4, 6, 17) if with_unit(length, "m", digits) != with_unit(longest, "m", digits))
+    shown, most = (with_unit(value, "m", digits) for value in (length, longest))
+    said = f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}; from there its threads hold"
+    return Caution(said, "length")
 
 
 def pressure_caution(

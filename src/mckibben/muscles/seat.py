@@ -55,10 +55,8 @@ def take_up(braid: BraidPotential, compliance: Scalar, length: Scalar, pressure:
         # Where the braid has no positive stiffness the step is short instead of wrong.
         soft = jnp.maximum(stiffness, 1.0) * q * q
         reach = jnp.maximum(force + jnp.maximum(stiffness, 1.0) * u, 0.0) * q * q
-        loaded = reach > 1e-24  # below that the square root has no derivative, and the ends carry nothing
-        return jnp.where(
-            loaded, 2.0 * reach / (soft + jnp.sqrt(soft * soft + 4.0 * jnp.where(loaded, reach, 1.0))), 0.0
-        )
+        bare = reach <= 1e-24  # there the square root has no derivative, and the ends carry nothing
+        return jnp.where(bare, 0.0, 2.0 * reach / (soft + jnp.sqrt(soft * soft + 4.0 * jnp.where(bare, 1.0, reach))))
 
     def forces(u: Scalar) -> tuple[Scalar, Scalar]:
         at = held_length - u

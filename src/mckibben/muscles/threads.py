@@ -9,9 +9,9 @@ potential goes on as that of the law at an effective length Le, with the energy 
 
 Value, slope and curvature of Le are continuous, T begins with zero slope and reaches the stiffness k of the threads over the
 travel S. The law is asked up to 8/15 S beyond its range and no further, so that no gas is squeezed out from there on. With
-k = F8/(e Lmax), F8 the law's tension at the longest length and 8 bar and e the strain of the threads under it, and S = 3 e
-Lmax, F rises with the length wherever the law's tension at Lmax is below 1.4 F8: the threads take the tension over faster
-than the gas leaves it, k (1 - (1 - t)^2) > F dw/dx for k S > 2.15 F.
+k = F10/(e Lmax), F10 the law's tension at the longest length and 10 bar and e the strain of the threads under it, and S = 3 e
+Lmax, F rises with the length wherever the law's tension at Lmax is below 1.4 F10: the threads take the tension over faster
+than the gas leaves it, k (1 - (1 - t)^2) > -F dw/dx for k S > 2.15 F.
 Source: virtual work of C.-P. Chou and B. Hannaford, 1996, doi:10.1109/70.481753; the form of the transition is this project's.
 """
 
@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 from .._jax import custom_jvp, jax, jit, jnp
 from ..components import Scalar
 
-TRAVEL = 3.0  # over the stretch of the threads at 8 bar
-# In travels beyond the range: there the threads bear five times the tension at 8 bar, so that every braid is slack before.
+TRAVEL = 3.0  # over the stretch of the threads at 10 bar
+FURTHEST = 8.0 / 15.0  # how far beyond its range a law is asked, over that travel
+# In travels beyond the range: there the threads bear five times the tension at 10 bar, so that every braid is slack before.
 REACH = 2.0
 
 
@@ -36,8 +37,13 @@ class HeldLength(NamedTuple):
 
 
 def travel(strain: Scalar, longest: Scalar) -> Scalar:
-    """Travel S over which the threads take over [m], from their strain at 8 bar [1] and the longest length [m]."""
+    """Travel S over which the threads take over [m], from their strain at 10 bar [1] and the longest length [m]."""
     return TRAVEL * strain * longest
+
+
+def furthest(strain: Scalar) -> Scalar:
+    """How far beyond the longest length a law is asked, over that length [1], from the strain of its threads [1]."""
+    return FURTHEST * TRAVEL * strain
 
 
 def hold(length: Scalar, shortest: Scalar, longest: Scalar, travel: Scalar) -> HeldLength:

@@ -24,6 +24,7 @@ from ..components.flow import FlowElement, Gases
 from ..errors import InputError
 from ..quantities import quantity, with_unit
 from .gas import AIR, Gas
+from .valves.shares import switched
 
 
 class Compressor(FlowElement):
@@ -79,7 +80,7 @@ class Compressor(FlowElement):
             raise InputError(
                 "memory", None, "is missing: pass the circuit's initial_memory(state): a compressor has some"
             )
-        speed: Scalar = memory * jnp.where(jnp.asarray(command) > 0.5, 1.0, 0.0)
+        speed: Scalar = memory * switched(command)
         return speed
 
     def initial_memory(self, gas: Gases) -> Tree:
@@ -96,14 +97,14 @@ class Compressor(FlowElement):
         intake, _ = gas
         left = 1.0 + self.clearance * (1.0 - jnp.exp(jnp.log(_ratio(gas)) / self.exponent))
         swept = self.displacement * self.speed / (2.0 * math.pi) * self.running(memory, command)
-        return (swept * jnp.where(left > 0.0, left, 0.0) * self.gas.density(intake.pressure_abs, intake.temperature),)
+        return (swept * jnp.where(left <= 0.0, 0.0, left) * self.gas.density(intake.pressure_abs, intake.temperature),)
 
     def shaft_power(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Scalar:
         """Power of the shaft [W]."""
         gamma = self.gas.heat_ratio
         rise = jnp.exp(jnp.log(_ratio(gas)) * (gamma - 1.0) / gamma) - 1.0
         (flow,) = self.flows(gas, state, memory, command)
-        return flow * self.gas.cp * gas[0].temperature * jnp.where(rise > 0.0, rise, 0.0) / self.efficiency
+        return flow * self.gas.cp * gas[0].temperature * jnp.where(rise <= 0.0, 0.0, rise) / self.efficiency
 
     def heating(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Part of the shaft's power that heats the gas [W]."""
@@ -119,5 +120,5 @@ class Compressor(FlowElement):
 
 def _ratio(gas: Gases) -> Scalar:
     """Outlet over intake pressure, neither taken below 1 Pa, so that a vacuum has a logarithm."""
-    intake, outlet = (jnp.where(g.pressure_abs > 1.0, g.pressure_abs, 1.0) for g in gas)
+    intake, outlet = (jnp.where(g.pressure_abs <= 1.0, 1.0, g.pressure_abs) for g in gas)
     return outlet / intake

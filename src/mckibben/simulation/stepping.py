@@ -170,6 +170,10 @@ class CommandedMachine(Plant):
         """Of the machine [1/s]."""
         return self.machine.max_rate_bound(state, memory, inputs)
 
+    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
+        """Of the machine."""
+        return self.machine.broken(outputs)
+
     def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""
         return self.machine.admissible(state)
@@ -274,7 +278,7 @@ def _seen(
     errors: Mapping[str, Scalar] | None = None,
 ) -> tuple[dict[str, Scalar], Scalar, Scalar, Scalar]:
     bound = plant.max_rate_bound(state, memory, inputs)
-    imbalance, code = soundness(plant, state, memory, errors)
+    imbalance, code = soundness(plant, state, memory, plant.outputs(state, memory, inputs), errors)
     return plant.sense(state, memory, inputs, {}), imbalance, bound, code
 
 

@@ -95,6 +95,10 @@ class MeasuredPlant(Plant):
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
 
+    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
+        """Of the machine."""
+        return self.machine.broken(outputs)
+
     def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""
         return self.machine.admissible(state["machine"])

@@ -129,8 +129,8 @@ class BiologicalMuscle(Module):
     def stiffness(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> Scalar:
         """dF/dL at constant activation and velocity [N/m]; negative on the descending limb, zero when slack."""
         span, activation, velocity = _together(span, activation, velocity)
-        taut = self.tension(span, activation, velocity) > 0.0
-        return jnp.where(taut, derivative(lambda x: self.tension(x, activation, velocity), span), 0.0)
+        slack = self.tension(span, activation, velocity) <= 0.0
+        return jnp.where(slack, 0.0, derivative(lambda x: self.tension(x, activation, velocity), span))
 
     @evaluated
     def damping(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> Scalar:
@@ -143,7 +143,8 @@ class BiologicalMuscle(Module):
         """The longest length at which the muscle carries no tension at rest [m]; below it hangs slack."""
         activation = jnp.asarray(activation, float)
         excited = jnp.minimum(self.shortest_active_length, self.passive_onset)
-        return self.rest_length * jnp.where(activation > 0.0, excited, self.passive_onset)
+        length = self.rest_length * jnp.where(activation > 0.0, excited, self.passive_onset)
+        return jnp.where(jnp.isnan(activation), jnp.nan, length)
 
     @evaluated
     def state(self, span: Scalar, activation: Scalar, velocity: Scalar = 0.0) -> LawState:
@@ -189,6 +190,8 @@ class BiologicalMuscle(Module):
         """
         if not (math.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", None, f"must be 0 N or more, got {tension:.6g} N")
+        if not math.isfinite(span):
+            raise InputError("span", None, f"must be a number, got {span} m")
         low, high = (float(self.tension(span, a, velocity)) for a in (0.0, 1.0))
         slack = 1e-9 * max(tension, 1.0)
         if not low - slack <= tension <= high + slack:

@@ -69,7 +69,7 @@ class Coulomb(Hysteresis):
 
 def _direction(motion: Any, width: Scalar) -> Scalar:
     """The sign of a motion, rounded within +-width; the width and the motion share a unit."""
-    sharp = jnp.where(motion > 0.0, 1.0, jnp.where(motion < 0.0, -1.0, 0.0))
+    sharp = jnp.where(motion == 0.0, 0.0, jnp.sign(motion))  # what is no number stays none
     rounded = width > 0.0
     u = jnp.clip(motion / jnp.where(rounded, width, 1.0), -1.0, 1.0)
     return jnp.where(rounded, 0.5 * u * (3.0 - u * u), sharp)

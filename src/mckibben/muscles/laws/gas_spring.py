@@ -27,7 +27,7 @@ def spring_volume(
 
 
 def volume_when_unknown(
-    *, rest_length: Scalar, upper_length: Scalar, shortest_length: Scalar, per_pressure: Scalar
+    *, rest_length: Scalar, upper_length: Scalar, shortest_length: Scalar, per_pressure: Scalar, thread_strain: Scalar
 ) -> Scalar:
     """Rest volume, large enough for the gas up to the upper working length, if none was measured [m^3].
 
@@ -35,7 +35,9 @@ def volume_when_unknown(
     nylon muscle.
     """
     drop = 0.5 * per_pressure * ((upper_length - shortest_length) ** 2 - (rest_length - shortest_length) ** 2)
-    return 1.8 * jnp.maximum(drop, 1e-3 * per_pressure * rest_length**2)
+    slope = per_pressure * (shortest_length - upper_length)
+    left = bladder.least_upper_volume(slope, upper_length, thread_strain)
+    return jnp.maximum(1.8 * jnp.maximum(drop, 1e-3 * per_pressure * rest_length**2), drop + left)
 
 
 class SpringVolume(TensionLaw):
@@ -61,7 +63,11 @@ class SpringVolume(TensionLaw):
             "per_pressure": self.stiffness_per_pressure,
         }
         upper = self.upper_length
-        rest = self.rest_volume if self.volume_known else volume_when_unknown(upper_length=upper, **line)
+        rest = (
+            self.rest_volume
+            if self.volume_known
+            else volume_when_unknown(upper_length=upper, thread_strain=self.thread_strain, **line)
+        )
         return bladder.gas_energy(
             pressure,
             spring_volume(length, rest_volume=rest, **line),

@@ -2,7 +2,8 @@
 
     F = P' b^2 (3 cos^2 theta - 1) / (4 pi n^2) = (pi D0^2 P'/4)(3 cos^2 theta - 1),   cos theta = L/b     (eqs. 8a, 8b)
 
-Range: gauge pressures above half the threshold width; braid lengths up to the thread length, where the volume vanishes.
+Range: gauge pressures above half the threshold width; braid lengths up to 0.9915 of the thread length, where the volume
+has all but vanished and the threads are straight.
 It errs by 10-20 % of the largest force on real muscles, most at the ends of the stroke, since it knows neither wall nor
 bladder. First stated by R. H. Gaylord (US patent 2,844,126, 1958) and H. F. Schulte (1961); this form: C.-P. Chou and
 B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
@@ -12,10 +13,11 @@ from __future__ import annotations
 
 from ..._jax import jnp
 from ...components import Scalar
-from .. import bladder, braid, dimensions
+from .. import bladder, braid, dimensions, threads
 from ..law import TensionLaw
 
-# Just short of the thread length: there the braid still holds a thousandth of its largest volume.
+# Just short of the thread length: there the braid still holds a thousandth of its largest volume, and no formula is asked
+# beyond.
 LONGEST = 0.9995
 
 
@@ -47,5 +49,5 @@ class Ideal(TensionLaw):
         )
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """Range from a hundredth of the thread length to the thread length [m]."""
-        return 0.01 * self.thread_length, self.thread_length
+        """Range from a hundredth of the thread length to where the threads, pulled straight, take the tension over [m]."""
+        return 0.01 * self.thread_length, LONGEST * self.thread_length / (1.0 + threads.furthest(self.thread_strain))

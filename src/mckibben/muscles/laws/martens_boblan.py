@@ -71,5 +71,5 @@ class MartensBoblan(TensionLaw):
         return shape._asdict()
 
     def length_range(self) -> tuple[Scalar, Scalar]:
-        """Range from half the rest length to the rest length [m]."""
-        return 0.5 * self.rest_length, self.rest_length
+        """Range from 0.65 of the rest length to the rest length [m]; the cubic pulls again on a shorter muscle."""
+        return 0.65 * self.rest_length, self.rest_length

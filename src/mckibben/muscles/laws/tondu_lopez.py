@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..._jax import jnp
-from ...components import Scalar
+from ...components import Scalar, derivative
 from ...quantities import quantity
 from .. import bladder, dimensions
 from ..law import TensionLaw
@@ -49,10 +49,16 @@ class TonduLopez(TensionLaw):
     def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy with the volume of which the law is the virtual work [J]."""
         k = self.end_factor_at(pressure)
+        upper = self._volume(self.upper_length, k)
+        # A fitted radius may leave less gas at the upper length than the threads squeeze out beyond it; the force tells only how
+        # the volume changes.
+        slope = derivative(lambda x: self._volume(x, k), self.upper_length + 0.0 * k)
+        lift = bladder.least_upper_volume(slope, self.upper_length, self.thread_strain) - upper
+        lift = jnp.maximum(lift, 0.0)
         return bladder.gas_energy(
             pressure,
-            self._volume(length, k),
-            upper_volume=self._volume(self.upper_length, k),
+            self._volume(length, k) + lift,
+            upper_volume=upper + lift,
             threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )

@@ -21,6 +21,12 @@ def eased(x: Scalar) -> Scalar:
 EASED_SLOPE = 1.5
 
 
+def switched(command: Scalar) -> Scalar:
+    """Command of what is on or off, 1 above a half and else 0; what is no number stays none."""
+    command = jnp.asarray(command, float)
+    return jnp.where(command > 0.5, 1.0, jnp.where(command <= 0.5, 0.0, command))
+
+
 def between(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
     """A number held between two bounds."""
     x = jnp.asarray(x, float)
