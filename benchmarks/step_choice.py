@@ -78,9 +78,9 @@ def simulation(case: Case, step: float) -> Any:
     air = mk.Air(supply=rated(case.muscle), valve=case.valve)
     muscle = mk.muscle(case.muscle)
     if case.mechanism == "Weight":
-        span = 0.95 * float(muscle.rest_length)
-        carried = max(float(muscle.tension(span, START)) / 9.80665, 0.5)
-        system: Any = mk.Weight(case.muscle, mass=0.8 * carried, start=span)
+        span = 0.97 * float(muscle.rest_length)
+        pulls = [float(muscle.tension(span, pressure)) for pressure in (START, rated(case.muscle))]
+        system: Any = mk.Weight(case.muscle, mass=max(pulls[0], 0.1 * pulls[1]) / 9.80665, start=span)
     else:
         system = getattr(mk, case.mechanism)(case.muscle)
     return mk.Simulation(system, air, period=case.period, step=step)
@@ -124,7 +124,7 @@ def outcome(case: Case) -> Outcome:
     floor = 0.1 * np.abs(fine).max(axis=0)
 
     def off(value: np.ndarray, wanted: np.ndarray) -> float:
-        return float((100.0 * np.abs(value - wanted) / np.maximum(np.abs(wanted), floor)).max())
+        return float((100.0 * np.abs(value - wanted) / np.maximum(np.abs(wanted), floor + 1e-9)).max())
 
     extremes = max(off(rows.max(axis=0), fine.max(axis=0)), off(rows.min(axis=0), fine.min(axis=0)))
     return Outcome(balance[which], which, off(rows[-1], fine[-1]), extremes, steps)

@@ -33,6 +33,7 @@ class Soundness(enum.IntEnum):
     BROKEN = 4
 
 
+SOUND = float(Soundness.SOUND)  # as a plain number: one is compared in every sample
 MEANINGS = {
     Soundness.IMPOSSIBLE: "a state is not finite or not possible, such as a pressure below vacuum",
     Soundness.SOUND: "finite, possible, and every balance closes",

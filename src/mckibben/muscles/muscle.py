@@ -253,19 +253,20 @@ class Muscle(Module):
     def _repr_html_(self) -> str:
         return str(implementation("report.figures.plots:muscle_html")(self))
 
-    def length_cautions(self, lengths: Sequence[float], *, text: str | None = None) -> tuple[Caution, ...]:
+    def length_cautions(self, lengths: ArrayLike, *, text: str | None = None) -> tuple[Caution, ...]:
         """Cautions about lengths between the anchors [m]: the longest far from its law, and those beyond the measured ones.
 
         Args:
             lengths: [m].
             text: as the one that is longest was typed.
         """
-        longest = self.longest_length
-        if not lengths or longest is None:
+        known, longest = np.asarray(lengths, float).ravel(), self.longest_length
+        known = known[~np.isnan(known)]
+        if not known.size or longest is None:
             return ()
-        far = length_caution(max(lengths, key=abs), longest, text=text)
-        far = far or stretch_caution(max(lengths), longest)
-        return collect(far, measured_length_caution((min(lengths), max(lengths)), self.specimen))
+        least, most = float(known.min()), float(known.max())
+        far = length_caution(max(least, most, key=abs), longest, text=text) or stretch_caution(most, longest)
+        return collect(far, measured_length_caution((least, most), self.specimen))
 
     # ---- values in, values out
 
@@ -273,7 +274,7 @@ class Muscle(Module):
         length = _quantity(value, "m", "length")
         largest = _largest(length)
         if largest is not None and self.longest_length is not None:
-            warn(self.length_cautions(np.ravel(length).tolist(), text=_typed(value, largest)), stacklevel=3)
+            warn(self.length_cautions(length, text=_typed(value, largest)), stacklevel=3)
         return length
 
     def _drive(self, value: Quantity) -> Any:

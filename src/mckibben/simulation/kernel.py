@@ -19,7 +19,7 @@ from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
-from ..engine.soundness import Soundness, unsound_sentence
+from ..engine.soundness import SOUND, Soundness, unsound_sentence
 from ..errors import ConvergenceError
 from .stepping import BEHIND, CommandedMachine, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
 
@@ -162,7 +162,7 @@ class SampleKernel:
             return
         if self.rate_bound * self._usual <= RK4_LIMIT:  # nearly always
             self._run(self.inner, False)
-            bound, sound = self._observed[-2], self._observed[-1] == Soundness.SOUND
+            bound, sound = self._observed[-2], self._observed[-1] == SOUND
             if bound * self._usual <= RK4_LIMIT and sound:
                 self.rate_bound = bound
                 self._now ^= 1
@@ -179,7 +179,7 @@ class SampleKernel:
         before = self._observed.copy()
         self._run(self.inner, False)
         allowed = RK4_LIMIT / self._usual
-        steady = (before[-2] <= allowed) & (self._observed[-2] <= allowed) & (self._observed[-1] == Soundness.SOUND)
+        steady = (before[-2] <= allowed) & (self._observed[-2] <= allowed) & (self._observed[-1] == SOUND)
         broken: dict[int, str] = {}
         self._now ^= 1
         if not steady.all():
