@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..analysis.steps import unsettled_at_end
-from ..answers import Caution, collect
+from ..answers import Caution, collect, warn
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
@@ -69,6 +69,7 @@ def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = N
         ConvergenceError: if the run failed; says when and why.
     """
     check_memory(plan.duration, plan.period, bytes_per_sample=INTEGRATED, field="run.duration", where=plan.where)
+    warn(plan.cautions)
     signals = plan.inputs()
     state, memory = start = plan.initial()
     done: list[Run] = []

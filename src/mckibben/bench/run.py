@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from ..answers import warn
 from ..assembly.muscle_unit import MuscleUnit
 from ..documents import JsonValue
 from ..errors import InputError
@@ -80,6 +81,7 @@ def run(
         return run_biological(protocol, biological, **options)
     else:
         prepared = prepare(protocol, muscle=muscle, rig=rig, **options)
+    warn(prepared.set_point_cautions())
     session = Session(prepared.rig, prepared.specimen or prepared.unit, hardware, unit=prepared.unit, by_hand=False)
     return session.run(
         prepared,

@@ -40,6 +40,7 @@ from ._terminal import (
     NoiseSeed,
     Plumbing,
     RigName,
+    caution,
     pairs,
     print_json,
     table,
@@ -397,8 +398,7 @@ def _recorded(
     bench: PreparedRun, machine: str | None, *, lock_step: bool, real_time: bool, log: Path | None
 ) -> Recording:
     """Run a prepared protocol with a progress bar; Ctrl-C vents and keeps the samples so far."""
-    for caution in bench.cautions:
-        typer.echo(f"mckibben: {caution}", err=True)
+    caution(*bench.cautions)
     button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
         progress("running", bench.plan.duration, guarded=False) as bar,
@@ -475,6 +475,7 @@ def _step(words: str) -> float:
 def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
     """Print the result of the dry run; the exit code is 2 if it has findings."""
     findings: list[Finding] = list(bench.findings)
+    said = caution(*bench.cautions) if dry else []
     if as_json and dry:
         keys = ("step", "path", "case", "field", "value", "allowed", "sentence")
         print_json(
@@ -485,7 +486,7 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
                 "plumbing": bench.layout,
                 "rig": bench.rig.name,
                 "findings": [{k: getattr(f, k) for k in keys} for f in findings],
-                "warnings": [f.sentence for f in bench.accepted],
+                "warnings": [*(f.sentence for f in bench.accepted), *said],
             }
         )
     elif dry:

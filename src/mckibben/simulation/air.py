@@ -200,7 +200,7 @@ class Air(Stated):
     def _tube(self, room: Environment) -> FlowElement | None:
         if self.tube is None or isinstance(self.tube, FlowElement):
             return self.tube
-        if isinstance(self.tube, str) or len(tuple(self.tube)) != 2:
+        if not isinstance(self.tube, tuple | list) or len(self.tube) != 2:
             raise InputError("tube", str(self.tube), "must be a length and a bore, such as ('1 m', '4 mm')")
         named = bore_of(self.tube[1])
         length = in_si(self.tube[0], "m", "length of the tube")

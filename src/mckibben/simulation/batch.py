@@ -70,6 +70,7 @@ class SimulationBatch:
         if self._changes:
             self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
         self._kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
+        self._low, self._high = (np.array([[e[k]] for e in simulation.command_entries.values()]) for k in (1, 2))
         self._random = np.random.default_rng(0)
         self._sample = 0
         self._begin: BatchState | None = None
@@ -150,11 +151,13 @@ class SimulationBatch:
             array = np.asarray(value, float)
             if array.shape not in ((), (self.lanes,)):
                 raise InputError(name, None, f"must be a number or {self.lanes} values, got shape {array.shape}")
-            place, low, high = entries[name]
-            if not low <= array.min() <= array.max() <= high:
-                for one in {float(array.min()), float(array.max())}:
-                    self.simulation.check_command(name, one)
-            self._kernel.set_command(place, array)
+            self._kernel.set_command(entries[name][0], array)
+        held = self._kernel.commands
+        if not ((held >= self._low) & (held <= self._high)).all():  # or one is no number
+            for name, (place, low, high) in entries.items():
+                for one in {float(held[place].min()), float(held[place].max())}:
+                    if not low <= one <= high:
+                        self.simulation.check_command(name, one)
         self._log.append(self._kernel.commands.copy())
         self._kernel.step()
         self._sample += 1

@@ -231,7 +231,7 @@ class Weight(Mechanism):
     muscle: AnyMuscle = "nylon"
     mass: Amount = amount("kg", (2e-2, MASSES[1]), default=5.0)
     start: Amount | None = amount("m", default=None)
-    damping: Amount = amount("N*s/m", (1e-2, 1e4), default=0.0)
+    damping: Amount = amount("N*s/m", (1e-2, 1e3), default=0.0)
     gravity: Amount = amount("m/s^2", (0.1, 100.0), default=GRAVITY)
     tendon: TendonOption = None
 
@@ -440,8 +440,8 @@ class Joint(Mechanism):
     arm: Any = amount("m", ARMS, default=0.02)
     inertia: Amount = amount("kg*m^2", INERTIAS, default=2e-3)
     damping: Amount = amount("N*m*s", (1e-4, 5.0), default=0.01)
-    stiffness: Amount = amount("N*m", (1e-3, 1e3), default=0.0)
-    gravity_moment: Amount = amount("N*m", (1e-3, 500.0), default=0.0)
+    stiffness: Amount = amount("N*m", (1e-3, 200.0), default=0.0)
+    gravity_moment: Amount = amount("N*m", (2e-3, 500.0), default=0.0)
     span: Amount | None = amount("m", default=None)
     start: Amount = amount("rad", default=0.0)
     stops: tuple[Amount, Amount] = amount("rad", ANGLES, default=(-2.0, 2.0))
@@ -525,7 +525,7 @@ class Link(Stated):
     centre: Amount | None = amount("m", (1e-3, 3.0), default=None)
     inertia: Amount | None = amount("kg*m^2", INERTIAS, default=None)
     damping: Amount = amount("N*m*s", (1e-4, 5.0), default=0.01)
-    stiffness: Amount = amount("N*m", (1e-3, 1e3), default=0.0)
+    stiffness: Amount = amount("N*m", (1e-3, 200.0), default=0.0)
     span: Amount | None = amount("m", default=None)
     start: Amount = amount("rad", default=0.0)
     stops: tuple[Amount, Amount] = amount("rad", ANGLES, default=(-2.0, 2.0))

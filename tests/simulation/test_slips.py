@@ -1,0 +1,224 @@
+"""Laws of values where they enter: nothing that can hardly be meant is taken in silence, and nothing ends in a traceback.
+
+Every argument that is a number is tried a thousand times too large and too small, negative, not a number, infinite, with
+the unit of another dimension, and as something else than a number.
+"""
+
+import dataclasses
+import math
+import warnings
+
+import pytest
+
+import mckibben as mk
+from mckibben.quantities import amounts
+from mckibben.simulation.mechanisms import Stated
+
+MECHANISMS = {
+    "weight": (mk.Weight, {"muscle": "nylon", "mass": 5.0, "start": 0.126, "damping": 2.0, "gravity": 9.81}),
+    "spring": (mk.Spring, {"muscle": "nylon", "stiffness": 2e3, "mass": 0.1, "start": 0.13, "damping": 1.0}),
+    "plate": (mk.Plate, {"muscle": "nylon", "span": 0.126}),
+    "joint": (
+        mk.Joint,
+        {
+            "flexor": "nylon", "arm": 0.02, "inertia": 2e-3, "damping": 0.01, "stiffness": 0.5, "gravity_moment": 1.0,
+            "span": 0.126, "stops": (-1.5, 1.5), "start": 0.1,
+        },
+    ),
+    "link": (
+        mk.Link,
+        {
+            "length": 0.3, "mass": 0.6, "arm": 0.02, "centre": 0.15, "inertia": 2e-3, "damping": 0.01, "stiffness": 0.5,
+            "span": 0.126, "stops": (-1.5, 1.5), "start": 0.1,
+        },
+    ),
+    "air": (mk.Air, {"supply": 6e5, "port_volume": 2e-6, "heat": 0.2, "tube": (1.0, 4e-3)}),
+}  # fmt: skip
+ZERO_IS_MEANT = {"damping", "stiffness", "gravity", "gravity_moment", "start", "heat", "centre"}
+NEGATIVE_IS_MEANT = {"gravity_moment", "start", "stops", "gravity"}
+
+
+def simulation(kind, values):
+    made = MECHANISMS[kind][0](**values)
+    if kind == "air":
+        return mk.Simulation(mk.Plate("nylon"), made)
+    return mk.Simulation(mk.Chain(made) if kind == "link" else made)
+
+
+def said(make):
+    """What is said of a value: the sentence of its error, or those of its cautions, which are Python's warnings too."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            made = make()
+        except mk.MckibbenError as error:
+            return str(error)
+    sentences = [str(one) for one in made.cautions]
+    assert {str(w.message) for w in caught} == set(sentences)
+    return "; ".join(sentences)
+
+
+def arguments():
+    for kind, (_, values) in MECHANISMS.items():
+        for name, value in values.items():
+            if not isinstance(value, str):
+                yield pytest.param(kind, name, id=f"{kind}-{name}")
+
+
+ARGUMENTS = list(arguments())
+
+
+def changed(kind, name, factor):
+    value = MECHANISMS[kind][1][name]
+    other = tuple(factor(one) for one in value) if isinstance(value, tuple) else factor(value)
+    return lambda: simulation(kind, MECHANISMS[kind][1] | {name: other})
+
+
+@pytest.mark.parametrize("kind", MECHANISMS)
+def test_usual_values_are_taken_without_a_word(kind):
+    assert said(lambda: simulation(kind, MECHANISMS[kind][1])) == ""
+
+
+@pytest.mark.parametrize(("kind", "name"), ARGUMENTS)
+def test_a_value_a_thousand_times_too_large_is_refused_or_said(kind, name):
+    assert said(changed(kind, name, lambda x: 1e3 * x))
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [p for p in ARGUMENTS if p.values[1] != "start" or p.values[0] in ("weight", "spring")]
+)
+def test_a_value_a_thousand_times_too_small_is_refused_or_said(kind, name):
+    assert said(changed(kind, name, lambda x: 1e-3 * x))
+
+
+@pytest.mark.parametrize(("kind", "name"), ARGUMENTS)
+def test_zero_is_refused_or_said_where_it_cannot_be_meant(kind, name):
+    what = said(changed(kind, name, lambda x: 0.0 * x))
+    meant = (name in ZERO_IS_MEANT or (kind, name) == ("link", "inertia")) and not (
+        name == "start" and kind in ("weight", "spring")
+    )
+    assert bool(what) != meant or (kind, name) == ("spring", "stiffness")
+
+
+@pytest.mark.parametrize(("kind", "name"), [p for p in ARGUMENTS if p.values[1] not in NEGATIVE_IS_MEANT])
+def test_a_negative_value_is_refused_or_said(kind, name):
+    assert said(changed(kind, name, lambda x: -x))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, "5 furlongz", "3 K", "many", None, True, [], {}])
+@pytest.mark.parametrize(("kind", "name"), ARGUMENTS)
+def test_what_is_no_number_of_that_dimension_is_refused_in_a_sentence(kind, name, value):
+    if value is None and name in {f.name for f in dataclasses.fields(MECHANISMS[kind][0]) if f.default is None}:
+        return  # left out
+    if value is None and name == "tube":
+        return
+    assert said(lambda: simulation(kind, MECHANISMS[kind][1] | {name: value}))
+
+
+def test_every_declared_argument_of_what_one_builds_is_tried():
+    for made, values in MECHANISMS.values():
+        assert issubclass(made, Stated)
+        assert set(amounts(made)) <= set(values)
+
+
+def test_stops_are_in_order_and_hold_the_start():
+    with pytest.raises(
+        mk.InputError, match=r"stops must be the smallest and then the largest angle, got '1 and -1 rad'"
+    ):
+        mk.Joint(stops=(1, -1))
+    with pytest.raises(mk.InputError, match="start must be within the stops"):
+        mk.Link(0.3, 0.6, start="2.5 rad")
+    with pytest.raises(mk.InputError, match="stops must be a pair"):
+        mk.Joint(stops=1.0)
+
+
+# ---- commands
+
+
+def stepped(**commands):
+    valve = commands.pop("valve", "regulator")
+    sim = mk.Simulation(mk.Plate("nylon"), mk.Air(valve=valve))
+    sim.reset()
+    for _ in range(3):
+        sim.step(**commands)
+    return sim
+
+
+@pytest.mark.parametrize(
+    ("commands", "sentence"),
+    [
+        ({"muscle": 3.0}, "was 3 bar meant"),
+        ({"muscle": 300.0}, "was 300 kPa meant"),
+        ({"muscle": 3e8}, "beyond the range of the laws"),
+        ({"muscle": -3e5}, "it acts as"),
+        ({"muscle": 3e5, "valve": "MPYE-5-1-8-LF"}, "beyond its range, -1 to 1: it acts as 1"),
+        ({"muscle": math.nan}, "finite"),
+        ({"muscle": math.inf}, "finite"),
+        ({"span": 126.0}, "span must be from 0.1 cm to 20.02 cm"),
+        ({"span": 0.0}, "span must be from"),
+        ({"span": -0.1}, "span must be from"),
+        ({"span": 0.0126}, "can hardly be meant"),
+    ],
+)
+def test_a_command_that_cannot_be_meant_is_refused_or_said_once(commands, sentence):
+    what = said(lambda: stepped(**commands))
+    assert sentence in what and "; a command" not in what
+
+
+@pytest.mark.parametrize(
+    "commands", [{"muscle": 3e5}, {"muscle": 0.0}, {"muscle": 0.9, "valve": "MPYE-5-1-8-LF"}, {"span": 0.12}]
+)
+def test_a_usual_command_is_taken_without_a_word(commands):
+    assert said(lambda: stepped(**commands)) == ""
+
+
+def test_a_ramp_of_the_pressure_begins_at_zero_without_a_word():
+    sim = mk.Simulation(mk.Plate("nylon"), mk.Air(valve="regulator"))
+    sim.reset()
+    for k in range(20):
+        sim.step(muscle=150.0 * (k + 1))
+    assert sim.cautions == ()
+
+
+def test_the_cautions_of_a_simulation_stand_in_its_recording():
+    with pytest.warns(mk.errors.PlausibilityWarning):
+        sim = stepped(muscle=3.0)
+    assert list(sim.recording().meta["warnings"]) == [str(one) for one in sim.cautions]
+    assert "warnings" not in stepped(muscle=3e5).recording().meta
+
+
+def test_a_start_pressure_that_inflates_nothing_is_said():
+    sim = mk.Simulation(mk.Plate("nylon"))
+    with pytest.warns(mk.errors.PlausibilityWarning, match="was 2 bar meant"):
+        sim.reset(pressure=2)
+    assert sim.cautions[0].parameter == "start pressure of muscle"
+
+
+def test_a_lane_of_a_batch_says_what_its_simulation_would():
+    sim = mk.Simulation(mk.Plate("nylon"))
+    batch = sim.batch(3)
+    with pytest.warns(mk.errors.PlausibilityWarning, match="it acts as 1"):
+        batch.step(muscle=[0.1, 3e5, 0.2])
+    assert len(batch.cautions) == 1
+    with pytest.raises(mk.InputError, match="finite"):
+        batch.step(muscle=[0.1, math.nan, 0.2])
+
+
+# ---- spans
+
+
+def test_a_span_beyond_what_a_muscle_can_take_names_the_lengths():
+    with pytest.raises(
+        mk.InputError, match=r"span of flexor must be from 1 mm to 20.02 cm for a muscle of 14 cm at rest, got 50 cm"
+    ):
+        mk.Simulation(mk.Joint("nylon", span="50 cm"))
+
+
+@pytest.mark.parametrize(
+    "name", ["DMSP-10-250", "DMSP-20-300", "DMSP-40-400", "festo-10mm", "nylon", "fiberglass", "SM20"]
+)
+def test_a_muscle_is_taut_at_its_default_span_at_half_the_usual_pressure(name):
+    sim = mk.Simulation(mk.Plate(name))
+    span, law = sim.start_commands()["span"], sim.units["muscle"].law
+    # the rule leaves a twentieth of the rest length of a free contraction of a fifth: a tenth of the blocked tension
+    assert float(law.tension(span, 2.5e5)) > 0.1 * float(law.tension(mk.muscle(name).rest_length, 2.5e5))
