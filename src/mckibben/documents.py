@@ -35,6 +35,7 @@ _TOML = re.compile(
     r"""|(?P<open>[\[{])|(?P<close>[\]}])|(?P<dot>\.)|(?P<end>[\n=,])|(?P<lost>["'])""",
     re.DOTALL,
 )
+_LONG_NUMBER = re.compile(r"\d{301}")
 _JSON = re.compile(r""""(?:\\.|[^"\\])*"|(?P<open>[\[{])|(?P<close>[\]}])|(?P<lost>")""", re.DOTALL)
 
 
@@ -132,7 +133,16 @@ def parse_json(text: str | bytes, **options: Any) -> JsonValue:
         text = text.decode("utf-8")
     if text.count("[") + text.count("{") > DEEPEST and _is_deep(text, _JSON):
         raise ValueError(f"more than {DEEPEST} lists and objects inside of one another")
+    if _LONG_NUMBER.search(text):
+        options.setdefault("parse_int", _whole)
     return json.loads(text, **options)
+
+
+def _whole(digits: str) -> int:
+    """A whole number that a float can hold."""
+    if len(digits) > 300:
+        raise ValueError("a whole number has more than 300 digits")
+    return int(digits)
 
 
 def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
@@ -156,15 +166,13 @@ def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
 
 
 def _holds_deep(document: JsonValue) -> bool:
-    """Whether tables and lists go too deep, as dotted keys within tables within tables can."""
+    """Whether tables and lists go too deep, as dotted keys within tables can; `ValueError` of a number no float holds."""
     level = [document]
     for _ in range(DEEPEST):
-        level = [
-            inner
-            for outer in level
-            for inner in (outer.values() if isinstance(outer, Mapping) else outer)
-            if isinstance(inner, Mapping | list)
-        ]
+        values = [inner for outer in level for inner in (outer.values() if isinstance(outer, Mapping) else outer)]
+        if any(isinstance(value, int) and abs(value) >> 63 for value in values):
+            raise ValueError("a whole number takes more than 64 bits")
+        level = [value for value in values if isinstance(value, Mapping | list)]
         if not level:
             return False
     return True

@@ -168,7 +168,8 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
         stated, stated_field = _places.get(reference, (where, field))
         demand = f"names code, which a file cannot run by itself; if you trust {path}, allow it: --code {path}"
         said = (
-            f"{stated_field or field} {shortened(repr(reference))} {demand}, or mckibben.registry.allow_code in Python"
+            f"{field if where else stated_field} {shortened(repr(reference))} {demand}, "
+            "or mckibben.registry.allow_code in Python"
         )
         raise InputError(field, reference, demand, where=where or stated, sentence=said)
     module = _module_of(path, field, reference, where)

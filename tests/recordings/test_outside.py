@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray
 
+import mckibben
 from mckibben import isolation
 from mckibben.errors import InputError
 from mckibben.recordings import _seal, read_recording
@@ -78,7 +79,7 @@ def fresh(monkeypatch):
     """A process that finds the functions of this file."""
     isolation.close()
     monkeypatch.setenv(
-        "PYTHONPATH", os.pathsep.join((str(Path(isolation.__file__).parents[1]), str(Path(__file__).parent)))
+        "PYTHONPATH", os.pathsep.join((str(Path(mckibben.__file__).parents[1]), str(Path(__file__).parent)))
     )
     yield
     isolation.close()

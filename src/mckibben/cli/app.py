@@ -24,7 +24,7 @@ from lanewise.errors import CacheWarning
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
 from ..isolation import start_for
-from ..registry import CODE
+from ..registry import CODE, FIXED
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable, with_command
@@ -326,7 +326,7 @@ def _safe_children() -> Iterator[None]:
 
     Python files that the command allows are allowed until it ends.
     """
-    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS", CODE)}
+    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS", CODE, FIXED)}
     os.environ["PYTHONSAFEPATH"] = "1"
     os.environ["PYTHONWARNINGS"] = ",".join([*filter(None, [known["PYTHONWARNINGS"]]), *(f"ignore:{w}" for w in CACHE)])
     try:

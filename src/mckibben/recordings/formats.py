@@ -37,7 +37,7 @@ BUILT_IN = {
 
 
 PLAIN_TEXT = (".csv", ".txt", ".tsv", ".dat")  # read by Python alone, in proportional time
-SMALL_TEXT = 1 << 20  # [B]
+SMALL_TEXT = 1 << 19  # [B]
 _NOT_THERE = "format of another process"
 
 

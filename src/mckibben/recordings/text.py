@@ -44,6 +44,9 @@ _UNIT_WORDS = frozenset(
     "s ms us min h m mm cm um in inch N kN mN lbf kgf Pa kPa MPa hPa bar mbar psi V mV A mA % - 1 °C degC K Hz deg rad g"
     " kg".split()
 )
+# A word and its unit in brackets; it never goes back over a text, so that no line takes more than proportional time.
+_WORD = re.compile(r"\S++(?:\s{1,9}+[\[(][^\[\])]{0,60}+[\])])?")
+_LONGEST_LINE = 1 << 20  # letters
 _SHORT = re.compile(r"[\[(]?[^\s\[\]()]{0,10}(?: ?\(?(?:abs|g|gauge|rel)\)?)?[\])]?")
 
 
@@ -152,10 +155,12 @@ def _mark(lines: Sequence[str]) -> str | None:
 
 
 def _words(line: str) -> list[str]:
+    if len(line) > _LONGEST_LINE:
+        raise csv.Error(f"a line is longer than {_LONGEST_LINE} letters")
     if '"' in line:
         return next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True), [])
     # "time [s]" is one header, and numbers hold no brackets.
-    return re.findall(r"\S+(?:\s{1,9}[\[(][^\])]{0,99}[\])])?", line) if "[" in line or "(" in line else line.split()
+    return _WORD.findall(line) if "[" in line or "(" in line else line.split()
 
 
 def table_of_rows(rows: Rows, where: str) -> ForeignTable:
