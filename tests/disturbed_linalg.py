@@ -2,8 +2,8 @@
 
 What LAPACK returns is determined to rounding only, singular and eigenvectors up to their sign, and a basis of a null
 space or of a degenerate eigenspace up to a rotation; least squares do not know the order of their rows. All of it is changed
-here, in process, by seed: a result that changes visibly was read from what has no meaning. Tests that compare bits are marked
-`bits`.
+here, in process, by seed: a result that changes visibly was read from what has no meaning. Tests that compare bits are
+marked `bits`.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..extras import library
 from ..registry import limit_folders
 from ..specimens.load import FOLDER_VARIABLE
+from ._progress import protected
 from ._terminal import LockStep
 from .run import CalibrationFile, On, chosen_rig
 
@@ -71,4 +72,5 @@ def serve_screen(
         # Texts of a browser may name files: code comes from the folders that the owner has chosen only.
         limit_folders([".", *filter(None, os.environ.get(FOLDER_VARIABLE, "").split(os.pathsep))])
         workspace = Workspace(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
-        serve(workspace, line, host, show=show, tell=typer.echo)
+        with protected():  # it ends by itself, after the machine has vented
+            serve(workspace, line, host, show=show, tell=typer.echo)
