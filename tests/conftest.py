@@ -1,4 +1,4 @@
-"""What all tests share: this folder on their path (`machine_records`, `measured_data`), and compilations.
+"""What all tests share: this folder on their path (`machine_records`, `measured_data`), disturbances, and compilations.
 
 Most of the suite's time is compilation, and every worker and every command line that a test starts would compile alike.
 """
@@ -16,6 +16,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from disturbed_linalg import Disturbance
+
 # The same examples in every run of the same code; who looks for new ones sets HYPOTHESIS_PROFILE=default.
 settings.register_profile("suite", deadline=None, database=None, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
@@ -27,6 +29,30 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 # The kernels of the package, for the tests and all that they start, where a test takes no folder of its own.
 os.environ.setdefault("MCKIBBEN_KERNELS", str(CACHE.with_name("kernels")))
 KEPT = 7 * 86400.0  # [s]; changed sources leave behind what nothing asks for again
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that disturbs linear algebra."""
+    parser.addoption(
+        "--disturb-linalg",
+        type=int,
+        metavar="SEED",
+        help="Disturb what linear algebra returns by rounding, signs and rotations; leaves out tests that compare bits",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Disturb linear algebra before any test is imported, where the option asks for it."""
+    if (seed := config.getoption("--disturb-linalg")) is not None:
+        Disturbance(seed).install()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out tests that compare bits, where linear algebra is disturbed."""
+    if config.getoption("--disturb-linalg") is not None:
+        bits = [item for item in items if item.get_closest_marker("bits")]
+        config.hook.pytest_deselected(items=bits)
+        items[:] = [item for item in items if item not in bits]
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -18,6 +18,7 @@ from mckibben.cli.completion import SCRIPTS, candidates
 from mckibben.experiments.read import protocol_names, stimulation_protocol_names
 from mckibben.muscles.laws import LAWS
 from mckibben.muscles.plausible import size_caution
+from mckibben.recordings import read_recording
 from mckibben.recordings.tables import write_table
 from mckibben.specimens import specimen_ids
 
@@ -252,6 +253,46 @@ def test_ctrl_c_ends_at_once_and_says_what_is_kept(work, code):
     _, err = process.communicate(timeout=15.0)
     assert process.returncode == code
     assert err == ("mckibben: interrupted; three of ten parts are kept\n" if code == 130 else "")
+
+
+TANK = """schema = 1
+[nodes.port]
+kind = "reservoir"
+pressure = "2.1 bar"
+[nodes.tank]
+kind = "volume"
+volume = "1 cm^3"
+[elements.tube]
+kind = "lumped_tube"
+from = "port"
+to = "tank"
+length = "3 m"
+diameter = "2.5 mm"
+[run]
+duration = "3000 s"
+"""
+TOLD = """
+from mckibben.bench import circuit_run
+run = circuit_run.run_circuit
+circuit_run.run_circuit = lambda plan, progress: run(plan, progress=lambda words: print("ready", flush=True))
+from mckibben.cli import main
+main(["circuit", "run", "tank.toml", "--out", "kept.nc"])
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_the_system_ends_a_command_as_ctrl_c_does_and_keeps_what_that_keeps(name, tmp_path):
+    (tmp_path / "tank.toml").write_text(TANK)
+    process = subprocess.Popen(
+        [sys.executable, "-c", TOLD], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path
+    )
+    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    number = getattr(signal, name)
+    process.send_signal(number)
+    said, _ = process.communicate(timeout=60.0)
+    assert process.returncode == 128 + number, said
+    assert read_recording(tmp_path / "kept.nc").meta["result"] == "interrupted"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -42,7 +42,10 @@ def test_tension_and_its_slope_go_on_where_the_range_ends(name):
     law = examples()[name]
     for end in ends(law):
         beside = end * (1.0 + np.array([-1e-9, 1e-9]))[:, None]
-        tension, slope = np.asarray(law.braid_tension(beside, PRESSURES)), np.asarray(law.braid_stiffness(beside, PRESSURES))
+        tension, slope = (
+            np.asarray(law.braid_tension(beside, PRESSURES)),
+            np.asarray(law.braid_stiffness(beside, PRESSURES)),
+        )
         scale = np.abs(slope).max() + float(law.thread_stiffness())
         # a step of 2e-9 lengths moves the tension by its slope, and the slope by less than the threads' over 1e-2 lengths
         assert np.abs(np.diff(tension, axis=0)).max() <= 1e-8 * end * scale
@@ -118,7 +121,9 @@ def test_a_weight_hangs_on_threads_a_little_above_the_longest_length():
 
 def test_a_run_ends_where_threads_break():
     longest = mk.muscle("nylon").longest_length
-    simulation = mk.Simulation(mk.Plate("nylon", span=longest), mk.Air(supply="6 bar", valve="regulator"), period="2 ms")
+    simulation = mk.Simulation(
+        mk.Plate("nylon", span=longest), mk.Air(supply="6 bar", valve="regulator"), period="2 ms"
+    )
     simulation.reset(pressure="2 bar")
     simulation.step(span=(1.0 + 0.9 * LARGEST_STRAIN) * longest, muscle="2 bar")
     with pytest.raises(ConvergenceError, match="longer than its threads bear: load it less"):

@@ -16,23 +16,43 @@ _app = LazyModule(f"{__name__}.app")  # loading it takes a tenth of a second, in
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line, see `app.main`; Ctrl-C ends it from its first moment, without a traceback."""
+    """Run the command line, see `app.main`; Ctrl-C ends it from its first moment, without a traceback.
+
+    A request of the system to end, and the end of its terminal, do what Ctrl-C does: what it keeps, they keep.
+    """
     usual = signal.getsignal(signal.SIGINT)
     alone = usual is signal.default_int_handler and threading.current_thread() is threading.main_thread()
-    if alone:
-        signal.signal(signal.SIGINT, _leave)
+    names = [n for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)] if alone else []
+    before = {n: handler for n in names if (handler := signal.getsignal(getattr(signal, n))) is not signal.SIG_IGN}
+    for name in before:
+        signal.signal(getattr(signal, name), _leave)
     try:
         run = _app.main
     finally:
-        if alone:
-            signal.signal(signal.SIGINT, usual)
+        for name in before:
+            signal.signal(getattr(signal, name), usual if name == "SIGINT" else _interrupt)
     try:
         run(arguments)
     except KeyboardInterrupt:  # between two handlers
         _leave()
+    except SystemExit as end:
+        raise (SystemExit(128 + _signalled[-1]) if _signalled and end.code == 128 + signal.SIGINT else end) from None
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+        _signalled.clear()
 
 
-def _leave(*_: object) -> None:
+_signalled: list[int] = []  # requests of the system to end
+
+
+def _interrupt(number: int, _: object) -> None:
+    """Do at a request of the system to end what Python does at Ctrl-C."""
+    _signalled.append(number)
+    raise KeyboardInterrupt
+
+
+def _leave(number: int = signal.SIGINT, _: object = None) -> None:
     """End the process, which has done nothing yet."""
     os.write(2, b"mckibben: interrupted; nothing was written\n")
-    os._exit(130)
+    os._exit(128 + number)

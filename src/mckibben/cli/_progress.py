@@ -22,6 +22,7 @@ from . import _terminal
 
 PATIENCE = 0.12  # that a command has to end by itself after Ctrl-C [s]
 INTERRUPTED = 130
+ENDING = tuple(getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n))
 
 
 class _Guard:
@@ -104,14 +105,14 @@ def _watched() -> Iterator[None]:
 def _watch(woken: socket.socket, guard: _Guard) -> None:
     with contextlib.suppress(OSError):
         while data := woken.recv(1):
-            if data[0] == signal.SIGINT:
+            if data[0] in ENDING:
                 while not guard.ended.wait(PATIENCE):
                     if not guard.protected:
-                        _end(guard)
+                        _end(128 + data[0])
                 return
 
 
-def _end(guard: _Guard) -> None:
+def _end(code: int) -> None:
     """End the process and those that it has started."""
     multiprocessing = sys.modules.get("multiprocessing")
     for child in multiprocessing.active_children() if multiprocessing is not None else []:
@@ -123,7 +124,7 @@ def _end(guard: _Guard) -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(code)
 
 
 # ---- progress

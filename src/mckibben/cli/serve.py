@@ -12,6 +12,7 @@ from ..bench import hardware, session
 from ..errors import InputError
 from ..extras import library
 from ..registry import fix_code
+from ._progress import protected
 from ._terminal import LockStep
 from .run import CalibrationFile, On, chosen_rig
 
@@ -68,4 +69,5 @@ def serve_screen(
         typer.echo("Preparing the web interface ..", err=True)
         fix_code()  # texts of a browser and files that were uploaded name code, too
         workspace = Workspace(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
-        serve(workspace, line, host, show=show, tell=typer.echo)
+        with protected():  # it ends by itself, after the machine has vented
+            serve(workspace, line, host, show=show, tell=typer.echo)

@@ -21,7 +21,7 @@ from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .soundness import SOUND, possible, unsound_sentence
+from .soundness import SOUND, Soundness, possible, unsound_sentence
 from .step import Integrands, integrands_of, step, zero_integrals
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs

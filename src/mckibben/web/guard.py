@@ -8,6 +8,7 @@ another one for every server, and so is the cookie.
 
 from __future__ import annotations
 
+import asyncio
 import html
 import ipaddress
 import secrets
@@ -17,6 +18,7 @@ from typing import Any
 from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 from ..documents import JsonValue
+from .connections import Connections
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -25,7 +27,12 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 LARGEST = 201 * 2**20  # body of a request [B]
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 SOCKETS, SOCKETS_EACH = 64, 32  # open at once: of all, and from one address; a page has one or two
+REQUESTS = 64  # that are not answered yet; a stop is not counted
+STOP = "/emergency-stop"
+SLOWEST = 1e3  # least speed of an upload [B/s], beyond the first `STALLED`
+STALLED = 30.0  # time for an upload to begin, and for a client to take what it is sent [s]
 UNKNOWN, CROWDED = 4401, 4429  # codes with which a page's line is closed: without the token, and beyond the bound
+NO_TEXT = 1003  # and with a frame that is no text
 SCRIPTS = b"<script"
 HEADERS = {
     "x-content-type-options": "nosniff", "x-frame-options": "DENY", "referrer-policy": "no-referrer",
@@ -40,6 +47,8 @@ POLICY = (
 )
 ASKS = "This server requires its token: open the address that mckibben serve printed at its start."
 FULL = "This server has {} open lines, and allows no more: close pages that are not needed."
+BUSY = f"This server has {REQUESTS} requests to answer, and takes no more."
+SLOW = f"the upload must arrive at {SLOWEST / 1e3:.0f} kB/s or more. Nothing was stored"
 
 
 def is_loopback(host: str) -> bool:
@@ -58,10 +67,15 @@ class Guard:
         host: address that the server listens on.
         port: port number.
         token: asked for; a new one by default.
+        connections: of the server, told which of them have the token.
     """
 
-    def __init__(self, app: Any, host: str, port: int, token: str | None = None) -> None:
+    def __init__(
+        self, app: Any, host: str, port: int, token: str | None = None, connections: Connections | None = None
+    ) -> None:
         self.app, self.host, self.port = app, host, port
+        self.connections = Connections() if connections is None else connections
+        self._requests = 0
         self.token = token or secrets.token_urlsafe(24)
         self.cookie = f"mckibben-{port}"
         self._open: Counter[str] = Counter()  # sockets by address
@@ -77,10 +91,12 @@ class Guard:
             await _refuse(scope, receive, send, 403, why)
         elif not self._known(heads):
             await self._asked(scope, heads, receive, send)
-        elif scope["type"] == "http":
-            await self._http(scope, heads, receive, send)
-        else:
+        elif scope["type"] == "websocket":
             await self._socket(scope, receive, send)
+        elif scope["path"] != STOP and self._requests >= REQUESTS:
+            await _refuse(scope, receive, send, 429, BUSY)
+        else:
+            await self._request(scope, heads, receive, send)
 
     def _refused(self, heads: dict[str, str]) -> str:
         host = heads.get("host", "")
@@ -129,12 +145,36 @@ class Guard:
             else:
                 await _refuse(scope, receive, send, 429, said)
             return
+        closed = False
+
+        async def texts() -> MutableMapping[str, Any]:
+            nonlocal closed
+            message = await receive()
+            if message["type"] != "websocket.receive" or message.get("text") is not None:
+                return message
+            if not closed:
+                closed = True
+                await send({"type": "websocket.close", "code": NO_TEXT, "reason": "This line takes text."})
+            return {"type": "websocket.disconnect", "code": NO_TEXT}
+
         self._open[client] += 1
+        self.connections.admit(scope.get("client"))
         try:
-            await self.app(scope, receive, send)
+            await self.app(scope, texts, send)
         finally:
+            self.connections.release(scope.get("client"))
             self._open[client] -= 1
             self._open += Counter()  # forgets addresses that have none
+
+    async def _request(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
+        counts = scope["path"] != STOP
+        self._requests += counts
+        self.connections.admit(scope.get("client"))
+        try:
+            await self._http(scope, heads, receive, send)
+        finally:
+            self._requests -= counts
+            self.connections.release(scope.get("client"))
 
     async def _http(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
         length = heads.get("content-length", "0")
@@ -144,20 +184,41 @@ class Guard:
             return
         if _is_page(heads):  # it is not packed, for its scripts get a nonce
             scope = {**scope, "headers": [h for h in scope["headers"] if h[0].lower() != b"accept-encoding"]}
-        taken, left = 0, False
+        taken, left, slow, begun = 0, False, False, False
+        loop = asyncio.get_running_loop()
+        since, coming = loop.time(), True
 
         async def counted() -> MutableMapping[str, JsonValue]:
-            nonlocal taken, left
-            message = await receive()
+            nonlocal taken, left, slow, coming
+            try:
+                async with asyncio.timeout_at(since + STALLED + taken / SLOWEST if coming else None):
+                    message = await receive()
+            except TimeoutError:
+                slow, coming = True, False
+                return {"type": "http.disconnect"}
             left = left or message["type"] == "http.disconnect"
+            coming = coming and bool(message.get("more_body"))
             taken += len(message.get("body", b""))
             return message if taken <= LARGEST else {"type": "http.disconnect"}
 
+        async def sent(message: MutableMapping[str, Any]) -> None:
+            nonlocal begun
+            begun = True
+            async with asyncio.timeout(STALLED):
+                await send(message)
+
         try:
-            await self.app(scope, counted, _Safe(send))
-        except RuntimeError as error:
+            await self.app(scope, counted, _Safe(sent))
+        except asyncio.CancelledError:  # the server ends before it has answered
+            self.connections.cut(scope.get("client"))
+        except Exception as error:
             # What Starlette raises where a browser went away before it was answered: nobody is left to tell.
-            if not (left and "No response returned" in str(error)):
+            gone = type(error).__name__ == "ClientDisconnect" or "No response returned" in str(error)
+            if slow and not begun:
+                await _refuse(scope, receive, sent, 408, SLOW)
+            elif isinstance(error, TimeoutError) and begun:
+                self.connections.cut(scope.get("client"))
+            elif not (gone and (left or slow or taken > LARGEST)):
                 raise
 
 

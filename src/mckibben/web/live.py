@@ -30,6 +30,13 @@ _STOPS = ThreadPoolExecutor(2, thread_name_prefix="stop")  # nothing else may ke
 _ACTS = ThreadPoolExecutor(4, thread_name_prefix="act")
 
 
+async def stop_at_once(workspace: Workspace, reason: str) -> str:
+    """Press the emergency stop for a client without a page; return the answer."""
+    loop = asyncio.get_running_loop()
+    answer = await loop.run_in_executor(_STOPS, workspace.act, "nobody", "emergency_stop", {"reason": reason})
+    return str(answer["said"])
+
+
 class Lines:
     """Sockets of all pages; every page has an identity, and one socket.
 
@@ -135,8 +142,7 @@ class PageConnection:
             text = await self.socket.receive_text()
             now = loop.time()
             budget, last = min(BURST, budget + (now - last) * RATE) - 1.0, now
-            if budget < 0.0:
-                await asyncio.sleep(-budget / RATE)
+            await asyncio.sleep(max(0.0, -budget / RATE))  # others have their turn after every message
             asked = _read(text) if len(text) <= LONGEST else {}
             if "kept" in asked:
                 self._confirmed()
@@ -163,10 +169,10 @@ class PageConnection:
     async def _answer(self, number: Any, future: Any, stops: bool) -> None:
         try:
             answer = await future
-        finally:
+            await self._send({"type": "answer", "id": number, **answer})
+        finally:  # with its answer taken, so that who reads none cannot have any number of them made
             self._stops -= stops
             self._acts -= not stops
-        await self._send({"type": "answer", "id": number, **answer})
 
     async def _send(self, message: dict[str, JsonValue]) -> None:
         await self._put(json.dumps(message, separators=(",", ":"), default=float))

@@ -6,8 +6,11 @@ import asyncio
 import contextlib
 import html
 import importlib
+import logging
 import os
+import signal
 import socket
+import sys
 import tempfile
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -18,24 +21,28 @@ from urllib.parse import quote
 
 from .. import __version__
 from ..errors import InputError, MckibbenError
+from .connections import BACKLOG, SWITCH, Connections, Listener, bound_log, counted_protocol, reserve_descriptors
 from .elements import Documents
-from .guard import Guard, is_loopback
-from .live import Lines
+from .guard import STOP, Guard, is_loopback
+from .live import Lines, stop_at_once
 from .pages import bench as bench_page
 from .pages.bench import measured_data
 from .reader import return_large_blocks
 from .save import LARGEST_CHART, sent_figure
 from .shelf import LARGEST, check_size
 from .shell import HOME, PAGES, written
-from .transfers import IncomingFile
+from .transfers import receive_file
 from .workspace import Workspace
 
+REASON = 0.5  # time for which a stop waits for its reason [s]
 LOOK = 0.25  # time between two looks at what time alone brings about [s]
 MOST_NAMES = 200  # of files that a list offers
 UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not known any more
 
 
-def build(workspace: Workspace, host: str, port: int, token: str | None = None) -> Guard:
+def build(
+    workspace: Workspace, host: str, port: int, token: str | None = None, connections: Connections | None = None
+) -> Guard:
     """Build the application, guarded.
 
     Args:
@@ -43,15 +50,17 @@ def build(workspace: Workspace, host: str, port: int, token: str | None = None) 
         host: address that the server listens on.
         port: port number.
         token: that is requested; a new one by default.
+        connections: of the server, which are bounded.
     """
     from starlette.applications import Starlette
 
     documents = Documents()
+    connections = Connections() if connections is None else connections
 
     @contextlib.asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
         workspace.begin()
-        ticking = asyncio.create_task(_tick(workspace))
+        ticking = asyncio.create_task(_tick(workspace, connections))
         try:
             yield
         finally:
@@ -60,12 +69,13 @@ def build(workspace: Workspace, host: str, port: int, token: str | None = None) 
             workspace.end_work()  # before the loop waits for the threads that wait for it
 
     routes = [*_bench_routes(workspace, host, port), *_page_routes(workspace, documents)]
-    return Guard(Starlette(routes=routes, lifespan=life), host, port, token)
+    return Guard(Starlette(routes=routes, lifespan=life), host, port, token, connections)
 
 
-async def _tick(workspace: Workspace) -> None:
+async def _tick(workspace: Workspace, connections: Connections) -> None:
     while True:
         workspace.tick()
+        connections.tick()
         await asyncio.sleep(LOOK)
 
 
@@ -76,14 +86,19 @@ def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
     from starlette.routing import Route, WebSocketRoute
     from starlette.websockets import WebSocket, WebSocketDisconnect
 
+    building = asyncio.Lock()
+
     def of(module: str) -> Callable[[Request], Awaitable[Response]]:
         async def show(request: Request) -> Response:
             # in a thread, for the first visitor of a page waits seconds for it, and a stop must not
             build_page = (await asyncio.to_thread(importlib.import_module, f".pages.{module}", __package__)).build
-            opened = documents.open()
-            with opened.root:
-                build_page(workspace, request)
-            return HTMLResponse(written(opened), headers={"cache-control": "no-store"})
+            async with building:  # one page after the other, so that a stop waits for one of many at most
+                await asyncio.sleep(0)
+                opened = documents.open()
+                with opened.root:
+                    build_page(workspace, request)
+                content = written(opened)
+            return HTMLResponse(content, headers={"cache-control": "no-store"})
 
         return show
 
@@ -102,10 +117,10 @@ def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
         handler = None if element is None else element.handler("came")
         if document is None or element is None or handler is None:
             return PlainTextResponse("mckibben: this page takes no file here\n", 404)
-        file = IncomingFile(request.query_params.get("name", "file"))
-        with open(file.path, "wb") as stream:
-            async for part in request.stream():
-                stream.write(part)
+        try:
+            file = await receive_file(request)
+        except MckibbenError as error:
+            return PlainTextResponse(f"mckibben: {error}\n", 507)
         document.spawn(document.handle(element, handler, file))
         return PlainTextResponse("")
 
@@ -132,7 +147,7 @@ def _static(name: str) -> str:
 
 def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
     """Routes of the bench page, the socket of samples, the emergency stop, recordings, and static files."""
-    from starlette.requests import Request
+    from starlette.requests import ClientDisconnect, Request
     from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
     from starlette.routing import Mount, Route, WebSocketRoute
     from starlette.staticfiles import StaticFiles
@@ -151,10 +166,12 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
         return HTMLResponse(bench_page.build(), headers={"cache-control": "no-store"})
 
     async def stop(request: Request) -> Response:
-        begun = await anext(request.stream(), b"")  # no stop waits for the rest of what is sent
-        reason = begun[:80].decode("utf-8", "replace")
-        answer = await asyncio.to_thread(workspace.act, "nobody", "emergency_stop", {"reason": reason})
-        return PlainTextResponse(answer["said"])
+        begun = b""
+        with contextlib.suppress(TimeoutError, ClientDisconnect):  # no stop waits for what is sent with it
+            async with asyncio.timeout(REASON):
+                begun = await anext(request.stream(), b"")
+        said = await stop_at_once(workspace, begun[:80].decode("utf-8", "replace"))
+        return PlainTextResponse(said)
 
     async def figure(request: Request) -> Response:
         try:
@@ -172,7 +189,7 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
         try:
             if request.method == "POST":
                 check_size(name, int(request.headers.get("content-length", 0)), LARGEST)
-                path = await asyncio.to_thread(measured_data.keep, workspace, name, await request.body())
+                path = await asyncio.to_thread(measured_data.keep, workspace, name, await receive_file(request))
             else:
                 path = measured_data.find(workspace, name)
             chosen = workspace.machine.chosen  # type: ignore[attr-defined]
@@ -191,7 +208,7 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
     return [
         Route("/", bench),
         WebSocketRoute("/live", live),
-        Route("/emergency-stop", stop, methods=["POST"]),
+        Route(STOP, stop, methods=["POST"]),
         Route("/figure", figure, methods=["POST"]),
         Route("/measured", measured, methods=["GET", "POST"]),
         Route("/files/{name:path}", recording, methods=["GET"]),
@@ -209,10 +226,10 @@ def listen(host: str, port: int) -> socket.socket:
     listener = None
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener = Listener(family, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((host, port))
-        listener.listen(128)
+        listener.listen()
     except (OSError, OverflowError, UnicodeError) as error:
         if listener is not None:
             listener.close()
@@ -236,8 +253,10 @@ def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, t
     import uvicorn
 
     return_large_blocks()
+    sys.setswitchinterval(SWITCH)
+    connections = Connections(reserve_descriptors())
     port = line.getsockname()[1]
-    app = build(workspace, host, port)
+    app = build(workspace, host, port, connections=connections)
     shown = f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/?token={app.token}"
     tell(f"The web interface is at {address}")
@@ -245,17 +264,22 @@ def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, t
     tell(f"{others}{'w' if others else 'W'}hoever has the token in it is let in, and may operate the machine.")
     config = uvicorn.Config(
         app,
-        log_level="warning",
+        http=counted_protocol(connections),
+        backlog=BACKLOG,
+        log_config=None,
         access_log=False,
         ws_max_size=2**22,
         timeout_graceful_shutdown=2,
         lifespan="on",
         ws_per_message_deflate=False,
     )
-    server = uvicorn.Server(config)
+    server, log = uvicorn.Server(config), bound_log()
     with tempfile.TemporaryDirectory(prefix="mckibben-") as folder:
         if show:
             webbrowser.open(leading_to(address, Path(folder)))
+        hang_up = getattr(signal, "SIGHUP", None)  # of which uvicorn does not know
+        if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:
+            signal.signal(hang_up, server.handle_exit)
         try:
             server.run(sockets=[line])
         except KeyboardInterrupt:
@@ -263,6 +287,7 @@ def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, t
         finally:
             tell("Venting ..")
             workspace.close()
+            logging.getLogger().removeHandler(log)
 
 
 def leading_to(address: str, folder: Path) -> str:

@@ -9,14 +9,18 @@ import tempfile
 import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..errors import MckibbenError
+from ..errors import InputError, MckibbenError
 from .elements import Element, call_script, page_document
 from .reader import ReaderProcess, is_small
 from .shelf import LARGEST, check_size, plain_name
 from .widgets import box, button, loading, raw, refused, text
 
+if TYPE_CHECKING:
+    from starlette.requests import Request
+
+PART = 2**20  # of an upload that is written at once [B]
 PROGRESS = 0.25  # time between two words on how far a file is read [s]
 AWAY = 5.0  # time for which a page may lose its line before what it reads is stopped [s]
 
@@ -104,6 +108,27 @@ class IncomingFile:
     def content(self) -> bytes:
         """Whole content; for small files."""
         return self.path.read_bytes()
+
+
+async def receive_file(request: Request) -> IncomingFile:
+    """Receive the body of a request, named by its query, as a file; none of it stays in memory.
+
+    Raises:
+        InputError: if it has no room on the disk.
+    """
+    file = IncomingFile(request.query_params.get("name", "file"))
+    with open(file.path, "wb", buffering=0) as stream:
+        part = bytearray()
+        try:
+            async for some in request.stream():
+                part += some
+                if len(part) >= PART:  # in a thread, for a disk may be slow, and a stop must not wait for it
+                    await asyncio.to_thread(stream.write, part)
+                    part = bytearray()
+            await asyncio.to_thread(stream.write, part)
+        except OSError as error:
+            raise InputError("file", file.name, f"cannot be stored: {error.strerror}; nothing was stored") from None
+    return file
 
 
 class UploadPlace:

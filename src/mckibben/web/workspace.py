@@ -163,12 +163,10 @@ class Workspace:
             return {"ok": True, "said": said}
         except InputError as error:
             return {"ok": False, "said": str(error), "field": error.field, "allowed": error.problem}
-        except TypeError as error:
-            if "argument" not in str(error):
-                raise
-            return {"ok": False, "said": f"{action} is given other words than it takes", "field": action}
         except MckibbenError as error:
             return {"ok": False, "said": str(error), "field": None}
+        except (TypeError, ValueError, OverflowError, AttributeError):  # words come from outside, and are of any kind
+            return {"ok": False, "said": f"{action} is given other words than it takes", "field": action}
         finally:
             self.changed()
 

@@ -47,12 +47,13 @@ class EmergencyStop:
     def on_signals(self) -> Iterator[None]:
         """Press the button on Ctrl-C and on termination, within the context; a second signal ends the program.
 
-        In a thread that is not the main one nothing is changed.
+        In a thread that is not the main one nothing is changed; nor is a hang-up that is ignored, as by `nohup`.
         """
         if threading.current_thread() is not threading.main_thread():
             yield
             return
         names = [n for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+        names = [n for n in names if n != "SIGHUP" or signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN]
         before = {name: signal.signal(getattr(signal, name), self._signalled) for name in names}
         try:
             yield

@@ -5,6 +5,7 @@ The page draws and subtracts; what a file means, and where its time begins, is d
 
 from __future__ import annotations
 
+import filecmp
 import functools
 import math
 from collections.abc import Mapping
@@ -24,6 +25,7 @@ from ....recordings.formats import part_options, parts_of
 from ....specimens import Specimen
 from ...reader import check_rows, read_outside
 from ...shelf import plain_name
+from ...transfers import IncomingFile
 from ...workspace import Workspace
 from ..recordings.state import places
 
@@ -77,11 +79,11 @@ def find(workspace: Workspace, name: str) -> Path:
         return workspace.uploads.found(name)
 
 
-def keep(workspace: Workspace, name: str, content: bytes) -> Path:
+def keep(workspace: Workspace, name: str, file: IncomingFile) -> Path:
     """Store an uploaded file with the others; one of the same name and content is used again."""
     path = workspace.uploads.path(plain_name(name))
-    same = path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
-    return path if same else workspace.uploads.store(path.name, content)
+    same = path.is_file() and filecmp.cmp(path, file.path, shallow=False)
+    return path if same else workspace.uploads.store(path.name, file.path)
 
 
 @functools.lru_cache(maxsize=8)
