@@ -29,6 +29,7 @@ what it has slipped from the span X. Creep elements are in parallel with the bra
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,16 +97,17 @@ class MuscleLedger(NamedTuple):
 
 
 class MusclePath(NamedTuple):
-    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa], tension at its end [N].
+    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa].
 
-    The stretch of the tendon at its end is that of a clamp that has not slipped [m]; only a muscle with a clamp needs it.
+    The tension at its end [N] is a function of the muscle's memory there; only a wrap asks for it. The stretch of the tendon
+    at its end is that of a clamp that has not slipped [m]; only a muscle with a clamp needs it.
     """
 
     length: Scalar
     span: Scalar
     start_pressure: Scalar
     end_pressure: Scalar
-    end_tension: Scalar
+    end_tension: Callable[[dict[str, MuscleLedger]], Scalar]
     end_stretch: Scalar = 0.0
 
 
@@ -274,7 +276,9 @@ class MuscleUnit(Module):
             for name, part in self.parts.items()
         }
         if self.wrap is not None:
-            done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
+            ahead = {name: memory[name]._replace(state=new.state) for name, new in done.items()}
+            tension = path.end_tension({**memory, **ahead})
+            done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, tension)
         if self.clamp is not None:
             assert self.tendon is not None
             done["clamp"] = self.clamp.advance(memory["clamp"].state, self.tendon, path.end_stretch)
