@@ -12,6 +12,7 @@ from mckibben.assembly.loads import Body, MomentArm, PlateLoad
 from mckibben.assembly.wrap import Wrap
 from mckibben.engine import Result, Run, held, march
 from mckibben.engine.signals import Value
+from mckibben.muscles.elements import Tendon
 from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.volume import FixedVolume
@@ -24,28 +25,29 @@ compiled = jax.jit(march, static_argnums=(6, 7))  # the number of steps is an ar
 
 
 @functools.cache
-def unit(rubs=True, wrapped=False):
+def unit(rubs=True, wrapped=False, corded=False):
     wrap = Wrap(angle=0.0, friction=0.3) if wrapped else None
+    tendon = Tendon(stiffness=1e5, toe_length=5e-4, loss=0.2) if corded else None
     # Stated, so that no better guess of what is usual moves these tests.
-    return unit_from_specimen("nylon", rubs=rubs, wrap=wrap).replace(viscosity=jnp.asarray(1.0))
+    return unit_from_specimen("nylon", rubs=rubs, wrap=wrap, tendon=tendon).replace(viscosity=jnp.asarray(1.0))
 
 
-def plate(heat=ADIABATIC):
+def plate(heat=ADIABATIC, corded=False):
     """One nylon muscle with friction, whose other end moves as the signal x says."""
-    return single_muscle(unit(), PlateLoad(held=("m",), signal="x"), supply=SUPPLY, heat=heat)
+    return single_muscle(unit(corded=corded), PlateLoad(held=("m",), signal="x"), supply=SUPPLY, heat=heat)
 
 
-def body(heat=ADIABATIC, wrap_angle=0.0, **load):
+def body(heat=ADIABATIC, wrap_angle=0.0, corded=False, **load):
     """One nylon muscle with friction, over a bone, on a body."""
-    wrapped = unit(wrapped=True)
+    wrapped = unit(wrapped=True, corded=corded)
     wrapped = wrapped.replace(wrap=wrapped.wrap.replace(angle=jnp.asarray(wrap_angle, float)))
     return single_muscle(wrapped, Body(held=("m",), signal="push", **load), supply=SUPPLY, heat=heat)
 
 
-def pair(heat=ADIABATIC, **joint):
+def pair(heat=ADIABATIC, corded=False, **joint):
     """Two nylon muscles on a joint, with moment arms that depend on the angle."""
     return antagonist_pair(
-        unit(), unit(), supply=SUPPLY, heat=heat, inertia=2e-3, joint={"signal": "push", **joint},
+        unit(corded=corded), unit(corded=corded), supply=SUPPLY, heat=heat, inertia=2e-3, joint={"signal": "push", **joint},
         flexor_arm=MomentArm(coefficients=jnp.array([0.02, -0.004, -0.003]), span=0.14),
         extensor_arm=MomentArm(coefficients=jnp.array([-0.02, -0.004, 0.003]), span=0.14),
     )  # fmt: skip
@@ -65,14 +67,14 @@ def shared(heat=ADIABATIC):
     )  # fmt: skip
 
 
-def smooth():
+def smooth(corded=False):
     """One muscle without friction on a body; its gas flows one way through restrictions, so nothing has a kink."""
     valve = Orifice(conductance=4e-9)
     load = Body(
         held=("m",), signal="push", start=0.14, mass=3.0, weight=22.0, stiffness=500.0, spring_rest=0.14, damping=8.0
     )
     return single_muscle(
-        unit(rubs=False), load, supply=5e5, valve=(valve, valve), tube=Orifice(conductance=5e-10), port_volume=2e-5,
+        unit(rubs=False, corded=corded), load, supply=5e5, valve=(valve, valve), tube=Orifice(conductance=5e-10), port_volume=2e-5,
         heat=WALL,
     )  # fmt: skip
 

@@ -7,10 +7,10 @@ import jax
 import jax.flatten_util
 import numpy as np
 import pytest
-from machines import PERIOD, at, compiled, constant, plate, smooth, unit
+from machines import PERIOD, ROOM, at, compiled, constant, plate, smooth, unit
 from scipy.linalg import expm
 
-from mckibben.assembly.linearise import LinearModel, Names, linearise, settle
+from mckibben.assembly.linearise import LinearModel, Names, linearise, settle, state_names
 from mckibben.assembly.stiffness import joint_stiffness, memory_stiffness, muscle_stiffness
 from mckibben.engine import ramped
 from mckibben.errors import ConvergenceError, InputError, UnreachableError
@@ -96,7 +96,9 @@ def test_a_small_sine_is_answered_as_the_frequency_response_says(name, frequency
     column = found.names.inputs.index(name)
     orbit = np.linalg.solve(1j * w * np.eye(found.A.shape[0]) - found.A, found.B[:, column])
     flat, back = jax.flatten_util.ravel_pytree(rest.state)
-    ours = moved(back(flat + height * orbit.real), signals(name, height * np.cos(w * time))) / height
+    whole = np.zeros(flat.size)  # with what no taut muscle has
+    whole[[state_names(rest.state).index(one) for one in found.names.states]] = orbit.real
+    ours = moved(back(flat + height * whole), signals(name, height * np.cos(w * time))) / height
     turn = np.exp(1j * w * time)
     theirs = np.stack([(found.response(name, o, frequency)[0] * turn).real for o in OUTPUTS])
     size = np.abs(theirs).max(axis=1, keepdims=True)
@@ -142,8 +144,9 @@ def test_a_response_that_never_falls_has_no_bandwidth():
         flat.bandwidth("u", "y")
 
 
-def on_a_plate(end_mass=0.02, **options):
-    machine = plate()
+def on_a_plate(end_mass=None, **options):
+    """With a cord where an end mass is stated, else tied."""
+    machine = plate(corded=end_mass is not None)
     machine = dataclasses.replace(machine, units={"m": machine.units["m"].replace(end_mass=end_mass)})
     inputs = constant(x=0.142, **{"m.fill": 0.0, "m.vent": 0.0})
     state, memory = machine.initial(dict.fromkeys(machine.circuit.chambers, 4e5), inputs)
@@ -152,11 +155,22 @@ def on_a_plate(end_mass=0.02, **options):
 
 
 def test_a_prescribed_motion_has_a_column_for_its_rate():
-    machine, state, found = on_a_plate()
+    machine, state, found = on_a_plate(end_mass=0.02)
     tendon, tension = machine.units["m"].tendon, float(machine.outputs(*arguments(machine, state))["m.tension"])
     assert found.names.inputs == ("x", "x.rate")
     # beyond its toe the tendon is a spring, and its loss is in proportion to the tension
     assert found.D[0] == pytest.approx([float(tendon.stiffness), float(tendon.loss) * tension], rel=1e-9)
+
+
+def test_a_taut_muscle_that_is_tied_has_no_state_and_pulls_by_law_and_viscosity():
+    machine, state, found = on_a_plate()
+    assert not any(name.startswith("muscles") for name in found.names.states)
+    muscle, gauge = machine.units["m"], 4e5 - ROOM
+    stiff = float(muscle.law.braid_stiffness(0.142, gauge))
+    assert found.D[0] == pytest.approx([stiff, float(muscle.viscosity)], rel=1e-9)
+    _, _, stuck = on_a_plate(friction="stuck")
+    springs = float(np.sum(np.asarray(muscle.friction.stiffness)))
+    assert (stuck.D - found.D)[0] == pytest.approx([springs, 0.0], rel=1e-9)
 
 
 def arguments(machine, state):
@@ -165,8 +179,8 @@ def arguments(machine, state):
 
 
 def test_stuck_friction_is_a_spring_beside_the_braid():
-    machine, state, free = on_a_plate()
-    _, _, stuck = on_a_plate(friction="stuck")
+    machine, state, free = on_a_plate(end_mass=0.02)
+    _, _, stuck = on_a_plate(end_mass=0.02, friction="stuck")
     springs = float(np.sum(np.asarray(unit().friction.stiffness)))
     assert float(memory_stiffness(machine.units["m"], 3e5)) == pytest.approx(springs, rel=1e-12)
     row, column = (free.names.states.index(f"muscles.m.{n}") for n in ("velocity", "length"))

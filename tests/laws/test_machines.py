@@ -36,6 +36,7 @@ from mckibben.pneumatics.exergy import lines_of
 
 TIME = PERIOD * np.arange(SAMPLES + 1)
 HEATS = {"adiabatic": ADIABATIC, "wall": WALL}
+HELD = {"tied": False, "corded": True}
 NOTHING = held(np.zeros(SAMPLES + 1))
 STILL = ramped(np.zeros(SAMPLES + 1))
 
@@ -62,10 +63,10 @@ def test_an_isometric_muscle_filled_and_vented_keeps_its_accounts(heat):
     closes(account)
 
 
-@pytest.mark.parametrize("heat", HEATS)
-def test_a_muscle_moved_by_a_sine_keeps_its_accounts(heat):
+@pytest.mark.parametrize(("heat", "held_by"), [("adiabatic", "tied"), ("wall", "tied"), ("wall", "corded")])
+def test_a_muscle_moved_by_a_sine_keeps_its_accounts(heat, held_by):
     x = {"x": ramped(0.135 + 0.008 * np.sin(2.0 * np.pi * 8.0 * TIME))}
-    run, account = go(plate(HEATS[heat]), ROOM, step_up_and_down() | x)
+    run, account = go(plate(HEATS[heat], HELD[held_by]), ROOM, step_up_and_down() | x)
     assert run.outputs["m.slack"].max() == 1.0 and run.outputs["m.tension"].max() > 50.0  # through slack, and back
     assert account.dissipated > 1e-3
     closes(account)
@@ -80,19 +81,20 @@ LOADS = {
 }
 
 
+@pytest.mark.parametrize("held_by", HELD)
 @pytest.mark.parametrize("load", LOADS)
-def test_a_muscle_that_moves_a_load_keeps_its_accounts(load):
-    run, account = go(body(**LOADS[load]), ROOM, step_up_and_down() | {"push": STILL})
+def test_a_muscle_that_moves_a_load_keeps_its_accounts(load, held_by):
+    run, account = go(body(**LOADS[load], corded=HELD[held_by]), ROOM, step_up_and_down() | {"push": STILL})
     assert np.ptp(run.outputs["load.position"]) > 1e-3  # the load was moved
     closes(account)
 
 
-@pytest.mark.parametrize("heat", HEATS)
-def test_an_antagonist_pair_keeps_its_accounts(heat):
+@pytest.mark.parametrize(("heat", "held_by"), [("adiabatic", "tied"), ("wall", "tied"), ("wall", "corded")])
+def test_an_antagonist_pair_keeps_its_accounts(heat, held_by):
     signals = step_up_and_down("flexor") | {
         "extensor.fill": switched(0.3, 40, 90), "extensor.vent": switched(0.5, 150, 230), "push": STILL,
     }  # fmt: skip
-    run, account = go(pair(HEATS[heat], damping=0.01), 2e5, signals)
+    run, account = go(pair(HEATS[heat], HELD[held_by], damping=0.01), 2e5, signals)
     assert np.ptp(run.outputs["load.angle"]) > 0.2
     closes(account)
     exergy_closes(account)
@@ -151,7 +153,7 @@ def smooth_signals():
 
 def ends(run):
     flat, _ = jax.flatten_util.ravel_pytree(run.state)
-    return np.asarray(flat)
+    return np.asarray(flat)[np.asarray(flat) != 0.0]  # a taut muscle that is tied does not sag
 
 
 def order(values, steps):
@@ -159,9 +161,10 @@ def order(values, steps):
     return np.polyfit(np.log2(steps[:-1]), np.log2(errors), 1)[0], errors
 
 
-def test_order_4_where_all_is_smooth():
+@pytest.mark.parametrize("held_by", HELD)
+def test_order_4_where_all_is_smooth(held_by):
     steps = [5e-4, 2.5e-4, 1.25e-4, 3.125e-5]  # the tendon's mode is stable up to 1.2 ms; at 50 us all is rounding
-    runs = [go(smooth(), SMOOTH_START, smooth_signals(), step=h, samples=SMOOTH_SAMPLES)[0] for h in steps]
+    runs = [go(smooth(HELD[held_by]), SMOOTH_START, smooth_signals(), step=h, samples=SMOOTH_SAMPLES)[0] for h in steps]
     out = runs[-1].outputs
     assert out["m.tension"].min() > 26.0 and np.min(out["m.port.pressure_abs"] - out["m.pressure_abs"]) > 5e3
     found, errors = order([ends(r) for r in runs], steps)
@@ -199,7 +202,8 @@ def independent(machine):
         return size * 1.185 * np.sqrt(293.15 / t1) * p1 * np.sqrt(1.0 - ((ratio - 0.35) / 0.65) ** 2)
 
     def rate(_, y):
-        m1, p1, m2, p2, length, v, x, u = y
+        m1, p1, m2, p2, *mechanics = y
+        length, v, x, u = mechanics if len(mechanics) == 4 else 2 * mechanics  # tied, the braid goes as its span
         force, volume, by_length, by_pressure = (float(q) for q in law(length, p2 - ROOM))
         t1, t2 = p1 * 2e-5 / (m1 * gas), p2 * volume / (m2 * gas)
         fill = flow(0.05 * 4e-9, 5e5 + ROOM, warm, p1)
@@ -207,29 +211,31 @@ def independent(machine):
         gain1 = cp * (fill * warm - (vent + tube) * t1) + 0.2 * (warm - t1)
         gain2 = cp * tube * t1 + 0.2 * (warm - t2)
         p2_rate = ((gamma - 1.0) * gain2 - gamma * p2 * by_length * v) / (volume + gamma * p2 * by_pressure)
-        stretch = x - length
-        tension = 1e5 * (stretch - 2.5e-4) * (1.0 + 0.2 * (u - v))
+        stretch, resisting = x - length, force + 1.0 * v
+        tension = resisting if len(mechanics) == 2 else 1e5 * (stretch - 2.5e-4) * (1.0 + 0.2 * (u - v))
         pull = 22.0 + 8.0 - 500.0 * (x - 0.14) - 8.0 * u - tension
+        own = [v, (tension - resisting) / 0.02] if len(mechanics) == 4 else []
         return [
-            fill - vent - tube, (gamma - 1.0) * gain1 / 2e-5, tube, p2_rate, v,
-            (tension - force - 1.0 * v) / 0.02, u, pull / float(load.mass),
+            fill - vent - tube, (gamma - 1.0) * gain1 / 2e-5, tube, p2_rate, *own, u, pull / float(load.mass),
         ]  # fmt: skip
 
     return rate
 
 
+@pytest.mark.parametrize("held_by", HELD)
 @pytest.mark.slow  # a stiff solver in Python
-def test_agreement_with_radau_on_the_equations_written_a_second_time():
-    machine, signals = smooth(), smooth_signals()
+def test_agreement_with_radau_on_the_equations_written_a_second_time(held_by):
+    machine, signals = smooth(HELD[held_by]), smooth_signals()
     (state, _) = machine.initial(SMOOTH_START, at(signals, 0))
     run, _ = go(machine, SMOOTH_START, signals, samples=SMOOTH_SAMPLES)
 
     def gathered(s):
         c, m, b = s["circuit"], s["muscles"]["m"], s["load"]
-        return [c["mass"]["m.port"], c["pressure"]["m.port"], c["mass"]["m"], c["pressure"]["m"], *m, *b]
+        own = () if held_by == "tied" else m
+        return [c["mass"]["m.port"], c["pressure"]["m.port"], c["mass"]["m"], c["pressure"]["m"], *own, *b]
 
     begin = [float(v) for v in gathered(state)]
-    assert begin[6] - begin[4] > 5e-4  # beyond the tendon's toe
+    assert held_by == "tied" or begin[6] - begin[4] > 5e-4  # beyond the tendon's toe
     found = solve_ivp(
         independent(machine), (0.0, PERIOD * SMOOTH_SAMPLES), begin, method="Radau", rtol=1e-9,
         atol=1e-10 * np.abs(np.array(begin) + 1e-6),
@@ -240,15 +246,19 @@ def test_agreement_with_radau_on_the_equations_written_a_second_time():
 
 # ---- what machines must do
 
+CORDS = {"tied": None, "corded": unit(corded=True).tendon}
+
 
 def test_a_taut_or_slack_braid_starts_at_rest():
     """The equilibrium is one: no rate, or slack at the free length."""
     rng = np.random.default_rng(3)
-    for muscle in (unit(), unit_from_specimen("nylon", law="thick_wall", rubs=False)):
+    thick = {name: unit_from_specimen("nylon", law="thick_wall", rubs=False, tendon=cord) for name, cord in CORDS.items()}
+    for muscle in (unit(), unit(corded=True), *thick.values()):
         for span, gauge in zip(rng.uniform(0.10, 0.165, 12), rng.uniform(-5e4, 5e5, 12), strict=True):
             found = muscle.equilibrium(span, gauge)
-            pull = float(muscle.tendon.force(span - found.length))
             inner = float(muscle.law.braid_tension(found.length, gauge))
+            tied = max(inner, 0.0) if found.length == span else 0.0
+            pull = tied if muscle.tendon is None else float(muscle.tendon.force(span - found.length))
             lowest, longest = (float(v) for v in muscle.law.length_range())
             assert lowest <= float(found.length)
             if abs(inner - pull) > 1e-8:  # 1e5 N/m times the rounding of a length
@@ -256,17 +266,21 @@ def test_a_taut_or_slack_braid_starts_at_rest():
                 assert pull == 0.0 and inner <= 0.0 and float(found.length) == pytest.approx(max(longest, span))
 
 
-def test_a_machine_in_equilibrium_has_no_rate():
-    machine = plate()
-    inputs = constant(x=0.142, **{"m.fill": 0.0, "m.vent": 0.0})
-    state, memory = machine.initial(dict.fromkeys(machine.circuit.chambers, 4e5), inputs)
-    rate = machine.rate(state, memory, inputs)
-    assert abs(float(rate["muscles"]["m"].velocity)) * 0.02 < 1e-8  # [N], beside 60 N
+@pytest.mark.parametrize("x", [0.142, 0.125])
+@pytest.mark.parametrize("held_by", HELD)
+def test_a_machine_in_equilibrium_has_no_rate(held_by, x):
+    machine = plate(corded=HELD[held_by])
+    inputs = constant(x=x, **{"m.fill": 0.0, "m.vent": 0.0})
+    state, memory = machine.initial(dict.fromkeys(machine.circuit.chambers, 1.7e5), inputs)
+    assert (float(machine.outputs(state, memory, inputs)["m.slack"]) == 1.0) == (x == 0.125)
+    rate, resisting = machine.rate(state, memory, inputs), 0.02 if HELD[held_by] else 8.0
+    assert abs(float(rate["muscles"]["m"][-1])) * resisting < 1e-8  # [N], beside 60 N
     assert all(float(v) == 0.0 for v in rate["circuit"]["mass"].values())
 
 
-def test_a_wrapped_muscle_slides_at_the_capstan_ratio_and_holds_within_it():
-    machine = body(mass=1.0, weight=20.0, start=0.14, wrap_angle=1.2, damping=10.0)
+@pytest.mark.parametrize("held_by", HELD)
+def test_a_wrapped_muscle_slides_at_the_capstan_ratio_and_holds_within_it(held_by):
+    machine = body(mass=1.0, weight=20.0, start=0.14, wrap_angle=1.2, damping=10.0, corded=HELD[held_by])
     push = {"push": ramped(60.0 * np.sin(2.0 * np.pi * 12.0 * TIME))}
     run, account = go(machine, 3e5, push | {"m.fill": NOTHING, "m.vent": NOTHING})
     own, felt, speed = (run.outputs[n] for n in ("m.tension", "m.load_tension", "load.velocity"))
@@ -304,8 +318,8 @@ def test_work_in_equals_work_out_and_losses_in_a_pair_that_is_turned():
     closes(account)
 
 
-def settled_pair(gauge):
-    machine = pair()
+def settled_pair(gauge, held_by="tied"):
+    machine = pair(corded=HELD[held_by])
     inputs = constant(push=0.0, **{f"{n}.{v}": 0.0 for n in ("flexor", "extensor") for v in ("fill", "vent")})
     state, memory = machine.initial(dict.fromkeys(machine.circuit.chambers, gauge + ROOM), inputs)
     return machine, state, memory, inputs
@@ -330,23 +344,26 @@ def test_a_pair_gets_stiffer_with_co_contraction_at_the_same_angle():
     )
 
 
-def test_the_stiffness_of_a_joint_is_the_moment_that_a_small_angle_needs():
-    machine, state, memory, inputs = settled_pair(3e5)
+@pytest.mark.parametrize("held_by", HELD)
+def test_the_stiffness_of_a_joint_is_the_moment_that_a_small_angle_needs(held_by):
+    machine, state, memory, inputs = settled_pair(3e5, held_by)
 
     def moment(angle):
         total = 0.0
         for name, arm in machine.load.arms.items():
             muscle, span = machine.units[name], float(arm.at(angle))
-            total -= float(arm.arm(angle)) * float(muscle.tendon.force(span - muscle.equilibrium(span, 3e5).length))
+            pull = muscle.law.tension(muscle.equilibrium(span, 3e5).length, 3e5)
+            total -= float(arm.arm(angle)) * float(pull)
         return total
 
     by_hand = (moment(1e-4) - moment(-1e-4)) / 2e-4
     assert joint_stiffness(machine, state, memory, inputs).relaxed_at_pressure == pytest.approx(by_hand, rel=1e-6)
 
 
-def test_the_stiffness_of_a_closed_muscle_is_the_force_of_an_adiabatic_stretch():
-    machine, state, memory, inputs = settled_pair(3e5)
-    muscle, at_rest = machine.units["flexor"], state["muscles"]["flexor"].length
+@pytest.mark.parametrize("held_by", HELD)
+def test_the_stiffness_of_a_closed_muscle_is_the_force_of_an_adiabatic_stretch(held_by):
+    machine, state, memory, inputs = settled_pair(3e5, held_by)
+    muscle, at_rest = machine.units["flexor"], machine.motions(state, memory, inputs)["flexor"].length
     p0, m = (float(state["circuit"][k]["flexor"]) for k in ("pressure", "mass"))
     whole = m * float(machine.circuit.gas.gas_constant) * 293.15 / p0
     own = float(muscle.law.braid_volume(at_rest, p0 - ROOM))
@@ -359,7 +376,7 @@ def test_the_stiffness_of_a_closed_muscle_is_the_force_of_an_adiabatic_stretch()
         return float(muscle.law.braid_tension(at_rest + stretch, p - ROOM))
 
     braid = (force(1e-5) - force(-1e-5)) / 2e-5
-    in_series = 1.0 / (1.0 / braid + 1.0 / 1e5)  # the tendon is beyond its toe
+    in_series = 1.0 / (1.0 / braid + (1e-5 if HELD[held_by] else 0.0))  # the tendon is beyond its toe
     found = muscle_stiffness(machine, state, memory, inputs, "flexor")
     assert found.relaxed_at_mass == pytest.approx(in_series, rel=1e-6)
 

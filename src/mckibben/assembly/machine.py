@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -364,6 +364,12 @@ class Machine(System):
             duration,
         )
         before, after = (self.load.spans(moment.state["load"], moment.inputs) for moment in (start, end))
+        held = self.held_spans(after, memory)
+
+        def tension(name: str) -> Callable[[Any], Scalar]:
+            at, gauge = end.state["muscles"][name], self.gauge(end.state, name)
+            return lambda kept: self.units[name].motion(at, kept, gauge, *held[name]).tension
+
         muscles = {
             name: unit.advance_memory(
                 memory["muscles"][name],
@@ -372,7 +378,7 @@ class Machine(System):
                     after[name].span - before[name].span,
                     self.gauge(start.state, name),
                     self.gauge(end.state, name),
-                    last[name].tension,
+                    tension(name),
                     0.0 if unit.tendon is None else after[name].span - last[name].length - unit.tendon.slack_length,
                 ),
                 duration,

@@ -29,6 +29,7 @@ what it has slipped from the span X. Creep elements are in parallel with the bra
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ from ..engine.native import call_compiled
 from ..errors import InputError
 from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw
-from ..quantities import as_array, quantity
+from ..quantities import as_array, quantity, with_unit
 from .clamp import Clamp
 from .loads.load import Restraint
 from .wrap import Wrap
@@ -95,16 +96,17 @@ class MuscleLedger(NamedTuple):
 
 
 class MusclePath(NamedTuple):
-    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa], tension at its end [N].
+    """A piece of the motion: changes of length and span [m], gauge pressure at its ends [Pa].
 
-    The stretch of the tendon at its end is that of a clamp that has not slipped [m]; only a muscle with a clamp needs it.
+    The tension at its end [N] is a function of the muscle's memory there; only a wrap asks for it. The stretch of the tendon
+    at its end is that of a clamp that has not slipped [m]; only a muscle with a clamp needs it.
     """
 
     length: Scalar
     span: Scalar
     start_pressure: Scalar
     end_pressure: Scalar
-    end_tension: Scalar
+    end_tension: Callable[[dict[str, MuscleLedger]], Scalar]
     end_stretch: Scalar = 0.0
 
 
@@ -128,7 +130,11 @@ class MuscleUnit(Module):
         "N*s/m", (0.0, 1e4), "further damping beyond the longest length", symbol="cs", default=100.0
     )
     slack_damping: Scalar = quantity(
-        "N*s/m", (1e-6, 1e6), "against which a slack braid comes to its free length", symbol="eta", default=None
+        "N*s/m",
+        (1e-6, 1e6),
+        "resistance of the slack braid on its way to the length that it has alone",
+        symbol="eta",
+        default=None,
     )
 
     def __check_init__(self) -> None:
@@ -144,6 +150,15 @@ class MuscleUnit(Module):
             known["slack_damping"] = None
             if known["end_mass"] is None:
                 known["end_mass"] = as_array(END_MASS)
+
+    @property
+    def mounting(self) -> str:
+        """How it is held, one phrase."""
+        if self.tendon is None:
+            return "tied to its anchors"
+        if is_traced(self.tendon.stiffness) or np.ndim(self.tendon.stiffness):
+            return "by a tendon"
+        return f"by a tendon of {with_unit(float(self.tendon.stiffness), 'N/m')}"
 
     @property
     def parts(self) -> dict[str, MemoryElement]:
@@ -253,7 +268,9 @@ class MuscleUnit(Module):
             for name, part in self.parts.items()
         }
         if self.wrap is not None:
-            done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, path.end_tension)
+            ahead = {name: memory[name]._replace(state=new.state) for name, new in done.items()}
+            tension = path.end_tension({**memory, **ahead})
+            done["wrap"] = self.wrap.advance(memory["wrap"].state, path.span, tension)
         if self.clamp is not None:
             assert self.tendon is not None
             done["clamp"] = self.clamp.advance(memory["clamp"].state, self.tendon, path.end_stretch)

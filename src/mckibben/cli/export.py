@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ..assembly.assumptions import table
 from ..errors import InputError
 from ._terminal import Json, caution, print_json
 
@@ -39,6 +40,13 @@ def export_part(
             help="Span of every muscle at the start, such as '14 cm'; 0.9 of the rest length by default.",
         ),
     ] = None,
+    tendon: Annotated[
+        str | None,
+        typer.Option(
+            metavar="STIFFNESS",
+            help="Stiffness of a tendon between each muscle and the mechanism, such as '100 N/mm'; none by default.",
+        ),
+    ] = None,
     substep: Annotated[str, typer.Option(metavar="TIME", help="Largest step of the muscle's physics.")] = "50 us",
     out: Annotated[
         Path | None,
@@ -54,12 +62,13 @@ def export_part(
     from ..hosts.export import export_cautions
 
     try:
-        part = part_of(source, supply=supply, valve=valve, span=span, substep=substep)
+        part = part_of(source, supply=supply, valve=valve, span=span, substep=substep, tendon=tendon)
         files = export(part, target, Path(name) if out is None else out, name=name)
     except InputError as error:
         options = {
             "supply": "--supply",
             "valve": "--valve",
+            "tendon": "--tendon",
             "substep": "--substep",
             "target": "--for",
             "name": "--name",
@@ -75,6 +84,8 @@ def export_part(
                 "files": [str(path) for path in files],
                 "muscles": list(part.muscles),
                 "commands": list(part.commands),
+                "mounting": part.mounting,
+                "assumptions": table(part.assumptions),
                 "smallest_mass_kg": {f"{h!r}": mass for h, mass in masses.items()},
                 "warnings": list(warnings),
             }
@@ -84,5 +95,6 @@ def export_part(
         typer.echo(str(path))
     commands = ", ".join(part.commands) or "none"
     typer.echo(f"Muscles {', '.join(part.muscles)}; commands {commands}.")
+    typer.echo(f"Held and assumed: {part.statement}.")
     felt = ", ".join(f"{1e3 * mass:.3g} g at {1e3 * h:g} ms" for h, mass in masses.items())
     typer.echo(f"Estimate of the smallest mass at the end of a muscle that an explicit step can move: {felt}.")

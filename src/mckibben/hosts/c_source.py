@@ -38,7 +38,7 @@ UNITS_OF_OUTPUTS = {
     "volume": ("m^3", "volume of the braid"),
     "temperature": ("K", "temperature of the gas"),
     "friction": ("N", "friction and creep of the braid, positive when they oppose lengthening"),
-    "slack": ("1", "1 where the tendon is slack, else 0"),
+    "slack": ("1", "1 where the muscle is slack, else 0"),
     "work": ("J", "work of the host on the muscle since the start"),
     "rate_bound": ("1/s", "bound of the fastest mode"),
     "sound": ("1", "1 where the step can be relied on, else a code that says why not"),
@@ -48,6 +48,7 @@ UNITS_OF_STATES = {
     "pressure": ("Pa", "absolute pressure of the gas"),
     "length": ("m", "length of the braid"),
     "velocity": ("m/s", "rate of the braid's length"),
+    "sag": ("m", "length of the braid beyond its span, 0 while it is taut"),
 }
 
 
@@ -142,7 +143,7 @@ def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False)
         mode=MODE,
         values=defaults,
         about=about.comment,
-        title=part.title,
+        title=f"{part.title}; {part.statement}",
         extern=("rest", "observe", "derivatives", "complete"),
     )
     variables = tuple(about.variables(library.structs, defaults, functions))

@@ -1,7 +1,7 @@
 """Muscles with their air as a part of another program: spans in, mean tensions out.
 
-The border is the tendon. The end mass of a muscle makes tension and slack a state, so that nothing algebraic crosses, and
-the part has substeps of its own. In one call for a step h of the host, it
+The border is the end of the muscle, or of its tendon where it has one. Whether it is taut or slack is its own state, so that
+nothing algebraic crosses, and the part has substeps of its own. In one call for a step h of the host, it
 
 1. ramps each span from where the last ramp ended to ``span + ahead * rate``, ``ahead`` being h, or h/2 where the host's
    rates are half a step older than its positions, as those of a semi-implicit Euler method are (a staggered host);
@@ -9,7 +9,7 @@ the part has substeps of its own. In one call for a step h of the host, it
 3. returns the mean tension over the step, with which the host is to step its mechanism, and whether it is sound: where an
    energy balance does not close, it takes its own steps again, shorter ones, before it says so.
 
-The ramp is continuous, so that the stiff cord is never shocked, and on a straight ramp mean tension times displacement is
+The ramp is continuous, so that braid and cord are never shocked, and on a straight ramp mean tension times displacement is
 the work exactly. The coupling is of second order in h, through slack and snap too.
 
 A command acts at once and holds; in a staggered host, whose step begins and ends half a step earlier, it is the mean of old
@@ -252,7 +252,7 @@ class PartOutputs(NamedTuple):
 
 
 def rest(part: HostedMuscles, inputs: HostInputs) -> PartState:
-    """State at rest at the spans and commands of a moment: every braid balances its tendon, friction is relaxed."""
+    """State at rest at the spans and commands of a moment: every braid is in balance, friction is relaxed."""
     machine = part.machine
     room = machine.environment.pressure_abs
     pressures = {name: gauge + room for name, gauge in part.start.items()}

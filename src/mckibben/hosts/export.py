@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..assembly.assumptions import table
 from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..extras import library
@@ -63,6 +64,8 @@ def describe(source: PartSource) -> dict[str, JsonValue]:
         "made_by": f"mckibben {versions()['mckibben']}",
         "muscles": list(part.muscles),
         "commands": list(part.commands),
+        "mounting": part.mounting,
+        "assumptions": table(part.assumptions),
         "smallest_mass_kg": {f"{h:g} s": mass for h, mass in part.smallest_masses().items()},
         **{group: [_described(v) for v in source.of(group)] for group in ("parameters", "state", "inputs", "outputs")},
     }

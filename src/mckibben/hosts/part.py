@@ -23,19 +23,31 @@ from typing import Any
 import numpy as np
 
 from .._jax import jax
+from ..assembly.assumptions import Assumption, of_unit
 from ..assembly.build import unit_from_specimen
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
+from ..assembly.muscle_unit import MuscleUnit
 from ..components import paths
 from ..documents import parse_toml, read_text
 from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import ConvergenceError, InputError
+from ..muscles.elements import Tendon
 from ..quantities import Quantity
 from ..simulation.air import Air, air_circuit
-from ..simulation.mechanisms import WORKING_SHARE, Amount, AnyMuscle, in_si, muscle_unit, rest_length
+from ..simulation.mechanisms import (
+    USUAL_SPAN,
+    WORKING_SHARE,
+    Amount,
+    AnyMuscle,
+    TendonOption,
+    in_si,
+    muscle_unit,
+    rest_length,
+)
 from ..specimens import specimen
 from .coupling import (
     OF_MUSCLES,
@@ -96,12 +108,16 @@ class Part:
         pressure: gauge pressure at the start [Pa], one for all or by muscle; none by default.
         substep: largest step of the physics [s].
         title: of what is made of it; names the muscles by default.
+        tendon: between each muscle and the mechanism, one for all or by muscle: a `Tendon` or its stiffness [N/m]; none by
+            default, so that the muscles are tied to their anchors.
 
     Attributes:
         muscles: names of the muscles.
         commands: names of the commands.
         hosted: parameters and equations.
         span: span of each muscle at the start [m].
+        mounting: how the muscles are held, one phrase.
+        assumptions: numbers that nobody stated, each with where it comes from.
 
     Raises:
         InputError: names what does not fit.
@@ -116,9 +132,14 @@ class Part:
         pressure: Amount | Mapping[str, Amount] | None = None,
         substep: Amount = SUBSTEP,
         title: str = "",
+        tendon: TendonOption | Mapping[str, TendonOption] = None,
     ) -> None:
         named = dict(muscles) if isinstance(muscles, Mapping) else {"muscle": muscles}
-        units = {name: muscle_unit(muscle, name) for name, muscle in named.items()}
+        tendons = dict(tendon) if isinstance(tendon, Mapping) else dict.fromkeys(named, tendon)
+        for name in tendons:
+            if name not in named:
+                raise InputError("tendon", name, known=tuple(named))
+        units = {name: muscle_unit(muscle, name, tendons.get(name)) for name, muscle in named.items()}
         usual = {name: WORKING_SHARE * rest_length(muscle, units[name]) for name, muscle in named.items()}
         for name in units:
             if not name.isidentifier():
@@ -132,7 +153,8 @@ class Part:
             node: starts.get(self.air.feeding.get(node, node), self.air.starts.get(node, 0.0))
             for node in machine.circuit.chambers
         }
-        self.span: dict[str, float] = {**usual, **_by_muscle(span, "m", "span", units)}
+        stated = _by_muscle(span, "m", "span", units)
+        self.span: dict[str, float] = {**usual, **stated}
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
         )
@@ -140,6 +162,21 @@ class Part:
         settled = {command: starts[muscle] for command, muscle in self.air.settles.items()}
         self.command: dict[str, float] = {**dict.fromkeys(self.commands, 0.0), **self.air.begins, **settled}
         self.title = title or f"{' and '.join(units)} with air"
+        ways = {name: unit.mounting for name, unit in units.items()}
+        same = len(set(ways.values())) == 1
+        self.mounting = "; ".join(f"{n} {way}" for n, way in ways.items())
+        if same:
+            self.mounting = f"{' and '.join(ways)} {next(iter(ways.values()))}"
+            if len(ways) > 1:
+                self.mounting = self.mounting.replace("its anchors", "their anchors")
+        made = list(self.air.assumptions)
+        for name, muscle in named.items():
+            if not isinstance(muscle, MuscleUnit):
+                cord = tendons.get(name)
+                made += of_unit(name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon))
+            if name not in stated:
+                made.append(Assumption(f"span of {name}", usual[name], "m", USUAL_SPAN))
+        self.assumptions = tuple(made)
         self._prepare()
 
     @classmethod
@@ -149,13 +186,15 @@ class Part:
         *,
         span: Amount | Mapping[str, Amount] | None = None,
         substep: Amount = SUBSTEP,
+        tendon: TendonOption | Mapping[str, TendonOption] = None,
     ) -> Part:
-        """The part that a circuit file describes: each node of the kind ``muscle`` gets friction and a tendon.
+        """The part that a circuit file describes: each node of the kind ``muscle`` gets the friction of its specimen.
 
         Args:
             path: the file; the lengths that it states or moves are spans of the start, which the other program then gives.
             span: as for a part.
             substep: as for a part.
+            tendon: as for a part.
 
         Raises:
             InputError: the file is no circuit, or has no muscle.
@@ -174,7 +213,7 @@ class Part:
         if not units:
             raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
         spans = usual | _by_muscle(span, "m", "span", units)
-        return cls(units, plan, span=spans, substep=substep, title=plan.title)
+        return cls(units, plan, span=spans, substep=substep, title=plan.title, tendon=tendon)
 
     def _prepare(self) -> None:
         inputs = self.inputs(self.span, dict.fromkeys(self.muscles, 0.0), self.command)
@@ -196,7 +235,13 @@ class Part:
         self._Outputs: Any = _observation_type(names)
 
     def __repr__(self) -> str:
-        return f"Part({', '.join(self.muscles)}; commands {', '.join(self.commands)})"
+        return f"Part({', '.join(self.muscles)}; commands {', '.join(self.commands)}; {self.statement})"
+
+    @property
+    def statement(self) -> str:
+        """How the muscles are held, and what was assumed, for the sources and descriptions of hosts."""
+        assumed = ", ".join(map(str, self.assumptions)) or "nothing"
+        return f"{self.mounting}; assumed: {assumed}"
 
     def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
         """The inputs of a moment as a tree."""
@@ -423,6 +468,7 @@ def part_of(
     valve: str | None = None,
     span: Amount | None = None,
     substep: Amount = SUBSTEP,
+    tendon: TendonOption = None,
 ) -> Part:
     """The part that a word names: a circuit file with muscles, or a specimen with usual air.
 
@@ -432,6 +478,7 @@ def part_of(
         valve: valve of a specimen; that of `Air` by default.
         span: span of every muscle at the start [m].
         substep: largest step of the physics [s].
+        tendon: between each muscle and the mechanism; none by default.
 
     Raises:
         InputError: it is neither, or a circuit file, which states its own air, has more stated for it.
@@ -442,9 +489,9 @@ def part_of(
     if path.suffix == ".toml" and path.is_file() and "nodes" in parse_toml(read_text(path), where=str(path)):
         for name, value in stated.items():
             raise InputError(name, str(value), "must be left out for a circuit file, which states its own air")
-        return Part.from_circuit(path, span=span, substep=substep)
+        return Part.from_circuit(path, span=span, substep=substep, tendon=tendon)
     title = f"{specimen(os.fspath(source)).id} with air"
-    return Part(os.fspath(source), Air(**stated), span=span, substep=substep, title=title)
+    return Part(os.fspath(source), Air(**stated), span=span, substep=substep, title=title, tendon=tendon)
 
 
 def _observation_type(names: list[str]) -> Any:

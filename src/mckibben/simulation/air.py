@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._jax import Tree
+from ..assembly.assumptions import Assumption, inferred
 from ..assembly.build import INFERRED, LINE_VALVE, AirLine, circuit_for, is_line_valve
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
@@ -32,6 +33,9 @@ from .stepping import CommandInput
 REGULATOR = "regulator"  # a valve that is none of a catalogue: a fast proportional regulator of usual size
 REGULATOR_BAND = 0.2e5  # error at which it is fully open [Pa]
 REGULATOR_LAG = 2e-3  # [s]
+USUAL_TUBE = INFERRED["tube_length"].value, INFERRED["tube_diameter"].value  # [m]
+USUAL_PORT = INFERRED["port_volume"].value  # [m^3]
+USUAL_HEAT = INFERRED["heat_conductance"].value  # [W/K]
 
 
 class AirCircuit(NamedTuple):
@@ -46,6 +50,7 @@ class AirCircuit(NamedTuple):
         settles: commands that begin at the gauge pressure of a muscle, by the muscle's name.
         environment: the surroundings.
         document: what a recording says of it.
+        assumptions: what was left at a default.
     """
 
     circuit: Circuit
@@ -56,6 +61,7 @@ class AirCircuit(NamedTuple):
     settles: dict[str, str]
     environment: Environment
     document: dict[str, Any]
+    assumptions: tuple[Assumption, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,16 +71,18 @@ class Air:
         mk.Air(supply="6 bar", valve="mpye-5-1/8", tube=("1 m", "4 mm"))
 
     The name of a muscle commands its valve: ``sim.step(flexor=0.3)``. A spool valve fills from 0 to 1 and vents from 0 to
-    -1, a 3/2 valve fills at 1, a regulator takes the gauge pressure [Pa]. Parts left out have usual, inferred sizes.
+    -1, a 3/2 valve fills at 1, a regulator takes the gauge pressure [Pa]. What is left at its default is among the
+    `assumptions` of a simulation.
 
     Args:
         supply: gauge pressure [Pa].
         valve: id of a published valve, such as ``"MPYE-5-1-8-LF"`` (without LF or HF, the one of low flow); ``"regulator"``
-            for a fast proportional regulator of usual size; the path of a specimen's file; a class in a file such as
-            ``"my.py:MyValve"``; or an element with the ports supply, work and exhaust.
+            for a fast proportional regulator (105 l/min at 6.9 bar, fully open at an error of 0.2 bar, lag 2 ms); the path
+            of a specimen's file; a class in a file such as ``"my.py:MyValve"``; or an element with the ports supply, work
+            and exhaust.
         tube: length and bore [m] of the tube from each valve to its muscle, the bore perhaps by the name of a tube such as
             ``"PU-4x2"``; or an element with two ports.
-        port_volume: between valve and tube [m^3].
+        port_volume: between valve and tube [m^3]; None for the default, as for tube and heat.
         heat: how the gas in ports and muscles exchanges heat: a conductance of the wall [W/K], or a model of heat.
         environment: the room.
 
@@ -86,9 +94,9 @@ class Air:
 
     supply: Amount = 6e5
     valve: str | FlowElement = "MPYE-5-1-8-LF"
-    tube: tuple[Amount, Amount] | FlowElement | None = None
-    port_volume: Amount | None = None
-    heat: Amount | HeatModel | None = None
+    tube: tuple[Amount, Amount] | FlowElement | None = USUAL_TUBE
+    port_volume: Amount | None = USUAL_PORT
+    heat: Amount | HeatModel | None = USUAL_HEAT
     environment: Environment | None = None
 
     def build(self, units: Mapping[str, MuscleUnit]) -> AirCircuit:
@@ -118,7 +126,27 @@ class Air:
             settles={name: name for name in units} if unit == "Pa" else {},
             environment=room,
             document=self._document(supply),
+            assumptions=self._assumptions(),
         )
+
+    def _assumptions(self) -> tuple[Assumption, ...]:
+        made = [
+            inferred(f"air.{name.replace('_', '.') if name.startswith('tube') else name}", name)
+            for name, left in (
+                ("tube_length", self.tube is None or self.tube == USUAL_TUBE),
+                ("tube_diameter", self.tube is None or self.tube == USUAL_TUBE),
+                ("port_volume", self.port_volume in (None, USUAL_PORT)),
+                ("heat_conductance", self.heat is None or self.heat == USUAL_HEAT),
+            )
+            if left
+        ]
+        if self.valve == REGULATOR:
+            made += [
+                inferred("air.valve.flow", "valve_flow"),
+                Assumption("air.valve.band", REGULATOR_BAND, "Pa", "error of the pressure at which it is fully open"),
+                Assumption("air.valve.lag", REGULATOR_LAG, "s", "lag of its set-point"),
+            ]
+        return tuple(made)
 
     def _valve(self) -> FlowElement:
         if not isinstance(self.valve, str):

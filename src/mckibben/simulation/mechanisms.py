@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.build import unit_from_muscle, unit_from_specimen
+from ..assembly.assumptions import Assumption, of_unit
+from ..assembly.build import test_cord, unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
+from ..assembly.loads.joint import STOP_STIFFNESS
 from ..assembly.muscle_unit import MuscleUnit
 from ..errors import InputError
 from ..muscles import Muscle
+from ..muscles.elements import Tendon
 from ..quantities import declared, parse
 from ..specimens import Specimen, muscle_specimen
 from .stepping import CommandInput
@@ -26,10 +29,14 @@ Amount = float | str
 StartPressure = Amount | Mapping[str, Amount]  # of all muscles, or by muscle
 """A number in the SI unit, or words with a unit."""
 
+TendonOption = Tendon | Amount | None
+"""A tendon, its stiffness [N/m], or None for a muscle that is tied to its anchors."""
+
 AnyMuscle = Any
 """Id or file of a specimen, a `Specimen`, a `Muscle`, or a `MuscleUnit`."""
 
 GRAVITY = 9.80665  # [m/s^2]
+USUAL_SPAN = "nine tenths of the rest length"
 WORKING_SHARE = 0.9  # of its rest length: where a muscle stands at angle zero unless stated otherwise
 
 
@@ -50,18 +57,26 @@ def in_si(value: Amount, unit: str, field: str) -> float:
     return number
 
 
-def muscle_unit(muscle: AnyMuscle, field: str = "muscle") -> MuscleUnit:
-    """A muscle with its tendon and end mass, from whatever names it.
+def muscle_unit(muscle: AnyMuscle, field: str = "muscle", tendon: TendonOption = None) -> MuscleUnit:
+    """A muscle from whatever names it: tied to its anchors, or with a tendon.
+
+    Args:
+        muscle: id or file of a specimen, a `Specimen`, a `Muscle`, or a unit, which keeps its own tendon.
+        field: that a complaint names.
+        tendon: between the muscle and what it moves; its stiffness is enough, toe and loss are then those of `test_cord`.
 
     Raises:
-        InputError: it is no muscle; names the field.
+        InputError: it is no muscle, or the tendon is none; names the field.
     """
+    cord = tendon
+    if cord is not None and not isinstance(cord, Tendon):
+        cord = test_cord().replace(stiffness=in_si(cord, "N/m", "tendon"))
     if isinstance(muscle, MuscleUnit):
-        return muscle
+        return muscle if cord is None else muscle.replace(tendon=cord)
     if isinstance(muscle, str | Specimen):
-        return unit_from_specimen(muscle)
+        return unit_from_specimen(muscle, tendon=cord)
     if isinstance(muscle, Muscle):
-        return unit_from_muscle(muscle)
+        return unit_from_muscle(muscle, tendon=cord)
     raise InputError(field, type(muscle).__name__, "must be the id of a specimen, its file, or a muscle")
 
 
@@ -89,6 +104,28 @@ class Mechanism(abc.ABC):
     @abc.abstractmethod
     def muscles(self) -> dict[str, AnyMuscle]:
         """The muscles by name, as they were given."""
+
+    def tendons(self) -> dict[str, TendonOption]:
+        """The tendons of the muscles by name, as they were given; None for a muscle that is tied to its anchors."""
+        return dict.fromkeys(self.muscles, getattr(self, "tendon", None))
+
+    def units(self) -> dict[str, MuscleUnit]:
+        """The muscles by name, as parts of a machine."""
+        tendons = self.tendons()
+        return {name: muscle_unit(muscle, name, tendons[name]) for name, muscle in self.muscles.items()}
+
+    def assumptions(self, units: Mapping[str, MuscleUnit]) -> tuple[Assumption, ...]:
+        """What was left at a default that the muscles decide; see `Simulation.assumptions`."""
+        spans, made = self.usual_spans(units), list[Assumption]()
+        for name, muscle in self.muscles.items():
+            if not isinstance(muscle, MuscleUnit):
+                tendon = self.tendons()[name]
+                made += of_unit(name, units[name], usual_tendon=tendon is not None and not isinstance(tendon, Tendon))
+        return (*made, *(Assumption(field, span, "m", note) for field, (span, note) in spans.items()))
+
+    def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
+        """Spans that were left out, by what they are: [m], and how they were chosen."""
+        return {}
 
     @abc.abstractmethod
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
@@ -129,6 +166,7 @@ class Weight(Mechanism):
         start: span of the muscle at the start [m]; nine tenths of its rest length by default.
         damping: viscous loss [N s/m].
         gravity: [m/s^2].
+        tendon: between muscle and weight: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
         >>> import mckibben as mk
@@ -141,6 +179,7 @@ class Weight(Mechanism):
     start: Amount | None = None
     damping: Amount = 0.0
     gravity: Amount = GRAVITY
+    tendon: TendonOption = None
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
@@ -149,6 +188,10 @@ class Weight(Mechanism):
 
     def _start(self, units: Mapping[str, MuscleUnit]) -> float:
         return _span(self.start, "start", self.muscle, units["muscle"])
+
+    def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
+        """The start, where it was left out."""
+        return {} if self.start is not None else {"start": (self._start(units), USUAL_SPAN)}
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A body in line with the muscle."""
@@ -190,6 +233,7 @@ class Spring(Mechanism):
         mass: between muscle and spring [kg].
         start: span of the muscle at the start [m]; its rest length by default.
         damping: viscous loss [N s/m].
+        tendon: between muscle and mass: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
         >>> import mckibben as mk
@@ -202,15 +246,23 @@ class Spring(Mechanism):
     mass: Amount = 0.1
     start: Amount | None = None
     damping: Amount = 1.0
+    tendon: TendonOption = None
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
         """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
+    def _start(self, units: Mapping[str, MuscleUnit]) -> float:
+        return _span(self.start, "start", self.muscle, units["muscle"], share=1.0)
+
+    def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
+        """The start, where it was left out."""
+        return {} if self.start is not None else {"start": (self._start(units), "the rest length")}
+
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A body on a spring in line with the muscle."""
-        start = _span(self.start, "start", self.muscle, units["muscle"], share=1.0)
+        start = self._start(units)
         return Body(
             held=("muscle",),
             start=start,
@@ -241,6 +293,7 @@ class Plate(Mechanism):
     Args:
         muscle: between its anchor and the plate.
         span: at the start [m]; nine tenths of the rest length by default.
+        tendon: between muscle and plate: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
         >>> import mckibben as mk
@@ -250,6 +303,7 @@ class Plate(Mechanism):
 
     muscle: AnyMuscle = "nylon"
     span: Amount | None = None
+    tendon: TendonOption = None
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
@@ -268,7 +322,14 @@ class Plate(Mechanism):
 
     def start_commands(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The span at the start [m]."""
-        return {"span": _span(self.span, "span", self.muscle, units["muscle"])}
+        return {"span": self._start(units)}
+
+    def _start(self, units: Mapping[str, MuscleUnit]) -> float:
+        return _span(self.span, "span", self.muscle, units["muscle"])
+
+    def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
+        """The span, where it was left out."""
+        return {} if self.span is not None else {"span": (self._start(units), USUAL_SPAN)}
 
     def fields(self) -> dict[str, str]:
         """The span [m]."""
@@ -294,6 +355,8 @@ class Joint(Mechanism):
         span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
         start: angle at the start [rad].
         stops: smallest and largest angle [rad].
+        stop_stiffness: stiffness of a stop [N m/rad]; it gives back all that it takes.
+        tendon: between each muscle and the joint: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
         >>> import mckibben as mk
@@ -312,6 +375,8 @@ class Joint(Mechanism):
     span: Amount | None = None
     start: Amount = 0.0
     stops: tuple[Amount, Amount] = (-2.0, 2.0)
+    stop_stiffness: Amount = STOP_STIFFNESS
+    tendon: TendonOption = None
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
@@ -331,8 +396,13 @@ class Joint(Mechanism):
             gravity_moment=in_si(self.gravity_moment, "N*m", "gravity_moment"),
             lower_stop=in_si(low, "rad", "stops"),
             upper_stop=in_si(high, "rad", "stops"),
+            stop_stiffness=in_si(self.stop_stiffness, "N*m", "stop_stiffness"),
             signal="moment",
         )
+
+    def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
+        """The spans at angle zero, where they were left out."""
+        return _usual_spans(self.arm, self.span, self.muscles, units)
 
     def drives(self) -> tuple[CommandInput, ...]:
         """A moment from outside."""
@@ -364,6 +434,8 @@ class Link:
         span: span of both muscles at angle zero [m]; nine tenths of the rest length of each by default.
         start: angle of the joint at the start [rad].
         stops: smallest and largest angle of the joint [rad].
+        stop_stiffness: stiffness of a stop [N m/rad]; it gives back all that it takes.
+        tendon: between each muscle and the link: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
         >>> import mckibben as mk
@@ -383,6 +455,8 @@ class Link:
     span: Amount | None = None
     start: Amount = 0.0
     stops: tuple[Amount, Amount] = (-2.0, 2.0)
+    stop_stiffness: Amount = STOP_STIFFNESS
+    tendon: TendonOption = None
 
     def chain_link(self, number: int) -> ChainLink:
         """The link as a part of the load; its outside moment is the signal ``moment_<number>``."""
@@ -401,6 +475,7 @@ class Link:
             start=in_si(self.start, "rad", "start"),
             lower_stop=in_si(low, "rad", "stops"),
             upper_stop=in_si(high, "rad", "stops"),
+            stop_stiffness=in_si(self.stop_stiffness, "N*m", "stop_stiffness"),
             signal=f"moment_{number}",
         )
 
@@ -441,6 +516,18 @@ class Chain(Mechanism):
         every = {f"{side}_{k}": getattr(link, side) for k, link in enumerate(self.links, 1) for side in sides}
         return {name: muscle for name, muscle in every.items() if muscle is not None}
 
+    def tendons(self) -> dict[str, TendonOption]:
+        """Those of the links."""
+        return {name: self.links[int(name.rpartition("_")[2]) - 1].tendon for name in self.muscles}
+
+    def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
+        """The spans at angle zero, where they were left out."""
+        spans: dict[str, tuple[float, str]] = {}
+        for k, link in enumerate(self.links, 1):
+            pair = {f"{side}_{k}": getattr(link, side) for side in ("flexor", "extensor") if f"{side}_{k}" in units}
+            spans |= _usual_spans(link.arm, link.span, pair, units)
+        return spans
+
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """Coupled links with the moment arms of their muscles."""
         links: dict[str, ChainLink] = {}
@@ -472,6 +559,17 @@ def _span(
     stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit, share: float = WORKING_SHARE
 ) -> float:
     return share * rest_length(muscle, unit) if stated is None else in_si(stated, "m", field)
+
+
+def _usual_spans(
+    arm: Any, span: Amount | None, muscles: Mapping[str, AnyMuscle], units: Mapping[str, MuscleUnit]
+) -> dict[str, tuple[float, str]]:
+    """Spans at angle zero of muscles for which neither their arms nor a span state them."""
+    if span is not None or isinstance(arm, MomentArm):
+        return {}
+    return {
+        f"span of {name}": (_span(None, "span", muscle, units[name]), USUAL_SPAN) for name, muscle in muscles.items()
+    }
 
 
 def _pair_of_arms(

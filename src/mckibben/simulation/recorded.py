@@ -8,6 +8,7 @@ import numpy as np
 
 from .._jax import Scalar, Tree
 from ..assembly.accounts import CLOSED, Accounts, accounts
+from ..assembly.assumptions import table
 from ..assembly.exergy_balance import document
 from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
@@ -134,6 +135,8 @@ def _meta(
         "air": simulation.air.document,
         "specimen": ", ".join(dict.fromkeys(s.id for s in specimens)) or None,
         "parameters": resolved(machine),
+        "mounting": {name: unit.mounting for name, unit in machine.units.items()},
+        "assumptions": table(simulation.assumptions),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED} if closed else {},
         "friction": {"work": closed.friction, "dissipated": closed.dissipated} if closed else {},

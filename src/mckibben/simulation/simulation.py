@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._jax import Scalar, Tree
+from ..assembly.assumptions import Assumption
 from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
@@ -30,7 +31,7 @@ from ..recordings.recording import Recording
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
 from .kernel import Programs, SampleKernel
-from .mechanisms import Amount, Mechanism, StartPressure, in_si, muscle_unit
+from .mechanisms import Amount, Mechanism, StartPressure, in_si
 from .stepping import (
     BEHIND,
     CommandedMachine,
@@ -53,7 +54,8 @@ class Simulation:
     """Mechanism, muscles and air, advanced one sample at a time by commands.
 
     Args:
-        system: what moves: a `Joint`, `Chain`, `Weight`, `Spring` or `Plate`.
+        system: what moves: a `Joint`, `Chain`, `Weight`, `Spring` or `Plate`. Its muscles are tied to their anchors, unless
+            it states a tendon.
         air: an `Air`, or the path of a circuit file with the mechanism's muscles by name; `Air()` by default.
         period: period of the samples, during which commands hold [s].
         step: largest step of the physics [s]; shortened so that a whole number fits a period, and where a mode asks for it.
@@ -92,8 +94,7 @@ class Simulation:
             raise InputError("system", type(system).__name__, "must be a Joint, Chain, Weight, Spring or Plate")
         self.system, self.period = system, in_si(period, "s", "period")
         self.inner = _whole_steps(self.period, in_si(step, "s", "step"))
-        units = {name: muscle_unit(muscle, name) for name, muscle in system.muscles.items()}
-        self.units = units
+        units = self.units = system.units()
         self.air: AirCircuit = air_circuit(air, units)
         self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
         self.title = title or f"{type(system).__name__} with {' and '.join(units)}"
@@ -122,8 +123,16 @@ class Simulation:
         self._sensed: list[list[float]] = []
 
     def __repr__(self) -> str:
-        commands = ", ".join(self.commands)
-        return f"Simulation({type(self.system).__name__} with {', '.join(self.units)}, period={self.period:g} s: {commands})"
+        muscles = ", ".join(f"{name} {unit.mounting}" for name, unit in self.units.items())
+        timing = f"period={self.period:g} s, step={self.period / self.inner:g} s"
+        system = f"{type(self.system).__name__} with {muscles}, {timing}"
+        assumed = ", ".join(map(str, self.assumptions)) or "nothing"
+        return f"Simulation({system}: {', '.join(self.commands)}; assumed: {assumed})"
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """The numbers of muscles, mechanism and air that nobody stated, each with where it comes from."""
+        return (*self.system.assumptions(self.units), *self.air.assumptions)
 
     # ---- one sample after the other
 
@@ -133,7 +142,7 @@ class Simulation:
         return self._sample * self.period
 
     def reset(self, seed: int = 0, *, pressure: StartPressure | None = None, **commands: float) -> Any:
-        """Begin at rest: friction relaxed, every braid in balance with its tendon, commands as they lasted before.
+        """Begin at rest: friction relaxed, every braid in balance, commands as they lasted before.
 
         Args:
             seed: seed of the noise.

@@ -20,7 +20,7 @@ from ...components import Module, Scalar, field
 from ...components.system import Value
 from ...errors import InputError
 from ...quantities import quantity
-from .joint import MomentArm, elastic_energies, elastic_moment, hinge_stiffness, unit_arm
+from .joint import STOP_STIFFNESS, MomentArm, elastic_energies, elastic_moment, hinge_stiffness, unit_arm
 from .load import TOGETHER, Load, Restraint, SpanState, mode_bound
 
 
@@ -46,7 +46,7 @@ class ChainLink(Module):
     start: Scalar = quantity("rad", (-10.0, 10.0), "angle at the start", default=0.0)
     lower_stop: Scalar = quantity("rad", (-10.0, 10.0), "smallest angle", default=-2.0)
     upper_stop: Scalar = quantity("rad", (-10.0, 10.0), "largest angle", default=2.0)
-    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e6), "of the stops, per rad", default=1e3)
+    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e8), "of the stops, per rad", default=STOP_STIFFNESS)
     # Name of the signal of an outside moment on the hinge [N m].
     signal: str | None = field(static=True, kw_only=True, default=None)
 

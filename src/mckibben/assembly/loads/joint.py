@@ -21,7 +21,8 @@ from ...components.system import Value
 from ...quantities import quantity
 from .load import TOGETHER, Load, Restraint, SpanState, mode_bound
 
-AHEAD = 0.01  # [s]
+AHEAD = 0.01  # time within which a stop is met that counts among the modes [s]
+STOP_STIFFNESS = 2e4  # of a stop unless it is stated [N m/rad]: gives way by 1 mrad to 20 N m
 
 
 class MomentArm(Module):
@@ -100,7 +101,7 @@ class JointLoad(Load):
     start: Scalar = quantity("rad", (-10.0, 10.0), "angle at the start", default=0.0)
     lower_stop: Scalar = quantity("rad", (-10.0, 10.0), "smallest angle", default=-2.0)
     upper_stop: Scalar = quantity("rad", (-10.0, 10.0), "largest angle", default=2.0)
-    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e6), "of the stops, per rad", default=1e3)
+    stop_stiffness: Scalar = quantity("N*m", (0.0, 1e8), "of the stops, per rad", default=STOP_STIFFNESS)
     # Name of the signal of an outside moment [N m].
     signal: str | None = field(static=True, kw_only=True, default=None)
 

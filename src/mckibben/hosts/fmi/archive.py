@@ -85,6 +85,7 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
     fmu = FmuDescription(
         name,
         part.title,
+        part.statement,
         token,
         f"mckibben {versions()['mckibben']}",
         variables,
@@ -110,6 +111,7 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
         name,
         TITLE=html.escape(part.title),
         STEPS=_steps(part),
+        STATEMENT=html.escape(part.statement),
         CAUTION=html.escape(" ".join(fmu_cautions(part)[:1])),
     )
     if version == 3:
@@ -192,6 +194,7 @@ DOCUMENTATION = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>TITLE</title>
 <h1>TITLE</h1>
 <p>McKibben muscles with their air as a part of a simulation: spans in, tensions out. CAUTION</p>
+<p>STATEMENT.</p>
 <h2>Co-simulation</h2>
 <ul>
 <li>Give each <code>span</code>, from the anchor to the attachment of the mechanism, and its <code>rate</code>,

@@ -30,6 +30,7 @@ class FmuDescription(NamedTuple):
     Attributes:
         name: identifier of the model.
         title: one phrase.
+        statement: how the muscles are held, and what was assumed.
         token: by which importer and binary know each other.
         tool: that made the FMU.
         variables: all variables.
@@ -40,6 +41,7 @@ class FmuDescription(NamedTuple):
 
     name: str
     title: str
+    statement: str
     token: str
     tool: str
     variables: Sequence[FmuVariable]
@@ -55,7 +57,7 @@ class FmuDescription(NamedTuple):
     def sentence(self) -> str:
         """What the FMU is."""
         more = "; friction follows the importer's integrator steps in model exchange" if self.memory else ""
-        return f"{self.title}: spans in, tensions out" + (more if self.exchange else "")
+        return f"{self.title}: spans in, tensions out{more if self.exchange else ''}; {self.statement}"
 
 
 def _attributes(**values: object) -> str:
@@ -155,7 +157,7 @@ def terminals(muscles: Sequence[str]) -> str:
     """Terminals of FMI 3.0: of each muscle the tendon, with span, rate and tension."""
     lines = [HEAD, '<fmiTerminalsAndIcons fmiVersion="3.0">', "  <Terminals>"]
     for muscle in muscles:
-        about = f"end of the tendon of {muscle}, at which the mechanism pulls"
+        about = f"end of {muscle}, or of its tendon, at which the mechanism pulls"
         head = _attributes(name=muscle, matchingRule="plug", terminalKind="mckibben.tendon", description=about)
         lines.append(f"    <Terminal{head}>")
         for member in ("span", "rate", "tension"):

@@ -72,7 +72,7 @@ def warp_module(source: PartSource) -> str:
         "TENSIONS": "place of each muscle's mean tension",
     }
     rows = [f"{name} = {value!r}  # {meanings[name]}" for name, value in values.items()]
-    head = with_names(HEAD, source.name, TITLE=part.title, VERSION=versions()["mckibben"])
+    head = with_names(HEAD, source.name, TITLE=f"{part.title}; {part.statement}", VERSION=versions()["mckibben"])
     runtime = resources.files(__package__).joinpath("muscles.py.txt").read_text(encoding="utf-8")
     return f'{head}\n{chr(10).join(rows)}\n\nCODE = r"""\n{native_code(source)}"""\n\n\n{runtime}'
 

@@ -133,9 +133,12 @@ class Mounted(System):
 
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance the friction along the path."""
-        pull = self._motion(end.state, memory, end.inputs).tension
         moved = end.state.length - start.state.length
         pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
+
+        def pull(kept: Tree) -> Scalar:
+            return self._motion(end.state, kept, end.inputs).tension
+
         return self.unit.advance_memory(memory, MusclePath(moved, jnp.zeros(()), *pressures, pull), duration)
 
     def outputs(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:

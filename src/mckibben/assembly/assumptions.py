@@ -1,0 +1,62 @@
+"""Numbers in a system that nobody stated for it: what each is, and where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from ..documents import JsonValue
+from ..quantities import with_unit
+from .build import INFERRED
+from .muscle_unit import SLACK_TIME, MuscleUnit
+
+
+class Assumption(NamedTuple):
+    """A number that was left at its default.
+
+    Attributes:
+        parameter: dotted path, or the name of the argument.
+        value: [unit].
+        unit: SI unit.
+        note: where it comes from, one phrase.
+    """
+
+    parameter: str
+    value: float
+    unit: str
+    note: str
+
+    def __str__(self) -> str:
+        return f"{self.parameter} {with_unit(self.value, self.unit)}"
+
+
+def inferred(parameter: str, key: str) -> Assumption:
+    """The assumption of one of the numbers of `INFERRED`."""
+    stated = INFERRED[key]
+    unit, _, note = stated.note.partition("; ")
+    low, high = stated.range
+    return Assumption(parameter, stated.value, unit.split(" at ")[0].replace(" ", "*"), f"{note}; {low:g} to {high:g}")
+
+
+def of_unit(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tuple[Assumption, ...]:
+    """What a muscle that was named by its specimen or law has beside it.
+
+    Args:
+        name: of the muscle.
+        unit: the muscle in a machine.
+        usual_tendon: whether only the stiffness of its tendon was stated.
+    """
+    at = f"units.{name}"
+    made = [inferred(f"{at}.{key}", key) for key in ("viscosity", "stop_damping")]
+    if unit.tendon is None:
+        note = f"what relaxes the slack braid in {with_unit(SLACK_TIME, 's')} where it is stiffest"
+        return (*made, Assumption(f"{at}.slack_damping", float(unit.slack_damping), "N*s/m", note))
+    made.append(inferred(f"{at}.end_mass", "end_mass"))
+    if usual_tendon:
+        made += [inferred(f"{at}.tendon.{n}", f"tendon_{k}") for n, k in (("toe_length", "toe"), ("loss", "loss"))]
+    return tuple(made)
+
+
+def table(assumptions: Iterable[Assumption]) -> dict[str, JsonValue]:
+    """Assumptions as a table of a recording's metadata or a description."""
+    return {a.parameter: {"value": a.value, "unit": a.unit, "note": a.note} for a in assumptions}
