@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from tank_part import tank_part
 
-from mckibben.errors import InputError
+from mckibben.engine.soundness import Soundness
+from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.hosts import MuscleCallbacks, Part, act_size
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
@@ -111,3 +112,20 @@ def test_models_that_do_not_fit_are_refused(part, old, new, sentence):
 def test_a_part_needs_an_actuator_for_each_muscle(part, model):
     with pytest.raises(InputError, match="one actuator for each of left, right"):
         MuscleCallbacks(model, {"left": part})
+
+
+def test_a_step_that_cannot_be_relied_on_is_warned_of_once(part, model, monkeypatch):
+    real = part.step_vector
+
+    def unsound(state, inputs, period, staggered):
+        new, out = real(state, inputs, period, staggered=staggered)
+        out[part.outputs.index("sound")] = float(Soundness.MECHANICS)
+        return new, out
+
+    monkeypatch.setattr(part, "step_vector", unsound)
+    with (
+        MuscleCallbacks(model, {BOTH: part}),
+        pytest.warns(PlausibilityWarning, match="mechanics does not close") as said,
+    ):
+        motion(model, mujoco.MjData(model), 5)
+    assert len(said) == 1
