@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.measured_data import FOLDER, measured
 
 import mckibben as mk
 from mckibben.bench.metadata import initial_metadata
@@ -16,7 +17,6 @@ from mckibben.muscles.evidence import error_of, measured_rest_lengths
 from mckibben.recordings import read_force_map
 from mckibben.specimens import specimen, specimens
 from mckibben.studies.sizing.braid_law import error_of_specimen
-from tests.measured_data import FOLDER, measured
 
 MUSCLES = [spec.id for spec in specimens() if spec.kind == "mckibben"]
 WITH_MAP = [(spec.id, law) for spec in specimens() if spec.map for law in spec.laws]
@@ -111,10 +111,14 @@ def cut_errors(
 @measured("aarl_10mm_isometric", "aarl_20mm_isometric")
 @pytest.mark.parametrize("law", ["hyperelastic_braid", "tondu_lopez"])
 def test_the_errors_at_other_lengths_are_those_of_muscles_of_such_lengths(law):
-    ten = np.genfromtxt(FOLDER / "aarl_10mm_isometric" / "quasistatic_plateaus.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")  # fmt: skip
-    twenty = np.genfromtxt(FOLDER / "aarl_20mm_isometric" / "quasistatic_plateaus.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")  # fmt: skip
+    tables = [
+        np.genfromtxt(
+            FOLDER / folder / "quasistatic_plateaus.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+        )
+        for folder in ("aarl_10mm_isometric", "aarl_20mm_isometric")
+    ]
     # zeros of pressure and force as their data sheets say
-    for name, rows, zero, slack in (("DMSP-10-250", ten, 9.2e3, 0.0), ("DMSP-20-300", twenty, 11e3, -18.6)):
+    for name, rows, zero, slack in (("DMSP-10-250", tables[0], 9.2e3, 0.0), ("DMSP-20-300", tables[1], 11e3, -18.6)):
         found = cut_errors(
             name, law, 1e-3 * rows["rest_length_mm"], 1e-3 * rows["test_length_mm"], 1e3 * rows["pressure_kPa"] - zero,
             rows["force_N"] - slack,
