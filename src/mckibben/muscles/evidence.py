@@ -6,6 +6,7 @@ muscle says so: the error always, and a caution where it is large or where a res
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +77,17 @@ def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
     """The error that a specimen states of one of its laws, for metadata and JSON; None where it states none."""
     error = error_of(spec, law)
     return None if error is None else error.to_dict()
+
+
+def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, JsonValue]:
+    """Errors and cautions of several muscles for the metadata of a recording.
+
+    Args:
+        muscles: specimen and name of the law, by the name of the muscle.
+    """
+    said = [str(one) for spec, law in muscles.values() for one in law_cautions(spec, law)]
+    errors = {name: law_error(spec, law) for name, (spec, law) in muscles.items()}
+    return {"law_error": errors, "warnings": list(dict.fromkeys(said))}
 
 
 def measured_rest_lengths(spec: Specimen) -> list[float]:

@@ -13,7 +13,7 @@ from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
 from ..engine import sampled
 from ..engine.native import call_compiled
-from ..muscles.evidence import law_cautions, law_error
+from ..muscles.evidence import about_laws
 from ..muscles.law import law_name
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
@@ -142,14 +142,7 @@ def _meta(simulation: Simulation, closed: Accounts | None, start: SimulationStat
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",
-        "law_error": {name: law_error(spec, law_name(machine.units[name].law)) for name, spec in by_name.items()},
-        "warnings": list(
-            dict.fromkeys(
-                str(one)
-                for name, spec in by_name.items()
-                for one in law_cautions(spec, law_name(machine.units[name].law))
-            )
-        ),
+        **about_laws({name: (spec, law_name(machine.units[name].law)) for name, spec in by_name.items()}),
         "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),
