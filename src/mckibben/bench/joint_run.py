@@ -24,10 +24,12 @@ from ..documents import JsonValue
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError
+from ..muscles.evidence import about_laws
+from ..muscles.law import law_name
 from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
-from ..specimens import Specimen
+from ..specimens import Specimen, muscle_specimen
 from .channels import described
 from .hardware.computer import Timing, configure
 from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
@@ -53,6 +55,7 @@ class JointStand:
     machine: Machine
     encoder: Encoder
     control: JointControl
+    specimens: tuple[Specimen | None, Specimen | None] = (None, None)  # of flexor and extensor, where they have one
 
     def plant(self, angle: float) -> RiggedJoint:
         """Build the pair with its converters, at rest at an angle [rad]."""
@@ -136,7 +139,17 @@ def joint_stand(
         valve=on.pressure.replace(low=0.0, high=highest),
         **(gains or {}),
     )
-    return JointStand(on, layout, machine, dataclasses.replace(_counting(on), pulley_radius=AXIS), control)
+    encoder = dataclasses.replace(_counting(on), pulley_radius=AXIS)
+    return JointStand(
+        on, layout, machine, encoder, control, (_stated(flexor), _stated(flexor if extensor is None else extensor))
+    )
+
+
+def _stated(muscle: MuscleUnit | Specimen | str) -> Specimen | None:
+    """The specimen behind a muscle; None where there is none."""
+    if isinstance(muscle, str):
+        return muscle_specimen(muscle)
+    return muscle if isinstance(muscle, Specimen) else None
 
 
 def _counting(rig: Rig) -> Encoder:
@@ -288,6 +301,12 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
         "rig": rig.name,
         "plumbing": stand.layout,
         "parameters": resolved(owners),
+        **about_laws(
+            {
+                name: (spec, law_name(plant.machine.units[name].law))
+                for name, spec in zip(("flexor", "extensor"), stand.specimens, strict=True)
+            }
+        ),
         "inferred": list(rig.inferred),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED},

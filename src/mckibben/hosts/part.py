@@ -36,7 +36,9 @@ from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import ConvergenceError, InputError
+from ..muscles.build import at_rest_length
 from ..muscles.elements import Tendon
+from ..muscles.law import law_name
 from ..muscles.plausible import pressure_caution, size_caution, span_limits
 from ..quantities import Quantity, with_unit
 from ..simulation.air import Air, air_circuit
@@ -223,7 +225,11 @@ class Part:
             if node.law is None:
                 continue
             stated = plan.document["nodes"][name]["specimen"]
-            units[name] = unit_from_specimen(specimen(stated)).replace(law=node.law)
+            name_of_law, rest = law_name(node.law), getattr(node.law, "rest_length", None)
+            spec = specimen(stated)
+            if rest is not None:  # friction and creep go with the length that the file states
+                spec, _ = at_rest_length(spec, name_of_law, {"rest_length": float(rest)})
+            units[name] = unit_from_specimen(spec).replace(law=node.law)
             usual[name] = (
                 float(values[node.signal][0]) if node.length is None and node.signal else float(node.length or 0)
             )

@@ -58,6 +58,7 @@ def law_from_specimen(
     return build_law(name, parameters | changes, where=spec.where or spec.id)
 
 
+SAME_REST_LENGTH = 1e-9  # share by which two rest lengths differ that are the same in other units
 # Properties of a muscle that go with its rest length, and the power; parameters of a law say so in their declaration.
 _ALONG = {
     "rest_length": 1, "upper_length": 1, "stretched_length": 1, "shortest_measured_length": 1,
@@ -87,7 +88,7 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
     whole, wanted = _stated_rest_length(spec, law), left.pop("rest_length")
     dimensions.REST_LENGTH.check(f"{law}.rest_length", wanted, where=spec.where or spec.id)
     ratio = float(wanted) / whole
-    if ratio == 1.0:
+    if abs(ratio - 1.0) < SAME_REST_LENGTH:
         return spec, left
     if not law_type(law).any_length and len(measured_rest_lengths(spec)) < 2:
         raise _of_one_length(law, whole, float(wanted), _others_of(spec), where=spec.where or spec.id)
@@ -141,7 +142,7 @@ def cut_parameters(
         InputError: the law's coefficients are of one length.
     """
     wanted, rests = changes.get("rest_length"), np.unique(np.asarray(whole, float))
-    if wanted is None or rests.size != 1 or float(wanted) == rests[0]:
+    if wanted is None or rests.size != 1 or abs(float(wanted) / rests[0] - 1.0) < SAME_REST_LENGTH:
         return dict(parameters)
     if not law_type(law).any_length:
         raise _of_one_length(law, float(rests[0]), float(wanted), [A_FIT])

@@ -6,6 +6,7 @@ muscle says so: the error always, and a caution where it is large or where a res
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -22,18 +23,32 @@ SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones w
 
 
 class LawError(NamedTuple):
-    """Error of a law over the largest measured tension [1], None where it is not known, and what it was found on."""
+    """Error of a law over the largest measured tension [1], None where it is not known, and what it was found on.
+
+    Attributes:
+        rms: root mean square.
+        largest: largest one.
+        other_muscle: largest one on another muscle of the make.
+        other_length: largest one at a rest length to which the law was not fitted.
+        source: what `rms` and `largest` were found on.
+        other_source: what `other_muscle` was found on.
+    """
 
     rms: float | None
     largest: float | None
     other_muscle: float | None
     other_length: float | None
     source: str
+    other_source: str = ""
 
     def __str__(self) -> str:
         known = [f"{_percent(share)} {word}" for share, word in ((self.rms, "rms"), (self.largest, "at most")) if share]
-        more = f", {_percent(self.other_muscle)} where it is another muscle" if self.other_muscle else ""
-        return f"{' and '.join(known)} of the largest tension{more} ({self.source})"
+        said = f"{' and '.join(known)} of the largest tension ({self.source})"
+        return (
+            f"{said}, {_percent(self.other_muscle)} on another muscle ({self.other_source})"
+            if self.other_muscle
+            else said
+        )
 
     @property
     def worst(self) -> float:
@@ -51,14 +66,28 @@ def error_of(spec: Specimen | None, law: str) -> LawError | None:
     if spec is None or not group:
         return None
     shares = {n: float(str(p.si("1", field=f"errors.{law}.{n}", where=spec.where))) for n, p in group.items()}
-    notes = dict.fromkeys(group[n].note for n in KNOWN_ERRORS if n in group and n != "other_length")
-    return LawError(**{n: shares.get(n) for n in KNOWN_ERRORS}, source="; ".join(notes) or "as its file states")
+    notes = {name: number.note or "as its file states" for name, number in group.items()}
+    source = notes.get("largest") or notes.get("rms", "")
+    return LawError(
+        **{n: shares.get(n) for n in KNOWN_ERRORS}, source=source, other_source=notes.get("other_muscle", "")
+    )
 
 
 def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
     """The error that a specimen states of one of its laws, for metadata and JSON; None where it states none."""
     error = error_of(spec, law)
     return None if error is None else error.to_dict()
+
+
+def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, JsonValue]:
+    """Errors and cautions of several muscles for the metadata of a recording.
+
+    Args:
+        muscles: specimen and name of the law, by the name of the muscle.
+    """
+    said = [str(one) for spec, law in muscles.values() for one in law_cautions(spec, law)]
+    errors = {name: law_error(spec, law) for name, (spec, law) in muscles.items()}
+    return {"law_error": errors, "warnings": list(dict.fromkeys(said))}
 
 
 def measured_rest_lengths(spec: Specimen) -> list[float]:

@@ -16,7 +16,7 @@ from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
 from ..engine import sampled
 from ..engine.native import call_compiled
-from ..muscles.evidence import law_error
+from ..muscles.evidence import about_laws
 from ..muscles.law import law_name
 from ..muscles.plausible import pressure_caution
 from ..recordings.provenance import created, versions
@@ -166,7 +166,7 @@ def _meta(
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",
-        "law_error": {name: law_error(spec, law_name(machine.units[name].law)) for name, spec in by_name.items()},
+        **about_laws({name: (spec, law_name(machine.units[name].law)) for name, spec in by_name.items()}),
         "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),
