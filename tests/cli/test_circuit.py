@@ -30,7 +30,9 @@ def test_show_says_what_there_is_how_fast_it_is_and_which_method_begins(run):
     code, out, err = run("show", TANK, "--json")
     found = json.loads(out)
     assert code == 0
-    assert err.splitlines() == [f"mckibben: caution: {said}" for said in found["warnings"]]  # as every command says them
+    assert err.splitlines() == [
+        f"mckibben: caution: {said}" for said in found["warnings"]
+    ]  # as every command says them
     assert set(found) >= {"title", "nodes", "elements", "signals", "sentence", "rates"}
     assert found["elements"]["tube"]["ports"] == {"a": "source", "b": "tank"}
     assert found["elements"]["tube"]["parameters"]["length"] == {"value": 0.6, "unit": "m"}

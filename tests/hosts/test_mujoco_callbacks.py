@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tank_part import tank_part
 
-from mckibben.errors import InputError
+from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.hosts import MuscleCallbacks, Part, act_size
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
@@ -106,6 +106,14 @@ def test_models_that_do_not_fit_are_refused(part, old, new, sentence):
     wrong = JOINT.replace(old, new).replace("SIZE", str(act_size(part)))
     with pytest.raises(InputError, match=sentence):
         MuscleCallbacks(mujoco.MjModel.from_xml_string(wrong), {BOTH: part})
+
+
+def test_a_muscle_without_its_offset_is_said_once_and_does_not_pull(part):
+    text = JOINT.replace("SIZE", str(act_size(part))).replace('biasprm="0.14"', 'biasprm="0"')
+    model = mujoco.MjModel.from_xml_string(text)
+    with MuscleCallbacks(model, {BOTH: part}), pytest.warns(PlausibilityWarning, match="none that .* can take") as said:
+        rows = motion(model, mujoco.MjData(model), 5)
+    assert np.array_equal(rows, np.zeros((5, 3))) and len(said) == 2
 
 
 def test_a_part_needs_an_actuator_for_each_muscle(part, model):
