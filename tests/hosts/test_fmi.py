@@ -161,6 +161,28 @@ def test_values_out_of_their_limits_are_refused(fmu: Fmu) -> None:
     slave.close()
 
 
+def test_a_span_that_no_muscle_can_have_is_refused_and_a_command_that_saturates_is_carried_out_with_a_warning(
+    fmu: Fmu,
+) -> None:
+    slave = Slave(fmu, span=START)
+    for span in (-1.0, 0.0, 14.0):
+        with pytest.raises(Exception, match="failed"):
+            slave.put(fmu.references("span"), [span])
+    assert slave.get(fmu.references("span")) == [START]
+    for value in (3e5, 2e5):
+        slave.put(fmu.references("command.muscle"), [value])  # FMPy takes a warning for no failure
+        assert slave.get(fmu.references("command.muscle")) == [value]
+    if slave.messages:
+        assert sum(text.startswith("span must be between") for text in slave.messages) == 3
+        # once for a variable
+        assert sum(text.startswith("command.muscle of 300000 can hardly be meant") for text in slave.messages) == 1
+        assert not any("200000" in text for text in slave.messages)
+    slave.close()
+    stated = {v.name: (v.min, v.max) for v in fmu.description.modelVariables}
+    low, high = (float(end) for end in stated["span"])
+    assert 0.0 < low < START < high < 0.25
+
+
 def test_a_refused_step_prints_nothing_between_the_lines_of_a_certificate(
     fmu: Fmu, capfd: pytest.CaptureFixture[str]
 ) -> None:

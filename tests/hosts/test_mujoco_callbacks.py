@@ -109,6 +109,14 @@ def test_models_that_do_not_fit_are_refused(part, old, new, sentence):
         MuscleCallbacks(mujoco.MjModel.from_xml_string(wrong), {BOTH: part})
 
 
+def test_a_muscle_without_its_offset_is_said_once_and_does_not_pull(part):
+    text = JOINT.replace("SIZE", str(act_size(part))).replace('biasprm="0.14"', 'biasprm="0"')
+    model = mujoco.MjModel.from_xml_string(text)
+    with MuscleCallbacks(model, {BOTH: part}), pytest.warns(PlausibilityWarning, match="none that .* can take") as said:
+        rows = motion(model, mujoco.MjData(model), 5)
+    assert np.array_equal(rows, np.zeros((5, 3))) and len(said) == 2
+
+
 def test_a_part_needs_an_actuator_for_each_muscle(part, model):
     with pytest.raises(InputError, match="one actuator for each of left, right"):
         MuscleCallbacks(model, {"left": part})

@@ -134,6 +134,22 @@ def test_models_that_cannot_work_are_refused(text, old, new, tmp_path: Path, mon
         mujoco.MjData(mujoco.MjModel.from_xml_string(wrong))
 
 
+def test_a_muscle_without_its_offset_is_said_once_and_does_not_pull(text, monkeypatch):
+    warned = []
+    mujoco.set_mju_user_warning(warned.append)
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        data.qpos[:] += 0.14  # the hook is at the anchor, as a joint at zero is without the offset
+        rows = motion(model, data, 5)
+        assert np.array_equal(rows[:, 2:4], np.zeros((5, 2)))
+        said = [sentence for sentence in warned if "is none that its muscle can take" in sentence]
+        assert len(said) == 2 and "offset.left" in said[0]  # one for each muscle
+        data.ctrl[:] = 3e5
+    finally:
+        mujoco.set_mju_user_warning(None)
+
+
 class StatedPart:
     """The names of a part."""
 

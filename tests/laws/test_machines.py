@@ -252,7 +252,9 @@ CORDS = {"tied": None, "corded": unit(corded=True).tendon}
 def test_a_taut_or_slack_braid_starts_at_rest():
     """The equilibrium is one: no rate, or slack at the free length."""
     rng = np.random.default_rng(3)
-    thick = {name: unit_from_specimen("nylon", law="thick_wall", rubs=False, tendon=cord) for name, cord in CORDS.items()}
+    thick = {
+        name: unit_from_specimen("nylon", law="thick_wall", rubs=False, tendon=cord) for name, cord in CORDS.items()
+    }
     for muscle in (unit(), unit(corded=True), *thick.values()):
         for span, gauge in zip(rng.uniform(0.10, 0.165, 12), rng.uniform(-5e4, 5e5, 12), strict=True):
             found = muscle.equilibrium(span, gauge)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
@@ -127,8 +128,9 @@ class _Invocation:
     def __init__(self) -> None:
         self.quiet = False
         self.stdout: Any = None  # where results go while sys.stdout is silenced
-        self.expected: list[Caution] = []  # cautions that are not said yet
-        self.said: list[str] = []
+        self.expected: list[Caution] = []  # cautions about typed values that are not said yet
+        self.warned: list[Caution] = []  # what functions have said as warnings of Python
+        self.said: list[Caution] = []
         self.noted: set[str] = set()
         self.paths: dict[str, str] = {}
 
@@ -208,7 +210,10 @@ def json_text(value: dict[str, JsonValue]) -> str:
     """One JSON object, with the cautions about unlikely values among its ``warnings``."""
     say_cautions()
     if _call.said:
-        value = value | {"warnings": list(dict.fromkeys([*value.get("warnings", []), *_call.said]))}
+        own = list(value.get("warnings", []))
+        known = {_about(str(one)).parameter for one in own}
+        more = {one.parameter or one.text: one.text for one in _call.said if one.parameter not in known}
+        value = value | {"warnings": list(dict.fromkeys([*own, *more.values()]))}
     return json.dumps(_clean(value), ensure_ascii=False)
 
 
@@ -300,8 +305,8 @@ def options_named(**more: str) -> Iterator[None]:
 
 
 def expect_cautions(cautions: Iterable[Caution]) -> None:
-    """Keep cautions about unlikely values until the command has said its own, which know the muscle."""
-    _call.expected += [one for one in cautions if one not in _call.expected]
+    """Keep cautions about values as typed until the command has said its own, which know the muscle."""
+    _call.expected += cautions
 
 
 @contextmanager
@@ -311,7 +316,7 @@ def cautions_of_python() -> Iterator[None]:
 
     def keep(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, PlausibilityWarning):
-            expect_cautions([Caution(str(message))])
+            _call.warned += [_about(str(message))]
         else:
             other(message, category, *place, **more)
 
@@ -322,29 +327,38 @@ def cautions_of_python() -> Iterator[None]:
 
 
 def say_cautions(instead: Iterable[Caution] = ()) -> None:
-    """Print the cautions that were kept, but those about a value of which other sentences speak."""
-    said = list(instead)
-    spoken = {one.parameter for one in said if one.parameter}
-    texts = {one.text for one in said} | set(_call.said) | _call.noted
-    for one in _call.expected:
-        if one.parameter not in spoken and one.text not in texts:
-            _call.said.append(one.text)
-            _print_caution(one.text)
+    """Print what functions have said, and the cautions about typed values of which nothing else speaks."""
+    _say(_call.warned)
+    spoken = {one.parameter for one in (*instead, *_call.warned)}
+    _say(one for one in _call.expected if one.parameter not in spoken)
     _call.expected = []
 
 
 def caution(*cautions: Caution | str | None) -> list[str]:
-    """Print cautions on standard error; None is skipped.
+    """Print cautions on standard error, one about each value; None is skipped.
 
     Returns:
         The sentences, for the ``warnings`` of the JSON object.
     """
-    shown = [one if isinstance(one, Caution) else Caution(one) for one in cautions if one is not None]
-    for one in shown:
-        _print_caution(one.text)
-    _call.noted |= {one.text for one in shown}
+    shown = [one if isinstance(one, Caution) else _about(one) for one in cautions if one is not None]
+    _say(shown)
     say_cautions(shown)
     return [one.text for one in shown]
+
+
+def _say(cautions: Iterable[Caution]) -> None:
+    """Print cautions that were not printed; of a value that was spoken of before the command began, no second one."""
+    said = {one.parameter for one in _call.said if one.parameter}
+    for one in cautions:
+        if one not in _call.said and one.text not in {other.text for other in _call.said}:
+            if one.parameter not in said:
+                _print_caution(one.text)
+            _call.said.append(one)
+
+
+def _about(sentence: str) -> Caution:
+    """A sentence as a caution: "a pressure of 500 bar is beyond .." is about the pressure."""
+    return Caution(sentence, re.sub("^an? ", "", sentence.partition(" of ")[0]))
 
 
 def _print_caution(sentence: str) -> None:
