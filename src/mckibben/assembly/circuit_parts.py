@@ -371,7 +371,9 @@ class ElementTable:
     def planned(self, place: Place, nodes: Sequence[str]) -> PlannedBranch:
         """The element between its nodes; raises `InputError` about its `place` in the file."""
         ports = ELEMENTS[self.kind].ports
-        keys = TWO_PORTS if len(ports) == 2 and not set(ports) & set(self.stated) else ports
+        # `b` is also a critical pressure ratio: an element that is between `from` and `to` has no port of another name.
+        named = set(ports) <= set(self.stated) and not set(TWO_PORTS) & set(self.stated)
+        keys = TWO_PORTS if len(ports) == 2 and not named else ports
         ends = tuple(self._end(key, keys, place, nodes) for key in keys)
         spec = None if self.specimen is None else _specimen(self.specimen, place.below("specimen"))
         values = {key: value for key, value in self.stated.items() if key not in keys}

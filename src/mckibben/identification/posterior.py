@@ -708,7 +708,7 @@ def _law_model(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, 
 def _plausible(problem: Problem, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of scaled parameters (p,): the usual range with its width to either side, or twice the fitted value from it."""
     low, high = problem.bounds
-    typical = np.array([q.typical for q in problem.quantities.values()]) / problem.scale[:, None]
+    typical = np.array(list(problem.typical.values())) / problem.scale[:, None]
     room = np.ptp(typical, axis=1)
     below = np.minimum(typical[:, 0] - room, start - 2.0 * np.abs(start))
     above = np.maximum(typical[:, 1] + room, start + 2.0 * np.abs(start))

@@ -11,6 +11,7 @@ curve counts as `CURVE_POINTS` independent points at most; the noise is that whi
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,6 +32,10 @@ Formula = Callable[..., np.ndarray]
 # Independent points along a curve of tension over pressure at one length, of as many as were measured.
 CURVE_POINTS = 3.0
 FIRST_NOISE, LEAST_NOISE, PASSES = 0.01, 0.002, 3  # noise as a share of the largest tension; descents that estimate it
+USUAL_LENGTH, OTHER_SIZE = (
+    0.3,
+    2.0,
+)  # longest length of usual muscles [m], and from which ratio to it one is of another size
 SAME_LENGTH = 1e-6  # rest lengths that differ by no more are one [m]
 LENGTH_STEP = 1e-6  # of the difference by which a tension is derived to the length [m]
 
@@ -90,6 +95,10 @@ class Problem:
                     where=points.name,
                     remedy=f"parameter {name}",
                 )
+        if not free:
+            stated = ", ".join(name for name in kind.fitted if name in parameters)
+            problem = f"is nothing: {stated} of the law {law} are all stated, so there is nothing to fit"
+            raise InputError("free", None, problem, where=points.name)
         taut = int(points.taut.sum())
         if taut < len(free) + 2:
             need = f"{len(free) + 2} or more with tension for the {len(free)} free parameters of the law {law}"
@@ -105,26 +114,44 @@ class Problem:
         fields = declared(law_type(self.law))
         return {name: fields[name] for name in self.free}
 
+    @functools.cached_property
+    def typical(self) -> dict[str, tuple[float, float]]:
+        """Usual range of each free parameter, for a muscle of the size of the data [SI].
+
+        The declared ranges are of muscles of some 30 cm. One of another order of size is similar to them at the same
+        pressures, so that what has metres in it changes by their power; a newton is a pascal times a square metre.
+        """
+        factors = {name: self._size ** _power_of_length(q.unit) for name, q in self.quantities.items()}
+        return {n: (q.typical[0] * factors[n], q.typical[1] * factors[n]) for n, q in self.quantities.items()}
+
+    @functools.cached_property
+    def _size(self) -> float:
+        """Longest length of the data over that of usual muscles [1]; 1 where they are of the same order."""
+        size = float(self.points.length.max()) / USUAL_LENGTH if len(self.points) else 1.0
+        return 1.0 if 1.0 / OTHER_SIZE < size < OTHER_SIZE else size
+
     @property
     def scale(self) -> np.ndarray:
         """Scale of each free parameter, by which its values become about one."""
-        return np.array([max(abs(b) for b in q.typical) for q in self.quantities.values()])
+        return np.array([max(abs(b) for b in ends) for ends in self.typical.values()])
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Declared bounds over `scale`."""
-        low, high = np.array([q.bounds for q in self.quantities.values()]).T
+        low, high = np.array([q.bounds for q in self.quantities.values()]).reshape(-1, 2).T
         return low / self.scale, high / self.scale
 
     def starts(self, count: int, seed: int) -> np.ndarray:
         """Starting points from the usual ranges by a Latin hypercube, over `scale`, shape (count, free)."""
         unit = latin_hypercube(count, len(self.free), seed)
         columns = []
-        for u, q in zip(unit.T, self.quantities.values(), strict=True):
-            low, high = q.typical
+        for u, (low, high) in zip(unit.T, self.typical.values(), strict=True):
             logarithmic = low > 0.0 and high / low > 20.0
             columns.append(low * (high / low) ** u if logarithmic else low + (high - low) * u)
         scaled: np.ndarray = np.stack(columns, axis=1) / self.scale
+        if self._size != 1.0 and "turns" in self.free:
+            # A long muscle of a usual diameter is as likely as a similar one: its threads turn more often.
+            scaled[1::2, self.free.index("turns")] *= self._size
         return scaled
 
     @property
@@ -159,6 +186,15 @@ class Problem:
             return np.asarray(np.broadcast_to(columns, (len(self.free), n)).T * self.scale)
 
         return force, slopes
+
+
+def _power_of_length(unit: str) -> float:
+    """The power of metres in a unit: 2 of N, 1 of N/m, 0 of Pa, -1 of Pa/m."""
+    terms = re.findall(r"([*/]?)([A-Za-z]+)(?:\^([\d.]+))?", unit)
+    signs = {"/": -1.0}
+    return sum(
+        signs.get(sign, 1.0) * {"m": 1.0, "N": 2.0}.get(name, 0.0) * float(power or 1.0) for sign, name, power in terms
+    )
 
 
 def latin_hypercube(count: int, axes: int, seed: int) -> np.ndarray:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar, Tree, jax
+from ..answers import Caution
 from ..assembly.circuit_file import CircuitPlan
 from ..components import paths
 from ..documents import JsonValue
-from ..engine import STEP, Run, Signal, integrate, march
+from ..engine import STEP, Run, Signal, held, integrate, march, ramped
 from ..engine.prediction import Prediction, prediction
 from ..errors import ConvergenceError, InputError
 from ..pneumatics.circuit import Circuit
@@ -36,6 +37,7 @@ class Trial:
         period: period of the samples [s].
         temperature: temperature of all gas at the start [K].
         follows: signals that come from another one, by its name; what delays that one delays them too.
+        cautions: recorded pressures that neither drive nor are compared.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Trial:
     period: float
     temperature: float = 293.15
     follows: Mapping[str, str] = field(default_factory=dict)
+    cautions: tuple[Caution, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what could not be compared."""
@@ -222,9 +225,10 @@ def trial_from_record(
 ) -> Trial:
     """A trial of a circuit from one recording, on a uniform clock of the recording's own period.
 
-    Channels find their places by name: ``<volume>.pressure`` (gauge) and ``<volume>.pressure_abs`` are compared, the
-    pressure of a reservoir that follows a signal drives it, and so does a channel named after a signal, or
-    ``<element>.command``. What the recording does not have is taken from the circuit's own waveforms and start pressures.
+    Channels find their places by name: ``<volume>.pressure`` (gauge) and ``<volume>.pressure_abs`` are compared; the
+    pressure of a reservoir drives it, whether the file has a signal or a constant there, and so does a channel named
+    after a signal, or ``<element>.command``. What the recording does not have is taken from the circuit's own waveforms
+    and start pressures.
 
     Args:
         plan: the circuit as read from its file.
@@ -272,9 +276,22 @@ def trial_from_record(
         node: float(values[0]) if values is not None else plan.starts[node] + ambient
         for node, values in ((n, pressures[n]) for n in plan.circuit.chambers)
     }
+    # A reservoir of constant pressure in the file is driven as well: what was measured is known better.
+    nodes = dict(plan.circuit.nodes)
+    for node, values in pressures.items():
+        kind = nodes[node]
+        if values is not None and type(kind) is Reservoir and kind.signal is None:
+            nodes[node] = kind.replace(signal=f"{node}.pressure")
+            signals[f"{node}.pressure"] = (ramped if sensed else held)(values)
+    used = {f"{node}{end}" for node in pressures for end in PRESSURES} | {
+        *(measured or {}).values(),
+        *(inputs or {}).values(),
+    }
+    unused = [n for n in record.names() if n.endswith(PRESSURES) and n not in used and n not in plan.signals]
+    why = f"is not used: the circuit's nodes are {', '.join(plan.circuit.nodes)}"
     return Trial(
         name=name,
-        circuit=plan.circuit,
+        circuit=plan.circuit.replace(nodes=nodes),
         signals=signals,
         initial=initial,
         measured=compared,
@@ -286,6 +303,7 @@ def trial_from_record(
             for quantity in ("pressure", "length", "stroke")
             if planned.signal is not None and f"{node}.{quantity}" in signals
         },
+        cautions=tuple(Caution(f"{name}: {channel} {why}", channel) for channel in unused),
     )
 
 

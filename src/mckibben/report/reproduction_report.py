@@ -61,6 +61,8 @@ _SIGNS = {
     "open": "○",
     "synthetic": "◇",
     "short": "■",
+    "repeats": "↻",
+    "unprinted": "–",
     "to come": "…",
 }
 _LOOKS: dict[str, Any] = {"misprint": "caution", "short": "stop"}

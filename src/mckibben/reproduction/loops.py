@@ -319,6 +319,12 @@ def max_velocity() -> ComputedValue:
     )
 
 
+@reproduces("loop.peak_velocity", "1/s")
+def peak_velocity_of_figure() -> float:
+    """Largest velocity of a sine of the largest frequency of Fig. 4, at its amplitude [L0/s]."""
+    return 2.0 * np.pi * FIGURE[-1] * AMPLITUDE
+
+
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
 SHARES = {
     "2 bar": THIRDS,

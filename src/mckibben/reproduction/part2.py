@@ -45,6 +45,12 @@ def tube_inertance_per_cm() -> float:
     return tube_inertance()
 
 
+@reproduces("tube.flow_work_sign", "1")
+def flow_work_sign() -> float:
+    """Sign of div(Pv): gas carries cp T into a vessel that keeps cv T of it, the difference is the work of the flow."""
+    return -math.copysign(1.0, float(AIR.cp - AIR.cv))
+
+
 @functools.cache
 def tube_fits() -> TubeStudy:
     """Fit the paper's three models to synthetic records, since its pressures are not published."""

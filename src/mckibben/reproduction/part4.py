@@ -6,6 +6,7 @@ As the paper does it: the line of eq. 13, the volume of eq. 38b, surroundings of
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from ..analysis.energy import (
 )
 from ..components import Environment
 from ..muscles.build import law_from_specimen
+from ..quantities import parse
 from ..specimens import specimen
 from . import part1
 from .rows import ComputedValue, all_rows, reproduces
@@ -84,6 +86,24 @@ def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) 
 
     words = f"{ours(volume='potential')} with the volume of the potential"
     return words if name == "maximal" else f"{words}, {ours(reading='throughout')} with friction throughout"
+
+
+# ---- misprints
+
+
+@reproduces("energy.maximal.compression", "J")
+def compression() -> ComputedValue:
+    """W01 from the total initial volume, and what the integral from the muscle's own initial volume gives."""
+    one, ambient = cycle("maximal"), conditions().ambient.pressure_abs
+    high, final = one.start_pressure + ambient, one.shortened_volume
+    wrong = -high * final * math.log(final / one.stretched_volume) - high * final * (1.0 - ambient / high)
+    return ComputedValue(one.compression, f"{wrong:.1f} J from V2 = {1e6 * one.stretched_volume:.2f} cm3")
+
+
+@reproduces("energy.atmosphere", "Pa")
+def atmosphere() -> float:
+    """One standard atmosphere, by its definition."""
+    return parse("1 atm", "Pa", field="atmosphere")
 
 
 # ---- maximal shortening at constant pressure

@@ -37,6 +37,8 @@ class PrintedRow(NamedTuple):
         note: shown beside it.
         reason: why the tolerance is wider than the print, or where an interval comes from.
         decimals: in print, where TOML drops a zero at the end.
+        repeats: identifier of the row whose number this one tells again, in another place or unit; it is not counted.
+        printed: whether the papers print a value; where they describe one in words only, the row is not counted either.
     """
 
     id: str
@@ -51,6 +53,8 @@ class PrintedRow(NamedTuple):
     note: str = ""
     reason: str = ""
     decimals: int | None = None
+    repeats: str = ""
+    printed: bool = True
 
     @property
     def calibrated(self) -> bool:
@@ -71,10 +75,12 @@ class RowOutcome(NamedTuple):
         """Verdict in one or two words."""
         if self.ours is None:
             return "to come"
+        if self.ok is False:
+            return "falls short"
+        if self.row.repeats or not self.row.printed:
+            return "told again" if self.row.repeats else "not printed"
         if self.row.expect in ("open", "synthetic"):
             return self.row.expect
-        if not self.ok:
-            return "falls short"
         if self.row.expect == "erratum":
             return "misprint"
         return BASES[self.row.basis]
@@ -152,13 +158,17 @@ def reproduce_row(row: PrintedRow) -> RowOutcome:
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
     ours = from_si(value, way.si_unit, _plain_unit(row.unit))
-    note = "; ".join(filter(None, (row.note, way.note, remark, _reasoned(row), _based(row))))
+    note = "; ".join(filter(None, (_again(row), row.note, way.note, remark, _reasoned(row), _based(row))))
     return RowOutcome(row, ours, judge(row, ours), note)
 
 
 def said_of(row: PrintedRow) -> str:
     """Remarks on a row before it is computed: its note, why its tolerance is wide, and what goes into it."""
-    return "; ".join(filter(None, (row.note, _reasoned(row), _based(row))))
+    return "; ".join(filter(None, (_again(row), row.note, _reasoned(row), _based(row))))
+
+
+def _again(row: PrintedRow) -> str:
+    return f"the number of {row.repeats}, told again" if row.repeats else ""
 
 
 def _based(row: PrintedRow) -> str:
@@ -298,6 +308,18 @@ KINDS = {
             "the printed value is wrong; ours is the corrected one",
         ),
         VerdictKind("short", "falls short", ("falls short", "fall short"), "ours does not agree"),
+        VerdictKind(
+            "repeats",
+            "told again",
+            ("row tells one of them again", "rows tell one of them again"),
+            "the number of another row, in another place or unit; not counted",
+        ),
+        VerdictKind(
+            "unprinted",
+            "not printed",
+            ("row has no printed value", "rows have no printed value"),
+            "agrees with what the papers say in words; no value is printed, so that it is not counted",
+        ),
         VerdictKind("to come", "to come", ("is to come", "are to come"), "not computed yet"),
     )
 }
@@ -350,7 +372,7 @@ def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
 
 def is_prediction(row: PrintedRow) -> bool:
     """Whether a row predicts a printed number; where no measured curve is printed there is nothing to predict."""
-    return row.basis == "prediction" and row.expect != "synthetic"
+    return row.basis == "prediction" and row.expect != "synthetic" and row.printed and not row.repeats
 
 
 def relative_tolerance(row: PrintedRow) -> float | None:
@@ -374,7 +396,8 @@ def tallies(outcomes: Iterable[RowOutcome]) -> list[Tally]:
 
 def headline(outcomes: Sequence[RowOutcome]) -> str:
     """One sentence with the number of rows of each kind, and their differences from the print."""
-    counted = tallies(outcomes)
+    beside = [t for t in tallies(outcomes) if t.kind.key in ("repeats", "unprinted")]
+    counted = [t for t in tallies(outcomes) if t not in beside]
     parts = [f"{t.rows} {t.kind.counted[t.rows != 1]}{_between(t)}" for t in counted]
     missed = sum(is_prediction(o.row) and kind_of(o).key == "open" for o in outcomes)
     if missed:
@@ -382,8 +405,11 @@ def headline(outcomes: Sequence[RowOutcome]) -> str:
         parts[at] += f" of which {missed} {'are predictions' if missed > 1 else 'is a prediction'}"
     if not any(t.kind.key == "short" for t in counted) and any(t.kind.key != "to come" for t in counted):
         parts.append("none falls short")
-    numbers = "1 printed number" if len(outcomes) == 1 else f"{len(outcomes)} printed numbers"
-    return f"{numbers}: {', '.join(parts)}." if parts else "No printed number was asked for."
+    count = sum(t.rows for t in counted)
+    numbers = "1 printed number" if count == 1 else f"{count} printed numbers"
+    words = f"{numbers}: {', '.join(parts)}" if parts else "No printed number was asked for"
+    more = " and ".join(f"{t.rows} {t.kind.counted[t.rows != 1]}" for t in beside)
+    return f"{words}; beside them {more}." if more else f"{words}."
 
 
 def _between(tally: Tally) -> str:

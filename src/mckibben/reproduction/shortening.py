@@ -17,7 +17,7 @@ from ..documents import JsonValue
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import SPAN, TENSION, recording, reproduces, step_of
-from .rows import ComputedValue
+from .rows import ComputedValue, all_rows
 
 ISOTHERMAL = {"rig": "paper-isothermal"}
 RIGID = {"rigid": True}
@@ -188,6 +188,25 @@ def mean_power_density() -> float:
 def peak_power_density() -> float:
     """Peak power at 50 N, 5 Hz, over the muscle's volume."""
     return density(power(FAST).peak_power)
+
+
+@reproduces("isotonic.frequency_50N", "1/s")
+def printed_frequency() -> float:
+    """Cycles per second that the printed work and mean power of a shortening at 50 N leave: it takes half a cycle."""
+    return _printed("mean_power_50N_5Hz") / (2.0 * _printed("work_50N_5Hz"))
+
+
+@reproduces("isotonic.printed_peak_power_density", "W/m^3")
+def printed_peak_power_density() -> float:
+    """The printed peak power over the printed section area and rest length."""
+    return density(_printed("peak_power_50N_5Hz"))
+
+
+def _printed(name: str) -> float:
+    """Value that the paper prints for a row of these experiments, in SI."""
+    value = next(row.paper for row in all_rows() if row.id == f"isotonic.{name}")
+    assert isinstance(value, float)
+    return value
 
 
 @reproduces("isotonic.tension_error", "1")

@@ -50,11 +50,17 @@ def _row(row: PrintedRow) -> dict[str, JsonValue]:
         "what": minus(description),
         "paper": printed(row.paper),
         "unit": unit_text(row.unit),
-        "kind": EXPECTED.get(row.expect) or KINDS[BASES[row.basis]].key,
+        "kind": _expected(row),
         "recordings": needs_recording(row),
         "figures": figures,
         "note": said(said_of(row)),
     }
+
+
+def _expected(row: PrintedRow) -> str:
+    if row.repeats or not row.printed:
+        return "repeats" if row.repeats else "unprinted"
+    return EXPECTED.get(row.expect) or KINDS[BASES[row.basis]].key
 
 
 def outcome_document(outcome: RowOutcome) -> dict[str, JsonValue]:

@@ -14,6 +14,8 @@ const SIGNS = {
   synthetic: '<path d="M7 .5l6.500 6.500L7 13.500.5 7z" fill="none" stroke="var(--ink)" stroke-width="1.5"/>',
   short: '<path d="M4.500 .5h5l4 4v5l-4 4h-5l-4-4v-5z" fill="var(--stop)"/><path d="M4.800 4.800l4.400 4.400M9.200 4.800l-4.400 4.400" stroke="var(--on-stop)" stroke-width="1.6"/>',
   'to come': '<path d="M1 7h2M6 7h2M11 7h2" stroke="var(--edge)" stroke-width="2.4"/>',
+  repeats: '<path d="M3 5.500a4.500 4.500 0 1 1-.5 3.500M3 1.500v4h4" fill="none" stroke="var(--ink-2)" stroke-width="1.5"/>',
+  unprinted: '<path d="M3 7h8" stroke="var(--ink-2)" stroke-width="1.6"/>',
   running: '<path d="M3 1.500l9 5.500-9 5.500z" fill="var(--ink)"/>'
 }
 const verdict = kind => fixed?.kinds.find(k => k.key === kind)?.one ?? kind
