@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import numpy as np
 
 ULP = np.finfo(float).eps
@@ -32,7 +33,8 @@ class Disturbance:
 
     def begin(self, *arguments: Any) -> None:
         """Take the changes that belong to some arguments."""
-        sums = [zlib.crc32(np.ascontiguousarray(a).tobytes()) for a in arguments if not isinstance(a, str)]
+        plain = [b for a in arguments for b in (a if isinstance(a, tuple) else (a,)) if not isinstance(b, str)]
+        sums = [zlib.crc32(np.ascontiguousarray(a).tobytes()) for a in plain]
         self.chance = np.random.default_rng([self.seed, *sums])
 
     def install(self) -> None:
@@ -41,7 +43,9 @@ class Disturbance:
         import numpy.lib._polynomial_impl as polynomials  # `polyfit` holds its own reference
         import scipy.linalg
         import scipy.optimize
+        from jax._src import source_info_util
 
+        source_info_util.register_exclusion(__file__)  # what is traced names the line that called it
         for names, module in (
             (NUMPY, np.linalg),
             (SCIPY, scipy.linalg),
@@ -61,9 +65,9 @@ class Disturbance:
         @functools.wraps(real)
         def call(*args: Any, **options: Any) -> Any:
             result = real(*args, **options)
-            parts = list(result) if isinstance(result, tuple) else [result]
-            if any(type(p).__name__.endswith("Tracer") for p in parts):
+            if any(isinstance(a, jax.core.Tracer) for a in args):
                 return result
+            parts = list(result) if isinstance(result, tuple) else [result]
             self.begin(*args)
             arrays = [np.array(p) if _floating(p) else p for p in parts]
             if turn is not None:

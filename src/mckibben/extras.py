@@ -23,7 +23,6 @@ LIBRARIES = {
     "newton": ("warp", "newton"),
     "nidaqmx": ("daq", "nidaqmx[grpc]"),
     "nptdms": ("formats", "npTDMS"),
-    "openpyxl": ("formats", "openpyxl"),
     "opensim": ("opensim", "opensim"),
     "pandas": ("data", "pandas"),
     "polars": ("formats", "polars"),

@@ -5,10 +5,12 @@ fails after the first bytes, as it does there (EFBIG for ENOSPC).
 """
 
 import contextlib
+import gc
 import json
 import os
 import re
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +19,14 @@ from test_broken_input import POSTERIOR
 
 import mckibben
 from lanewise import ArgumentError, Program, cache
-from mckibben.cli import main
+from mckibben.bench.run import prepare, run
+from mckibben.cli import _outputs, main
 from mckibben.documents import ErrorKeepingFile, write_whole
 from mckibben.engine import native  # noqa: F401 - its programs are kept where the environment variable says
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.recordings.live_log import LiveLog
+from mckibben.recordings.tables import write_table
 
 resource = pytest.importorskip("resource", reason="Windows has no such limit")
 
@@ -79,6 +83,17 @@ def said(capsys, full, monkeypatch):
 def test_a_recording_is_written_whole_or_not_at_all(said, record, full, ending, size):
     err = said("record", "convert", record, full / f"r.{ending}", size=size)
     assert f"'{full / f'r.{ending}'}': it cannot be written (File too large)" in err
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("size", [0, 300, 2_000])
+@pytest.mark.parametrize("ending", ["csv", "json", "xlsx", "parquet"])
+def test_a_table_is_written_whole_or_not_at_all(full, capfd, ending, size):
+    columns = {"length": np.random.default_rng(0).standard_normal(2_000), "name": ["word"] * 2_000}
+    with room(size), pytest.raises(InputError, match=r"t\.\w+': it cannot be written \(File too large\)"):
+        write_table(columns, full / f"t.{ending}", units={"length": "m"})
+    gc.collect()
+    assert os.listdir(full) == [] and capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
@@ -164,6 +179,58 @@ def test_a_log_without_a_head_is_none_and_one_that_was_cut_off_keeps_what_it_has
     kept = read_recording(full / "r.mcap")
     assert 100 <= len(kept) < len(TIME)
     np.testing.assert_array_equal(kept["pressure"], CHANNELS["pressure"].values[: len(kept)])
+
+
+SHORT = """schema = 1
+name = "short"
+[[steps]]
+label = "up"
+pressure = { to = "2 bar", in = "0.2 s" }
+[[steps]]
+label = "hold"
+for = "1.8 s"
+"""
+
+
+@pytest.mark.parametrize("real_time", [False, True])
+def test_a_run_whose_log_is_full_vents_and_keeps_its_samples(full, tmp_path, real_time):
+    (tmp_path / "short.toml").write_text(SHORT)
+    prepared = prepare(str(tmp_path / "short.toml"), muscle="nylon", rig="modern")
+    whole = run(prepared)
+    with room(60_000):
+        record = run(prepared, log=full / "r.mcap", real_time=real_time)
+    message = record.meta["message"]
+    assert record.meta["result"] == "stopped" and record.meta["events"][-1]["code"] == "log"
+    assert "the log r.mcap cannot be written: it cannot be written (File too large); stopped and vented" in message
+    assert len(read_recording(full / "r.mcap")) > 100  # what the log has is good
+    if real_time:  # it is vented, and that is in the recording
+        command = record["valve.command"]
+        assert command[-1] == 0.0 < command.max() and len(record) < len(whole)
+    for name in ("muscle.pressure", "muscle.tension"):  # of the samples before the stop none is lost
+        same = record[name][:100] == whole[name][:100]
+        assert same.all()
+
+
+def test_a_run_without_room_for_its_recording_writes_a_copy_where_there_is_some(full, tmp_path, monkeypatch, capsys):
+    (tmp_path / "short.toml").write_text(SHORT)
+    (tmp_path / "room").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "room"))
+    write = _outputs.write_recording
+
+    def cannot(recording, path):
+        if path.parent == full:
+            raise InputError("file", str(path), "it cannot be written (No space left on device)")
+        write(recording, path)
+
+    monkeypatch.setattr("mckibben.cli.run.write_recording", cannot)
+    words = ["run", str(tmp_path / "short.toml"), "--muscle", "nylon", "--rig", "modern", "--out", str(full / "r.nc")]
+    for more, kept in (["--log", str(tmp_path / "r.mcap")], "room/r.nc"), (["--out", str(tmp_path / "s.nc")], "s.nc"):
+        with pytest.raises(SystemExit) as stop:
+            main([*words, *more])
+        err = capsys.readouterr().err
+        assert stop.value.code == 2
+        assert f"it cannot be written (No space left on device); kept: {tmp_path / kept}" in err
+        assert read_recording(tmp_path / kept).meta["result"] == "done"
 
 
 def test_a_cache_without_room_keeps_nothing_and_says_nothing(full, monkeypatch):

@@ -177,6 +177,7 @@ class ProtocolRun:
         check(list(prepared.findings))
         self.prepared, self.stage, self.progress, self.display, self.ask = prepared, stage, progress, display, ask
         self.stop = EmergencyStop() if stop is None else stop
+        self._lost = EmergencyStop()  # pressed where the log takes no more
         self.begun = begun
         self.timing = timing_of(prepared)
         self.longest = round((prepared.plan.duration + 2.0 * AFTER_STOP) / self.timing.period)  # samples of a segment
@@ -202,7 +203,7 @@ class ProtocolRun:
 
         return SampleLoop(
             machine, self.prepared.rig.converters(segment.start_span), software, outputs=self.machine.signals(),
-            longest=self.longest, stop=self.stop, tell=note, **more,
+            longest=self.longest, stop=lambda: self._lost() or self.stop(), tell=note, **more,
         )  # fmt: skip
 
     def play(self) -> Recording:
@@ -255,7 +256,7 @@ class ProtocolRun:
         chunks = self.stage.play(self, number, segment, software_of(self.prepared, segment, self.timing))
         try:
             for chunk in self._samples(chunks, segment):
-                if chunk.carry is not None and self.stop():
+                if chunk.carry is not None and (self._lost() or self.stop()):
                     self._interrupted()
                     break
         except LineLostError as error:
@@ -302,6 +303,10 @@ class ProtocolRun:
     def _interrupted(self) -> None:
         if self.state.result != "done":
             return
+        if self._lost():
+            self.state.result, self.state.message = "stopped", sentence(self._lost, self.state.time)
+            self._event(self.state.message, code="log")
+            return
         total = self.prepared.plan.duration
         self.state.result = "interrupted"
         self.state.message = f"Interrupted after {self.state.time:.4g} s of at most {total:.4g} s."
@@ -315,6 +320,8 @@ class ProtocolRun:
         record = results.shown["record"][:used].astype(bool) | stopped
         on_the_clock = (self.samples + np.arange(used)) % self.prepared.every == 0
         self.recorder.take(times, arrays, record & on_the_clock)
+        if self.recorder.failure and not self._lost():
+            self._lost.press(self.recorder.failure)
         if used:
             self.table.add(times, results.shown["step"][:used].astype(int), segment.steps)
         self.samples += used
@@ -330,8 +337,9 @@ class ProtocolRun:
         when, code = self.state.time + i * self.timing.period, int(results.shown["code"][i])
         name = Trip(code).name.lower() if code else "missed"
         if code == Trip.EMERGENCY_STOP:
-            name = "stop" if getattr(self.stop, "ordinary", False) else name
-            self.state.message = sentence(self.stop, when)
+            stop = self._lost if self._lost() else self.stop
+            name = "log" if stop is self._lost else "stop" if getattr(stop, "ordinary", False) else name
+            self.state.message = sentence(stop, when)
         elif code > 0:
             watch = self.prepared.rig.watch(segment.layout, tension=not self.prepared.accepted)
             measured = {n: float(v[i]) for n, v in results.measured.items() if not n.endswith(".code")}

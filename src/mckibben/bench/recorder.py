@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -119,10 +120,13 @@ class RunRecorder:
         bench: the run, for the header of the log.
         period: between two samples that are kept [s].
         log: path of a new ``.mcap`` file.
+
+    Attributes:
+        failure: why the log has no more samples, such as a full disk; empty while it takes them.
     """
 
     def __init__(self, bench: PreparedRun, period: float, log: str | Path | None = None) -> None:
-        self.bench, self.path = bench, log
+        self.bench, self.path, self.failure = bench, log, ""
         self.chunks = Chunks(period, {})
         self.log: LiveLog | None = None
         self._names: list[str] = []
@@ -130,7 +134,7 @@ class RunRecorder:
     def take(self, times: np.ndarray, arrays: Mapping[str, np.ndarray], keep: np.ndarray) -> None:
         """Take the next samples (n,) and keep those selected; the first call, even without samples, opens the log."""
         self.chunks.kinds.update(channels.kinds(arrays))
-        if self.path is not None and self.log is None:
+        if self.path is not None and self.log is None and not self.failure:
             kinds = self.chunks.kinds
             columns = {n: Channel(np.zeros(0), *kinds[n]) for n in arrays}
             self.log, self._names = LiveLog(self.path, columns, initial_metadata(self.bench)), list(arrays)
@@ -140,12 +144,26 @@ class RunRecorder:
         if self.log is not None and keep.any():
             nothing = np.full(len(times), np.nan)  # another part may have fewer channels
             table = np.stack([np.asarray(arrays.get(n, nothing), float)[keep] for n in self._names], axis=1)
-            self.log.append(times[keep], table)
+            with self._losing():
+                self.log.append(times[keep], table)
 
     def remark(self, text: str, time: float) -> None:
         """Write a remark at a time [s] into the log."""
         if self.log is not None:
-            self.log.annotate(text, time)
+            with self._losing():
+                self.log.annotate(text, time)
+
+    @contextlib.contextmanager
+    def _losing(self) -> Iterator[None]:
+        """Go on in memory where the log takes no more: a run must vent then, and its samples must not be lost."""
+        try:
+            yield
+        except InputError as error:
+            log, self.log = self.log, None
+            assert log is not None
+            self.failure = f"the log {Path(log.path).name} cannot be written: {error.problem}"
+            with contextlib.suppress(InputError):
+                log.close("stopped", self.failure)
 
     def recording(self) -> Recording:
         """Return the samples as a recording without metadata."""
@@ -154,7 +172,8 @@ class RunRecorder:
     def close(self, result: str, message: str, meta: Mapping[str, JsonValue]) -> None:
         """Close the log."""
         if self.log is not None:
-            self.log.close(result, message, meta)
+            with self._losing():
+                self.log.close(result, message, meta)
 
     def __enter__(self) -> Self:
         """Return the recorder itself."""

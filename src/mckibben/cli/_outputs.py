@@ -148,13 +148,36 @@ class OutputFiles(Mapping[str, list[Path]]):
         """The first path of a kind that was given, not standard output."""
         return next((path for path in self[kind] if path != self._streamed), None)
 
-    def write(self, kind: str, write: Callable[[Path], object]) -> None:
-        """Write every file of a kind; Ctrl-C waits for that."""
-        for path in self[kind]:
+    def write(self, kind: str, write: Callable[[Path], object], *, elsewhere: Path | None = None) -> None:
+        """Write every file of a kind; Ctrl-C waits for that.
+
+        Args:
+            kind: what is written.
+            write: writes it to a path.
+            elsewhere: folder for what cannot be made again, where none of the files could be written.
+
+        Raises:
+            InputError: a file cannot be written; the others are, and named.
+        """
+        kept: list[str] = []
+        errors: list[InputError] = []
+        for path in [*self[kind], *([elsewhere] if elsewhere is not None else [])]:
+            if path is elsewhere:
+                if kept or not errors:
+                    break
+                path = elsewhere / self[kind][0].name
             with _progress.protected():
-                write(path)
+                try:
+                    write(path)
+                except InputError as error:
+                    errors.append(error)
+                    continue
                 if path != self._streamed:
+                    kept.append(str(path))
                     _progress.keep(str(path))
+        if errors:
+            more = f"; kept: {', '.join(kept)}" if kept else ""
+            raise errors[0].changed(problem=f"{errors[0].problem}{more}")
 
     def write_rows(self, rows: Sequence[Mapping[str, JsonValue]], units: Mapping[str, str] | None = None) -> None:
         """Write every table, from rows that have the same keys, with the SI units of the columns."""

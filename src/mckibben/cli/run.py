@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 import math
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -172,7 +173,7 @@ def run_protocol(
             return
         log = log or _log_beside(files, clocked=real_time or machine is not None)
         recording = _recorded(bench, machine, lock_step=lock_step, real_time=real_time, log=log)
-        files.write("recording", lambda path: write_recording(recording, path))
+        _write_run(files, recording, log)
         predicted = None
         if posterior is not None:
             predicted = _predicted(posterior, draws, protocol, muscle, rig, law, change, plumbing, seed, step)
@@ -209,6 +210,19 @@ def _log_beside(files: OutputFiles, *, clocked: bool) -> Path | None:
 
 
 # ---- output
+
+
+def _write_run(files: OutputFiles, recording: Recording, log: Path | None) -> None:
+    """Write the recording; of a run that cannot be made again, a copy where there is room, and say how it ended."""
+    elsewhere = None if log is None else Path(tempfile.gettempdir())
+    try:
+        files.write("recording", lambda path: write_recording(recording, path), elsewhere=elsewhere)
+    except InputError:
+        if recording.meta["result"] != "done":
+            typer.echo(f"mckibben: {recording.meta['message']}", err=True)
+        if log is not None and log.exists():
+            typer.echo(f"mckibben: the log {log} has what was written until then", err=True)
+        raise
 
 
 def _say(

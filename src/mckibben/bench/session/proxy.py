@@ -307,9 +307,12 @@ class SessionProxy(MachineSession):
                 except MckibbenError as refusal:
                     error = refusal
                 self._send(0, "answer", error)
+            elif kind == "over":
+                kept.extend(said)
             elif (function := listeners.get(kind)) is not None:
                 function(*said)
 
+        kept: list[Recording] = []  # where the log took no more
         with contextlib.ExitStack() as until:
             if log is None:
                 log = Path(until.enter_context(tempfile.TemporaryDirectory(prefix="mckibben-"))) / "run.mcap"
@@ -324,7 +327,7 @@ class SessionProxy(MachineSession):
             finally:
                 if new_machine or self.button.ordinary:  # the session has reset itself
                     self._renew_button()
-            return read_recording(log)
+            return kept[0] if kept else read_recording(log)
 
     def close(self) -> None:
         """Vent and release the machine; may be called twice."""
@@ -399,8 +402,9 @@ class SessionServer:
                     raise error
 
         listeners: dict[str, Any] = {kind: functools.partial(tell, kind) for kind in kinds}
-        self.session.run(prepared, begun=begun, **listeners, **options)
-        self.say(number, "over", states[-1])
+        record = self.session.run(prepared, begun=begun, **listeners, **options)
+        lost = any(event.get("code") == "log" for event in states[-1].events)
+        self.say(number, "over", states[-1], *([record] if lost else []))
 
 
 def serve_machine(

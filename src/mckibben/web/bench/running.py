@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 SHOWN = 1000.0  # samples that pages get of a second
 CAUSES = {
-    "emergency_stop": "the emergency stop", "lost_line": "the loss of the machine", "missed": "a test that did not come true"
+    "emergency_stop": "the emergency stop", "lost_line": "the loss of the machine", "log": "a log that takes no more",
+    "missed": "a test that did not come true",
 }  # fmt: skip
 
 
@@ -132,8 +133,12 @@ class RunController:
             if self._crash_log is not None:
                 self._crash_log.unlink(missing_ok=True)  # all of it is in the recording
         except (MckibbenError, OSError) as error:
-            self._say(str(error), "stop")
-            return None, str(error)
+            kept = self._crash_log is not None and self._crash_log.exists()
+            said = (
+                f"{error}; kept: {self._crash_log.name}" if kept and self._crash_log else f"{error}; nothing was kept"
+            )
+            self._say(said, "stop")
+            return None, said
         if why or not self.new_machine:  # the session has said how it ended
             self._say(f"Recorded as {name}{', up to the stop' if why else ''}.", "done")
         else:
