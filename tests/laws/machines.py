@@ -74,8 +74,8 @@ def smooth(corded=False):
         held=("m",), signal="push", start=0.14, mass=3.0, weight=22.0, stiffness=500.0, spring_rest=0.14, damping=8.0
     )
     return single_muscle(
-        unit(rubs=False, corded=corded), load, supply=5e5, valve=(valve, valve), tube=Orifice(conductance=5e-10), port_volume=2e-5,
-        heat=WALL,
+        unit(rubs=False, corded=corded), load, supply=5e5, valve=(valve, valve), tube=Orifice(conductance=5e-10),
+        port_volume=2e-5, heat=WALL,
     )  # fmt: skip
 
 

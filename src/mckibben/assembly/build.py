@@ -76,7 +76,7 @@ def _usual(name: str) -> float:
     return INFERRED[name].value
 
 
-def test_cord() -> Tendon:
+def rig_cord() -> Tendon:
     """The cord between a muscle and the load of the paper's test machine; its numbers are `INFERRED`."""
     return Tendon(stiffness=_usual("tendon_stiffness"), toe_length=_usual("tendon_toe"), loss=_usual("tendon_loss"))
 
@@ -102,7 +102,7 @@ def unit_from_specimen(
             elements with its limit, since a friction without memory chatters at rest.
         rubs: False for a muscle without friction.
         creep: viscoelastic elements beside the braid.
-        tendon: between the muscle and the load; none by default, as `test_cord` is that of the test machine.
+        tendon: between the muscle and the load; none by default, as `rig_cord` is that of the test machine.
         wrap: a bone that the muscle lies over.
         changes: parameters of the law to replace, by field name [SI].
         **mechanics: as `unit_from_muscle` has them.
@@ -189,7 +189,7 @@ def unit_from_muscle(
 
 
 def rig_unit(muscle: MuscleUnit | Muscle | Specimen | str, *, law: str | None = None) -> MuscleUnit:
-    """A muscle on a test rig, which holds it by `test_cord`; a unit stays as it is, with the tendon that it has or has not.
+    """A muscle on a test rig, which holds it by `rig_cord`; a unit stays as it is, with the tendon that it has or has not.
 
     Args:
         muscle: a unit, a muscle, or a specimen or its id.
@@ -198,8 +198,8 @@ def rig_unit(muscle: MuscleUnit | Muscle | Specimen | str, *, law: str | None = 
     if isinstance(muscle, MuscleUnit):
         return muscle
     if isinstance(muscle, Muscle):
-        return unit_from_muscle(muscle, tendon=test_cord())
-    return unit_from_specimen(muscle, law=law, tendon=test_cord())
+        return unit_from_muscle(muscle, tendon=rig_cord())
+    return unit_from_specimen(muscle, law=law, tendon=rig_cord())
 
 
 class AirLine(NamedTuple):

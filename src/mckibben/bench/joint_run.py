@@ -89,7 +89,7 @@ def joint_stand(
 ) -> JointStand:
     """Build a pair on a joint, with computer, pressure sensors, valves and tubes of a rig, and the map of the pair.
 
-    The muscles pull by cords as those of the test machine (`assembly.build.test_cord`), unless they are units of one's own.
+    The muscles pull by cords as those of the test machine (`assembly.build.rig_cord`), unless they are units of one's own.
 
     Args:
         flexor: turns to positive angles.

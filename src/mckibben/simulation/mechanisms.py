@@ -16,7 +16,7 @@ import numpy as np
 
 from ..answers import Caution, brief, collect
 from ..assembly.assumptions import Assumption, of_unit
-from ..assembly.build import test_cord, unit_from_muscle, unit_from_specimen
+from ..assembly.build import rig_cord, unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
 from ..assembly.loads.joint import STOP_STIFFNESS
 from ..assembly.muscle_unit import MuscleUnit
@@ -72,14 +72,14 @@ def muscle_unit(muscle: AnyMuscle, field: str = "muscle", tendon: TendonOption =
     Args:
         muscle: id or file of a specimen, a `Specimen`, a `Muscle`, or a unit, which keeps its own tendon.
         field: that a complaint names.
-        tendon: between the muscle and what it moves; its stiffness is enough, toe and loss are then those of `test_cord`.
+        tendon: between the muscle and what it moves; its stiffness is enough, toe and loss are then those of `rig_cord`.
 
     Raises:
         InputError: it is no muscle, or the tendon is none; names the field.
     """
     cord = tendon
     if cord is not None and not isinstance(cord, Tendon):
-        cord = test_cord().replace(stiffness=in_si(cord, "N/m", "tendon"))
+        cord = rig_cord().replace(stiffness=in_si(cord, "N/m", "tendon"))
     if isinstance(muscle, MuscleUnit):
         return muscle if cord is None else muscle.replace(tendon=cord)
     if isinstance(muscle, str | Specimen):
