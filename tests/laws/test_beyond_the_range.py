@@ -1,17 +1,23 @@
 """Beyond its range of lengths a law goes on from one potential: the threads hold, pulled straight or packed side by side."""
 
 import warnings
+from dataclasses import replace
 
 import jax.numpy as jnp
+import machines
 import numpy as np
 import pytest
 from examples import SEATED, examples
 
 import mckibben as mk
+from mckibben.assembly.build import unit_from_muscle
 from mckibben.components import derivative
+from mckibben.engine import held, integrate, ramped
+from mckibben.engine.integration import Result
 from mckibben.errors import ConvergenceError
 from mckibben.muscles.check import evaluate
 from mckibben.muscles.plausible import LARGEST_STRAIN
+from mckibben.specimens import SpecimenNumber
 
 PRESSURES = np.array([0.0, 1e5, 3e5, 6e5, 10e5])  # gauge [Pa]
 # Each law once, and the specimens whose laws end where their formula does; the seated ones take minutes to compile.
@@ -42,7 +48,10 @@ def test_tension_and_its_slope_go_on_where_the_range_ends(name):
     law = examples()[name]
     for end in ends(law):
         beside = end * (1.0 + np.array([-1e-9, 1e-9]))[:, None]
-        tension, slope = np.asarray(law.braid_tension(beside, PRESSURES)), np.asarray(law.braid_stiffness(beside, PRESSURES))
+        tension, slope = (
+            np.asarray(law.braid_tension(beside, PRESSURES)),
+            np.asarray(law.braid_stiffness(beside, PRESSURES)),
+        )
         scale = np.abs(slope).max() + float(law.thread_stiffness())
         # a step of 2e-9 lengths moves the tension by its slope, and the slope by less than the threads' over 1e-2 lengths
         assert np.abs(np.diff(tension, axis=0)).max() <= 1e-8 * end * scale
@@ -118,7 +127,9 @@ def test_a_weight_hangs_on_threads_a_little_above_the_longest_length():
 
 def test_a_run_ends_where_threads_break():
     longest = mk.muscle("nylon").longest_length
-    simulation = mk.Simulation(mk.Plate("nylon", span=longest), mk.Air(supply="6 bar", valve="regulator"), period="2 ms")
+    simulation = mk.Simulation(
+        mk.Plate("nylon", span=longest), mk.Air(supply="6 bar", valve="regulator"), period="2 ms"
+    )
     simulation.reset(pressure="2 bar")
     simulation.step(span=(1.0 + 0.9 * LARGEST_STRAIN) * longest, muscle="2 bar")
     with pytest.raises(ConvergenceError, match="longer than its threads bear: load it less"):
@@ -135,3 +146,25 @@ def test_every_answer_says_overstretched(length):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         muscle.tension("15.4 cm", "3 bar")
+
+
+def test_a_run_of_the_engine_ends_with_its_code_where_threads_break():
+    longest = machines.unit().law.length_range()[1]
+    for share, result in ((0.5, Result.DONE), (1.2, Result.BROKEN)):
+        system = machines.plate()
+        span = np.linspace(1.0, 1.0 + share * LARGEST_STRAIN, 101) * float(longest)
+        still = np.zeros(101)
+        signals = {"x": ramped(span), "m.fill": held(still), "m.vent": held(still)}
+        start = system.initial({"m": 2e5, "m.port": 2e5}, {name: s.at(0, 0.0, 1e-3) for name, s in signals.items()})
+        state, memory = start
+        run = integrate(system, state, signals, memory=memory, period=1e-3, step_size=1e-3, raises=False)
+        assert run.result is result, run.message
+    assert "longer than its threads bear" in run.message
+
+
+def test_the_strain_at_which_threads_break_is_the_specimen_s_own():
+    assert float(unit_from_muscle(mk.muscle("nylon")).largest_strain) == LARGEST_STRAIN
+    nylon = mk.specimen("nylon")
+    polyamide = replace(nylon, properties=nylon.properties | {"largest_strain": SpecimenNumber(value=20.0, unit="%")})
+    unit = unit_from_muscle(mk.muscle(polyamide))
+    assert float(unit.breaking_length()) == pytest.approx(1.2 * 0.154, rel=1e-12)

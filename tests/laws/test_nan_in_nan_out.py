@@ -11,7 +11,15 @@ from mckibben.components.module import flatten
 from mckibben.errors import InputError
 from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
 from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
-from mckibben.muscles.hysteresis import HYSTERESES, BoucWen, Coulomb, Dahl, FrictionLimit, MaxwellSlip, PrandtlIshlinskii
+from mckibben.muscles.hysteresis import (
+    HYSTERESES,
+    BoucWen,
+    Coulomb,
+    Dahl,
+    FrictionLimit,
+    MaxwellSlip,
+    PrandtlIshlinskii,
+)
 from mckibben.pneumatics.compressor import Compressor
 from mckibben.pneumatics.leak import Leak
 from mckibben.pneumatics.orifice import Orifice
@@ -48,7 +56,9 @@ def lost(*values):
 
 
 @pytest.mark.parametrize("question", QUESTIONS)
-@pytest.mark.parametrize("law", ["ideal", "thick_wall", "linear_threshold", "tondu_lopez", "martens_boblan", "hyperelastic_braid"])
+@pytest.mark.parametrize(
+    "law", ["ideal", "thick_wall", "linear_threshold", "tondu_lopez", "martens_boblan", "hyperelastic_braid"]
+)
 def test_a_law_answers_a_nan_by_a_nan(law, question):
     ask = getattr(example(law), question)
     span = float(example(law).length_range()[1])
@@ -106,8 +116,9 @@ def test_a_friction_answers_a_nan_by_a_nan(name):
 
 
 def test_creep_and_elements_answer_a_nan_by_a_nan():
-    chains = MaxwellChain.geometric(stiffness=1e3, shortest=0.1, longest=10.0), KelvinVoigtChain.geometric(
-        compliance=1e-3, shortest=0.1, longest=10.0
+    chains = (
+        MaxwellChain.geometric(stiffness=1e3, shortest=0.1, longest=10.0),
+        KelvinVoigtChain.geometric(compliance=1e-3, shortest=0.1, longest=10.0),
     )
     for chain in chains:
         assert lost(chain.advance(chain.initial(), NAN, duration=1e-3).state)

@@ -147,8 +147,8 @@ TICKS = (0.0, 1.0, 10.0, 50.0)
 def range_curves(laws: Mapping[str, TensionLaw]) -> Figure:
     """Draw the tension of laws from 0.7 to 1.3 rest lengths, within their ranges and beyond.
 
-    The tension is over that at the longest length and 10 bar, on an axis that is straight up to one and logarithmic beyond. A
-    law without a rest length is drawn over its longest length.
+    The tension is over that at the longest length and 10 bar, on an axis that is straight up to one and logarithmic beyond.
+    A law without a rest length is drawn over its longest length.
 
     Args:
         laws: laws by the names that stand above the panels.
