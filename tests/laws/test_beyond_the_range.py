@@ -1,17 +1,23 @@
 """Beyond its range of lengths a law goes on from one potential: the threads hold, pulled straight or packed side by side."""
 
 import warnings
+from dataclasses import replace
 
 import jax.numpy as jnp
+import machines
 import numpy as np
 import pytest
 from examples import SEATED, examples
 
 import mckibben as mk
+from mckibben.assembly.build import unit_from_muscle
 from mckibben.components import derivative
+from mckibben.engine import held, integrate, ramped
+from mckibben.engine.integration import Result
 from mckibben.errors import ConvergenceError
 from mckibben.muscles.check import evaluate
 from mckibben.muscles.plausible import LARGEST_STRAIN
+from mckibben.specimens import SpecimenNumber
 
 PRESSURES = np.array([0.0, 1e5, 3e5, 6e5, 10e5])  # gauge [Pa]
 # Each law once, and the specimens whose laws end where their formula does; the seated ones take minutes to compile.
@@ -140,3 +146,25 @@ def test_every_answer_says_overstretched(length):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         muscle.tension("15.4 cm", "3 bar")
+
+
+def test_a_run_of_the_engine_ends_with_its_code_where_threads_break():
+    longest = machines.unit().law.length_range()[1]
+    for share, result in ((0.5, Result.DONE), (1.2, Result.BROKEN)):
+        system = machines.plate()
+        span = np.linspace(1.0, 1.0 + share * LARGEST_STRAIN, 101) * float(longest)
+        still = np.zeros(101)
+        signals = {"x": ramped(span), "m.fill": held(still), "m.vent": held(still)}
+        start = system.initial({"m": 2e5, "m.port": 2e5}, {name: s.at(0, 0.0, 1e-3) for name, s in signals.items()})
+        state, memory = start
+        run = integrate(system, state, signals, memory=memory, period=1e-3, step_size=1e-3, raises=False)
+        assert run.result is result, run.message
+    assert "longer than its threads bear" in run.message
+
+
+def test_the_strain_at_which_threads_break_is_the_specimen_s_own():
+    assert float(unit_from_muscle(mk.muscle("nylon")).largest_strain) == LARGEST_STRAIN
+    nylon = mk.specimen("nylon")
+    polyamide = replace(nylon, properties=nylon.properties | {"largest_strain": SpecimenNumber(value=20.0, unit="%")})
+    unit = unit_from_muscle(mk.muscle(polyamide))
+    assert float(unit.breaking_length()) == pytest.approx(1.2 * 0.154, rel=1e-12)

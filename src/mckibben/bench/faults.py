@@ -117,7 +117,8 @@ class RigFaults(Module):
 
     def worn(self, sound: MuscleUnit) -> WornBraid:
         """Return the law of the worn braid."""
-        return WornBraid(sound=sound.law, lost_threads=self.lost_threads, warming=self.rubber_warming)
+        wear = {"lost_threads": self.lost_threads, "warming": self.rubber_warming}
+        return WornBraid(sound=sound.law, thread_strain=sound.law.thread_strain, **wear)
 
 
 SOUND = {"clamp_grip": SOUND_GRIP}  # values that are sound, where it is not zero

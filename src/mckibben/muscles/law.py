@@ -7,9 +7,9 @@ A law gives the tension of the empty braid, ``elastic_tension(L)``, and the gas 
 so that dF/dP' = -dV/dL everywhere and no closed cycle yields work. A braid cannot push: seen from its anchors, the muscle
 pulls with max(F, 0), and where F would be negative it hangs slack at its free length.
 
-Outside of its range of lengths no formula is asked. There the threads hold: pulled straight they get hardly longer, and packed
-side by side they let the braid get no shorter. See `threads`: the law goes on from one potential, continuously
-differentiable, its tension rises with the threads' stiffness, and its gas is not squeezed out any further. Within the range
+Outside of its range of lengths no formula is asked. There the threads hold: pulled straight they get hardly longer, and side
+by side they let the braid get no shorter. See `threads`: the law goes on from one potential, continuously differentiable,
+its tension rises with the threads' stiffness, and its gas is not squeezed out any further. Within the range
 F and V are those of the law to the last bit; beyond it they are those of threads that hold, and no measured muscle's.
 """
 

@@ -23,8 +23,8 @@ from ..specimens import Specimen
 # Muscles of catalogues are rated for 6 to 8 bar; the maps that ship reach 6.75 bar. Gauge [Pa].
 HIGHEST_PRESSURE = 10e5
 USUAL_PRESSURE = 5e5  # [Pa]
-# Beyond the longest length, where a specimen does not state another: aramid yarn breaks at 3.5 %, polyester at 13 %, polyamide
-# at 20 % (Teijin, Tensile properties of Technora in comparison with other industrial fibers, table 3).
+# Beyond the longest length, where a specimen does not state another: aramid yarn breaks at 3.5 %, polyester at 13 %,
+# polyamide at 20 % (Teijin, Tensile properties of Technora in comparison with other industrial fibers, table 3).
 LARGEST_STRAIN = 0.035
 # Beyond this multiple of what is usual a value is a slip, not a choice.
 SLIP = 3.0
@@ -75,7 +75,7 @@ def stretch_caution(length: float, longest: float) -> Caution | None:
         return None
     digits = next(digits for digits in (4, 6, 17) if with_unit(length, "m", digits) != with_unit(longest, "m", digits))
     shown, most = (with_unit(value, "m", digits) for value in (length, longest))
-    said = f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}; from there its threads hold"
+    said = f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}; there its threads hold"
     return Caution(said, "length")
 
 

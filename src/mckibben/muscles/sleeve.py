@@ -441,6 +441,7 @@ _UNSEEN: dict[str, tuple[tuple[float, float] | None, str]] = {
     "thread_depth": (None, "assumed: the threads lie on the outside"),
     "length_factor": (None, "assumed: the rest length is the true one"),
     "stop_stiffness": ((0.0, 3e7), "not seen on a sleeve; no stop is assumed"),
+    "thread_strain": ((1e-3, 0.02), "the material is not stated; default of the law"),
 }
 _STOPS = {
     "linear_threshold": "assumed: no load draws the muscle out of its threads",

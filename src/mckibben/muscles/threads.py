@@ -5,14 +5,14 @@ potential goes on as that of the law at an effective length Le, with the energy 
 
     F = w Fl(Le, P') + T(x)              V = Vl(Le, P')
     Le = L - x + S t (1 - 2/3 t^2 + t^4/5)          w = dLe/dL = (1 - t^2)^2
-    T = k S [t |t| (1 - |t|/3) + y - t]             dT/dx = k (1 - (1 - |t|)^2)          t = y, held within -1 and 1
+    T = k S [t |t| (1 - |t|/3) + y - t]             dT/dx = k (1 - (1 - |t|)^2)       t = y, held within -1 and 1
 
 Value, slope and curvature of Le are continuous, T begins with zero slope and reaches the stiffness k of the threads over the
 travel S. The law is asked up to 8/15 S beyond its range and no further, so that no gas is squeezed out from there on. With
 k = F10/(e Lmax), F10 the law's tension at the longest length and 10 bar and e the strain of the threads under it, and S = 3 e
 Lmax, F rises with the length wherever the law's tension at Lmax is below 1.4 F10: the threads take the tension over faster
 than the gas leaves it, k (1 - (1 - t)^2) > -F dw/dx for k S > 2.15 F.
-Source: virtual work of C.-P. Chou and B. Hannaford, 1996, doi:10.1109/70.481753; the form of the transition is this project's.
+Source: virtual work of C.-P. Chou and B. Hannaford, 1996, doi:10.1109/70.481753; the transition is this project's.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ REACH = 2.0
 
 
 class HeldLength(NamedTuple):
-    """A length as threads hold it: the one at which the law is asked [m], its slope w [1], stretch of the threads T/k [m]."""
+    """A length as threads hold it: that at which the law is asked [m], its slope w [1], stretch of the threads T/k [m]."""
 
     length: Scalar
     share: Scalar

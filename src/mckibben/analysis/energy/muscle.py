@@ -5,8 +5,8 @@
 
 With the first, a cycle that passes below the threshold loses (P_th - P_x) times the change of volume without a trace, where
 P_x is the gauge pressure that it returns to. The paper's numbers rest on it, and it is kept for them. Both leave out the
-stop at the end of the stroke, which eq. 13 does not have: an isotonic load between the tensions of a cycle that begins in
-the stop would be a load on that spring.
+stop at the end of the stroke and the threads that hold beyond it, which eq. 13 does not have: an isotonic load between the
+tensions of a cycle that begins in the stop would be a load on that spring.
 """
 
 from __future__ import annotations
@@ -83,11 +83,12 @@ class PaperMuscle(CycleMuscle):
 
 
 class PotentialMuscle(CycleMuscle):
-    """Any law with its own volume."""
+    """Any law with its own volume: its formulas themselves, whose threads do not hold where a cycle stretches it further."""
 
     def volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Volume of the law [m^3]."""
-        return self.law.braid_volume(length, pressure)
+        length, pressure = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float))
+        return derivative(lambda p: self.law.gas_energy(length, p), pressure)
 
     def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy of the law [J]."""
@@ -96,7 +97,8 @@ class PotentialMuscle(CycleMuscle):
 
     def tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Tension of the law [N]."""
-        return self.law.braid_tension(length, pressure)
+        length, pressure = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float))
+        return self.law.elastic_tension(length) - derivative(lambda x: self.law.gas_energy(x, pressure), length)
 
 
 def has_paper_volume(law: TensionLaw) -> bool:

@@ -50,8 +50,8 @@ class TonduLopez(TensionLaw):
         """Gas energy with the volume of which the law is the virtual work [J]."""
         k = self.end_factor_at(pressure)
         upper = self._volume(self.upper_length, k)
-        # A fitted radius may leave less gas at the upper length than the threads squeeze out beyond it; the force tells only how
-        # the volume changes.
+        # A fitted radius may leave less gas at the upper length than is squeezed out until the threads hold; the force tells
+        # only how the volume changes.
         slope = derivative(lambda x: self._volume(x, k), self.upper_length + 0.0 * k)
         lift = bladder.least_upper_volume(slope, self.upper_length, self.thread_strain) - upper
         lift = jnp.maximum(lift, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import InputError
 from ...muscles.braid import BraidShape
 from ...muscles.law import TensionLaw
+from ...muscles.plausible import HIGHEST_PRESSURE
 from ...quantities import from_si
 from . import formats, style
 from .fit_figures import pulling, tension_grid
@@ -132,6 +133,56 @@ def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures:
     labels[-1] = labels[-1] + "\N{NO-BREAK SPACE}bar" if len(curves) > 1 else ""
     ends = [(lengths[-1] * cm, float(c[-1]), t) for c, t in zip(curves, labels, strict=True) if t]
     style.end_labels(ax, ends, quantity="pressure")
+
+
+# ---- laws beyond their ranges
+
+PER_ROW = 4
+STRETCHED = (0.7, 1.3)  # of the rest length
+BARS = (0.0, 1e5, 3e5, 6e5)  # gauge [Pa]
+TICKS = (0.0, 1.0, 10.0, 50.0)
+
+
+@style.styled()
+def range_curves(laws: Mapping[str, TensionLaw]) -> Figure:
+    """Draw the tension of laws from 0.7 to 1.3 rest lengths, within their ranges and beyond.
+
+    The tension is over that at the longest length and 10 bar, on an axis that is straight up to one and logarithmic beyond.
+    A law without a rest length is drawn over its longest length.
+
+    Args:
+        laws: laws by the names that stand above the panels.
+    """
+    rows = -(-len(laws) // PER_ROW)
+    fig = style.figure(style.WIDE, 0.9 + 1.9 * rows)
+    grid = fig.add_gridspec(
+        rows, PER_ROW, left=0.075, right=0.975, bottom=0.3 / rows, top=1.0 - 0.42 / rows, wspace=0.2, hspace=0.8
+    )
+    for place, (name, law) in enumerate(laws.items()):
+        ax = fig.add_subplot(grid[divmod(place, PER_ROW)])
+        low, high = (float(np.asarray(end)) for end in law.length_range())
+        rest = float(getattr(law, "rest_length", high))
+        share = np.unique(np.concatenate([np.linspace(*STRETCHED, 241), high / rest + np.linspace(0.0, 0.03, 61)]))
+        full = float(law.tension(high, HIGHEST_PRESSURE))
+        force = np.asarray(law.tension(share[:, None] * rest, np.array(BARS))) / full
+        for line, opacity in zip(force.T, style.graded(len(BARS), 0.3), strict=True):
+            ax.plot(share, line, color=COLOURS["tension"], lw=style.LINE, alpha=opacity, zorder=2)
+        for start, end in ((STRETCHED[0], low / rest), (high / rest, STRETCHED[1])):
+            if end > start:
+                ax.axvspan(start, end, color=SUNKEN, lw=0, zorder=0)
+        ax.set_xlim(*STRETCHED)
+        ax.set_yscale("symlog", linthresh=1.0, linscale=1.0)
+        ax.set_ylim(-0.05, 100.0)
+        ax.set_xticks([0.7, 1.0, 1.3])
+        ax.set_yticks(TICKS, [number(tick) for tick in TICKS])
+        ax.minorticks_off()
+        style.quantity_axes(
+            ax,
+            x=("Length over rest length" if place >= len(laws) - PER_ROW else "", "length"),
+            y=("Tension, relative" if place % PER_ROW == 0 else "", "tension"),
+        )
+        style.heading(ax, name, "0, 1, 3, 6 bar; grey: out of range" if place == 0 else "", above=24.0)
+    return fig
 
 
 # ---- the muscle to scale

@@ -65,7 +65,8 @@ class Assisted(Module):
 def with_spring(unit: MuscleUnit, *, rest_length: float) -> MuscleUnit:
     """Return the muscle with a parallel spring that is slack at first; `rest_length` of the spring in [m]."""
     spring = PassiveSpring(rest_length=rest_length, stiffness=0.0)
-    changed: MuscleUnit = unit.replace(law=Accompanied(law=unit.law, spring=spring))
+    law = Accompanied(law=unit.law, spring=spring, thread_strain=unit.law.thread_strain)
+    changed: MuscleUnit = unit.replace(law=law)
     return changed
 
 
