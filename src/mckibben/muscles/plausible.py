@@ -185,7 +185,9 @@ def size_caution(
         return None
     units = [u for u in (*usual_units(si_unit), *MORE_UNITS.get(si_unit, ())) if u != "in"]
     article = "an" if name[0] in "aeio" else "a"
-    said = f"{article} {name} of {text} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
+    said = (
+        f"{article} {name} of {text} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
+    )
     return Caution(said + _likely(number, si_unit, units, low, high, min(max(typical, low), high)), name)
 
 
