@@ -113,3 +113,23 @@ def test_a_number_that_is_declared_while_a_function_is_traced_outlives_the_trace
 
     assert "device_put" not in str(jax.make_jaxpr(doubled)(1.0))
     assert float(made[0]) == 2.0 and float(jax.jit(lambda x: made[0] + x)(1.0)) == 3.0
+
+
+@pytest.mark.parametrize(
+    ("text", "si_unit", "said"),
+    [
+        ("50 Hz", "rad/s", "that of 314.159 rad/s"),
+        ("3000 1/min", "rad/s", "that of 314.159 rad/s"),
+        ("60 rpm", "Hz", "that of 1 Hz"),
+        ("6.283185307 rad/s", "1/s", "that of 1 Hz"),
+    ],
+)
+def test_an_angular_frequency_is_not_taken_for_an_ordinary_one(text, si_unit, said):
+    with pytest.raises(InputError, match=said):
+        parse(text, si_unit, field="speed")
+
+
+def test_revolutions_are_angular_and_cycles_ordinary():
+    assert parse("60 rpm", "rad/s", field="speed") == pytest.approx(2.0 * 3.141592653589793, rel=1e-15)
+    assert parse("10 deg/s", "rad/s", field="speed") == pytest.approx(0.17453292519943295, rel=1e-15)
+    assert parse("5 kHz", "Hz", field="rate") == 5000.0 and parse("120 1/min", "1/s", field="rate") == 2.0

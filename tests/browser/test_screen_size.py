@@ -5,8 +5,9 @@ from urllib.parse import quote
 import pytest
 from screen_server import says
 
+from mckibben.errors import InputError
 from mckibben.studies.sizing import size, tables_of
-from mckibben.web.pages.size.page import ROWS
+from mckibben.web.pages.size.page import ROWS, answer
 from mckibben.web.pages.size.question import FIELDS, LINKED, SizeQuestion, from_link
 
 ASKED = {"force": "35 N", "stroke": "2.8 cm", "battery": "100 Wh", "muscle": "nylon", "lines": "no"}
@@ -63,4 +64,10 @@ def test_a_link_is_the_question_and_the_question_is_a_link():
     link = {name: value for name, value in question.link().items() if value is not None}
     assert from_link(link) == question and link["force"] == "none"
     assert question.arguments()["force"] is None and question.arguments()["lines"] is False
+    assert from_link({"load": "3 kg"}).arguments()["force"] is None  # nobody gave the usual one
+
+
+def test_a_force_beside_a_mass_is_refused_as_on_the_command_line():
+    with pytest.raises(InputError, match="load must be given without a force"):
+        answer(SizeQuestion(force="50 N", load="20 kg", lines="no"), lambda words: None)
     assert {one.name for _, group in FIELDS for one in group} | {"muscle", "law", "lines"} == set(LINKED)

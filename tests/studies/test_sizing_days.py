@@ -9,7 +9,7 @@ import mckibben as mk
 from mckibben.assembly.circuit_file import build_plan
 from mckibben.components import Environment
 from mckibben.documents import parse_toml
-from mckibben.errors import InputError
+from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.pneumatics.build import valve_from_specimen
 from mckibben.specimens import save_specimen, specimen
 from mckibben.specimens.parts import parts
@@ -243,3 +243,43 @@ def test_the_circuit_of_the_answer_has_its_parts():
         assert float(plan.circuit.elements["tube"].diameter) == pytest.approx(2e-3)
     with pytest.raises(InputError, match="circuit needs a valve and a tube"):
         circuit_of(NYLON, WISH, None, {})
+
+
+def test_a_requirement_is_stated_once():
+    wish = mk.size(force="50 N", stroke="3 cm", lines=False).wish
+    for more in ({"force": "10 N"}, {"load": "20 kg"}, {"stroke": "1 cm"}, {"space": "20 cm x 3 cm"}):
+        with pytest.raises(InputError, match="must be left out beside a wish"):
+            mk.size(wish, lines=False, **more)
+    with pytest.raises(InputError, match="must be left out beside a space"):
+        mk.size(force="50 N", stroke="3 cm", space="20 cm x 3 cm", length="10 cm", lines=False)
+
+
+@pytest.mark.parametrize(
+    ("stated", "meant"),
+    [({"pressure": "3 Pa"}, "3 bar"), ({"stroke": "3 m"}, "3 cm"), ({"force": "50 MN"}, "50 N"), ({"rate": 1e3}, "")],
+)
+def test_a_requirement_that_can_hardly_be_meant_is_a_caution_of_the_answer(stated, meant):
+    usual = {"force": "50 N", "stroke": "3 cm", "pressure": "5 bar"}
+    with pytest.warns(PlausibilityWarning) as caught:
+        try:
+            said = [str(one) for one in mk.size(**usual | stated, lines=False).cautions]
+        except InputError:
+            said = None
+    sentences = [str(w.message) for w in caught]
+    assert any(f"was {meant} meant?" in one or not meant for one in sentences)
+    assert said is None or said == sentences
+
+
+def test_what_nobody_gave_of_a_valve_is_not_known():
+    def line(words):
+        sizing = mk.size(force="30 N", stroke="2 cm", muscle="nylon", valve=words)
+        table = next(one for one in tables_of(sizing) if one.title.startswith("Valves"))
+        return sizing.to_dict()["lines"][0], table.rows[0][5:7], sizing.daily
+
+    told, shown, _ = line("Cv=0.3, switching_time=8 ms")
+    assert (told["valve_mass"], told["mass"], told["power"]) == (None, None, None)
+    assert shown == ["not known", "not known"]
+    told, shown, _ = line("Cv=0.3, switching_time=8 ms, mass=60 g, power=3 W")
+    # SI of what was given; the power is kept as a current at 24 V
+    assert told["valve_mass"] == pytest.approx(0.06, rel=1e-12) and told["power"] == pytest.approx(3.0, rel=1e-12)
+    assert shown == ["60", "3.0"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ....errors import InputError
+from ....errors import InputError, MckibbenError
 from ....report.figures import circuit_diagram
 from ... import charts
 from ...elements import page_document
 from ...save import saveable
 from ...shelf import Shelf
-from ...widgets import box, button, link, loading, page_frame, panel, raw, refused, text
+from ...widgets import box, button, link, loading, note, page_frame, panel, raw, refused, text
 from ...workspace import Workspace
 from . import diagram, dialogs, edit, inspector, response
 from .document import Document, text_of
@@ -286,6 +286,12 @@ class CircuitPage:
 
     def _show(self, answer: CircuitAnswer) -> None:
         self.said.clear()
+        with self.said:
+            try:
+                for one in self.desk.plan.cautions:
+                    note(f"{str(one)[0].upper()}{str(one)[1:]}.")
+            except MckibbenError as error:
+                refused(f"{error}.")
         charts.update(self.pressure, pressure_chart(self.desk, answer))
         charts.update(self.flow, flow_chart(self.desk, answer.record))
 

@@ -1,0 +1,39 @@
+"""The memory of a run: refused before it begins where it does not fit, in a sentence that says what would do."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+import mckibben as mk
+from mckibben.bench.joint_run import joint_stand, run_joint
+from mckibben.recordings import memory
+
+CIRCUITS = Path(__file__).parents[2] / "examples" / "circuits"
+
+
+@pytest.fixture(autouse=True)
+def one_gigabyte(monkeypatch):
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e9)
+
+
+def test_the_longest_run_is_the_one_that_takes_half_of_the_free_memory():
+    memory.check_memory(62.5, 1e-3, bytes_per_sample=8e3)  # 62,500 samples of 8 kB are 0.5 GB
+    with pytest.raises(
+        mk.InputError, match=r"must be at most 62 s at a period of 0.001 s, got 63 s; it would need 0.5 GB"
+    ):
+        memory.check_memory(63.0, 1e-3, bytes_per_sample=8e3)
+    with pytest.raises(mk.InputError, match="at most 6.2 s for each of 10 runs"):
+        memory.check_memory(63.0, 1e-3, bytes_per_sample=8e3, runs=10)
+
+
+def test_joints_circuits_and_protocols_are_refused_before_they_begin(monkeypatch):
+    stand = joint_stand("nylon")
+    with pytest.raises(mk.InputError, match="a shorter run or a longer period would do"):
+        run_joint(stand, duration=1e6, angle=0.0, stiffness=1.0)
+    long = dataclasses.replace(mk.circuit(CIRCUITS / "filling-a-tank.toml"), duration=1e6)
+    with pytest.raises(mk.InputError, match="a shorter run or a longer period would do"):
+        long.run()
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e5)
+    with pytest.raises(mk.InputError, match="a shorter run or a longer period would do"):
+        mk.prepare("isometric-step", muscle="nylon")
