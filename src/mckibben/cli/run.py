@@ -40,6 +40,7 @@ from ._terminal import (
     NoiseSeed,
     Plumbing,
     RigName,
+    caution,
     pairs,
     print_json,
     table,
@@ -397,8 +398,8 @@ def _recorded(
     bench: PreparedRun, machine: str | None, *, lock_step: bool, real_time: bool, log: Path | None
 ) -> Recording:
     """Run a prepared protocol with a progress bar; Ctrl-C vents and keeps the samples so far."""
-    for caution in bench.cautions:
-        typer.echo(f"mckibben: {caution}", err=True)
+    for sentence in bench.cautions:
+        typer.echo(f"mckibben: {sentence}", err=True)
     button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
         progress("running", bench.plan.duration, guarded=False) as bar,
@@ -500,7 +501,7 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
 
 def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, JsonValue]:
     meta = recording.meta
-    keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing")
+    keys = ("message", "events", "steps", "saturation", "friction", "timing", "seed", "rig", "plumbing")
     result = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
     return {
         "result": meta["result"],
@@ -510,6 +511,7 @@ def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[st
         "balance": {k: meta["balance"].get(k) for k in ("mass", "energy")},
         "accounts": meta["balance"],
         "samples": len(recording),
+        "warnings": [c.text for c in recording.cautions],
         **result,
     }
 
@@ -535,7 +537,6 @@ def _print(recording: Recording) -> None:
             f"By the clock: {late['samples']} samples, {late['late']} late by a tenth of a period or more; lateness "
             f"{half:.3g} ms (median), {most:.3g} (99 %), {nearly:.3g} (99.9 %), {largest:.3g} (largest)."
         )
-    for name, one in meta.get("saturation", {}).items():
-        typer.echo(f"{name}: {one['sentence']}")
+    caution(*(c.text for c in recording.cautions if c.parameter != "warnings"))  # which were said before it began
     for event in meta["events"]:
         typer.echo(f"{event['time']:.4g} s: {event['text']}")
