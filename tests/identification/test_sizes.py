@@ -23,7 +23,7 @@ LOOSE = {"seated_hyperelastic_braid": 1e-3}
 
 
 def similar(name: str, size: float):
-    """The example of a law, each dimension larger by the power of length in its unit: a similar muscle at equal pressures."""
+    """The example of a law, each dimension larger by the power of length in its unit: a muscle similar to it."""
     law = example(name)
     changes = {
         key: float(getattr(law, key)) * size ** _power_of_length(q.unit) for key, q in declared(type(law)).items()
@@ -45,7 +45,8 @@ def test_a_law_is_recovered_at_any_size(name, longest):
     size = longest / float(example(name).length_range()[1])
     law = similar(name, size)
     points = measured(law, np.linspace(0.85, 0.98, 7) * longest)
-    known = {k: float(getattr(law, k)) for k in declared(type(law)) if k not in law.fitted}
+    # a rest volume that is stated is one that is known, which it is not here
+    known = {k: float(getattr(law, k)) for k in declared(type(law)) if k not in (*law.fitted, "rest_volume")}
     fit = mk.fit(points, [name], known=known).fits[0]
     assert float(np.sqrt(np.mean(np.square(fit.error)))) <= LOOSE.get(name, 1e-9) * points.tension.max()
     if name not in LOOSE:

@@ -17,6 +17,7 @@ from ..errors import InputError, not_found
 from ..experiments import waveforms
 from ..quantities import from_si, parse, shown_unit
 from ..recordings import mcap
+from ..recordings.cautions import MACHINE
 from ..recordings.differences import differing
 from ..report.figures import loop_comparison, recording_figures, style
 from ._outputs import FIGURE, KEPT_RECORDING, OBJECT, TABLE, OutputKinds, Paths, write_recording
@@ -281,7 +282,7 @@ def _described(file: Path, known: Recording) -> dict[str, JsonValue]:
         "balance": meta.get("balance"),
         "saturation": meta.get("saturation") or {},
         "events": meta.get("events") or [],
-        "warnings": meta.get("warnings") or [],
+        "warnings": [*(meta.get("warnings") or []), *(c.text for c in known.cautions if c.parameter in MACHINE)],
         "citations": _citations(meta.get("citations")),
     }
 

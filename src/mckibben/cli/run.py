@@ -516,8 +516,7 @@ def _tell(bench: PreparedRun, dry: bool, as_json: bool) -> None:
 
 def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[str, JsonValue]:
     meta = recording.meta
-    keys = ("message", "events", "steps", "saturation", "warnings", "friction", "timing", "seed", "rig", "plumbing",
-            "law_error")  # fmt: skip
+    keys = ("message", "events", "steps", "saturation", "friction", "timing", "seed", "rig", "plumbing", "law_error")
     result = {k: meta[k] for k in (*keys, "deadlines", "hardware", "calibration") if k in meta}
     return {
         "result": meta["result"],
@@ -527,6 +526,7 @@ def _result(recording: Recording, out: Path | None, log: Path | None) -> dict[st
         "balance": {k: meta["balance"].get(k) for k in ("mass", "energy")},
         "accounts": meta["balance"],
         "samples": len(recording),
+        "warnings": [c.text for c in recording.cautions],
         **result,
     }
 
@@ -552,7 +552,6 @@ def _print(recording: Recording) -> None:
             f"By the clock: {late['samples']} samples, {late['late']} late by a tenth of a period or more; lateness "
             f"{half:.3g} ms (median), {most:.3g} (99 %), {nearly:.3g} (99.9 %), {largest:.3g} (largest)."
         )
-    for name, one in meta.get("saturation", {}).items():
-        typer.echo(f"{name}: {one['sentence']}")
+    caution(*(c.text for c in recording.cautions if c.parameter != "warnings"))  # which were said before it began
     for event in meta["events"]:
         typer.echo(f"{event['time']:.4g} s: {event['text']}")

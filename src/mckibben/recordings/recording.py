@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..accessors import Accessor, implementation
+from ..answers import Caution
 from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..extras import library
 from ._meta import Frozen, file_attributes, freeze
+from .cautions import cautions_of
 from .formats import writer_of
 from .units import is_si
 
@@ -193,7 +195,14 @@ class Recording:
         span = f"{self.time[0]:.6g} s to {self.time[-1]:.6g} s"
         names = [*self.channels]
         listed = ", ".join(names if len(names) <= LISTED else [*names[: LISTED - 1], f".. {len(names)} channels"])
-        return f"Recording({len(self)} samples, {span}: {listed or 'no channels'})"
+        count = len(self.cautions)
+        said = f"; {count} caution{'s' if count > 1 else ''}" if count else ""
+        return f"Recording({len(self)} samples, {span}: {listed or 'no channels'}{said})"
+
+    @property
+    def cautions(self) -> tuple[Caution, ...]:
+        """What must be known before the samples are used: lost or late ones, saturation, warnings, what a file left out."""
+        return cautions_of(self.meta)
 
     def _channel(self, name: str) -> Channel:
         try:

@@ -107,23 +107,6 @@ def channels(record: Recording) -> ReportTable:
     return ReportTable(columns, tuple(rows))
 
 
-def saturation(meta: Mapping[str, JsonValue]) -> list[str]:
-    """One sentence for each saturated channel."""
-    sentences = []
-    for name, said in mapping(meta.get("saturation")).items():
-        entry = mapping(said)
-        if entry.get("sentence"):
-            sentences.append(f"{name} {entry['sentence']}.")
-        elif entry:
-            words = (
-                [f"{significant(100.0 * entry['share'], 3)} % of its samples"] if is_number(entry.get("share")) else []
-            )
-            words += [f"first at {significant(entry['first'], 6)} s"] if is_number(entry.get("first")) else []
-            words += [f"at most {time_words(entry['longest'])} on end"] if is_number(entry.get("longest")) else []
-            sentences.append(", ".join([f"{name} was at an end of its range", *words]) + ".")
-    return sentences
-
-
 def steps(record: Recording) -> list[Block]:
     """Show the executed steps."""
     try:
@@ -544,15 +527,10 @@ def _done(record: Recording, name: str) -> list[Block]:
     if meta.get("result", "done") != "done":
         words = ": ".join(str(w) for w in (meta["result"], meta.get("message")) if w)
         blocks.append(NoteBox("The run did not reach its end", (words,), "stop"))
-    cautions = [*_warnings(meta), *saturation(meta)]
+    cautions = [f"{c.text.rstrip('.')}." for c in record.cautions if c.parameter != "source"]
     if cautions:
         blocks.append(NoteBox("Caution", tuple(cautions)))
     return [*blocks, KeyValues(tuple(_facts(record, name)))]
-
-
-def _warnings(meta: Mapping[str, JsonValue]) -> list[str]:
-    warnings = meta.get("warnings")
-    return [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
 
 
 def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:

@@ -75,10 +75,12 @@ class RowOutcome(NamedTuple):
         """Verdict in one or two words."""
         if self.ours is None:
             return "to come"
+        if not self.row.printed:
+            return "not printed"
         if self.ok is False:
             return "falls short"
-        if self.row.repeats or not self.row.printed:
-            return "told again" if self.row.repeats else "not printed"
+        if self.row.repeats:
+            return "told again"
         if self.row.expect in ("open", "synthetic"):
             return self.row.expect
         if self.row.expect == "erratum":
@@ -318,7 +320,7 @@ KINDS = {
             "unprinted",
             "not printed",
             ("row has no printed value", "rows have no printed value"),
-            "agrees with what the papers say in words; no value is printed, so that it is not counted",
+            "the papers have words only and no value; not counted, and held against what we take them to mean",
         ),
         VerdictKind("to come", "to come", ("is to come", "are to come"), "not computed yet"),
     )
@@ -409,6 +411,12 @@ def headline(outcomes: Sequence[RowOutcome]) -> str:
     numbers = "1 printed number" if count == 1 else f"{count} printed numbers"
     words = f"{numbers}: {', '.join(parts)}" if parts else "No printed number was asked for"
     more = " and ".join(f"{t.rows} {t.kind.counted[t.rows != 1]}" for t in beside)
+    outside = sum(o.ok is False for o in outcomes if kind_of(o).key == "unprinted")
+    more += (
+        f", of which {outside} {'lie' if outside > 1 else 'lies'} outside what we take its words to mean"
+        if outside
+        else ""
+    )
     return f"{words}; beside them {more}." if more else f"{words}."
 
 

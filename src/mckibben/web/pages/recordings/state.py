@@ -16,6 +16,7 @@ import numpy as np
 from ....analysis.cycles import find_cycles
 from ....documents import JsonValue
 from ....errors import MckibbenError
+from ....recordings.cautions import cautions_of
 from ....recordings.conditions import conditions
 from ....report.words import is_number, mapping, significant
 from ...reader import read_outside
@@ -185,17 +186,14 @@ def _when(words: Any, path: Path) -> float:
 
 def _sign(meta: Mapping[str, JsonValue]) -> tuple[str, str]:
     """The most important remark: why the run ended, which limit was reached, or whether the energy closes."""
-    from ....report.recording_report import saturation
-
     if str(meta.get("result", "done")) != "done":
         events = meta.get("events")
         ended = mapping(events[-1]).get("code") if isinstance(events, list) and events else None
         return "" if ended == "stop" else "stop", str(meta.get("message") or meta.get("result"))
-    warnings = meta.get("warnings")
-    remarks = [str(mapping(w).get("text", w)) for w in warnings] if isinstance(warnings, list) else []
-    remarks += saturation(meta)
+    remarks = [c.text for c in cautions_of(meta) if c.parameter != "source"]
     if remarks:
-        return "caution", remarks[0]
+        more = f" (and {len(remarks) - 1} more)" if len(remarks) > 1 else ""
+        return "caution", f"{remarks[0]}{more}"
     energy = mapping(meta.get("balance")).get("energy")
     if energy is not None and is_number(energy):
         return "check", f"energy closes, {significant(float(energy), 1)}"
