@@ -47,7 +47,7 @@ def of_unit(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tuple[Assumpt
         usual_tendon: whether only the stiffness of its tendon was stated.
     """
     at = f"units.{name}"
-    made = [inferred(f"{at}.{key}", key) for key in ("viscosity", "stop_damping")]
+    made = [inferred(f"{at}.{key}", key) for key in ("viscosity", "stop_damping", "stop_travel")]
     if unit.tendon is None:
         note = f"what relaxes the slack braid in {with_unit(SLACK_TIME, 's')} where it is stiffest"
         return (*made, Assumption(f"{at}.slack_damping", float(unit.slack_damping), "N*s/m", note))

@@ -27,7 +27,7 @@ from ..quantities import Quantity
 from ..specimens import Specimen, muscle_specimen
 from .loads import JointLoad, Load, MomentArm
 from .machine import Machine
-from .muscle_unit import MuscleUnit
+from .muscle_unit import STOP_TRAVEL, MuscleUnit
 from .wrap import Wrap
 
 
@@ -47,6 +47,7 @@ INFERRED: dict[str, InferredNumber] = {
         "N s/m; 0.35 would add a count of the paper's cell at 8 L0/s, and nothing viscous was seen there",
     ),
     "stop_damping": InferredNumber(100.0, (10.0, 300.0), "N s/m; a braid pulled taut does not bounce"),
+    "stop_travel": InferredNumber(STOP_TRAVEL, (3e-4, 3e-3), "m; over which a braid is pulled taut"),
     "tendon_stiffness": InferredNumber(1e5, (3e4, 1e6), "N/m; a cord of 20 cm and the frame of the test machine"),
     "tendon_toe": InferredNumber(5e-4, (1e-4, 2e-3), "m; the stretch over which that cord stiffens"),
     "tendon_loss": InferredNumber(0.2, (0.0, 1.0), "s/m; that cord, taut, hardly rings"),
@@ -160,16 +161,16 @@ def unit_from_muscle(
         tendon: between the muscle and the load; none by default.
         wrap: a bone that the muscle lies over.
         where: place used in a complaint.
-        **mechanics: ``viscosity`` and ``stop_damping`` [N s/m]; with a tendon ``end_mass`` [kg], without one
-            ``slack_damping`` [N s/m], which follows from the law where it is left out; ``largest_strain`` [1], as the
-            specimen states it.
+        **mechanics: ``viscosity`` and ``stop_damping`` [N s/m], ``stop_travel`` [m]; with a tendon ``end_mass`` [kg],
+            without one ``slack_damping`` [N s/m], which follows from the law where it is left out; ``largest_strain`` [1],
+            as the specimen states it.
 
     Raises:
         InputError: if the muscle is biological, or states something else than what was asked for.
     """
     if muscle.is_biological:
         raise InputError("muscle", muscle.title, "must be a McKibben muscle; it is biological", where=where)
-    usual: dict[str, Any] = {name: _usual(name) for name in ("viscosity", "stop_damping")}
+    usual: dict[str, Any] = {name: _usual(name) for name in ("viscosity", "stop_damping", "stop_travel")}
     usual["largest_strain"] = largest_strain(muscle.specimen)
     usual |= {"slack_damping": None} if tendon is None else {"end_mass": _usual("end_mass")}
     for name in mechanics:

@@ -48,8 +48,7 @@ from .clamp import Clamp
 from .loads.load import Restraint
 from .wrap import Wrap
 
-# Stretch beyond the law's longest length at which the damping of the stop is full [m].
-STOP_TRAVEL = 1.3e-3
+STOP_TRAVEL = 1.3e-3  # [m]
 HALVINGS = 64  # of a bracket: from any length to the last bit
 END_MASS = 0.02  # of a fitting between braid and tendon [kg]
 SLACK_TIME = 1e-3  # in which a slack braid relaxes where it is stiffest, unless its damping is stated [s]
@@ -129,6 +128,9 @@ class MuscleUnit(Module):
     viscosity: Scalar = quantity("N*s/m", (0.0, 1e4), "internal damping", symbol="c", default=1.0)
     stop_damping: Scalar = quantity(
         "N*s/m", (0.0, 1e4), "further damping beyond the longest length", symbol="cs", default=100.0
+    )
+    stop_travel: Scalar = quantity(
+        "m", (1e-6, 1.0), "stretch beyond the longest length at which that damping is full", default=STOP_TRAVEL
     )
     slack_damping: Scalar = quantity(
         "N*s/m",
@@ -249,7 +251,7 @@ class MuscleUnit(Module):
 
     def damping(self, length: Scalar) -> Scalar:
         """Damping at a length of the braid [N s/m]."""
-        beyond = (length - self.law.length_range()[1]) / STOP_TRAVEL
+        beyond = (length - self.law.length_range()[1]) / self.stop_travel
         above = jnp.where(beyond > 0.0, beyond, 0.0)
         share = jnp.where(above < 1.0, above, 1.0)
         return self.viscosity + self.stop_damping * (share * share)

@@ -107,7 +107,15 @@ class RigFaults(Module):
         return sound
 
     def slack(self, sound: MuscleUnit) -> Tendon:
-        """Return the tendon with the slack of the clamp."""
+        """Return the tendon with the slack of the clamp.
+
+        Raises:
+            InputError: the muscle has no tendon that a clamp could hold.
+        """
+        if sound.tendon is None:
+            raise InputError(
+                "clamp_slack", None, "needs a tendon that the clamp holds, and the muscle has none", where="faults"
+            )
         slack: Tendon = sound.tendon.replace(slack_length=sound.tendon.slack_length + self.clamp_slack)
         return slack
 

@@ -307,6 +307,7 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
                 for name, spec in zip(("flexor", "extensor"), stand.specimens, strict=True)
             }
         ),
+        "mounting": {name: unit.mounting for name, unit in stand.machine.units.items()},
         "inferred": list(rig.inferred),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED},

@@ -81,6 +81,7 @@ def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
         "plumbing": bench.layout,
         "specimen": None if spec is None else spec.id,
         "rest_length": bench.plan.rest_length,
+        "mounting": {"muscle": bench.unit.mounting},
         "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "converters": _ends(bench),

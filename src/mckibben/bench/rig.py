@@ -12,6 +12,7 @@ from typing import Any
 
 from .. import schema
 from .._jax import Scalar, jnp
+from ..assembly.build import rig_cord
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
@@ -21,6 +22,7 @@ from ..errors import InputError
 from ..experiments.dry_run import Limits
 from ..experiments.protocol import Protocol
 from ..pneumatics.gas import AIR
+from ..quantities import with_unit
 from ..recordings.calibration import Calibration
 from .faults import RigFaults
 from .hardware.analogue import AnalogOut, Sensor
@@ -64,7 +66,8 @@ class Rig:
 
     `plumbing` holds the ways to join the pneumatic parts by name, the usual one first. `shortest` and `longest` bound the
     span that the frame takes [m]. `inferred` lists the paths of values without a source. `calibration` is what comparing
-    the channels with references found. `faults` are those that the simulated machine has.
+    the channels with references found. `faults` are those that the simulated machine has. A muscle that is mounted by its
+    specimen or its law pulls by the cord of the test machine, `assembly.build.rig_cord`; a `MuscleUnit` by what it has.
     """
 
     name: str
@@ -96,7 +99,8 @@ class Rig:
     faults: RigFaults = field(default_factory=RigFaults)
 
     def __repr__(self) -> str:
-        return f"Rig({self.name!r}: {self.title})"
+        cord = with_unit(float(rig_cord().stiffness), "N/m")
+        return f"Rig({self.name!r}: {self.title}; muscles pull by a cord of {cord})"
 
     def operator_action(self, ask: str) -> OperatorAction | None:
         """Return the operator action for a request of a protocol; None if the rig does not know it."""

@@ -274,7 +274,7 @@ def _trips(table: FileTable, unit: str) -> tuple[float, float]:
     return low, high
 
 
-_PLUMBING = ("supply_pressure", "port_volume", "valve_accumulator", "muscle_accumulator")
+_PLUMBING = ("supply_pressure", "port_volume", "line_volume", "valve_accumulator", "muscle_accumulator")
 _PARTS = ("valve", "tube", "shut_off", "leak")
 
 

@@ -22,6 +22,7 @@ _USUAL = {
         "end_mass": "end_mass",
         "viscosity": "viscosity",
         "stop_damping": "stop_damping",
+        "stop_travel": "stop_travel",
         "tendon.stiffness": "tendon_stiffness",
         "tendon.toe_length": "tendon_toe",
         "tendon.loss": "tendon_loss",
@@ -64,7 +65,9 @@ def parameters(meta: Mapping[str, JsonValue]) -> list[ResolvedParameters]:
             continue
         value, unit = (mapping(entry).get(k) for k in ("value", "unit"))
         names = [*_names(str(path), meta)]
-        why, inferred = _origin(names, value, str(unit), meta, spec)
+        assumed = mapping(mapping(meta.get("assumptions")).get(str(path)))
+        known = f"assumed: {assumed['note']}" if assumed.get("value") == value and "note" in assumed else None
+        why, inferred = (known, True) if known else _origin(names, value, str(unit), meta, spec)
         resolved.append(ResolvedParameters(str(path), _value(value, str(unit)), why, inferred))
     return resolved
 

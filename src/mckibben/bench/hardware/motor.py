@@ -25,7 +25,6 @@ from ...components import Module, Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
 
-SPEED_BAND = 0.2  # share of the speed limit over which the driving current is taken back
 BITS = (4, 48)
 
 
@@ -108,6 +107,9 @@ class Motor(Module):
     speed_limit: Scalar = quantity(
         "m/s", (1e-2, 100.0), "at which the amplifier drives no more, at the pulley", symbol="vmax", default=3.0
     )
+    speed_band: Scalar = quantity(
+        "1", (0.01, 1.0), "share of the speed limit over which the driving current is taken back", default=0.2
+    )
 
     @property
     def mass(self) -> Scalar:
@@ -142,7 +144,7 @@ class Motor(Module):
 
     def allowed_current(self, velocity: Scalar, asked_current: Scalar) -> Scalar:
         """Current that the speed limiter permits at a velocity [m/s] [A]."""
-        slope = self.current_limit / (SPEED_BAND * self.speed_limit)
+        slope = self.current_limit / (self.speed_band * self.speed_limit)
         asked = _within(asked_current, self.current_limit)
         most = _within(slope * (self.speed_limit - velocity), self.current_limit)
         least = _within(-slope * (self.speed_limit + velocity), self.current_limit)

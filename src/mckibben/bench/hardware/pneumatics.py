@@ -23,7 +23,6 @@ from ...pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
 from ...quantities import quantity
 
 MUSCLE, VESSEL, PORT, LINE = "muscle", "accumulator", "port", "line"  # names of nodes
-LINE_VOLUME = 1e-6  # between shut-off and tube [m^3]
 
 
 class Plumbing(Module):
@@ -38,6 +37,7 @@ class Plumbing(Module):
     heat: HeatModel
     supply_pressure: Scalar = quantity("Pa", (0.0, 1e8), "gauge pressure of the supply", typical=(6e5, 1e6))
     port_volume: Scalar = quantity("m^3", (1e-9, 1.0), "outlet of the valve and fittings", default=2e-6)
+    line_volume: Scalar = quantity("m^3", (1e-9, 1.0), "between a shut-off and the tube", default=1e-6)
     valve_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the valve", default=0.0)
     muscle_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", default=0.0)
     shut_off: OnOffValve | None = None
@@ -82,7 +82,7 @@ class Plumbing(Module):
         begins = PORT
         if self.shut_off is not None:
             begins = LINE
-            nodes[begins] = FixedVolume(size=LINE_VOLUME, heat=self.heat)
+            nodes[begins] = FixedVolume(size=self.line_volume, heat=self.heat)
             branches["shut_off"] = Branch(self.shut_off, (PORT, begins), "open")
         branches["tube"] = Branch(self.tube, (begins, tested))
         if self.leak is not None:

@@ -1,0 +1,48 @@
+"""In every host that is installed, a muscle that carries a weight at rest pulls as its law says."""
+
+import shutil
+
+import pytest
+
+from mckibben.errors import InputError, MckibbenError
+from mckibben.hosts import Part
+from mckibben.hosts.conformance import HOSTS, adapter
+from mckibben.hosts.scenarios import GRAVITY, GRID, HostMechanism, Scenario
+from mckibben.simulation import Air
+
+PERIOD, SAMPLES = 1e-3, 10
+NEEDS_COMPILER = {"c", "mujoco", "fmi3", "fmi2", "libcosim", "warp", "newton"}
+
+
+def carried(muscle):
+    """A muscle at 0.95 of its length and 5 bar under the weight that its law carries, at rest."""
+    part = Part(muscle, Air(supply="8 bar"), span=0.95 * float(Part(muscle).hosted.muscles["muscle"].law.rest_length))
+    span = part.span["muscle"]
+    part = Part(muscle, Air(supply="8 bar"), span=span, pressure=5e5)
+    weight = float(part.hosted.muscles["muscle"].law.tension(span, 5e5))
+    mechanism = HostMechanism(weight / GRAVITY, {"muscle": -1.0}, {"muscle": 0.0}, load=weight, start=span)
+    return Scenario("carried", "a weight carried at rest", part, mechanism, {"muscle": (0.0,) * SAMPLES})
+
+
+@pytest.mark.parametrize("muscle", ["nylon", "DMSP-40-400"])
+@pytest.mark.parametrize("host", HOSTS)
+def test_a_muscle_in_a_host_pulls_as_its_law(host, muscle):
+    if host in NEEDS_COMPILER and not (shutil.which("gcc") or shutil.which("cc")):
+        pytest.skip("no C compiler here")
+    scenario = carried(muscle)
+    try:
+        opened = adapter(host)
+    except (ImportError, InputError, MckibbenError) as error:
+        pytest.skip(f"{host}: {error}")
+    try:
+        mechanism = opened.open(scenario, PERIOD)
+        for moment in scenario.moments(PERIOD, staggered=opened.staggered):
+            readings = mechanism.step(moment)
+        assert len(scenario.moments(PERIOD, staggered=opened.staggered)) == round(SAMPLES * GRID / PERIOD)
+        # the shut valve leaks a little, so that the law is asked at the pressure that there is
+        law, pressure = scenario.part.hosted.muscles["muscle"].law, readings.pressure["muscle"]
+        assert pressure == pytest.approx(5e5, rel=1e-2)
+        assert readings.tension["muscle"] == pytest.approx(float(law.tension(mechanism.position, pressure)), rel=1e-3)
+        assert mechanism.position == pytest.approx(scenario.mechanism.start, rel=1e-3)
+    finally:
+        opened.close()
