@@ -9,9 +9,9 @@ potential goes on as that of the law at an effective length Le, with the energy 
 
 Value, slope and curvature of Le are continuous, T begins with zero slope and reaches the stiffness k of the threads over the
 travel S. The law is asked up to 8/15 S beyond its range and no further, so that no gas is squeezed out from there on. With
-k = F10/(e Lmax), F10 the law's tension at the longest length and 10 bar and e the strain of the threads under it, and S = 3 e
-Lmax, F rises with the length wherever the law's tension at Lmax is below 1.4 F10: the threads take the tension over faster
-than the gas leaves it, k (1 - (1 - t)^2) > -F dw/dx for k S > 2.15 F.
+k = F10/(e Lmax), F10 the law's tension at the longest length and 10 bar and e the strain of the threads under it, and
+S = 3 e Lmax, F rises with the length wherever the law's tension at Lmax is below 1.4 F10: the threads take the tension over
+faster than the gas leaves it, k (1 - (1 - t)^2) > -F dw/dx for k S > 2.15 F.
 Source: virtual work of C.-P. Chou and B. Hannaford, 1996, doi:10.1109/70.481753; the transition is this project's.
 """
 
