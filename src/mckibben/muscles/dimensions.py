@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .._jax import Scalar
 from ..quantities import Quantity, quantity
 
@@ -46,7 +48,7 @@ def rubber_wall() -> Scalar:
     return wall
 
 
-def rest_angle(typical: tuple[float, float], **options: object) -> Scalar:
+def rest_angle(typical: tuple[float, float], **options: Any) -> Scalar:
     """Braid angle at rest theta0 [rad], with the range usual for a law's muscles."""
     meaning = "braid angle at rest, from the long axis"
     angle: Scalar = quantity("rad", (0.05, 1.5), meaning, symbol="theta0", typical=typical, **options)
@@ -75,7 +77,7 @@ def threshold_width(default: float = 1e4) -> Scalar:
     return width
 
 
-def seat_compliance(**options: object) -> Scalar:
+def seat_compliance(**options: Any) -> Scalar:
     """Take-up of both ends per square root of load q [m/N^0.5]."""
     meaning = "take-up of both ends per square root of load"
     compliance: Scalar = quantity("m/N^0.5", (1e-7, 1e-2), meaning, symbol="q", typical=(3e-5, 4e-4), **options)
