@@ -9,7 +9,7 @@ from mckibben.assembly.circuit_file import read_circuit
 from mckibben.assembly.sentence import run_sentence, sentence
 from mckibben.bench import circuit_run
 from mckibben.bench.circuit_run import run_circuit
-from mckibben.errors import InputError
+from mckibben.errors import InputError, PlausibilityWarning
 
 ROOM = 101325.0
 TANK = """
@@ -309,3 +309,41 @@ def test_examples_run_and_balance(path):
     assert rec.meta["result"] == "done"
     assert rec.meta["balance"]["mass"] < 1e-10
     assert rec.meta["balance"]["energy"] < 1e-6  # quadrature of fourth order, second at the valves' kinks
+
+
+VALVE = Path(__file__).parents[2] / "examples" / "circuits" / "muscle-on-a-valve.toml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('\npressure = "6.9 bar"', '\npressure = "6.9 Pa"', "inflates no muscle"),
+        ('\npressure = "6.9 bar"', '\npressure = "6900 bar"', "must be between"),
+        ('length = "14 cm"', 'length = "14 m"', "must be between 1.4 cm and 15.4 cm"),
+        ('length = "14 cm"', 'length = "14 mm"', "must be between 1.4 cm and 15.4 cm"),
+        ('length = "50 cm"', 'length = "500 m"', "must be between"),
+        ('length = "50 cm"', 'length = "5 mm"', "elements.tube.length of 0.005 m can hardly be meant"),
+        ('diameter = "3.175 mm"', 'diameter = "3.175 um"', "must be between"),
+        ('lag = "3 ms"', 'lag = "3 s"', "elements.valve.lag of 3 s can hardly be meant"),
+        ("values = [-1, 1, -1]", "values = [-1, 3e5, -1]", "opening of 300000 is beyond its range, -1 to 1"),
+    ],
+)
+def test_what_can_hardly_be_meant_in_a_file_is_refused_or_stands_with_its_run(tmp_path, old, new, sentence):
+    text = VALVE.read_text()
+    assert text.count(old) == 1
+    file = tmp_path / "own.toml"
+    file.write_text(text.replace(old, new).replace('duration = "1 s"', 'duration = "60 ms"'))
+    try:
+        plan = read_circuit(file)
+        said = [str(one) for one in plan.cautions]
+    except InputError as error:
+        assert sentence in str(error)
+        return
+    assert any(sentence in one for one in said)
+    with pytest.warns(PlausibilityWarning):
+        assert set(said) <= set(run_circuit(plan).meta["warnings"])
+
+
+def test_the_circuits_that_ship_are_taken_without_a_word():
+    for file in sorted(VALVE.parent.glob("*.toml")):
+        assert read_circuit(file).cautions == ()

@@ -150,7 +150,7 @@ def stepped(**commands):
         ({"muscle": 3.0}, "was 3 bar meant"),
         ({"muscle": 300.0}, "was 300 kPa meant"),
         ({"muscle": 3e8}, "beyond the range of the laws"),
-        ({"muscle": -3e5}, "it acts as"),
+        ({"muscle": -3e5}, "beyond its range, 0 bar and more: it acts as 0 bar"),
         ({"muscle": 3e5, "valve": "MPYE-5-1-8-LF"}, "beyond its range, -1 to 1: it acts as 1"),
         ({"muscle": math.nan}, "finite"),
         ({"muscle": math.inf}, "finite"),
@@ -192,6 +192,8 @@ def test_a_start_pressure_that_inflates_nothing_is_said():
     with pytest.warns(mk.errors.PlausibilityWarning, match="was 2 bar meant"):
         sim.reset(pressure=2)
     assert sim.cautions[0].parameter == "start pressure of muscle"
+    with pytest.warns(mk.errors.PlausibilityWarning, match="below that of the room"):
+        sim.reset(pressure=-2)
 
 
 def test_a_lane_of_a_batch_says_what_its_simulation_would():

@@ -180,7 +180,12 @@ class CircuitPlan:
                 rest = rest_length_of(spec, node.law)
                 for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
                     said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")
-            pressures = [node.start, *(float(v.max()) for v in courses if node.unit == "Pa" and node.law is None)]
+            held = (
+                float(node.node.pressure_abs) - float(self.environment.pressure_abs)
+                if node.kind == "reservoir"
+                else 0.0
+            )
+            pressures = [node.start, held, *(float(v.max()) for v in courses if node.unit == "Pa" and node.law is None)]
             said += [pressure_caution(p, spec, text=f"{p:g}", name=f"pressure of {name}") for p in pressures]
         for signal, course in values.items():
             if (element := driven(self, signal)) is not None:

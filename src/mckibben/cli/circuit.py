@@ -130,7 +130,9 @@ def run(
 def planned(file: Path, change: list[str] | None) -> CircuitPlan:
     """Read a circuit's file, with the replacements of ``--set``."""
     plan = circuit_file.read_circuit(file)
-    return plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
+    plan = plan.change(pairs(change, "--set", "elements.tube.length='2 m'")) if change else plan
+    caution(*plan.cautions)
+    return plan
 
 
 def _nodes(plan: CircuitPlan) -> dict[str, JsonValue]:

@@ -360,6 +360,9 @@ class Simulation:
             self.caution(
                 pressure_caution(starts[name], spec, text=str(value), name=f"start pressure of {name}"), stacklevel=4
             )
+            if starts[name] < 0.0:
+                shown = with_unit(starts[name], "Pa")
+                self.caution(Caution(f"a {called} of {shown} is below that of the room, and inflates nothing", called))
             if not starts[name] > -ambient:
                 raise InputError(f"pressure of {name}", f"{starts[name]:g} Pa", "must be a gauge pressure above vacuum")
         return starts

@@ -105,6 +105,7 @@ class CommandInput(NamedTuple):
         if not math.isfinite(value):
             raise InputError(self.command, value, "must be a finite number")
         shown, ends = with_unit(value, self.unit), f"{with_unit(low, self.unit)} to {with_unit(high, self.unit)}"
+        ends = ends if math.isfinite(high) else f"{with_unit(low, self.unit)} and more"
         if low <= value <= high:
             if self.unit == "Pa":
                 return pressure_caution(value, spec, text=f"{value:g}", name=f"command {self.command}")
