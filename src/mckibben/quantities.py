@@ -343,6 +343,8 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
         number, words = float(head), [head, text.strip()[len(head) :]]
     if not math.isfinite(number):
         raise InputError(field, text, f"must be a finite number, {_kind(si_unit)}", where=where)
+    if number and not SMALLEST < abs(number) < LARGEST:
+        raise InputError(field, text, f"must be 0 or from {SMALLEST:g} to {LARGEST:g} in size", where=where)
     if len(words) == 1:
         if si_unit == "1" or bare:
             return number
@@ -374,6 +376,8 @@ def in_si(value: Any, si_unit: str, *, field: str) -> Scalar:
     return np.asarray(value) if isinstance(value, list | tuple) else value
 
 
+# Sizes of numbers that a person can mean: their squares and quotients stay within what a float holds.
+SMALLEST, LARGEST = 1e-100, 1e100
 MOST_VALUES = 10_000  # of a range in words
 
 

@@ -116,7 +116,8 @@ def test_the_readme_counts_the_rows_as_they_are():
     counts = Counter(kinds.get(r.expect) or KINDS[BASES[r.basis]].key for r in rows)
     words = [f"{n} {k.counted[n != 1]}" for k in KINDS.values() if (n := counts[k.key])]
     missed = sum(is_prediction(r) and r.expect == "open" for r in all_rows())
-    said = f"{len(rows)} printed numbers: {', '.join(words)}, none falls short; beside them {again} rows tell one of them again"
+    said = f"{len(rows)} printed numbers: {', '.join(words)}, none falls short"
+    said += f"; beside them {again} rows tell one of them again"
     said = said.replace("are open", f"are open of which {missed} are predictions")
     assert re.sub(r" \(.*?\)", "", stated()).startswith(f"{said} and {silent} rows have no printed value")
 

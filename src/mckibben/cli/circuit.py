@@ -337,7 +337,7 @@ def _trial(plan: CircuitPlan, path: Path, reading: dict[str, Any]) -> Trial:
     else:
         with options_named():
             record = recordings.read_record(path, ambient=float(plan.environment.pressure_abs), **reading)
-        caution(*(f"{path}: {said}" for said in record.meta["source"].get("left_out", [])))
+        caution(*(f"{path}: {said}" for said in record.meta.get("source", {}).get("left_out", [])))
     trial = identification.trial.trial_from_record(plan, record, name=str(path))
     caution(*(c.text for c in trial.cautions))
     return trial

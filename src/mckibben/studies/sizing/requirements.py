@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ...components import Environment
 from ...errors import InputError
-from ...quantities import parse, with_unit
+from ...quantities import SMALLEST, parse, with_unit
 
 # Of every part of a wish: SI unit, above what, up to what.
 ALLOWED: dict[str, tuple[str, float, float]] = {
@@ -57,7 +57,7 @@ class Requirements:
             value = getattr(self, name)
             if value is None:
                 continue
-            if not (math.isfinite(value) and low < value <= high):
+            if not (math.isfinite(value) and max(low, SMALLEST) < value <= high):
                 allowed = f"must be above {with_unit(low, unit)}, up to {with_unit(high, unit)}"
                 raise InputError(name, with_unit(value, unit), allowed)
         if self.length is not None and self.length <= self.stroke:
