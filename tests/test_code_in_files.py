@@ -20,7 +20,7 @@ from mckibben.cli.app import main
 from mckibben.errors import InputError
 from mckibben.identification import read_posterior
 from mckibben.recordings import Recording, write
-from mckibben.registry import CODE
+from mckibben.registry import CODE, FIXED, allow_code
 
 CANARY = """
 from pathlib import Path
@@ -296,3 +296,22 @@ def test_a_fit_with_a_law_of_ones_own_is_used_by_naming_its_file(
     with pytest.raises(SystemExit) as end:
         main(["tension", "mine.toml", "--pressure", "3 bar", "--length", "28 cm", "--code", "canary.py"])
     assert end.value.code == 0, capsys.readouterr().err
+
+
+def test_a_server_takes_no_code_that_is_named_later(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("other.py").write_text(CANARY)
+    Path("a.toml").write_text(SPECIMEN.format(name=OWN))
+    seen: list[object] = []
+
+    def serve(*_: object, **__: object) -> None:
+        seen.append(type(mk.muscle("a.toml").law).__name__)  # as it was named at the start
+        with pytest.raises(InputError, match="names code"):
+            mk.law("other.py:Law", {"gain": 1e-3, "rest_length": 0.3})  # as of a page
+        with pytest.raises(InputError, match="mckibben serve --code"):
+            allow_code("other.py")
+        seen.append(os.environ[FIXED])
+
+    monkeypatch.setattr("mckibben.web.server.serve", serve)
+    with pytest.raises(SystemExit) as end:
+        main(["serve", "--no-open", "--port", "0", "--folder", "recordings", "--code", "canary.py"])
+    assert end.value.code == 0 and seen == ["Law", "1"] and FIXED not in os.environ

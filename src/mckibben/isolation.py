@@ -49,6 +49,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS")  # 
 _UNITS = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12, "ki": 2.0**10, "mi": 2.0**20, "gi": 2.0**30, "ti": 2.0**40}
 _SIZE = re.compile(r"\s*(\d+\.?\d*)\s*([kmgt]i?|)b?\s*", re.I)
 _SECONDS = re.compile(r"\s*(\d+\.?\d*)\s*(s|min|h|)\s*")
+_PIPE = 1 << 20  # what lies ready for this process at most [B]
 _LENGTH = struct.Struct("<Q")
 _WEIGHT, _TEXT_WEIGHT = 32, 12  # [B] that a number, and a letter of a cell, take at most where they are understood
 _KINDS = "biufcmMSU"  # of arrays that travel as bytes
@@ -148,6 +149,10 @@ class _Reader:
             env=environment, start_new_session=True, bufsize=0,
         )  # fmt: skip
         self.owner = os.getpid()
+        with contextlib.suppress(ImportError, AttributeError, OSError):
+            import fcntl
+
+            fcntl.fcntl(self.process.stdout, fcntl.F_SETPIPE_SZ, _PIPE)  # type: ignore[arg-type]
 
     def call(self, function: str, arguments: list[Any], options: Mapping[str, Any], limits: ReadingLimits) -> Any:
         late = threading.Event()
