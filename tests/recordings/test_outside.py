@@ -10,7 +10,7 @@ import pytest
 import xarray
 
 from mckibben.errors import InputError
-from mckibben.recordings import _isolation, read_recording
+from mckibben.recordings import _isolation, _store, read_recording
 from mckibben.recordings._matlab import read_matlab
 from mckibben.recordings._store import BROKEN_SEAL
 from mckibben.recordings.recording import Channel, Recording
@@ -59,6 +59,36 @@ def test_a_changed_archive_says_that_it_was_changed(archive):
     archive.write_bytes(data)
     found = read_recording(archive)
     assert found.meta["warnings"] == ["one", BROKEN_SEAL] and found["tension"][77] != RECORDING["tension"][77]
+
+
+def test_a_seal_is_whole_for_the_bytes_that_it_was_put_on_and_for_no_others(archive):
+    data = archive.read_bytes()
+    body, end = len(data) - len(_isolation.MARK) - _isolation.DIGEST, len(_isolation.MARK)
+    for place in (0, body // 2, body - 1, len(data) - 1, body + end):  # of the content, and of the digest
+        changed = bytearray(data)
+        changed[place] ^= 0x80
+        archive.write_bytes(changed)
+        assert _isolation.sealed(archive) is False, place
+    for other, known in (
+        (data[:body], None), (data + b"\0", None), (data[1:], False), (b"\0" + data, False), (b"", None),
+        (data[body:], False),
+        (data[: body - 1] + data[body:], False), (data, True),
+    ):  # fmt: skip
+        archive.write_bytes(other)
+        assert _isolation.sealed(archive) is known
+
+
+@pytest.mark.parametrize("change", ["none", "byte", "cut"])
+def test_only_what_is_whole_is_read_in_this_process(archive, monkeypatch, change):
+    data, outside = bytearray(archive.read_bytes()), []
+    real = _store.read_in_process
+    monkeypatch.setattr(_store, "read_in_process", lambda *a: (outside.append(change), real(*a))[1])
+    if change == "byte":
+        data[bytes(data).index(np.float64(RECORDING["tension"][77]).tobytes())] ^= 1
+    archive.write_bytes(data[: -len(_isolation.MARK) - _isolation.DIGEST] if change == "cut" else data)
+    warnings = read_recording(archive).meta["warnings"]
+    assert (outside == []) == (change == "none")
+    assert (BROKEN_SEAL in warnings) == (change == "byte")
 
 
 @pytest.mark.parametrize("seed", range(6))
