@@ -299,6 +299,22 @@ def test_a_browser_that_left_before_its_answer_is_no_fault_but_everything_else_i
         completed(Guard(app, "127.0.0.1", 8080, "x")(scope, receive, None))
 
 
+def test_nothing_but_the_whole_token_in_the_cookie_of_this_server_lets_in():
+    guard = Guard(None, "127.0.0.1", 8080)
+    token, name = guard.token, "mckibben-8080="
+    for cookie in (
+        "", name, name + token[:-1], name + token[1:], name + token + "x", name + token.swapcase(), f"x{name}{token}",
+        f"mckibben-8081={token}", f"mckibben={token}", token, f"{name}\u0142", f"{name};{token}",
+    ):  # fmt: skip
+        heads = [(b"host", b"127.0.0.1:8080"), (b"cookie", cookie.encode("latin-1", "replace"))]
+        assert not guard._known({k.decode(): v.decode("latin-1") for k, v in heads}), cookie
+        assert asked(guard, cookie=cookie)["status"] == 401, cookie
+        assert asked(guard, query=f"token={cookie.partition('=')[2]}".encode())["status"] == (
+            303 if cookie.partition("=")[2] == token else 401
+        )
+    assert guard._known({"cookie": name + token})
+
+
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_every_browser_needs_the_token_once_and_then_the_cookie(host):
     guard = Guard(None, host, 8080)
