@@ -88,6 +88,19 @@ def test_draws_have_the_mean_and_covariance_of_their_posterior_and_keep_its_boun
         draws(mean, covariance, (np.array([99.0, 99.0]), np.array([100.0, 100.0])), 10)
 
 
+def test_draws_of_a_seed_depend_on_no_sign_of_an_eigenvector(monkeypatch):
+    bounds = (np.full(3, -np.inf), np.full(3, np.inf))
+    root = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.5], [0.2, 0.0, 1.0]])
+    found, real = draws(np.zeros(3), root @ root.T, bounds, 5, seed=1), np.linalg.eigh
+
+    def other(matrix):
+        values, vectors = real(matrix)
+        return values, vectors * np.array([-1.0, 1.0, -1.0])
+
+    monkeypatch.setattr(np.linalg, "eigh", other)
+    np.testing.assert_allclose(draws(np.zeros(3), root @ root.T, bounds, 5, seed=1), found, rtol=1e-12)
+
+
 def test_a_fits_intervals_become_draws_about_its_values(tmp_path):
     parameters = {"passive_stiffness": {"value": 392.0, "low": 372.4, "high": 411.6, "unit": "N/m"}}
     path = tmp_path / "fit.json"

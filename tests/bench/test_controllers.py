@@ -12,7 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mckibben.bench.software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
+from mckibben.bench.software.controllers import (
+    ForceControl,
+    MotionEstimate,
+    PositionControl,
+    PressureControl,
+    first_trim,
+    next_trim,
+)
 
 DT = 1e-3
 FINE = 20  # steps of the plant in a sample
@@ -179,6 +186,52 @@ def test_time_at_the_limit_does_not_wind_the_span_up() -> None:
     a, b = (run(motor, points, damping=5.0, coarse=False)[0][-400:] for points in (short, long))
     assert np.abs(a - b).max() < 1e-6
     assert b.min() > 0.11 - 2e-3
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_trim_grows_only_where_the_output_can_follow_and_to_the_same_limit_either_way(side: float) -> None:
+    """What holds above holds below: the law is odd."""
+    low, high = sorted((side * -20.0, side * 60.0))  # beyond 60 on this side, beyond -20 on the other
+
+    def after(trim: float, growth: float, wanted: float) -> float:
+        state = first_trim(side * trim)
+        grown = next_trim(state, side * growth, 1.0, wanted=side * wanted, low=low, high=high, limit=5.0)
+        return side * float(grown.trim)
+
+    assert after(1.0, 0.5, 59.0) == 1.5  # within
+    assert after(1.0, 0.5, 61.0) == 1.0  # beyond: in vain
+    assert after(1.0, -0.5, 61.0) == 0.5  # beyond, and on the way back
+    assert after(1.0, 0.5, -21.0) == 1.5  # beyond the other end, and on the way back
+    assert after(1.0, -0.5, -21.0) == 1.0
+    assert after(4.8, 0.5, 0.0) == 5.0 and after(-4.8, -0.5, 0.0) == -5.0
+    assert after(-3.0, 0.0, 0.0) == -3.0  # nothing changes by itself
+    assert after(1.0, math.nan, 0.0) == after(1.0, math.inf, 0.0) == 1.0  # of a sensor that is lost
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_every_controller_stops_its_trim_at_the_limit_of_either_side(side: float) -> None:
+    wide = {"low": -1e5, "high": 1e6}
+    for control, error, limit in (
+        (PressureControl(ki=5.0, trim_limit=2e4, **wide), 1e5, 2e4),
+        (ForceControl(trim_limit=5.0), 10.0, 5.0),
+        (PositionControl(force_limit=60.0), 0.01, 60.0),
+    ):
+        state = control.initial(0.0) if isinstance(control, PositionControl) else control.initial()
+        step = jax.jit(control.step)
+        base = 4e5 if isinstance(control, PressureControl) else 0.0
+        rest = {"PressureControl": (base,), "ForceControl": (0.0, 0.0), "PositionControl": (0.0, 0.0, 0.0, 0.0, 0.0)}
+        trims = []
+        for _ in range(600):
+            if isinstance(control, PositionControl):
+                state, asked = step(state, side * error, 0.0, 0.0, 0.0, 0.0, 0.0, DT, 1.0)
+            else:
+                state, asked = step(state, base + side * error, *rest[type(control).__name__], DT, 1.0)
+            trims.append(side * float(state.trim))
+        assert np.diff(trims).min() >= 0.0  # it only grows
+        # the span's output comes to its end first, within a sample's growth; the others' trim comes to its limit
+        slack = control.ki * DT * error if isinstance(control, PositionControl) else 0.0
+        most = limit - (control.kp * error if isinstance(control, PositionControl) else 0.0)
+        assert most <= trims[-1] <= most + slack if slack else trims[-1] == limit
 
 
 def test_a_slack_muscle_does_not_wind_the_tension_up() -> None:

@@ -1,6 +1,7 @@
 """A session: one machine that goes on, by hand and by protocols, from any thread; stops stay, and nothing jumps."""
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from short_runs import bench, closes, paper
 
 from mckibben.bench.hardware.clock import Clock
 from mckibben.bench.hardware.simulated import SimulatedHardware
-from mckibben.bench.run import run
+from mckibben.bench.protocol_run import RunState
+from mckibben.bench.run import EmergencyStop, run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session import Session
 from mckibben.bench.session.status import SampleRing
@@ -190,6 +192,16 @@ def test_interlocks_trip_by_hand(machine):
     assert machine.messages()[-1].text == machine.why
     machine.wait(0.5)
     assert machine.status().measured["pressure"] < 5e3
+
+
+@pytest.mark.parametrize(("code", "stays"), [("over_pressure", True), ("log", True), ("stop", False)])
+def test_a_stop_by_hand_while_an_interlock_vents_leaves_its_reason(machine, code, stays):
+    ended = RunState(result="stopped", message="as it ended", events=[{"time": 1.0, "text": "", "code": code}])
+    run = SimpleNamespace(stop=EmergencyStop(), state=ended, prepared=SimpleNamespace(protocol=short()))
+    run.stop.press("by hand", ordinary=True)
+    machine._why = "as it ended"
+    machine._settle(run, False, True)
+    assert machine.why == ("as it ended" if stays else "")
 
 
 def test_after_a_hand_is_lost_set_points_are_held_and_then_it_vents(machine):

@@ -12,12 +12,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from mckibben.bench.protocol_run import RunState
 from mckibben.bench.rig_file import rig
 from mckibben.bench.software.emergency_stop import EmergencyStop
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
+from mckibben.web.bench.running import RunController
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
@@ -297,6 +299,22 @@ def test_a_browser_that_left_before_its_answer_is_no_fault_but_everything_else_i
         completed(Guard(app, "127.0.0.1", 8080, "x")(scope, receive, None))
 
 
+def test_nothing_but_the_whole_token_in_the_cookie_of_this_server_lets_in():
+    guard = Guard(None, "127.0.0.1", 8080)
+    token, name = guard.token, "mckibben-8080="
+    for cookie in (
+        "", name, name + token[:-1], name + token[1:], name + token + "x", name + token.swapcase(), f"x{name}{token}",
+        f"mckibben-8081={token}", f"mckibben={token}", token, f"{name}\u0142", f"{name};{token}",
+    ):  # fmt: skip
+        heads = [(b"host", b"127.0.0.1:8080"), (b"cookie", cookie.encode("latin-1", "replace"))]
+        assert not guard._known({k.decode(): v.decode("latin-1") for k, v in heads}), cookie
+        assert asked(guard, cookie=cookie)["status"] == 401, cookie
+        assert asked(guard, query=f"token={cookie.partition('=')[2]}".encode())["status"] == (
+            303 if cookie.partition("=")[2] == token else 401
+        )
+    assert guard._known({"cookie": name + token})
+
+
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_every_browser_needs_the_token_once_and_then_the_cookie(host):
     guard = Guard(None, host, 8080)
@@ -540,13 +558,33 @@ def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further
     assert told == [10, 95]
 
 
-def test_an_ordinary_stop_becomes_an_emergency_and_never_the_other_way_round():
-    button = EmergencyStop()
-    button.press("stopped by hand", ordinary=True)
-    assert button() and button.ordinary
-    button.press("Esc was pressed")
-    button.press("stopped by hand", ordinary=True)
-    assert button.reason == "Esc was pressed" and not button.ordinary
+ESC, STOP, END = ("Esc was pressed", True), ("stopped by hand", False), ("the server was closed", False)
+
+
+@pytest.mark.parametrize(
+    ("asked", "stopping"),
+    [
+        ([STOP], "stopped by hand"),
+        ([STOP, END], "stopped by hand"),
+        ([ESC, STOP], ""),  # while the run vents
+        ([STOP, ESC], ""),
+        ([None, STOP], ""),  # an interlock has stopped the run already
+        ([None, ESC], ""),
+    ],
+)
+def test_an_ordinary_stop_of_a_page_hides_no_emergency_and_no_interlock(asked, stopping):
+    bench = type("Bench", (), {"clock": Clock()})()
+    bench.clock.viewed = bench.clock.halt = lambda *_: None
+    run = object.__new__(RunController)
+    run.bench, run.button, run._answered, run.stopping = bench, EmergencyStop(), threading.Event(), ""
+    run.state = RunState()
+    for one in asked:
+        if one is None:
+            run.state = RunState(result="stopped", message="over pressure", events=[{"code": "over_pressure"}])
+        else:
+            run.stop(one[0], trip=one[1])
+    run.state.result, run.state.message = "stopped", "as it ended"
+    assert run.stopping == stopping and run.tripped == ("" if stopping else "as it ended")
 
 
 def test_the_drawn_muscle_has_the_braids_angle_and_diameter():

@@ -61,6 +61,23 @@ def test_a_changed_archive_says_that_it_was_changed(archive):
     assert found.meta["warnings"] == ["one", BROKEN_SEAL] and found["tension"][77] != RECORDING["tension"][77]
 
 
+def test_a_seal_is_whole_for_the_bytes_that_it_was_put_on_and_for_no_others(archive):
+    data = archive.read_bytes()
+    body, end = len(data) - len(_seal.MARK) - _seal.DIGEST, len(_seal.MARK)
+    for place in (0, body // 2, body - 1, len(data) - 1, body + end):  # of the content, and of the digest
+        changed = bytearray(data)
+        changed[place] ^= 0x80
+        archive.write_bytes(changed)
+        assert _seal.sealed(archive) is False, place
+    for other, known in (
+        (data[:body], None), (data + b"\0", None), (data[1:], False), (b"\0" + data, False), (b"", None),
+        (data[body:], False),
+        (data[: body - 1] + data[body:], False), (data, True),
+    ):  # fmt: skip
+        archive.write_bytes(other)
+        assert _seal.sealed(archive) is known
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_bytes_changed_at_random_never_crash_or_hang(archive, seed):
     """More seeds by hand: of 25, all ended within 4 s."""

@@ -41,9 +41,10 @@ def draws(
         InputError: if nearly all draws lie outside.
     """
     chance = np.random.default_rng(seed)
-    # by eigenvectors: a covariance of parameters that the data cannot tell apart has no Cholesky factor
+    # by eigenvectors: a covariance of parameters that the data cannot tell apart has no Cholesky factor; the symmetric root,
+    # which depends on no sign of theirs
     strength, directions = np.linalg.eigh(covariance)
-    spread = directions * np.sqrt(np.maximum(strength, 0.0))
+    spread = directions * np.sqrt(np.maximum(strength, 0.0)) @ directions.T
     samples = np.empty((0, len(mean)))
     for _ in range(MOST_DRAWS):
         tried = mean + chance.standard_normal((count, len(mean))) @ spread.T

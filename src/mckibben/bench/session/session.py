@@ -513,7 +513,9 @@ class Session(MachineSession):
 
     def _settle(self, run: ProtocolRun, new_machine: bool, recorded: bool) -> None:
         """Say how a run ended, and keep why it was stopped until `reset`, unless the user ended it on purpose."""
-        ordinary, state = bool(getattr(run.stop, "ordinary", False)), run.state
+        state = run.state
+        # a stop by hand after an interlock has acted, while the machine vents, does not make that undone
+        ordinary = bool(getattr(run.stop, "ordinary", False)) and (state.stop is None or state.stop["code"] == "stop")
         with self._lock:
             if new_machine and state.result == "stopped" and not ordinary and not self._why:
                 self._why = state.message

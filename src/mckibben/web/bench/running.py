@@ -76,8 +76,11 @@ class RunController:
 
     def stop(self, reason: str, *, trip: bool) -> None:
         """Stop the run: at the next sample the valve vents and the motor only brakes."""
-        self.stopping = "" if trip else reason
         self.button.press(reason, ordinary=not trip)
+        if self.button.ordinary and self.state.result != "stopped":
+            self.stopping = self.button.reason
+        elif not self.button.ordinary:
+            self.stopping = ""
         self.bench.clock.viewed(None)  # a stop waits for no page
         self.bench.clock.halt(False)
         self._answered.set()
