@@ -11,6 +11,8 @@ from mckibben.assembly.build import (
     AirLine,
     antagonist_pair,
     circuit_for,
+    rig_cord,
+    rig_unit,
     several,
     single_muscle,
     unit_from_specimen,
@@ -35,7 +37,9 @@ VALVES = {
 
 
 def test_a_muscle_has_what_its_specimen_states_and_what_is_inferred():
-    unit = unit_from_specimen("nylon")
+    tied = unit_from_specimen("nylon")
+    assert tied.tendon is None and tied.mounting == "tied to its anchors"
+    unit = rig_unit("nylon")  # on a rig by its cord
     assert isinstance(unit.friction, MaxwellSlip)
     assert float(unit.law.threshold_pressure) == pytest.approx(0.903e5)
     for name, value in {"end_mass": unit.end_mass, "tendon_stiffness": unit.tendon.stiffness}.items():
@@ -43,7 +47,7 @@ def test_a_muscle_has_what_its_specimen_states_and_what_is_inferred():
     for name, inferred in INFERRED.items():
         low, high = inferred.range
         assert low <= inferred.value <= high, name
-    assert float(unit_from_specimen("nylon", end_mass=0.05).end_mass) == 0.05
+    assert float(unit_from_specimen("nylon", tendon=rig_cord(), end_mass=0.05).end_mass) == 0.05
     assert unit_from_specimen("nylon", rubs=False).friction is None
     assert isinstance(unit_from_specimen("nylon", friction="coulomb").friction, Coulomb)
 

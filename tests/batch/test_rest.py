@@ -4,17 +4,18 @@ import functools
 
 import jax
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from mckibben.assembly.build import unit_from_specimen
+from mckibben.assembly.build import rig_unit, unit_from_specimen
 from mckibben.components import paths
 
 
 @functools.cache
 def nylon():
-    return unit_from_specimen("nylon")
+    return rig_unit("nylon")
 
 
 @functools.cache
@@ -61,3 +62,12 @@ def test_a_muscle_at_rest_pulls_as_hard_as_its_cord():
     assert taut.any() and not taut.all()
     # the cord has 1e5 N/m and lengths are resolved to 3e-17 m
     np.testing.assert_allclose(pull[taut], cord[taut], atol=1e-9)
+
+
+def test_a_tied_muscle_rests_as_its_span_or_at_its_free_length():
+    unit = unit_from_specimen("nylon")
+    spans = np.linspace(0.1, 0.16, 13)
+    length = np.asarray(jax.vmap(lambda x: unit.equilibrium(x, 3e5).length)(spans))
+    free = float(unit.law.free_length(3e5))
+    assert length == pytest.approx(np.maximum(spans, free), rel=1e-14)
+    assert np.array_equal(length[spans > free], spans[spans > free])

@@ -2,7 +2,7 @@
 
 import functools
 
-from mckibben.assembly.build import unit_from_specimen
+from mckibben.assembly.build import rig_cord, unit_from_specimen
 from mckibben.bench.prepare import prepare
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import run
@@ -19,7 +19,7 @@ def paper():
 
 @functools.cache
 def nylon(rubs=True):
-    return unit_from_specimen("nylon", rubs=rubs)
+    return unit_from_specimen("nylon", rubs=rubs, tendon=rig_cord())
 
 
 def bench(name, *, on=None, unit=None, **values):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.assembly.build import unit_from_specimen
+from mckibben.assembly.build import rig_unit
 from mckibben.bench.faults import RigFaults
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError
@@ -18,7 +18,7 @@ def faulty(**faults):
 
 @pytest.fixture(scope="module")
 def nylon():
-    return unit_from_specimen("nylon")
+    return rig_unit("nylon")
 
 
 def test_a_rig_without_faults_has_the_parts_of_its_file(nylon):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly.accounts import accounts
-from mckibben.assembly.build import single_muscle, unit_from_specimen
+from mckibben.assembly.build import rig_cord, single_muscle, unit_from_specimen
 from mckibben.bench.hardware import Frame, FrameState, Motor, StandState, TestStand
 from mckibben.engine import Result, Run, held, march
 from mckibben.engine.signals import Value
@@ -22,7 +22,7 @@ compiled = jax.jit(march, static_argnums=(6, 7))  # one machine of one structure
 
 @functools.cache
 def nylon():
-    return unit_from_specimen("nylon", viscosity=1.0)
+    return unit_from_specimen("nylon", tendon=rig_cord(), viscosity=1.0)
 
 
 def machine(start=0.14, frame=None, heat=0.2, **motor):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly import pair_map as maps
-from mckibben.assembly.build import unit_from_specimen
+from mckibben.assembly.build import rig_unit
 from mckibben.bench.joint_run import joint_stand, run_joint
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
@@ -20,7 +20,7 @@ COUNT = 2.0 * np.pi / 20000  # of the encoder [rad]
 
 @functools.cache
 def nylon(friction=1.0):
-    unit = unit_from_specimen("nylon")
+    unit = rig_unit("nylon")
     return unit.replace(friction=unit.friction.lubricated(friction))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly import machine as machine_module
-from mckibben.assembly.build import AirLine, several, unit_from_specimen
+from mckibben.assembly.build import AirLine, rig_cord, several, unit_from_specimen
 from mckibben.assembly.loads import Body, ChainLink, JointLoad, LinkChain, MomentArm, PlateLoad
 from mckibben.engine import held
 from mckibben.engine.coupled import CoupledRun
@@ -35,7 +35,9 @@ LOADS = {
 
 def rig(load="plate", **more):
     """Muscles of their own masses and tubes, filled at different times; (machine, state and memory, signals)."""
-    units = {n: unit_from_specimen("nylon", end_mass=0.02 * (1.0 + 0.1 * k)) for k, n in enumerate(NAMES)}
+    units = {
+        n: unit_from_specimen("nylon", tendon=rig_cord(), end_mass=0.02 * (1.0 + 0.1 * k)) for k, n in enumerate(NAMES)
+    }
     tubes = [InertialTube(viscous=54.0, turbulent=6.4, area=7.9e-6, length=0.5 + 0.1 * k) for k in range(MUSCLES)]
     lines = {n: AirLine(tube=tube) for n, tube in zip(NAMES, tubes, strict=True)}
     machine = several(units, LOADS[load], supply=5e5, line=lines, **more)

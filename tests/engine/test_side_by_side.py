@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly import machine as machine_module
-from mckibben.assembly.build import AirLine, several, unit_from_specimen
+from mckibben.assembly.build import AirLine, rig_cord, several, unit_from_specimen
 from mckibben.assembly.loads import JointLoad, MomentArm, PlateLoad
 from mckibben.engine import held
 from mckibben.engine.integration import compile_march
@@ -21,7 +21,9 @@ ROOM, SAMPLES, MUSCLES = 101325.0, 12, 16
 def rig(count=MUSCLES, load=None, **more):
     """Muscles of their own masses and tubes on one supply, filled at different times; (machine, pressures, signals)."""
     names = [f"m{k}" for k in range(count)]
-    units = {n: unit_from_specimen("nylon", end_mass=0.02 * (1.0 + 0.1 * k)) for k, n in enumerate(names)}
+    units = {
+        n: unit_from_specimen("nylon", tendon=rig_cord(), end_mass=0.02 * (1.0 + 0.1 * k)) for k, n in enumerate(names)
+    }
     tubes = [InertialTube(viscous=54.0, turbulent=6.4, area=7.9e-6, length=0.5 + 0.1 * k) for k in range(count)]
     lines = {n: AirLine(tube=tube) for n, tube in zip(names, tubes, strict=True)}
     machine = several(units, load or PlateLoad(held=tuple(names), span=0.14), supply=5e5, line=lines, **more)
