@@ -84,7 +84,7 @@ def balance_errors(
 
 
 def soundness(
-    system: System, state: Tree, memory: Tree, errors: Mapping[str, Scalar] | None = None
+    system: System, state: Tree, memory: Tree, errors: Mapping[str, Scalar] | None = None, limit: float = OPEN
 ) -> tuple[Scalar, Scalar]:
     """Largest error of a balance, and the code of a sample as a number.
 
@@ -93,10 +93,11 @@ def soundness(
         state: continuous state at its end.
         memory: memory at its end.
         errors: of its balances, as `balance_errors` returns them.
+        limit: from which on a balance does not close.
     """
     code: Any = jnp.asarray(float(Soundness.SOUND))
     worst: Any = jnp.zeros(())
     for name, error in (errors or {}).items():
-        code = jnp.where((error > worst) & (error > OPEN), float(OF_STORES[name]), code)
+        code = jnp.where((error > worst) & (error > limit), float(OF_STORES[name]), code)
         worst = jnp.maximum(worst, error)
     return worst, jnp.where(possible(system, state, memory), code, float(Soundness.IMPOSSIBLE))
