@@ -88,7 +88,12 @@ def balance_errors(
 
 
 def soundness(
-    system: System, state: Tree, memory: Tree, outputs: Mapping[str, Scalar], errors: Mapping[str, Scalar] | None = None
+    system: System,
+    state: Tree,
+    memory: Tree,
+    outputs: Mapping[str, Scalar],
+    errors: Mapping[str, Scalar] | None = None,
+    limit: float = OPEN,
 ) -> tuple[Scalar, Scalar]:
     """Largest error of a balance, and the code of a sample as a number.
 
@@ -98,11 +103,12 @@ def soundness(
         memory: memory at its end.
         outputs: of the system at its end.
         errors: of its balances, as `balance_errors` returns them.
+        limit: from which on a balance does not close.
     """
     code: Any = jnp.asarray(float(Soundness.SOUND))
     worst: Any = jnp.zeros(())
     for name, error in (errors or {}).items():
-        code = jnp.where((error > worst) & (error > OPEN), float(OF_STORES[name]), code)
+        code = jnp.where((error > worst) & (error > limit), float(OF_STORES[name]), code)
         worst = jnp.maximum(worst, error)
     code = jnp.where(system.broken(outputs), float(Soundness.BROKEN), code)
     return worst, jnp.where(possible(system, state, memory), code, float(Soundness.IMPOSSIBLE))

@@ -129,7 +129,7 @@ def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False)
     }
     if integrated:
         before = IntegratorStep(state.physics, inputs, np.float64(1e-3))
-        plan["complete"] = (complete, (hosted, state, inputs, before), (*both, "before"), ("state",))
+        plan["complete"] = (complete, (hosted, state, inputs, before), (*both, "before"), RESULTS)
     functions = {}
     for called, (function, examples, arguments, results) in plan.items():
         wrapped = functools.partial(_single, function) if len(results) == 1 else function

@@ -21,6 +21,7 @@ All of it is a pure function of (part, state, inputs, timing), which is lowered 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -31,11 +32,11 @@ from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment, FlowElement, Module, Scalar, field
-from ..components.system import Moment
+from ..components.system import Exchange, Moment
 from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
 from ..engine.soundness import Soundness, balance_errors, soundness
-from ..engine.step import advance_memory_of, outputs_of, step, zero_integrals
+from ..engine.step import advance_memory_of, balances_of, outputs_of, step, zero_integrals
 from ..muscles.plausible import span_limits
 from ..pneumatics.circuit import Circuit
 from ..quantities import as_array, quantity
@@ -43,9 +44,11 @@ from ..simulation.stepping import CommandInput
 
 LINE = 32  # changes of a command that are on their way at once; more frequent ones are merged in pairs
 MOST_STEPS = 1_000_000  # of the physics in a step of the host
-REPEATS = (
-    4  # times that a step is taken at most, each in four times as many steps of the physics, until its balances close
+RAN_AWAY = (
+    0.3  # error of a balance over a step of Euler's method, by the powers at its ends, from which on it runs away
 )
+EULER = 1e-12  # rounding of a step of Euler's method, of the state [1]
+REPEATS = 4  # times that a step is taken at most, each in four times as many steps, until its balances close
 ACCOUNTS = ("enthalpy", "heat", "lost")  # integrals of the machine that are kept beside the work of each muscle [J]
 OF_MUSCLES = {
     "tension_end": "load_tension",
@@ -370,8 +373,14 @@ def rates(part: HostedMuscles, state: PartState, inputs: HostInputs) -> Tree:
     return part.machine.rate(state.physics, state.memory, _moment(part, inputs, state.lines))
 
 
-def complete(part: HostedMuscles, state: PartState, inputs: HostInputs, before: IntegratorStep) -> PartState:
-    """The state after a step of a host that integrates itself: memory goes along the step, and work is counted.
+def complete(
+    part: HostedMuscles, state: PartState, inputs: HostInputs, before: IntegratorStep
+) -> tuple[PartState, PartOutputs]:
+    """State and outputs after a step of a host that integrates itself: memory goes along the step, and work is counted.
+
+    Where the state went straight along its rate, the integrator is Euler's. With too long a step that one jumps to and fro
+    about the motion, and leaves as much of its balances open as it exchanges, by the trapezoidal rule. Of other integrators
+    the path between the ends is not known, and nothing is said of their balances.
 
     Args:
         part: the part; none of its elements has dead time.
@@ -389,13 +398,34 @@ def complete(part: HostedMuscles, state: PartState, inputs: HostInputs, before: 
     ]
     mean = {name: 0.5 * sum(pull[f"{name}.load_tension"] for pull in pulls) for name in part.muscles}
     moved = {name: span - before.inputs.span[name] for name, span in inputs.span.items()}
-    return state._replace(
+    after = state._replace(
         started=jnp.full((), 2.0),
         memory=memory,
         reach=dict(inputs.span),
         command=dict(inputs.command),
         work={name: state.work[name] + mean[name] * moved[name] for name in part.muscles},
     )
+    ends = (start.state, state.memory, start.inputs), (end.state, memory, end.inputs)
+    stored, powers = (
+        [of(*at) for at in ends] for of in (machine.stored_energies, functools.partial(balances_of, machine))
+    )
+    exchanges = {
+        name: Exchange(*(0.5 * before.duration * (a + b) for a, b in zip(first, powers[1][name], strict=True)))
+        for name, first in powers[0].items()
+    }
+    rates_at_start = machine.rate(start.state, state.memory, start.inputs)
+    by_euler = jnp.stack(
+        [
+            jnp.abs(new - old - before.duration * rate) <= EULER * (jnp.abs(old) + jnp.abs(new))
+            for old, new, rate in zip(*map(jax.tree.leaves, (start.state, end.state, rates_at_start)), strict=True)
+        ]
+    ).all()
+    errors = {
+        name: jnp.where(by_euler, error, 0.0)
+        for name, error in balance_errors(*stored, exchanges, before.duration).items()
+    }
+    code = soundness(machine, state.physics, memory, errors, RAN_AWAY)[1]
+    return after, _outputs(part, after, end.inputs, None)._replace(sound=code)
 
 
 def _driven(part: HostedMuscles, command: Mapping[str, Any]) -> dict[str, Any]:
