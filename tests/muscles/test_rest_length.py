@@ -102,6 +102,14 @@ def test_friction_creep_and_working_lengths_go_with_the_rest_length():
     assert np.asarray(cut.friction.stiffness) == pytest.approx(2.0 * np.asarray(whole.friction.stiffness))
     assert float(cut.friction.largest_force(3e5)) == float(whole.friction.largest_force(3e5))
     assert np.asarray(cut.creep.stiffness) == pytest.approx([400.0, 800.0])
+    springs = {
+        "stiffness": SpecimenNumber(value=[1.0, 2.0], unit="N/mm"),
+        "constant": SpecimenNumber(value=2.0, unit="N"),
+    }
+    measured = Specimen(**{**vars(spec), "friction": {"maxwell_slip": springs}})
+    of_half, _ = at_rest_length(measured, "linear_threshold", {"rest_length": 0.07})
+    assert of_half.friction["maxwell_slip"]["stiffness"].value == [2.0, 4.0]
+    assert of_half.friction["maxwell_slip"]["constant"].value == 2.0
     assert np.asarray(cut.creep.time_constant) == pytest.approx([1.0, 10.0])
 
 
