@@ -32,7 +32,7 @@ def test_a_part_that_cannot_be_is_refused(words, sentence):
         {"span": "5 cm"},
         {"pressure": 2.0},
         {"pressure": 2e8},
-        {"substep": 0.05},
+        {"substep": 5e-3},
         {"air": mk.Air(supply=6)},
     ],
 )
