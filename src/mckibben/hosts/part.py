@@ -70,6 +70,8 @@ from .coupling import (
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]
 USUAL_SUBSTEPS = (1e-6, 2e-3)  # [s]
+LONGEST_STEP = 1.0  # of a host [s]; a longer one is a frequency or milliseconds
+FASTEST = 50.0  # [m/s] that a span can be meant to change
 SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
 STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
 
@@ -334,6 +336,8 @@ class Part:
             InputError: names an unknown command or muscle.
             ConvergenceError: the state is not finite or not possible any more, or a balance does not close.
         """
+        if not 0.0 < period <= LONGEST_STEP:
+            raise InputError("period", f"{period:g} s", f"must be above 0 s and up to {LONGEST_STEP:g} s")
         vector = self._moment(state, span, rate, commands)
         new, out = self.step_vector(state, vector, period, staggered=staggered)
         seen = self._Outputs._make(out.tolist())
@@ -395,7 +399,11 @@ class Part:
     def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
         """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
         spans = self._spans(span)
-        vector = self._vector(spans, _by_muscle(rate, "m/s", "rate", self.muscles), {})
+        rates = _by_muscle(rate, "m/s", "rate", self.muscles)
+        for name, value in rates.items():
+            if abs(value) > FASTEST:
+                raise InputError(f"rate of {name}", f"{value:g} m/s", f"must be from -{FASTEST:g} to {FASTEST:g} m/s")
+        vector = self._vector(spans, rates, {})
         vector[2 * len(self.muscles) :] = state[self._commands_in_state]
         for name, value in self._checked(commands).items():
             vector[self._places[name]] = value

@@ -356,10 +356,8 @@ class Simulation:
             if name not in starts:
                 raise InputError("pressure", name, known=starts)
             starts[name] = in_si(value, "Pa", f"pressure of {name}")
-            spec = published(self.system.muscles[name])
-            self.caution(
-                pressure_caution(starts[name], spec, text=str(value), name=f"start pressure of {name}"), stacklevel=4
-            )
+            spec, called = published(self.system.muscles[name]), f"start pressure of {name}"
+            self.caution(pressure_caution(starts[name], spec, text=str(value), name=called), stacklevel=4)
             if starts[name] < 0.0:
                 shown = with_unit(starts[name], "Pa")
                 self.caution(Caution(f"a {called} of {shown} is below that of the room, and inflates nothing", called))

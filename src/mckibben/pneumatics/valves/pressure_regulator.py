@@ -39,7 +39,10 @@ class PressureRegulator(FlowElement):
 
     symbol: ClassVar[str] = "regulator"
     command_unit: ClassVar[str] = "Pa"
-    command_range: ClassVar[tuple[float, float]] = (0.0, math.inf)  # it vents no further than to the pressure of its exhaust
+    command_range: ClassVar[tuple[float, float]] = (
+        0.0,
+        math.inf,
+    )  # it vents no further than to the pressure of its exhaust
     ports: ClassVar[tuple[str, ...]] = ("supply", "outlet", "exhaust")
     paths: ClassVar[tuple[tuple[int, int], ...]] = ((0, 1), (1, 2))
     fill: Orifice = field(kw_only=True)
