@@ -1,15 +1,19 @@
 """From a file to a run: what is read is what runs, bad files are refused by dotted path, and nothing is lost on the way."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mckibben.assembly.circuit_file import read_circuit
+from mckibben.assembly.circuit_parts import ElementTable
 from mckibben.assembly.sentence import run_sentence, sentence
 from mckibben.bench import circuit_run
 from mckibben.bench.circuit_run import run_circuit
 from mckibben.errors import InputError, PlausibilityWarning
+from mckibben.pneumatics.build import ELEMENTS, known_keys
+from mckibben.schema import Place, read_table
 
 ROOM = 101325.0
 TANK = """
@@ -347,3 +351,28 @@ def test_what_can_hardly_be_meant_in_a_file_is_refused_or_stands_with_its_run(tm
 def test_the_circuits_that_ship_are_taken_without_a_word():
     for file in sorted(VALVE.parent.glob("*.toml")):
         assert read_circuit(file).cautions == ()
+
+
+@pytest.mark.parametrize(("kind", "key"), [(kind, key) for kind in ELEMENTS for key in known_keys(kind)])
+def test_every_documented_key_of_an_element_is_read(kind, key):
+    """A key may be refused beside another one, or for its value, but never as unknown, nor taken for a port: `C`, `b`."""
+    ports = ELEMENTS[kind].ports
+    ends = ("from", "to") if len(ports) == 2 else ports
+    unit = known_keys(kind)[key].unit
+    table = {"kind": kind, key: 0.3 if unit == "1" else f"0.3 {unit}"} | dict.fromkeys(ends, "left")
+    place = Place("elements.part")
+    try:
+        read_table(ElementTable, place.table(table), owner="an element has").planned(place, ["left"])
+    except InputError as error:
+        assert not re.search("ports are|Unknown|Did you mean", str(error)), str(error)
+
+
+def test_an_orifice_is_stated_by_its_two_numbers_of_iso_6358():
+    text = {"kind": "orifice", "from": "left", "to": "right", "C": "1 l/(s*bar)", "b": 0.3}
+    place = Place("elements.part")
+    branch = (
+        read_table(ElementTable, place.table(text), owner="an element has").planned(place, ["left", "right"]).branch
+    )
+    assert branch.ports == ("left", "right")
+    assert float(branch.element.critical_ratio) == 0.3
+    assert float(branch.element.conductance) == pytest.approx(1e-8)

@@ -1,35 +1,16 @@
 """Nothing that is typed ends in a traceback: strange numbers and files are answered, or refused in one sentence."""
 
 import os
-from pathlib import Path
 
 import pytest
 
-import mckibben
 from mckibben.cli import main
 from mckibben.cli.app import table_of_commands
 
-MAP = str(Path(mckibben.__file__).parent / "specimens" / "maps" / "DMSP-20-300_force_map.csv")
-NUMBERS = (
-    "0",
-    "-1",
-    "1e-320 N",
-    "1e-320",
-    "1e308 m",
-    "nan",
-    "-inf bar",
-    "",
-    "x" * 3000,
-    "3 kg",
-    "=",
-    "0:1:1e-320 bar",
-    "１ bar",
-)
+NUMBERS = ("0", "-1", "1e-320 N", "1e308 m", "nan", "", "x" * 3000)
 CALLS = {
     "tension": ["nylon", "--length", "12 cm", "--pressure", "5 bar"],
     "braid": ["--length", "300 mm", "--angle", "25 deg", "--diameter", "12 mm", "--thread", "0.25 mm"],
-    "read": ["MAP", "--rest-length", "30 cm"],
-    "size": ["--force", "100 N", "--stroke", "20 mm", "--pressure", "5 bar", "--no-lines"],
     "parts": ["valves"],
 }
 FILES = {
@@ -58,7 +39,7 @@ def options_of(name: str) -> list[str]:
 @pytest.mark.parametrize(("name", "option"), [(n, o) for n in CALLS for o in options_of(n)])
 def test_a_strange_number_is_answered_or_refused_in_a_sentence(name, option, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = [MAP if w == "MAP" else w for w in CALLS[name]]
+    words = CALLS[name]
     if option in words:
         at = words.index(option)
         words = words[:at] + words[at + 2 :]
