@@ -6,7 +6,9 @@ A package that has a tension law, a valve, a step of a protocol, a sensor or an 
     [project.entry-points."mckibben.laws"]
     my_law = "my_package.laws:MyLaw"
 
-A class in a file of one's own needs no package: its name is ``my.py:MyLaw``, on the command line and in files.
+A class in a file of one's own needs no package: its name is ``my.py:MyLaw``, on the command line, in Python and in files.
+A name in a file runs nothing by itself. It resolves once a person has named the Python file, in an option such as ``--law``
+or ``--code``, in Python by `allow_code` or as an argument, or in the environment variable ``MCKIBBEN_CODE``.
 
 The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
 ``mckibben.models`` and ``mckibben.formats``.
@@ -25,7 +27,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from .errors import InputError, suggestion
+from .errors import InputError, not_found, shortened, suggestion
 
 T = TypeVar("T")
 
@@ -62,8 +64,11 @@ def _entry_points() -> tuple[Any, ...]:
 _REFERENCE = re.compile(r"(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)")
 FILE_MODULE = "mckibben_file_"
 LONGEST_FILE = 1 << 20  # [B]; a longer one is no source
-# Folders from whose files code may be loaded; None is any. A server limits them, for its texts come from elsewhere.
-_folders: tuple[Path, ...] | None = None
+CODE = "MCKIBBEN_CODE"  # environment: Python files that may run, parted as in PATH; processes that are begun inherit it
+FIXED = "MCKIBBEN_CODE_FIXED"  # environment: where set, what is named from now on allows nothing, as on a server
+_MOST_PLACES = 1000
+# Where files have stated references: file and field, for the sentence that refuses them.
+_places: dict[str, tuple[str, str]] = {}
 
 
 def is_reference(name: object) -> bool:
@@ -76,24 +81,64 @@ def relative_to_file(name: str, where: str | os.PathLike[str]) -> str:
     return str(Path(where).parent / name) if is_reference(name) else name
 
 
-def with_own_references(document: object, where: str | os.PathLike[str]) -> Any:
+def with_own_references(document: object, where: str | os.PathLike[str], field: str = "") -> Any:
     """The tables of a file with every reference such as ``my.py:MyLaw``, key or value, found from the folder of the file.
 
     Args:
         document: the tables.
         where: the file that they come from.
+        field: dotted path of the tables in it.
     """
     if isinstance(document, Mapping):
-        return {relative_to_file(key, where): with_own_references(value, where) for key, value in document.items()}
+        return {
+            _placed(key, where, field): with_own_references(value, where, f"{field}.{key}".lstrip("."))
+            for key, value in document.items()
+        }
     if isinstance(document, list):
-        return [with_own_references(value, where) for value in document]
-    return relative_to_file(document, where) if isinstance(document, str) else document
+        return [with_own_references(value, where, field) for value in document]
+    return _placed(document, where, field) if isinstance(document, str) else document
 
 
-def limit_folders(folders: Iterable[str | os.PathLike[str]] | None) -> None:
-    """Load code only from files below some folders; None lifts the limit."""
-    global _folders
-    _folders = None if folders is None else tuple(Path(folder).resolve() for folder in folders)
+def _placed(name: str, where: str | os.PathLike[str], field: str) -> str:
+    found = relative_to_file(name, where)
+    if found is not name and len(_places) < _MOST_PLACES:
+        _places[found] = os.fspath(where), field
+    return found
+
+
+def allow_code(path: str | os.PathLike[str]) -> None:
+    """Let names such as ``my.py:MyLaw`` in files stand for what a Python file holds, in this process and those it begins.
+
+    Loading what a file names runs the Python file: allow those that you would run as a program.
+
+    Raises:
+        InputError: there is no such file, it is no Python file, or this process is a server, which takes no further ones.
+    """
+    if os.environ.get(FIXED):
+        raise InputError("code", str(path), "must be named when the server is started: mckibben serve --code FILE.py")
+    if Path(path).suffix != ".py":
+        raise InputError("code", str(path), "must be a Python file, such as my.py")
+    if not Path(path).is_file():
+        raise not_found(path)
+    if not _is_allowed(Path(path)):
+        os.environ[CODE] = os.pathsep.join(filter(None, (os.environ.get(CODE), str(Path(path).resolve()))))
+
+
+def named_by_person(*names: object) -> None:
+    """Allow the files of references that a person has named, as an option or an argument; other things pass."""
+    for name in names:
+        match = _REFERENCE.fullmatch(name) if isinstance(name, str) else None
+        if match is not None and Path(match["path"]).is_file() and not os.environ.get(FIXED):
+            allow_code(match["path"])
+
+
+def fix_code() -> None:
+    """Allow no further Python files, as a server does, whose names come from elsewhere; processes that it begins neither."""
+    os.environ[FIXED] = "1"
+
+
+def _is_allowed(path: Path) -> bool:
+    return path.resolve() in (Path(one).resolve() for one in os.environ.get(CODE, "").split(os.pathsep) if one)
 
 
 def registered_name(kind: object) -> str | None:
@@ -111,7 +156,7 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
         where: file for a complaint.
 
     Raises:
-        InputError: there is no such file or name, or the file raises when it is run.
+        InputError: nobody has allowed the file, there is no such file or name, or the file raises when it is run.
     """
     match = _REFERENCE.fullmatch(reference)
     if match is None:
@@ -119,9 +164,14 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
     path, name = Path(match["path"]), match["name"]
     if not path.is_file():
         raise InputError(field, reference, "no such file", where=where, sentence=f"File not found: {path}")
-    if _folders is not None and not any(path.resolve().is_relative_to(folder) for folder in _folders):
-        said = f"{path} may not be loaded here; code is loaded from {', '.join(map(str, _folders))} only"
-        raise InputError(field, reference, "must be in another folder", where=where, sentence=said)
+    if not _is_allowed(path):
+        stated, stated_field = _places.get(reference, (where, field))
+        demand = f"names code, which a file cannot run by itself; if you trust {path}, allow it: --code {path}"
+        said = (
+            f"{field if where else stated_field} {shortened(repr(reference))} {demand}, "
+            "or mckibben.registry.allow_code in Python"
+        )
+        raise InputError(field, reference, demand, where=where or stated, sentence=said)
     module = _module_of(path, field, reference, where)
     if not hasattr(module, name):
         own = [n for n, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
@@ -238,6 +288,15 @@ class Registry(Mapping[str, T], Generic[T]):
         self.add(name, kind)
         return name
 
+    def stated_as(self, kind: T, stated: Iterable[str]) -> str:
+        """The name of a kind that is given as itself, where a file states one by a reference, that: ``my.py:MyLaw``."""
+        name, title = self.register(kind), getattr(kind, "__name__", "")
+        references = [one for one in stated if is_reference(one) and one.rpartition(":")[2] == title]
+        if name in stated or len(references) != 1:
+            return name
+        self.put(references[0], kind)
+        return references[0]
+
     def _own_name(self, kind: object) -> str | None:
         """The name of a kind of this package that nobody has asked for yet."""
         place = f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"
@@ -281,7 +340,7 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises:
             InputError: there is none of that name.
         """
-        if self._is_file(name):
+        if self._is_file(name) and name not in self._known:
             return self._of_file(name, field, where)
         if name.endswith(".py"):
             said = f"{name} must be followed by the name of a {self.noun} in it, as in {name}:Name"

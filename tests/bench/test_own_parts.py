@@ -16,6 +16,7 @@ from mckibben.identification import fit
 from mckibben.muscles import LAWS, law_from_specimen
 from mckibben.muscles.law import law_name
 from mckibben.muscles.laws import law_key
+from mckibben.registry import allow_code
 from mckibben.specimens import map_file, specimen
 
 PARTS = """
@@ -147,6 +148,7 @@ high = "400 K"
 def folder(tmp_path: Path) -> Path:
     """A folder with `parts.py`, which is not the one that the tests run in: paths begin at the folder of a file."""
     (tmp_path / "parts.py").write_text(PARTS)
+    allow_code(tmp_path / "parts.py")
     return tmp_path
 
 

@@ -11,7 +11,7 @@ from mckibben.assembly.check import check
 from mckibben.cli.app import main
 from mckibben.errors import InputError
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
-from mckibben.registry import limit_folders, load_reference
+from mckibben.registry import FIXED, allow_code, fix_code, load_reference
 
 FAULTY = str(Path(__file__).with_name("faulty.py"))
 # Each law of `faulty.py`: kinds of its findings in order, and what the first sentence says.
@@ -56,6 +56,7 @@ def test_a_friction_of_the_package_passes() -> None:
 
 def test_the_energy_of_a_fault_is_that_of_its_cycle() -> None:
     # The extra tension c P'^2 does c times the integral of P'^2 dL, of which the volume knows nothing.
+    allow_code(FAULTY)
     kind = load_reference(f"{FAULTY}:MakesEnergy", field="law")
     share = {finding.kind: finding.value for finding in check(kind)}["energy"]
     assert 0.01 < share < 1.0
@@ -92,23 +93,26 @@ def test_a_file_that_holds_no_law_is_refused_in_a_sentence(
 def test_a_changed_file_is_loaded_anew(tmp_path: Path) -> None:
     path = tmp_path / "own.py"
     path.write_text("number = 1\n")
+    allow_code(path)
     assert load_reference(f"{path}:number", field="law") == 1
     path.write_text("number = 2\n")
     assert load_reference(f"{path}:number", field="law") == 2
 
 
-def test_code_is_loaded_from_the_allowed_folders_only(tmp_path: Path) -> None:
-    inside, outside = tmp_path / "in", tmp_path / "out"
-    for folder in (inside, outside):
-        folder.mkdir()
-        (folder / "own.py").write_text("number = 1\n")
-    limit_folders([inside])
-    try:
-        assert load_reference(f"{inside}/own.py:number", field="law") == 1
-        with pytest.raises(InputError, match="may not be loaded here; code is loaded from"):
-            load_reference(f"{outside}/own.py:number", field="law")
-    finally:
-        limit_folders(None)
+def test_code_is_loaded_from_allowed_files_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("own.py", "other.py", "third.py"):
+        (tmp_path / name).write_text("number = 1\n")
+    allow_code(tmp_path / "own.py")
+    assert load_reference(f"{tmp_path}/own.py:number", field="law") == 1
+    with pytest.raises(InputError, match=r"law '.*/other.py:number' names code, .* allow it: --code .*/other.py"):
+        load_reference(f"{tmp_path}/other.py:number", field="law")
+    monkeypatch.setenv(FIXED, "")
+    fix_code()  # as a server does
+    with pytest.raises(InputError, match="must be named when the server is started"):
+        allow_code(tmp_path / "other.py")
+    with pytest.raises(InputError, match="names code"):
+        mk.check(f"{tmp_path}/third.py:number")
+    assert load_reference(f"{tmp_path}/own.py:number", field="law") == 1
 
 
 def test_the_command_reports_findings_with_exit_code_1(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from ..components.flow import FlowElement
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles import Muscle
-from ..muscles.build import muscle as build_muscle
+from ..muscles.build import built_muscle
 from ..muscles.elements import Tendon
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
@@ -105,7 +105,7 @@ def unit_from_specimen(
     stated = muscle_specimen(spec) if isinstance(spec, str) else spec
     if stated.kind != "mckibben":
         raise InputError("specimen", stated.id, f"must be a McKibben muscle; it is {stated.kind}", where=stated.where)
-    chosen = build_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))
+    chosen = built_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))
     where = stated.where or stated.id
     return unit_from_muscle(chosen, rubs=rubs, tendon=tendon, wrap=wrap, where=where, **mechanics)
 

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..muscles.check import LawFinding, declaration_findings, friction_findings, law_findings, sample
 from ..muscles.law import TensionLaw, law_name
 from ..muscles.laws import LAWS, law_key
-from ..registry import is_reference, load_reference
+from ..registry import is_reference, load_reference, named_by_person
 
 DEMAND = "a tension law or a friction: a class derived from mckibben.TensionLaw or mckibben.components.Hysteresis"
 
@@ -44,6 +44,7 @@ def check(
         []
     """
     subject = what
+    named_by_person(what)
     if isinstance(subject, str):
         subject = load_reference(subject, field="law") if is_reference(subject) else LAWS.find(subject)
     if isinstance(subject, type):

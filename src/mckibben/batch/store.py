@@ -128,7 +128,7 @@ def _known(place: Path, sweep: Sweep) -> ResultStore:
     zarr = zarr_library()
 
     try:
-        group = zarr.open_group(place / NAME, mode="r+")
+        group = zarr.open_group(place / NAME, mode="r+", zarr_format=3)
         about: Any = group.attrs[KEY]
         digest, count, block = str(about["digest"]), int(about["variants"]), int(about["block"])
     except (KeyError, ValueError, TypeError, OSError):
@@ -201,12 +201,12 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     Raises:
         InputError: if it is none.
     """
-    zarr = zarr_library()
+    zarr = zarr_library()  # format 3 as we write it: filters of format 2 may unpickle
 
     place = Path(path)
     place = place / NAME if (place / NAME).exists() else place
     try:
-        group: Any = zarr.open_group(place, mode="r")
+        group: Any = zarr.open_group(place, mode="r", zarr_format=3)
         about: Any = group.attrs[KEY]
         columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in about["parameters"]}
         outputs: Any = group["outputs"] if "outputs" in group else {}
@@ -229,7 +229,7 @@ def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
     place = Path(path)
     place = place / NAME if (place / NAME).exists() else place
     try:
-        group: Any = zarr_library().open_group(place, mode="r")
+        group: Any = zarr_library().open_group(place, mode="r", zarr_format=3)
         return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}
     except (KeyError, ValueError, TypeError, OSError):
         raise InputError("store", str(place), "must be the folder of a sweep's results") from None

@@ -196,7 +196,8 @@ def prepare(
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
         )
-    on = with_control(rig if isinstance(rig, Rig) else rig_of(rig), wanted.control, where=wanted.name)
+    named = wanted.name if isinstance(protocol, Protocol) else str(protocol)
+    on = with_control(rig if isinstance(rig, Rig) else rig_of(rig), wanted.control, where=named)
     spec = None
     if isinstance(muscle, MuscleUnit):
         unit = muscle

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS
-from ..registry import Registry, is_reference, load_reference
+from ..registry import Registry, is_reference, load_reference, named_by_person
 from .records import BenchmarkRecord
 
 
@@ -99,6 +99,7 @@ def new_model(name: str) -> BenchmarkModel:
     """
     from .models.law import LawModel
 
+    named_by_person(name)
     if is_reference(name):
         kind: Any = load_reference(name, field="model")
         if inspect.isclass(kind) and issubclass(kind, TensionLaw):

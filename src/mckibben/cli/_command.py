@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import typer
 import typer.core
 
+from ..registry import allow_code, named_by_person
 from . import _progress, _terminal, _values
 
 WIDEST = 100  # columns of a help text; longer lines are hard to read
@@ -61,6 +62,7 @@ OWN_INTERRUPTS = (
 )  # fmt: skip
 QUIET = ("-q", "--quiet")
 COMMON = (
+    ("--code FILE.py", "Python file of your own that names in files, such as my.py:MyLaw, may run. [repeatable]"),
     ("-q, --quiet", "Print only errors, and what --json or --out - asks for."),
     ("-h, --help", "Show this help and exit."),
 )
@@ -125,7 +127,7 @@ class CommandWithHelp(typer.core.TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of the command line, those with former names of options too."""
-        words, quiet = _without_quiet(args)
+        words, quiet = _without_quiet(_without_code(args))
         if quiet:
             _terminal.be_quiet()
         rest: list[str] = super().parse_args(ctx, renamed(self.words, words))
@@ -133,6 +135,7 @@ class CommandWithHelp(typer.core.TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Call the function with ``-`` for standard input resolved, and cautions about unlikely values."""
+        _allow_named_code(self.params, ctx.params)
         with _standard_input(self.params, ctx.params) as values:
             ctx.params.update(values)
             _terminal.expect_cautions(_values.cautions(self.params, ctx.params))
@@ -183,6 +186,33 @@ def _without_quiet(args: list[str]) -> tuple[list[str], bool]:
     end = args.index("--") if "--" in args else len(args)
     words = [word for word in args[:end] if word not in QUIET]
     return words + args[end:], len(words) < end
+
+
+# ---- code of one's own
+
+
+def _without_code(args: list[str]) -> list[str]:
+    """Words without ``--code FILE.py``; the files are allowed."""
+    words, rest = [], iter(args)
+    for word in rest:
+        if word == "--":
+            return [*words, word, *rest]
+        name, equals, path = word.partition("=")
+        if name != "--code":
+            words.append(word)
+            continue
+        path = path if equals else next(rest, "")
+        allow_code(path)
+    return words
+
+
+def _allow_named_code(params: list[Any], values: dict[str, Any]) -> None:
+    """Allow the Python files that options and arguments name as ``my.py:MyLaw`` or ``--set KEY=my.py:MyLaw``."""
+    for param in params:
+        value = values.get(param.name)
+        for word in value if isinstance(value, list | tuple) else (value,):
+            if isinstance(word, str):
+                named_by_person(word, word.partition("=")[2], *word.split(","))
 
 
 # ---- standard input

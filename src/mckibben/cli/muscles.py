@@ -341,7 +341,7 @@ def _defaults(built: Any, change: list[str] | None, law: str) -> list[str]:
 
 
 def _law(spec: Specimen, law: str, changes: dict[str, Any]) -> Any:
-    return muscles.build.muscle(spec, law=law, **changes).law
+    return muscles.build.built_muscle(spec, law=law, **changes).law
 
 
 def _activations(activation: str | None, pressure: str | None, spec: Specimen) -> list[float]:

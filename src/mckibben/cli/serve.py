@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +11,7 @@ import typer
 from ..bench import hardware, session
 from ..errors import InputError
 from ..extras import library
-from ..registry import limit_folders
-from ..specimens.load import FOLDER_VARIABLE
+from ..registry import fix_code
 from ._terminal import LockStep
 from .run import CalibrationFile, On, chosen_rig
 
@@ -68,7 +66,6 @@ def serve_screen(
         elif lock_step:
             raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
         typer.echo("Preparing the web interface ..", err=True)
-        # Texts of a browser may name files: code comes from the folders that the owner has chosen only.
-        limit_folders([".", *filter(None, os.environ.get(FOLDER_VARIABLE, "").split(os.pathsep))])
+        fix_code()  # texts of a browser and files that were uploaded name code, too
         workspace = Workspace(folder, functools.partial(Bench, muscle=muscle, rig=first, spec=real))
         serve(workspace, line, host, show=show, tell=typer.echo)

@@ -62,7 +62,7 @@ def read_protocol(path: str | os.PathLike[str]) -> Protocol:
 
 def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[str, JsonValue]:
     """The tables of a file with its controllers, such as ``my.py:MyController``, found from the folder of the file."""
-    own = {"control": with_own_references(document["control"], where)} if "control" in document else {}
+    own = {"control": with_own_references(document["control"], where, "control")} if "control" in document else {}
     return {**document, **own}
 
 

@@ -22,7 +22,7 @@ from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
 from ..quantities import declared, in_si
 from ..recordings import ForceMap, read_force_map
-from ..registry import is_reference
+from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, map_file, muscle_specimen, save_specimen, specimen_ids
 from .fit import Fit, evaluate, fit_all, fitted_specimen
 from .fit import fit as fit_law
@@ -190,6 +190,9 @@ def fit(
     """
     if isinstance(law, ForceMap):
         table, law = law, str(table)
+    if law is not None and not isinstance(law, str | type):
+        law = list(law)
+    named_by_person(*([law] if isinstance(law, str | type) else law or ()), *options.get("beside", ()))
     points, spec = load_table(table, like=like, rest_length=rest_length)
     dimensions = known_of(spec) | known_in_si(known or {}, law)
     if train_below is not None:

@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from .build import build_law as law
-from .build import from_specimen, law_from_specimen
+from .build import from_specimen, law, law_from_specimen
 from .law import LawState, TensionLaw
 from .laws import LAWS, law_type
 from .muscle import Muscle

@@ -14,13 +14,13 @@ from ..components import Hysteresis, MemoryElement
 from ..documents import JsonValue
 from ..errors import InputError, MissingParametersError
 from ..quantities import Quantity, declared, in_si, shown_unit
-from ..registry import is_reference
+from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, SpecimenNumber, muscle_specimen
 from .biological import BiologicalMuscle
 from .creep import MaxwellChain
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
-from .laws import LAWS, law_type
+from .laws import LAWS, law_key, law_type
 from .muscle import Muscle
 
 
@@ -53,13 +53,12 @@ def law_from_specimen(
     return build_law(name, parameters | dict(changes or {}), where=spec.where or spec.id)
 
 
-def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | None = None) -> TensionLaw:
-    """A law from its name and parameters [SI].
+def law(name: str | type[TensionLaw], parameters: Mapping[str, JsonValue]) -> TensionLaw:
+    """A law from its name, or its class, and parameters [SI].
 
     Args:
         name: of a law of the package or of an installed one, or a class in a file such as ``my.py:MyLaw``.
         parameters: by name [SI].
-        where: what errors name as their place.
 
     Raises:
         InputError: a parameter is missing, unknown or out of bounds.
@@ -70,6 +69,12 @@ def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | No
         >>> round(float(law.tension(0.13, 3e5)), 2)
         58.52
     """
+    named_by_person(name)
+    return build_law(law_key(name), parameters)
+
+
+def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | None = None) -> TensionLaw:
+    """The law of a name that may stand in a file; `where` is what errors name as their place. Raises as `law` does."""
     kind = law_type(name)
     known = declared(kind)
     for key in parameters:
@@ -142,6 +147,29 @@ def _has_default(field: Any) -> bool:
     return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
 
 
+def built_muscle(
+    name: str | os.PathLike[str] | Specimen,
+    *,
+    law: str | type[TensionLaw] | None = None,
+    friction: str | Hysteresis | None = None,
+    creep: MemoryElement | None = None,
+    **parameters: Any,
+) -> Muscle:
+    """A muscle as `MuscleFactory` makes it, of names that may stand in a file and allow no code."""
+    if isinstance(name, str) and name in LAWS:
+        if law is not None:
+            raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
+        return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
+    spec = name if isinstance(name, Specimen) else muscle_specimen(name)
+    chosen = (law if isinstance(law, str) else LAWS.stated_as(law, spec.laws)) if law else spec.law
+    changes = _in_si(chosen, parameters)
+    if spec.kind == "biological":
+        fibre = cast(TensionLaw, _biological(spec, chosen, changes))  # it answers the questions of a law
+        return Muscle(fibre, _own(friction), creep, specimen=spec)
+    built = law_from_specimen(spec, chosen, changes=changes)
+    return Muscle(built, _usual_friction(spec, friction), creep or _stated_creep(spec), specimen=spec)
+
+
 class MuscleFactory:
     """Makes a `Muscle` of what names one: a specimen's id, a ``.toml`` file, or a law and its parameters."""
 
@@ -149,7 +177,7 @@ class MuscleFactory:
         self,
         name: str | os.PathLike[str] | Specimen,
         *,
-        law: str | None = None,
+        law: str | type[TensionLaw] | None = None,
         friction: str | Hysteresis | None = None,
         creep: MemoryElement | None = None,
         **parameters: Any,
@@ -158,7 +186,8 @@ class MuscleFactory:
 
         Args:
             name: id of a specimen, path of a ``.toml`` file, a specimen that was read, or the name of a law.
-            law: one of the laws that the specimen states; its default law where left out.
+            law: one of the laws that the specimen states, or the class of one that it states as ``my.py:MyLaw``; its default
+                law where left out.
             friction: one of the frictions that the specimen states, a friction, or a class in a file such as
                 ``my.py:MyFriction``. Where left out the specimen's own such class, else Maxwell-slip, and where only
                 Coulomb's is stated Maxwell-slip elements with its limit, for a friction without memory chatters at rest.
@@ -175,18 +204,8 @@ class MuscleFactory:
             >>> mk.muscle("ideal", thread_length="16 cm", turns=3.2)
             Muscle(own, ideal)
         """
-        if isinstance(name, str) and name in LAWS:
-            if law is not None:
-                raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
-            return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
-        spec = name if isinstance(name, Specimen) else muscle_specimen(name)
-        chosen = law or spec.law
-        changes = _in_si(chosen, parameters)
-        if spec.kind == "biological":
-            fibre = cast(TensionLaw, _biological(spec, chosen, changes))  # it answers the questions of a law
-            return Muscle(fibre, _own(friction), creep, specimen=spec)
-        built = law_from_specimen(spec, chosen, changes=changes)
-        return Muscle(built, _usual_friction(spec, friction), creep or _stated_creep(spec), specimen=spec)
+        named_by_person(name, law, friction)
+        return built_muscle(name, law=law, friction=friction, creep=creep, **parameters)
 
     def from_braid(self, **dimensions: float | str) -> Muscle:
         """A muscle from the dimensions of its sleeve and bladder, with nothing measured.

@@ -23,7 +23,7 @@ from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.valves import PressureRegulator
 from ..pneumatics.volume import MovingVolume
 from ..quantities import with_unit
-from ..registry import is_reference
+from ..registry import is_reference, named_by_person
 from ..specimens import specimen, specimen_ids
 from ..specimens.parts import bore_of
 from .mechanisms import Amount, in_si
@@ -128,6 +128,7 @@ class Air:
         if self.valve == REGULATOR:
             flow = Orifice.from_flow(INFERRED["valve_flow"].value, pressure=INFERRED["valve_flow_pressure"].value)
             return PressureRegulator(fill=flow, relief=flow, band=REGULATOR_BAND, lag=REGULATOR_LAG)
+        named_by_person(self.valve)
         own = is_reference(self.valve)
         built = build_element(self.valve, {}) if own else valve_from_specimen(specimen(published_valve(self.valve)))
         if not is_line_valve(built):

@@ -261,6 +261,9 @@ def shown(name: str, value: float) -> str:
     return f"{100.0 * value:.3g} %" if unit == "1" else with_unit(value, unit, 3)
 
 
+_OF_RECORDING = "rig of the recording"
+
+
 def diagnose(
     recording: Recording | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str] | None = None,
@@ -290,7 +293,10 @@ def diagnose(
     record = recording if isinstance(recording, Recording) else read_recording(Path(recording))
     where = None if isinstance(recording, Recording) else str(recording)
     _check_stated(record, rig, muscle, plumbing, where)
-    observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing)
+    try:
+        observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing)
+    except InputError as error:
+        raise error.at(where) if where and error.where == _OF_RECORDING else error from None
     try:
         sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
     except InputError as error:
@@ -389,7 +395,7 @@ def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> R
     document = record.meta.get("rig_document")
     if not isinstance(document, Mapping):
         raise InputError("rig", None, "is missing: the recording does not state its rig")
-    return read_rig({k: v for k, v in document.items() if k != "faults"}, where="rig of the recording")
+    return read_rig({k: v for k, v in document.items() if k != "faults"}, where=_OF_RECORDING)
 
 
 def _sound_unit(record: Recording, muscle: str | Specimen | Muscle | MuscleUnit | None) -> MuscleUnit:

@@ -13,8 +13,7 @@ import numpy as np
 from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....muscles import braid
-from ....muscles.build import muscle as muscle_of
-from ....muscles.build import rest_length_of
+from ....muscles.build import built_muscle, rest_length_of
 from ....specimens import Specimen, specimens
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def shape(spec: Specimen, law: TensionLaw | None = None) -> dict[str, JsonValue]
 
 def _of_law(spec: Specimen, law: Any) -> dict[str, JsonValue] | None:
     try:
-        shape_of_law = braid.braid_of(muscle_of(spec).law if law is None else law)
+        shape_of_law = braid.braid_of(built_muscle(spec).law if law is None else law)
     except MckibbenError:
         return None
     return None if shape_of_law is None else {**shape_of_law._asdict(), "inferred": False}

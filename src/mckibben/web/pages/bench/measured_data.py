@@ -16,7 +16,7 @@ import numpy as np
 from ....analysis.cycles import Cycle, find_cycles
 from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
-from ....muscles.build import muscle as muscle_of
+from ....muscles.build import built_muscle
 from ....recordings import ForceMap, Recording, read
 from ....recordings.columns import quantity_of
 from ....recordings.force_map import ALIASES
@@ -119,14 +119,14 @@ def _finite(time: Any, values: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rest_length(spec: Specimen) -> float | None:
-    return muscle_of(spec).rest_length
+    return built_muscle(spec).rest_length
 
 
 def _law(plain: dict[str, Any], spec: Specimen) -> list[float | None] | None:
     """Tension of the muscle's law at the points of a map [N]."""
     if plain["length"] is None or plain["pressure"] is None:
         return None
-    tension = muscle_of(spec).tension(np.asarray(plain["length"]), np.asarray(plain["pressure"]))
+    tension = built_muscle(spec).tension(np.asarray(plain["length"]), np.asarray(plain["pressure"]))
     return _plain(np.asarray(tension))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from ....analysis.energy import CYCLES, READINGS, Conditions, WorkingCycles, energy
 from ....analysis.energy.cycles import SETTINGS
 from ....errors import InputError, MckibbenError
-from ....muscles.build import muscle as built_muscle
+from ....muscles.build import built_muscle
 from ....quantities import from_si, parse, shown_unit
 from ....specimens import specimen, specimen_ids
 from ...shelf import Shelf

@@ -13,7 +13,7 @@ import numpy as np
 from ....analysis.cycles import find_cycles
 from ....analysis.segments import segments, varied
 from ....errors import InputError, MckibbenError
-from ....muscles.build import muscle as muscle_of
+from ....muscles.build import built_muscle
 from ....quantities import from_si
 from ....recordings.conditions import told_apart
 from ....report.origins import known_specimen
@@ -223,7 +223,7 @@ def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
         if not name:
             raise InputError(quantity, None, "is not recorded: a law needs length, pressure and tension")
     length, pressure, tension = (part.record[names[w]] for w in ("length", "pressure", "tension"))
-    return from_si(1.0, "m", "cm") * length, tension - np.asarray(muscle_of(spec).tension(length, pressure))
+    return from_si(1.0, "m", "cm") * length, tension - np.asarray(built_muscle(spec).tension(length, pressure))
 
 
 def over_time(parts: Sequence[OverlaidPart], channel: str, height: int) -> Chart | None:
