@@ -139,6 +139,6 @@ def test_toml_and_json_are_parsed_in_one_place():
         "documents.py",
         "registry.py",  # runs a file of the user, as Python
         "components/programs.py",  # its own words, just written
-        "recordings/_isolation.py",  # from a process that it has started
+        "isolation.py",  # from a process that it has started
         "batch/workers.py",  # likewise, and between machines of one cluster
     }

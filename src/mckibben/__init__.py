@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .identification.ranking import fit as fit
     from .muscles import Muscle as Muscle
     from .muscles import TensionLaw as TensionLaw
-    from .muscles.build import build_law as law  # noqa: F401
+    from .muscles.build import law as law
     from .muscles.build import muscle as muscle
     from .quantities import quantity as quantity
     from .recordings import Channel as Channel
@@ -135,6 +135,8 @@ def __getattr__(name: str) -> Any:
     """Load the module behind a public name when the name is first used."""
     if name not in _SOURCES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in ("read", "read_recording"):
+        importlib.import_module(".isolation", __name__).start()
     module, _, attribute = _SOURCES[name].partition(":")
     value = getattr(importlib.import_module(f".{module}", __name__), attribute or name)
     globals()[name] = value

@@ -12,6 +12,7 @@ import json
 import os
 import re
 import secrets
+import stat
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -34,6 +35,7 @@ _TOML = re.compile(
     r"""|(?P<open>[\[{])|(?P<close>[\]}])|(?P<dot>\.)|(?P<end>[\n=,])|(?P<lost>["'])""",
     re.DOTALL,
 )
+_LONG_NUMBER = re.compile(r"\d{301}")
 _JSON = re.compile(r""""(?:\\.|[^"\\])*"|(?P<open>[\[{])|(?P<close>[\]}])|(?P<lost>")""", re.DOTALL)
 
 
@@ -49,8 +51,12 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     """
     where = os.fspath(path)
     try:
-        with open(path, "rb") as stream:
+        with open(path, "rb", opener=_open_at_once) as stream:
+            if stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode):
+                raise no_file(where)
             data = stream.read(LONGEST + 1)
+        if data is None:  # a device that has nothing to say yet
+            raise no_file(where)
         if len(data) > LONGEST:
             raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long; it is longer")
         return data.decode("utf-8")
@@ -62,6 +68,20 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         raise InputError(field, where, f"it cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
         raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file, or a pipe into which nobody writes."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def no_file(path: str | os.PathLike[str], field: str = "file") -> InputError:
+    """The error about a path at which no plain file is: nothing, or a pipe or device, which might never end."""
+    if not os.path.exists(path) or os.path.isdir(path):
+        return not_found(path, field)
+    return InputError(
+        field, os.fspath(path), "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
+    )
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:
@@ -113,7 +133,16 @@ def parse_json(text: str | bytes, **options: Any) -> JsonValue:
         text = text.decode("utf-8")
     if text.count("[") + text.count("{") > DEEPEST and _is_deep(text, _JSON):
         raise ValueError(f"more than {DEEPEST} lists and objects inside of one another")
+    if _LONG_NUMBER.search(text):
+        options.setdefault("parse_int", _whole)
     return json.loads(text, **options)
+
+
+def _whole(digits: str) -> int:
+    """A whole number that a float can hold."""
+    if len(digits) > 300:
+        raise ValueError("a whole number has more than 300 digits")
+    return int(digits)
 
 
 def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
@@ -137,15 +166,13 @@ def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
 
 
 def _holds_deep(document: JsonValue) -> bool:
-    """Whether tables and lists go too deep, as dotted keys within tables within tables can."""
+    """Whether tables and lists go too deep, as dotted keys within tables can; `ValueError` of a number no float holds."""
     level = [document]
     for _ in range(DEEPEST):
-        level = [
-            inner
-            for outer in level
-            for inner in (outer.values() if isinstance(outer, Mapping) else outer)
-            if isinstance(inner, Mapping | list)
-        ]
+        values = [inner for outer in level for inner in (outer.values() if isinstance(outer, Mapping) else outer)]
+        if any(isinstance(value, int) and abs(value) >> 63 for value in values):
+            raise ValueError("a whole number takes more than 64 bits")
+        level = [value for value in values if isinstance(value, Mapping | list)]
         if not level:
             return False
     return True

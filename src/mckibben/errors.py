@@ -126,7 +126,8 @@ class InputError(MckibbenError, ValueError):
         self.field, self.value, self.problem, self.where = field, value, problem, where
         self.known = None if known is None else tuple(known)
         self.sentence, self.remedy = sentence, remedy
-        place = f"{where}: " if where else ""
+        shown = where if where is None or where.isprintable() else repr(where)  # a name may have several lines
+        place = f"{shown}: " if shown else ""
         super().__init__(place + (sentence or compose_sentence(field, value, problem, self.known)))
 
     def at(self, where: str) -> InputError:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from screen_readers import cells, die, read_for_ever, refuse, who
 
+from mckibben import isolation
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, MckibbenError
 from mckibben.experiments.dry_run import check_lengths
 from mckibben.experiments.read import protocol_names, shipped, with_values
-from mckibben.web import reader
 from mckibben.web.pages.bench.measure import of_cycle
 from mckibben.web.pages.compare import drawings
 from mckibben.web.reader import ReaderProcess, ReadingStopped, check_rows
@@ -62,8 +62,8 @@ def test_a_reader_is_stopped_by_a_person_and_by_its_patience(stuck, monkeypatch)
     one.stop()
     thread.join(20.0)
     assert isinstance(told[0], ReadingStopped)
-    monkeypatch.setattr(reader, "PATIENCE", 0.5)
-    with pytest.raises(InputError, match="took longer than 0 s and was stopped"):
+    monkeypatch.setenv(isolation.TIME, "0.5 s")
+    with pytest.raises(InputError, match="did not come to an end within 0 s"):
         ReaderProcess(read_for_ever, stuck).result()
     assert not multiprocessing.active_children()
 

@@ -1,6 +1,7 @@
 """From any file to any other: recordings come back bit for bit, files of others as SI; what cannot be is said in a line."""
 
-import os
+import contextlib
+import random
 import struct
 import sys
 import tempfile
@@ -271,22 +272,31 @@ def test_damaged_files_are_read_or_refused_and_never_crash(suffix: str, data: st
             assert "\n" not in str(error)
 
 
-def test_what_polars_says_of_a_broken_file_is_not_shown(tmp_path: Path, monkeypatch, capfd) -> None:
+def test_what_polars_says_of_a_broken_file_is_not_shown(tmp_path: Path, capfd) -> None:
     """Some damage makes its threads panic, with forty lines each on standard error, below Python's."""
+    content = write_to(some(30), tmp_path / "a.parquet").read_bytes()
+    rng = random.Random(0)
+    for _ in range(30):
+        data = bytearray(content)
+        for _ in range(20):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        (tmp_path / "a.parquet").write_bytes(data)
+        with contextlib.suppress(InputError):
+            read_any(tmp_path / "a.parquet")
+    assert capfd.readouterr() == ("", "")
 
+
+def test_a_panic_of_polars_is_one_line(tmp_path: Path, monkeypatch, read_here) -> None:
     class Panic(BaseException):
         """As polars raises."""
 
     def panic(*_: object, **__: object) -> None:
-        os.write(2, b"thread 'async-executor-0' panicked\nstack backtrace:\n")
         raise Panic("assertion failed: offset + length <= self.length")
 
     path = write_to(some(30), tmp_path / "a.parquet")
     monkeypatch.setattr("polars.read_parquet", panic)
     with pytest.raises(InputError, match="cannot be read as a Parquet file .assertion failed"):
         read_any(path)
-    os.write(2, b"afterwards\n")
-    assert capfd.readouterr().err == "afterwards\n"
 
 
 def test_a_matlab_variable_without_checksum_cannot_bring_us_down(tmp_path: Path) -> None:
@@ -312,7 +322,9 @@ def test_a_tdms_file_that_was_cut_off_says_so_and_prints_nothing(tmp_path: Path,
 
 
 @pytest.mark.parametrize(("suffix", "library"), [(".tdms", "nptdms"), (".parquet", "polars"), (".mat", "pymatreader")])
-def test_a_missing_library_is_told_with_what_to_install(tmp_path: Path, suffix, library, monkeypatch) -> None:
+def test_a_missing_library_is_told_with_what_to_install(
+    tmp_path: Path, suffix, library, monkeypatch, read_here
+) -> None:
     path = write_to(some(), tmp_path / f"a{suffix}")
     monkeypatch.setitem(sys.modules, library, None)
     assert "pip install 'mckibben[formats]'" in refusal(path)
@@ -359,7 +371,7 @@ def test_a_matlab_file_too_long_for_its_version_is_refused(tmp_path: Path, monke
     assert not list(tmp_path.iterdir())
 
 
-def test_a_warning_of_the_reader_becomes_a_remark(tmp_path: Path, monkeypatch) -> None:
+def test_a_warning_of_the_reader_becomes_a_remark(tmp_path: Path, monkeypatch, read_here) -> None:
     import pymatreader
     from scipy.io import savemat
 
@@ -368,5 +380,5 @@ def test_a_warning_of_the_reader_becomes_a_remark(tmp_path: Path, monkeypatch) -
         return {"t": TIME, "f_N": PRESSURE}
 
     monkeypatch.setattr(pymatreader, "read_mat", read)
-    savemat(tmp_path / "a.mat", {"t": TIME}, do_compression=True)  # with checksums, so it is read in this process
+    savemat(tmp_path / "a.mat", {"t": TIME}, do_compression=True)
     assert read_any(tmp_path / "a.mat").remarks == ["Complex objects are not supported"]

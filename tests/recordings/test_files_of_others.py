@@ -610,7 +610,9 @@ def test_a_broken_file_is_refused_in_one_sentence(tmp_path, monkeypatch, name):
         ("a.db3", "rosbags.highlevel", "Bags of ROS need rosbags"),
     ],
 )
-def test_a_missing_library_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch, name, library, says):
+def test_a_missing_library_is_named_with_the_command_that_installs_it(
+    tmp_path, monkeypatch, read_here, name, library, says
+):
     (tmp_path / name).write_bytes(b"x")
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(

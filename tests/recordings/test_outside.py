@@ -1,5 +1,6 @@
 """Damaged archives: one clear line or what is left of them, and never a process that crashes or hangs."""
 
+import os
 import random
 import time
 from pathlib import Path
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 import xarray
 
+import mckibben
+from mckibben import isolation
 from mckibben.errors import InputError
-from mckibben.recordings import _isolation, read_recording
+from mckibben.recordings import _seal, read_recording
 from mckibben.recordings._matlab import read_matlab
 from mckibben.recordings._store import BROKEN_SEAL
 from mckibben.recordings.recording import Channel, Recording
@@ -28,8 +31,6 @@ def sleeps(path):
 
 
 def dies(path):
-    import os
-
     os._exit(3)
 
 
@@ -38,17 +39,16 @@ def archive(tmp_path):
     return RECORDING.save(tmp_path / "r.nc")
 
 
-def test_a_sealed_archive_is_read_here_and_by_other_programs(archive, monkeypatch):
-    monkeypatch.setattr("mckibben.recordings._store.read_in_process", None)
-    assert _isolation.sealed(archive) is True
+def test_a_sealed_archive_is_read_by_other_programs_too(archive):
+    assert _seal.sealed(archive) is True
     assert read_recording(archive) == RECORDING
     assert xarray.open_dataset(archive, engine="h5netcdf").sizes["time"] == len(RECORDING)
 
 
-def test_without_its_seal_it_is_read_outside_and_the_same(archive):
+def test_without_its_seal_it_is_read_the_same(archive):
     data = archive.read_bytes()
-    archive.write_bytes(data[: -len(_isolation.MARK) - _isolation.DIGEST])
-    assert _isolation.sealed(archive) is None
+    archive.write_bytes(data[: -len(_seal.MARK) - _seal.DIGEST])
+    assert _seal.sealed(archive) is None
     assert read_recording(archive) == RECORDING
 
 
@@ -69,28 +69,39 @@ def test_bytes_changed_at_random_never_crash_or_hang(archive, seed):
         data[rng.randrange(len(data) if seed % 2 else 2000)] = rng.randrange(256)
     archive.write_bytes(data)
     try:
-        assert BROKEN_SEAL in read_recording(archive).meta["warnings"] or _isolation.sealed(archive) is None
+        assert BROKEN_SEAL in read_recording(archive).meta["warnings"] or _seal.sealed(archive) is None
     except InputError as error:
         assert "r.nc" in str(error) and "\n" not in str(error)
 
 
-def test_a_reader_that_hangs_is_ended(archive, monkeypatch):
-    monkeypatch.setattr(_isolation, "PATIENCE", 1.0)
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    with pytest.raises(ValueError, match="did not come to an end within 1 s"):
-        _isolation.read_in_process(sleeps, archive)
+@pytest.fixture
+def fresh(monkeypatch):
+    """A process that finds the functions of this file."""
+    isolation.close()
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join((str(Path(mckibben.__file__).parents[1]), str(Path(__file__).parent)))
+    )
+    yield
+    isolation.close()
 
 
-def test_a_reader_that_dies_takes_nothing_with_it(archive, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    with pytest.raises(ValueError, match="the process that read it crashed"):
-        _isolation.read_in_process(dies, archive)
+def test_a_reader_that_hangs_is_ended(archive, monkeypatch, fresh):
+    monkeypatch.setenv(isolation.TIME, "1 s")
+    with pytest.raises(InputError, match="did not come to an end within 1 s; .* MCKIBBEN_READ_TIME='4 s' allows more"):
+        isolation.call_outside(sleeps, archive)
+
+
+def test_a_reader_that_dies_takes_nothing_with_it(archive, fresh):
+    with pytest.raises(InputError, match="the process that read it crashed"):
+        isolation.call_outside(dies, archive)
+    assert read_recording(archive) == RECORDING
 
 
 def test_a_file_beside_the_data_is_not_taken_for_a_module(archive, monkeypatch):
     (archive.parent / "pickle.py").write_text("open('ran', 'w').close()\nraise SystemExit(1)\n")
     monkeypatch.chdir(archive.parent)
-    archive.write_bytes(archive.read_bytes() + b"\n")  # its seal is broken: a separate process reads it
+    archive.write_bytes(archive.read_bytes() + b"\n")
+    isolation.close()  # another process begins here
     assert read_recording(archive) is not None
     assert not (archive.parent / "ran").exists()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib
+import itertools
 import os
 import shutil
 import sys
@@ -22,6 +23,8 @@ from lanewise.errors import CacheWarning
 
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
+from ..isolation import start_for
+from ..registry import CODE, FIXED
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable, with_command
@@ -319,21 +322,26 @@ def table_of_commands() -> Any:
 
 @contextlib.contextmanager
 def _safe_children() -> Iterator[None]:
-    """Keep child processes from importing modules of the current folder, which may contain data of a user."""
-    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS")}
+    """Keep child processes from importing modules of the current folder, which may contain data of a user.
+
+    Python files that the command allows are allowed until it ends.
+    """
+    known = {name: os.environ.get(name) for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS", CODE, FIXED)}
     os.environ["PYTHONSAFEPATH"] = "1"
     os.environ["PYTHONWARNINGS"] = ",".join([*filter(None, [known["PYTHONWARNINGS"]]), *(f"ignore:{w}" for w in CACHE)])
     try:
         yield
     finally:
         for name, value in known.items():
-            os.environ.pop(name)
+            os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
 
 
 def _execute(arguments: list[str] | None) -> Any:
     """Run a command and return its exit code."""
+    words = sys.argv[1:] if arguments is None else arguments
+    start_for(word for before, word in itertools.pairwise(("", *words)) if before != "--out")
     _keep_compilations()
     begin()
     try:

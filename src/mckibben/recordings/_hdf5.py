@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ._isolation import check_self_contained, read_in_process
-from ._sidecar import one_line
+from ._seal import check_self_contained
+from ._sidecar import unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable
 
 UNITS = ("units", "unit", "Units", "Unit")  # attributes that state a unit
@@ -46,16 +45,11 @@ def _words(attrs: Any) -> dict[str, str]:
 def read_hdf5(path: Path) -> ForeignTable:
     """Read the rows of numbers of a file; groups become the first words of the labels.
 
-    HDF5 may hang in a damaged file, so that a separate process reads it.
-
     Raises:
         InputError: the file cannot be read, or takes its numbers from other files.
     """
-    where = str(path)
-    try:
-        sets, attributes = read_in_process(content, path)
-    except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", None, f"cannot be read as an HDF5 file ({one_line(error)})", where=where) from None
+    with unreadable("an HDF5 file", str(path)):
+        sets, attributes = content(path)
     columns: list[ForeignColumn] = []
     remarks: list[str] = []
     for one in sets:

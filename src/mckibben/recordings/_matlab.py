@@ -7,6 +7,7 @@ too; a struct ``units`` in it says units.
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 import warnings
@@ -20,8 +21,8 @@ import numpy as np
 from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
-from ._isolation import check_self_contained, read_in_process
-from ._sidecar import KEY, dumps, loads, one_line
+from ._seal import check_self_contained
+from ._sidecar import KEY, dumps, loads, one_line, unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Recording
 from .text import plain_names
@@ -34,6 +35,7 @@ _KEYWORDS = frozenset(
 # Compressed variables have a checksum.
 _KEPT: dict[str, Any] = {"long_field_names": True, "do_compression": True}
 _PLAIN, _COMPRESSED = 14, 15  # types of variables
+_BLOCK = 1 << 20  # [B]
 _DEEPEST = 20  # structs in structs
 
 
@@ -76,14 +78,9 @@ def read_matlab(path: Path) -> ImportResult | ForeignTable:
     """
     where = str(path)
     library("pymatreader", "MATLAB files need", where=where)
-    try:
-        if _checked(path):
-            variables, warned = content(path)
-        else:
-            # scipy's reader brings down its process where a variable without checksum is damaged, and HDF5 may hang
-            variables, warned = read_in_process(content, path)
-    except Exception as error:  # whatever zlib, scipy and h5py meet in a broken file
-        raise InputError("file", None, f"cannot be read as a MATLAB file ({one_line(error)})", where=where) from None
+    with unreadable("a MATLAB file", where):
+        _check_structure(path)
+        variables, warned = content(path)
     remarks = list(dict.fromkeys(warned))
     line = variables.get(KEY)
     if isinstance(line, str) and line.startswith("{"):
@@ -117,30 +114,35 @@ def content(path: str | Path) -> tuple[dict[str, JsonValue], list[str]]:
     return variables, [one_line(w.message) for w in caught if isinstance(w.message, Warning)]
 
 
-def _checked(path: Path) -> bool:
-    """Whether the checksums of all variables were compared; not in HDF5 (version 7.3)."""
-    data = path.read_bytes()
-    if data[512:520] == b"\x89HDF\r\n\x1a\n":
-        return False
-    if data[124:128] != b"\x00\x01IM":
-        # version 4 begins with a small number, and 5 may come from a machine with the other order of bytes
-        if len(data) < 20 or not (0 in data[:4] or data[124:128] == b"\x01\x00MI"):
-            raise ValueError("its head is none of version 4, 5 or 7.3")
-        return False
-    at = 128
-    while at < len(data):
-        kind, length = struct.unpack_from("<II", data, at)
-        if kind not in (_PLAIN, _COMPRESSED) or at + 8 + length > len(data):
-            raise ValueError("a variable is damaged or cut off")
-        if kind == _PLAIN:
-            return False
-        unpacker = zlib.decompressobj()
-        for start in range(at + 8, at + 8 + length, 1 << 20):
-            unpacker.decompress(data[start : min(start + (1 << 20), at + 8 + length)])
-        if not unpacker.eof:
-            raise ValueError("a variable is cut off")
-        at += 8 + length
-    return True
+def _check_structure(path: Path) -> None:
+    """Refuse a file of version 5 with a variable whose length or checksum is wrong; scipy may crash on it."""
+    with open(path, "rb") as stream:
+        head, size = stream.read(520), os.fstat(stream.fileno()).st_size
+        if head[512:] == b"\x89HDF\r\n\x1a\n":
+            return
+        if head[124:128] != b"\x00\x01IM":
+            # version 4 begins with a small number, and 5 may come from a machine with the other order of bytes
+            if len(head) < 20 or not (0 in head[:4] or head[124:128] == b"\x01\x00MI"):
+                raise ValueError("its head is none of version 4, 5 or 7.3")
+            return
+        at = 128
+        while at < size:
+            stream.seek(at)
+            kind, length = struct.unpack("<II", stream.read(8))
+            if kind not in (_PLAIN, _COMPRESSED) or at + 8 + length > size:
+                raise ValueError("a variable is damaged or cut off")
+            if kind == _PLAIN:
+                return
+            unpacker, left = zlib.decompressobj(), length
+            while left:
+                block = stream.read(min(left, _BLOCK))
+                left -= len(block)
+                while block:
+                    unpacker.decompress(block, _BLOCK)
+                    block = unpacker.unconsumed_tail
+            if not unpacker.eof:
+                raise ValueError("a variable is cut off")
+            at += 8 + length
 
 
 def _leaves(tree: Mapping[str, JsonValue], before: str, depth: int) -> list[tuple[str, Any]]:

@@ -165,7 +165,7 @@ def _unpacked(compression: bytes, packed: bytes, size: int) -> bytes | None:
         if compression == b"lz4":
             unpacked: bytes | None = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
             return unpacked
-    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError, ValueError):
+    except (zstandard.ZstdError, RuntimeError, EOFError, ValueError):
         return None
     return None
 
@@ -216,5 +216,5 @@ def _parsed(kind: Any, body: memoryview) -> Any:
 
     try:
         return kind.read(ReadDataStream(io.BytesIO(body)))
-    except (McapError, struct.error, UnicodeDecodeError, ValueError, MemoryError, OverflowError):
+    except (McapError, struct.error, UnicodeDecodeError, ValueError, OverflowError):
         return None

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..documents import JsonValue
 from ..extras import library
+from ..isolation import lacks_memory
 from .formats import ForeignColumn
 
 Number = float | bool
@@ -154,6 +155,8 @@ def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], object
         store.get_msgdef(full)
         missing = any(_unknown(store, definition) for definition in types.values())
     except Exception as error:
+        if lacks_memory(error):
+            raise
         raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
     if missing:
         store = typesys.get_typestore(typesys.Stores.LATEST)
@@ -182,6 +185,8 @@ def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes
             "protobuf", Schema(id=1, name=name, encoding="protobuf", data=schema)
         )
     except Exception as error:
+        if lacks_memory(error):
+            raise
         raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
 
     def message(data: bytes) -> LoggedMessage:

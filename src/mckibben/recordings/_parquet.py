@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from ..documents import ErrorKeepingFile
-from ..errors import InputError
 from ..extras import library
-from ._sidecar import KEY, dumps, loads, one_line
+from ._sidecar import KEY, dumps, loads, unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Recording
-
-_one = threading.Lock()
 
 
 def write_parquet(recording: Recording, path: Path) -> list[str]:
@@ -31,25 +23,6 @@ def write_parquet(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Let standard error go nowhere: of a broken file polars writes forty lines for each thread there, and then raises."""
-    with _one, open(os.devnull, "wb") as nowhere:
-        try:
-            before = os.dup(2)
-        except OSError:  # there is none
-            yield
-            return
-        try:
-            if sys.stderr is not None:
-                sys.stderr.flush()
-            os.dup2(nowhere.fileno(), 2)
-            yield
-        finally:
-            os.dup2(before, 2)
-            os.close(before)
-
-
 def read_parquet(path: Path) -> ImportResult | ForeignTable:
     """Read a recording of mckibben, or the columns of another program's table.
 
@@ -58,15 +31,10 @@ def read_parquet(path: Path) -> ImportResult | ForeignTable:
     """
     where = str(path)
     polars = library("polars", "Parquet files need", where=where)
-    try:
-        with _quiet():
-            line = polars.read_parquet_metadata(path).get(KEY)
-            table = polars.read_parquet(path, glob=False)
-            columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
-    except (KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException as error:  # of a broken file; a panic of polars is no Exception
-        raise InputError("file", None, f"cannot be read as a Parquet file ({one_line(error)})", where=where) from None
+    with unreadable("a Parquet file", where):
+        line = polars.read_parquet_metadata(path).get(KEY)
+        table = polars.read_parquet(path, glob=False)
+        columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
     if line is None:
         return ForeignTable([ForeignColumn(n, values, None, f"{len(values)} samples") for n, values in columns.items()])
     sidecar = loads(line, where)

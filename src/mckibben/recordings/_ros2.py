@@ -7,8 +7,9 @@ from typing import Any
 
 from ..errors import InputError
 from ..extras import library
+from ..isolation import lacks_memory
 from ._messages import JOINTS, LoggedMessage, message_columns, ros_message, ros_units
-from ._sidecar import one_line
+from ._sidecar import one_line, unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable
 
 JOINT_REMARK = "positions of joints are read as rad and efforts as N m, as of joints that turn"
@@ -29,7 +30,7 @@ def read_bag(path: Path, topic: str | None = None) -> ForeignTable:
     messages: dict[str, list[tuple[int, LoggedMessage]]] = {}
     kinds: dict[str, tuple[str, dict[str, str]]] = {}
     broken: dict[str, str] = {}
-    try:
+    with unreadable("a bag of ROS", where):
         with _open(highlevel, path) as reader:
             topics = sorted(reader.topics)
             if topic is not None and topic not in topics:
@@ -41,14 +42,12 @@ def read_bag(path: Path, topic: str | None = None) -> ForeignTable:
                 try:
                     message = reader.deserialize(data, connection.msgtype)
                 except Exception as error:  # what rosbags meets in a message of another kind
+                    if lacks_memory(error):
+                        raise
                     broken[connection.topic] = one_line(error) or type(error).__name__
                     continue
                 messages.setdefault(connection.topic, []).append((stamp, ros_message(message)))
                 kinds.setdefault(connection.topic, (connection.msgtype, ros_units(connection.msgtype, message)))
-    except InputError:
-        raise
-    except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", None, f"cannot be read as a bag of ROS ({one_line(error)})", where=where) from None
     remarks = [f"{name} is left out: {reason}" for name, reason in broken.items()]
     if not messages:
         raise InputError("file", None, "has no message that can be read", where=where)
@@ -88,11 +87,8 @@ def topic_names(path: Path) -> list[str]:
     """Names of the topics of a bag."""
     where = str(path)
     highlevel = library("rosbags.highlevel", "Bags of ROS need", where=where)
-    try:
-        with _open(highlevel, path) as reader:
-            return sorted(reader.topics)
-    except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", None, f"cannot be read as a bag of ROS ({one_line(error)})", where=where) from None
+    with unreadable("a bag of ROS", where), _open(highlevel, path) as reader:
+        return sorted(reader.topics)
 
 
 FORMAT = FileFormat(title="Bags of ROS", read=read_bag, options=("topic",), parts=topic_names)

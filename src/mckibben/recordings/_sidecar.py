@@ -7,7 +7,8 @@ MCAP, MATLAB, TDMS and Parquet files of mckibben carry it; with it they give bac
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..documents import JsonValue
 from ..errors import InputError
+from ..isolation import lacks_memory
 from ._meta import SCHEMA, from_json, to_json
 from .recording import Channel, Recording
 
@@ -106,6 +108,19 @@ def parse(text: object, what: str, where: str | None = None) -> JsonValue:
         return from_json(str(text))
     except (json.JSONDecodeError, ValueError, TypeError, RecursionError) as error:
         raise InputError(what, str(text)[:60], f"must be JSON ({one_line(error)})", where=where) from None
+
+
+@contextmanager
+def unreadable(kind: str, where: str | None = None) -> Iterator[None]:
+    """Say in one line what a library met in a broken file of a kind, such as ``a MATLAB file``; no memory is not broken."""
+    try:
+        yield
+    except (InputError, MemoryError, KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # whatever libraries raise; a panic of polars is no Exception
+        if lacks_memory(error):
+            raise MemoryError from None
+        raise InputError("file", None, f"cannot be read as {kind} ({one_line(error)})", where=where) from None
 
 
 def one_line(error: BaseException) -> str:

@@ -18,17 +18,15 @@ import numpy as np
 
 from ..documents import ErrorKeepingFile
 from ..errors import InputError
-from ._isolation import check_self_contained, read_in_process, seal, sealed
 from ._meta import SCHEMA, file_attributes, to_json
-from ._sidecar import check_schema, one_line, parse
+from ._seal import check_self_contained, seal, sealed
+from ._sidecar import check_schema, one_line, parse, unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Channel, Recording, channel_attributes
 from .text import read_text_table
 
 BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
 CSV_HEAD = "# mckibben recording"
-# What h5py and h5netcdf raise on files that are no netCDF, or broken.
-_BROKEN = (OSError, ValueError, KeyError, RuntimeError, TypeError, AttributeError)
 
 
 class Variable(NamedTuple):
@@ -74,12 +72,10 @@ def loaded(path: str | Path) -> NetCDF:
 
 
 def read_netcdf(path: Path) -> ImportResult | ForeignTable:
-    """Read a ``.nc`` file, of mckibben or of another program; one without a whole seal is read in a separate process."""
+    """Read a ``.nc`` file, of mckibben or of another program; a broken seal is a warning in the metadata."""
     whole = sealed(path)
-    try:
-        file = loaded(path) if whole else read_in_process(loaded, path)
-    except _BROKEN as error:
-        raise InputError("file", None, f"cannot be read as a netCDF file ({one_line(error)})") from None
+    with unreadable("a netCDF file"):
+        file = loaded(path)
     if file.attrs.get("schema") is None and file.variables:
         return _foreign_netcdf(file)
     check_schema(file.attrs.get("schema"))

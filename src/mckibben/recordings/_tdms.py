@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..extras import library
-from ._sidecar import KEY, dumps, loads, one_line
+from ._sidecar import KEY, dumps, loads, unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .recording import Recording
 
@@ -54,7 +54,7 @@ def read_tdms(path: Path) -> ImportResult | ForeignTable:
     """
     where = str(path)
     nptdms = library("nptdms", "TDMS files need", where=where)
-    try:
+    with unreadable("a TDMS file", where):
         with open(path, "rb") as stream, _library_log() as logged:
             file = nptdms.TdmsFile.read(stream)
         line = file.properties.get(KEY)
@@ -63,8 +63,6 @@ def read_tdms(path: Path) -> ImportResult | ForeignTable:
         else:
             foreign = [column for group in file.groups() for column in _group(group, bool(logged))]
             properties = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
-    except Exception as error:  # whatever the library meets in a broken file
-        raise InputError("file", None, f"cannot be read as a TDMS file ({one_line(error)})", where=where) from None
     if isinstance(line, str):
         if logged:
             raise InputError("file", None, f"is damaged or cut off ({logged[0]})", where=where)

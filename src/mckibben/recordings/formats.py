@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..documents import JsonValue
-from ..errors import InputError, MckibbenError, not_found
+from ..documents import JsonValue, no_file
+from ..errors import InputError, MckibbenError
 from ..extras import library
+from ..isolation import call_outside
 from ..registry import Registry
 
 if TYPE_CHECKING:
@@ -33,6 +34,11 @@ BUILT_IN = {
     "xlsx": "_spreadsheets:FORMAT", "xls": "_spreadsheets:FORMAT", "ods": "_spreadsheets:FORMAT",
     "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_ros2:FORMAT", "bag": "_ros2:FORMAT", "ddf": "_ddf:FORMAT",
 }  # fmt: skip
+
+
+PLAIN_TEXT = (".csv", ".txt", ".tsv", ".dat")  # read by Python alone, in proportional time
+SMALL_TEXT = 1 << 19  # [B]
+_NOT_THERE = "format of another process"
 
 
 class ForeignColumn(NamedTuple):
@@ -160,7 +166,7 @@ def parts_of(path: Path) -> tuple[str, list[str]]:
     if file_format is None or file_format.parts is None:
         return "", []
     try:
-        names = file_format.parts(path)
+        names = call_outside(parts_as_format, path)
     except MckibbenError:
         return "", []  # reading it says why
     return (file_format.options[0], names) if len(names) > 1 else ("", [])
@@ -190,17 +196,47 @@ def load(path: Path, **options: object) -> ImportResult | ForeignTable:
         path = inside[0]
     file_format = format_of(path)
     if not path.suffix and not path.is_file():
-        raise not_found(where)
+        raise no_file(where)
     if file_format is None:
         raise InputError("suffix", path.suffix or where, known=readable(), where=where)
     if not path.is_file():
-        raise not_found(where)
+        raise no_file(where)
     stated = {name: value for name, value in options.items() if value is not None}
     for name in stated:
         if name not in file_format.options:
             known = f"they take {', '.join(file_format.options)}" if file_format.options else "they take no options"
             raise InputError(name, str(stated[name]), f"{file_format.title} have no such option; {known}", where=where)
     try:
-        return file_format.read(path, **stated)
+        if _is_bounded(path):
+            return file_format.read(path, **stated)
+        try:
+            return call_outside(read_as_format, path, **stated)
+        except InputError as error:
+            if error.field != _NOT_THERE:
+                raise
+            return file_format.read(path, **stated)
     except InputError as error:
         raise error if error.where else error.at(where) from None
+
+
+def read_as_format(path: Path, **stated: Any) -> ImportResult | ForeignTable:
+    """Call the reader of a path's suffix."""
+    return _format_there(path).read(path, **stated)
+
+
+def parts_as_format(path: Path) -> list[str]:
+    """Call what lists the parts of a file, by its suffix."""
+    parts = _format_there(path).parts
+    return [] if parts is None else parts(path)
+
+
+def _format_there(path: Path) -> FileFormat:
+    file_format = format_of(path)
+    if file_format is None:  # of the program that asks, such as a script that added it
+        raise InputError(_NOT_THERE)
+    return file_format
+
+
+def _is_bounded(path: Path) -> bool:
+    """Whether a file is so small a text that reading it takes bounded memory and time without a process of its own."""
+    return path.suffix.lower() in PLAIN_TEXT and path.stat().st_size <= SMALL_TEXT

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..documents import JsonValue, parse_json
-from ..errors import InputError, MissingLibraryError, not_found
+from ..documents import JsonValue, no_file, parse_json
+from ..errors import InputError, MissingLibraryError
+from ..isolation import call_outside, lacks_memory
 from ._mcap_records import (
     ATTACHMENT,
     CHANNEL,
@@ -86,9 +87,14 @@ def read_log(path: str | Path) -> LogContent:
     """
     path = Path(path)
     if not path.is_file():
-        raise not_found(path)
+        raise no_file(path)
     if not path.stat().st_size:
         raise InputError("file", None, "is empty", where=str(path))
+    return call_outside(parse_log, path)
+
+
+def parse_log(path: Path) -> LogContent:
+    """`read_log` in the process that calls it."""
     try:
         return _log(_gather(memoryview(path.read_bytes()), str(path)), str(path))
     except RecursionError:
@@ -348,7 +354,9 @@ def _decode(
         decode = ros_decoder(schema.name, schema.text, where=where)
         try:
             objects = [decode(data) for data in payloads]
-        except Exception:
+        except Exception as error:
+            if lacks_memory(error):
+                raise
             raise ValueError(f"its messages are not what {schema.name} says") from None
         units = ros_units(getattr(objects[0], "__msgtype__", schema.name), objects[0])
         decoded = [ros_message(one) for one in objects]
@@ -356,7 +364,9 @@ def _decode(
         decode = protobuf_decoder(schema.name, schema.data, where=where)
         try:
             decoded = [decode(data) for data in payloads]
-        except Exception:
+        except Exception as error:
+            if lacks_memory(error):
+                raise
             raise ValueError(f"its messages are not what {schema.name} says") from None
     else:
         known = "known are json, cdr of ROS 2 and protobuf, each with its schema"

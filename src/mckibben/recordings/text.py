@@ -15,7 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, not_found
+from ..documents import no_file
+from ..errors import InputError
+from ..isolation import call_outside, check_unpacked
 from .formats import ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
@@ -24,6 +26,7 @@ MOST_NAMED = 8  # rows that a remark names
 MISSING = frozenset(
     ("", "nan", "na", "n/a", "#n/a", "null", "none", "--")
 )  # cells of R, MATLAB, pandas and spreadsheets without a value
+_BLOCK = 1 << 20  # [B]
 _LOOKED_AT = 200  # lines that decide on the dialect and on the place of the header
 _SEPARATOR = re.compile(r'"?sep=.?"?', re.I)  # the first line of some files of spreadsheets
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?|[-+]?\d+,")
@@ -41,6 +44,9 @@ _UNIT_WORDS = frozenset(
     "s ms us min h m mm cm um in inch N kN mN lbf kgf Pa kPa MPa hPa bar mbar psi V mV A mA % - 1 °C degC K Hz deg rad g"
     " kg".split()
 )
+# A word and its unit in brackets; it never goes back over a text, so that no line takes more than proportional time.
+_WORD = re.compile(r"\S++(?:\s{1,9}+[\[(][^\[\])]{0,60}+[\])])?")
+_LONGEST_LINE = 1 << 20  # letters
 _SHORT = re.compile(r"[\[(]?[^\s\[\]()]{0,10}(?: ?\(?(?:abs|g|gauge|rel)\)?)?[\])]?")
 
 
@@ -57,13 +63,19 @@ def read_rows(path: Path, where: str) -> Rows:
     Raises:
         InputError: there is no such file, or it is no text.
     """
-    return _read_cells(path, where)[0]
+    rows = call_outside(row_list, path, where)
+    return [(number, cells) for number, cells in rows]
+
+
+def row_list(path: Path, where: str) -> list[list[Any]]:
+    """`read_rows` in the process that calls it."""
+    return [list(row) for row in _read_cells(path, where)[0]]
 
 
 def _read_cells(path: Path, where: str) -> tuple[Rows, list[str]]:
     """The rows, and the cells of the last comment before them: some programs write the names of the columns there."""
     if not path.is_file():
-        raise not_found(where)
+        raise no_file(where)
     try:
         return _cells(path)
     except (UnicodeDecodeError, EOFError, OSError, zlib.error, csv.Error) as error:
@@ -87,6 +99,10 @@ def read_text_table(path: Path) -> ForeignTable:
 
 def _cells(path: Path) -> tuple[Rows, list[str]]:
     opener: Any = gzip.open if path.suffix == ".gz" else open
+    if opener is gzip.open:
+        with opener(path, "rb") as stream:
+            while stream.read(_BLOCK):
+                check_unpacked(stream.tell())
     with opener(path, "rb") as stream:
         start = stream.read(4096)
     encodings = ("utf-8-sig", "cp1252")
@@ -139,10 +155,12 @@ def _mark(lines: Sequence[str]) -> str | None:
 
 
 def _words(line: str) -> list[str]:
+    if len(line) > _LONGEST_LINE:
+        raise csv.Error(f"a line is longer than {_LONGEST_LINE} letters")
     if '"' in line:
         return next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True), [])
     # "time [s]" is one header, and numbers hold no brackets.
-    return re.findall(r"\S+(?:\s+[\[(][^\])]*[\])])?", line) if "[" in line or "(" in line else line.split()
+    return _WORD.findall(line) if "[" in line or "(" in line else line.split()
 
 
 def table_of_rows(rows: Rows, where: str) -> ForeignTable:

@@ -19,7 +19,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from .. import isolation
 from ..errors import InputError, MckibbenError
+from ..isolation import LargeAnswerError, ReadingLimits, small_answers
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -27,8 +29,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 SMALL = 2 * 2**20  # up to so much is read in the server, sooner than a process begins [B]
 SMALL_ARRAYS = 32 * 2**20  # the same of a netCDF file, whose numbers need not be made from words [B]
-PATIENCE = 60.0  # longest time of a reader for a small file [s]
-SPEED = 0.4 * 2**20  # least that it reads beyond that [B/s]
+SMALL_CONTENT = 64 * 2**20  # memory that what such files hold may take in the server [B]
 LOOK = 0.05  # time between two looks at whether it was stopped [s]
 OFTEN = 0.25  # time between two words on how far it is [s]
 LATER = 10  # how much less pressing it is than the bench, see `os.nice`
@@ -98,18 +99,17 @@ class ReaderProcess:
         self._check()
         context = multiprocessing.get_context("spawn")
         line, other = context.Pipe()
-        args = (other, self._function, self._path, self._given, self._passes)
+        limits = ReadingLimits.of(self._path.stat().st_size, self._passes)
+        args = (other, self._function, self._path, self._given, self._passes, limits)
         process = context.Process(target=_serve, args=args, daemon=True, name="reader")
         self._begun = time.monotonic()
-        patience = PATIENCE + self._passes * self._path.stat().st_size / SPEED
         process.start()
         other.close()
         try:
             while True:
                 self._check()
-                if time.monotonic() - self._begun > patience:
-                    allowed = f"reading it took longer than {patience:.0f} s and was stopped"
-                    raise InputError("file", self._path.name, allowed)
+                if time.monotonic() - self._begun > limits.time:
+                    raise limits.no_time(self._path.name)
                 if line.poll(LOOK):
                     kind, answer = line.recv()
                     if kind == "done":
@@ -142,7 +142,8 @@ def read_outside(function: Callable[..., T], path: Path, *arguments: object) -> 
         MckibbenError: as the function and `ReaderProcess` do.
     """
     if is_small(path):
-        return function(path, *arguments)
+        with contextlib.suppress(LargeAnswerError), small_answers(SMALL_CONTENT):
+            return function(path, *arguments)
     result: T = ReaderProcess(function, path, *arguments).result()
     return result
 
@@ -174,11 +175,19 @@ def check_rows(path: Path, most: int, use: str) -> None:
         raise MckibbenError(f"{has}. Keep one in {-(-count // most)} of them, or a part of the file.")
 
 
-def _serve(line: Connection, function: Callable[..., Any], path: Path, arguments: tuple[Any, ...], passes: int) -> None:
+def _serve(
+    line: Connection,
+    function: Callable[..., Any],
+    path: Path,
+    arguments: tuple[Any, ...],
+    passes: int,
+    limits: ReadingLimits,
+) -> None:
     """Call the function and send its result or its error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)
+    isolation.enter(limits)
     gc.disable()  # of millions of cells none is garbage before the end, and looking takes as long as reading
     lock = threading.Lock()
     threading.Thread(target=_tell, args=(line, lock, path, passes), daemon=True).start()
@@ -187,7 +196,7 @@ def _serve(line: Connection, function: Callable[..., Any], path: Path, arguments
     except MckibbenError as error:
         answer = ("refused", error)
     except MemoryError:
-        answer = ("refused", InputError("file", path.name, "there is not enough memory to read it"))
+        answer = ("refused", limits.no_memory(path.name))
     except Exception as error:  # whatever a reader makes of a damaged file, the page hears of it
         answer = (
             "refused",

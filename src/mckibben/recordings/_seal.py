@@ -1,39 +1,18 @@
-"""Isolation of readers that a damaged file can crash or hang; and the seal that makes that unnecessary.
+"""The seal of a netCDF file, and links of HDF5 to other files.
 
-HDF5 follows whatever addresses it finds in a file, for ever if they form a ring, and holds the interpreter meanwhile. So a
-netCDF file gets a seal at its end, a digest of all before it, which HDF5 does not look at. A file whose seal is whole is as
-it was written. Any other one is read by a separate process, which may be ended.
+The seal is a digest of all before it, which HDF5 does not look at: a file whose seal is whole is as it was written, unless
+somebody forged it. It is no reason to trust a file: whatever HDF5 parses, it parses in a process that may be ended.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import pickle
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 MARK = b"\nmckibben-seal:"
 DIGEST = 32  # [B]
-PATIENCE = 20.0  # longest time of a reader for a small file [s]
-SPEED = 2e6  # least that it reads beyond that [B/s]
 _BLOCK = 1 << 20
-Result = TypeVar("Result")
-_ROOT = str(Path(__file__).parents[2])  # where this package is found
-_CHILD = """
-import pickle, sys
-from importlib import import_module
-sys.path.append(sys.argv[4])
-read = getattr(import_module(sys.argv[1]), sys.argv[2])
-try:
-    found = True, read(sys.argv[3])
-except Exception as error:
-    found = False, str(error) or type(error).__name__
-sys.stdout.buffer.write(pickle.dumps(found))
-"""
 
 
 def seal(path: Path) -> None:
@@ -52,28 +31,6 @@ def sealed(path: Path) -> bool | None:
         stream.seek(size)
         end = stream.read()
     return end[len(MARK) :] == _digest(path, size) if end.startswith(MARK) else None
-
-
-def read_in_process(read: Callable[[str], Result], path: Path) -> Result:
-    """Call a reader of a module in a separate process.
-
-    Raises:
-        ValueError: it failed, died or did not come to an end; says which.
-    """
-    # -P: not a module that lies beside somebody's data
-    command = [sys.executable, "-P", "-c", _CHILD, read.__module__, read.__name__, str(path), _ROOT]
-    patience = PATIENCE + os.path.getsize(path) / SPEED
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
-    except subprocess.TimeoutExpired:
-        raise ValueError(f"it is damaged: reading it did not come to an end within {patience:.0f} s") from None
-    if done.returncode:
-        raise ValueError("it is damaged: the process that read it crashed")
-    succeeded, result = pickle.loads(done.stdout)
-    if not succeeded:
-        raise ValueError(result)
-    answer: Result = result
-    return answer
 
 
 def check_self_contained(path: str | os.PathLike[str]) -> None:
