@@ -331,7 +331,7 @@ def serve() -> None:
     # Libraries write to standard output, too: answers have a way of their own.
     out = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
-    stdin = sys.stdin.buffer.raw  # type: ignore[attr-defined]
+    stdin = os.fdopen(os.dup(0), "rb", buffering=0)
     importlib.import_module(f"{__package__}.recordings.formats")
     while _asked(stdin):
         head = stdin.read(_LENGTH.size)
@@ -374,8 +374,7 @@ def _outcome(function: str, arguments: list[Any], options: dict[str, Any]) -> tu
         read = getattr(importlib.import_module(module), name)
         return "done", read(Path(arguments[0]), *arguments[1:], **options)
     except MckibbenError as error:
-        kind, (_, args), state = error.__reduce__()  # type: ignore[misc]
-        del kind
+        _, (_, args), state = error.__reduce__()
         return "error", [type(error).__name__, list(args), state]
     except MemoryError:
         return "memory", None

@@ -21,6 +21,7 @@ from mckibben import isolation
 from mckibben.documents import parse_json, parse_toml
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_recording
+from mckibben.recordings._sidecar import unreadable
 from mckibben.recordings.formats import BUILT_IN, PLAIN_TEXT, ForeignColumn, ForeignTable
 from mckibben.recordings.text import read_text_table
 
@@ -261,3 +262,13 @@ def test_a_process_is_kept_for_the_next_file_and_not_after_a_large_one(tmp_path,
         assert len(read_recording(path)) == 5
         numbers.append([reader.process.pid for reader in isolation._idle])
     assert len(numbers[0]) == 1 and numbers[1] == numbers[0] and numbers[2] == []
+
+
+@pytest.mark.parametrize(
+    "error", [OSError("Can't allocate memory for chunk"), MemoryError(), RuntimeError("out of memory")]
+)
+def test_a_lack_of_memory_is_not_taken_for_a_broken_file(error):
+    with pytest.raises(MemoryError), unreadable("a file"):
+        raise error
+    with pytest.raises(InputError, match=r"cannot be read as a file \(no end\)"), unreadable("a file"):
+        raise OSError("no end")

@@ -194,7 +194,8 @@ def _without_quiet(args: list[str]) -> tuple[list[str], bool]:
 
 def _without_code(args: list[str]) -> list[str]:
     """Words without ``--code FILE.py``; the files are allowed."""
-    words, rest = [], iter(args)
+    words: list[str] = []
+    rest = iter(args)
     for word in rest:
         if word == "--":
             return [*words, word, *rest]

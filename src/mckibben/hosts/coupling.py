@@ -424,7 +424,8 @@ def complete(
         name: jnp.where(by_euler, error, 0.0)
         for name, error in balance_errors(*stored, exchanges, before.duration).items()
     }
-    code = soundness(machine, state.physics, memory, errors, RAN_AWAY)[1]
+    seen = outputs_of(machine, state.physics, memory, end.inputs)
+    code = soundness(machine, state.physics, memory, seen, errors, RAN_AWAY)[1]
     return after, _outputs(part, after, end.inputs, None)._replace(sound=code)
 
 

@@ -190,6 +190,8 @@ def fit(
     """
     if isinstance(law, ForceMap):
         table, law = law, str(table)
+    if law is not None and not isinstance(law, str | type):
+        law = list(law)
     named_by_person(*([law] if isinstance(law, str | type) else law or ()), *options.get("beside", ()))
     points, spec = load_table(table, like=like, rest_length=rest_length)
     dimensions = known_of(spec) | known_in_si(known or {}, law)
