@@ -266,9 +266,10 @@ def test_fewer_values_than_parameters_leave_the_rest_open() -> None:
     assert np.isinf(known.standard_error).tolist() == [True, True, True, False]
 
 
-def test_a_parameter_that_hardly_takes_part_is_open_all_the_same() -> None:
-    # a hundredth of c is in b: what a and b leave open moves c by a hundredth, and its interval has no end
+@pytest.mark.parametrize("share", [0.01, 0.002])
+def test_a_parameter_that_hardly_takes_part_is_open_all_the_same(share: float) -> None:
+    # so much of c is in b: what a and b leave open moves c by that share, and its interval has no end
     a, c = np.random.default_rng(0).standard_normal((2, 9))
-    known = uncertainty(np.stack([a, a + 0.01 * c, c], axis=1), c, tuple("abc"))
+    known = uncertainty(np.stack([a, a + share * c, c], axis=1), c, tuple("abc"))
     assert known.warnings == ("the data cannot tell a, b and c apart",)
     assert np.isinf(known.standard_error).all()
