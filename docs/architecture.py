@@ -48,6 +48,7 @@ CONTENTS = {
     "quantities": "units and bounds",
     "registry": "kinds by name",
     "documents": "safe file access",
+    "answers": "what must be said with an answer",
     "isolation": "readers that may be ended",
     "citations": "references",
     "extras": "optional libraries",

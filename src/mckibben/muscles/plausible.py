@@ -75,7 +75,9 @@ def stretch_caution(length: float, longest: float) -> Caution | None:
         return None
     digits = next(digits for digits in (4, 6, 17) if with_unit(length, "m", digits) != with_unit(longest, "m", digits))
     shown, most = (with_unit(value, "m", digits) for value in (length, longest))
-    said = f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}; there its threads hold"
+    said = (
+        f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}; there its threads hold"
+    )
     return Caution(said, "length")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 
 from ..analysis.characteristics import circle_area
 from ..components import Environment
