@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rubbing_systems import PERIOD, per_lane, rubbing
 
-from mckibben.assembly.build import single_muscle, unit_from_specimen
+from mckibben.assembly.build import rig_unit, single_muscle
 from mckibben.assembly.loads import PlateLoad
 from mckibben.components.system import System
 from mckibben.engine import held, march
@@ -44,7 +44,7 @@ class WithoutAccounts(System):
 
 def machine():
     """The nylon muscle with friction behind a tube and ISO 6358 valves; its other end is moved."""
-    return single_muscle(unit_from_specimen("nylon"), PlateLoad(held=("m",), signal="x"), supply=6e5)
+    return single_muscle(rig_unit("nylon"), PlateLoad(held=("m",), signal="x"), supply=6e5)
 
 
 def anywhere(example, chance):
