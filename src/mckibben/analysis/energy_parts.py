@@ -93,7 +93,8 @@ class CycleEnergy(NamedTuple):
     work_out: float
     parts: tuple[EnergyPart, ...]
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def efficiency(self) -> float:

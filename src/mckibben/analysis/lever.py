@@ -72,7 +72,8 @@ class ContractionTiming(NamedTuple):
     rising: tuple[TensionShare, ...]
     relaxing: tuple[TensionShare, ...]
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def time_to_peak(self) -> float:

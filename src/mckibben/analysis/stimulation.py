@@ -47,7 +47,8 @@ class StimulatedContraction(NamedTuple):
     mean: float  # NaN of a single stimulus [N]
     ripple: float  # NaN of a single stimulus [1]
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 class StimulatedLoop(NamedTuple):
@@ -59,7 +60,8 @@ class StimulatedLoop(NamedTuple):
     work: float  # net, of one cycle, positive if the muscle delivers it [J]
     power: float  # mean over the cycle [W]
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def stimulated_loops(

@@ -44,7 +44,8 @@ class Accounts(NamedTuple):
     exergy: float
     energy_parts: ExergyBalance
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def accounts(

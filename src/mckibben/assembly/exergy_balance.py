@@ -59,7 +59,8 @@ class ExergyLedger(NamedTuple):
     stored: dict[str, float]
     throughput: float
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def remainder(self) -> float:

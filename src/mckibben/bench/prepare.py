@@ -61,7 +61,8 @@ class RunSegment(NamedTuple):
     asked: str
     motor_held: bool = False
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def moves(self) -> bool:

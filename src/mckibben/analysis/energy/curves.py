@@ -110,7 +110,8 @@ class CyclePath(NamedTuple):
     y: np.ndarray
     corners: dict[str, int]
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     def area(self) -> float:
         """Work done along it, the integral of y dx by the trapezoid rule [J]."""
@@ -134,7 +135,8 @@ class CycleLoops(NamedTuple):
     piston: CyclePath
     tendon: CyclePath
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def cycle_loops(muscle: CycleMuscle, name: str, conditions: Conditions, *, points: int = LEG_POINTS) -> CycleLoops:

@@ -213,7 +213,8 @@ class Match(NamedTuple):
     simulated: Curve | None = None
     rms_simulated: float = float("nan")
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def hits(self) -> tuple[Tuned, ...]:

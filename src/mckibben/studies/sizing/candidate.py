@@ -34,7 +34,8 @@ class LawEnds(NamedTuple):
     pairs: Mapping[str, tuple[TensionLaw, TensionLaw]]
     without_range: tuple[str, ...] = ()
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def no_ends() -> LawEnds:
