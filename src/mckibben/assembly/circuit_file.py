@@ -52,6 +52,7 @@ from ..muscles.build import rest_length_of
 from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.sizes import put_value
+from ..pneumatics.volume import Reservoir
 from ..quantities import Quantity, parse
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
@@ -171,7 +172,7 @@ class CircuitPlan:
         Raises:
             InputError: a command that its element cannot carry out, or a length that no muscle can have.
         """
-        said = list(parameter_cautions(self.owner))
+        said: list[Caution | None] = list(parameter_cautions(self.owner))
         values = self.values()
         for name, node in self.nodes.items():
             spec = self.specimen_of(name)
@@ -180,11 +181,9 @@ class CircuitPlan:
                 rest = rest_length_of(spec, node.law)
                 for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
                     said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")
-            held = (
-                float(node.node.pressure_abs) - float(self.environment.pressure_abs)
-                if node.kind == "reservoir"
-                else 0.0
-            )
+            held = 0.0
+            if isinstance(node.node, Reservoir):
+                held = float(node.node.pressure_abs) - float(self.environment.pressure_abs)
             pressures = [node.start, held, *(float(v.max()) for v in courses if node.unit == "Pa" and node.law is None)]
             said += [pressure_caution(p, spec, text=f"{p:g}", name=f"pressure of {name}") for p in pressures]
         for signal, course in values.items():

@@ -306,8 +306,8 @@ class _Piece:
         for name, values in self.outputs.items():
             for lane in np.flatnonzero((self.code == 0) & np.isnan(values) if values.ndim == 1 else []):
                 self.reasons.setdefault((int(lane), name), "no sample counts, or it does not change")
-        for (lane, name), why in self.reasons.items():
-            self.message[lane] += f" {name}: {why}." if self.code[lane] == 0 else ""
+        for (at, name), why in self.reasons.items():
+            self.message[at] += f" {name}: {why}." if self.code[at] == 0 else ""
 
     def _of_samples(self, one: Output) -> None:
         kept = []

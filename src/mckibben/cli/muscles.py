@@ -330,7 +330,8 @@ def _resolve(name: str, law: str | None, change: list[str] | None) -> tuple[Spec
     chosen = chosen_law(law, spec)
     if spec.kind == "biological":
         return spec, chosen, _law(spec, chosen, {})
-    muscle = muscles.build.muscle(spec, law=chosen, **parameters(change, chosen, of=spec))
+    changes: dict[str, Any] = dict(parameters(change, chosen, of=spec))
+    muscle = muscles.build.muscle(spec, law=chosen, **changes)
     return muscle.specimen, chosen, muscle.law  # perhaps cut to another length
 
 

@@ -114,7 +114,7 @@ def observe(
     look = Observation(
         outputs,
         plant.max_rate_bound(carry.state, carry.memory, now),
-        possible(plant, carry.state, carry.memory) & ~plant.broken(outputs),
+        possible(plant, carry.state, carry.memory) & jnp.logical_not(plant.broken(outputs)),
     )
     return plant.sense(carry.state, carry.memory, now, row), look
 

@@ -21,7 +21,6 @@ All of it is a pure function of (part, state, inputs, timing), which is lowered 
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -406,12 +405,11 @@ def complete(
         work={name: state.work[name] + mean[name] * moved[name] for name in part.muscles},
     )
     ends = (start.state, state.memory, start.inputs), (end.state, memory, end.inputs)
-    stored, powers = (
-        [of(*at) for at in ends] for of in (machine.stored_energies, functools.partial(balances_of, machine))
-    )
+    stored, left = (machine.stored_energies(*at) for at in ends)
+    first, last = (balances_of(machine, *at) for at in ends)
     exchanges = {
-        name: Exchange(*(0.5 * before.duration * (a + b) for a, b in zip(first, powers[1][name], strict=True)))
-        for name, first in powers[0].items()
+        name: Exchange(*(0.5 * before.duration * (a + b) for a, b in zip(first[name], last[name], strict=True)))
+        for name in first
     }
     rates_at_start = machine.rate(start.state, state.memory, start.inputs)
     by_euler = jnp.stack(
@@ -422,7 +420,7 @@ def complete(
     ).all()
     errors = {
         name: jnp.where(by_euler, error, 0.0)
-        for name, error in balance_errors(*stored, exchanges, before.duration).items()
+        for name, error in balance_errors(stored, left, exchanges, before.duration).items()
     }
     seen = outputs_of(machine, state.physics, memory, end.inputs)
     code = soundness(machine, state.physics, memory, seen, errors, RAN_AWAY)[1]

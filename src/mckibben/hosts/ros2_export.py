@@ -57,9 +57,9 @@ def hardware_source(source: PartSource) -> str:
     commands = [f'  {{"{command}", {of("inputs", f"command.{command}")}}},' for command in part.commands]
     for variable in source.of("parameters"):
         if variable.shape == ():
-            low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in variable.bounds)
+            ends = ", ".join(repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in variable.bounds)
             path = variable.path.replace(".__self__", "")
-            parameters.append(f'  {{"{path}", &{name}_parameters::{variable.member}, {low}, {high}}},')
+            parameters.append(f'  {{"{path}", &{name}_parameters::{variable.member}, {ends}}},')
     words: dict[str, Any] = {
         "MUSCLEROWS": "\n".join(muscles),
         "COMMANDROWS": "\n".join(commands),

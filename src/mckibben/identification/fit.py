@@ -286,7 +286,7 @@ class Fit(ErrorMeasures):
             known["upper_length"] = reach * float(changes["rest_length"])
         fitted = {n: float(changes.get(n, e.value)) for n, e in self.parameters.items()}
         changes = {n: v for n, v in changes.items() if n not in fitted}
-        return build_law(self.law, cut_parameters(self.law, known | fitted, changes, rests) | changes)
+        return build_law(self.law, cut_parameters(self.law, known | fitted, changes, rests.tolist()) | changes)
 
     def predict(self, length: Any, pressure: Any, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.

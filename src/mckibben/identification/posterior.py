@@ -237,7 +237,9 @@ class Posterior:
         return [
             build_law(
                 self.law,
-                cut_parameters(self.law, known | {n: float(v[i]) for n, v in self.samples.items()}, changes, rests)
+                cut_parameters(
+                    self.law, known | {n: float(v[i]) for n, v in self.samples.items()}, changes, rests.tolist()
+                )
                 | changes,
             )
             for i in self.rows(count)

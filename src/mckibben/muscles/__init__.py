@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from . import build as build
     from . import laws as laws
     from . import plausible as plausible
+    from . import ranges as ranges
     from . import sleeve as sleeve
     from .elements import Tendon as Tendon
     from .sleeve import braid_laws as braid_laws

@@ -253,7 +253,7 @@ def from_braid(
         law="linear_threshold",
         note=TRUST,
         properties=_properties(at, float(upper), float(bore), float(pull), shore is None),
-        laws={law: _group(law, laws[law], float(np.ravel(laws["ideal"].thread_length)[0])) for law in ERRORS},  # type: ignore[attr-defined]
+        laws={law: _group(law, laws[law], float(np.ravel(laws["ideal"].thread_length)[0])) for law in ERRORS},
         errors={law: {"largest": _stated_error(known)} for law, known in ERRORS.items()},
         friction={"maxwell_slip": _friction(float(pull), at["rest_length"])},
     )

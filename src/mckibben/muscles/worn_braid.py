@@ -25,7 +25,7 @@ FILLED = 0.8  # of the longest length: where a law states no rest length, the lo
 class WornBraid(TensionLaw):
     """A law whose braid has lost threads, or whose rubber is warm; with both at zero it is the law itself."""
 
-    sound: TensionLaw
+    sound: TensionLaw  # type: ignore[misc]  # all quantities are keyword-only
     lost_threads: Scalar = quantity(
         "1", (0.0, 0.9), "share of the circumference without threads", symbol="s", default=0.0
     )

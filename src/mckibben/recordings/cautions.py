@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 from ..answers import Caution, collect
 from ..documents import JsonValue
@@ -76,5 +76,5 @@ def _count(table: Mapping[str, Any], name: str) -> int:
     return int(value) if _number(value) and value == value else 0
 
 
-def _number(value: object) -> bool:
+def _number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -171,10 +171,10 @@ class Air(Stated):
 
     def _cautions(self, supply: float) -> tuple[Caution, ...]:
         """What can hardly be meant, among it a supply that inflates nothing."""
-        said = list(argument_cautions(self))
+        said: list[Caution | None] = list(argument_cautions(self))
         if supply <= 0.0:
             said.append(Caution(f"a supply of {with_unit(supply, 'Pa')} inflates no muscle", "supply"))
-        elif not any(one.parameter == "supply" for one in said):
+        elif not any(one is not None and one.parameter == "supply" for one in said):
             said.append(pressure_caution(supply, text=str(self.supply), name="supply"))
         if isinstance(self.tube, tuple | list):
             length, bore = self.tube
@@ -281,5 +281,5 @@ def _planned(plan: CircuitPlan, units: Mapping[str, MuscleUnit]) -> AirCircuit:
     first = {name: float(values[0]) for name, values in plan.values().items() if name in commanded}
     document = {"circuit": plan.title, "file": Path(plan.where).name}
     return AirCircuit(
-        plan.circuit, tuple(drives), plan.starts, {}, first, {}, plan.environment, document, plan.cautions
+        plan.circuit, tuple(drives), plan.starts, {}, first, {}, plan.environment, document, cautions=plan.cautions
     )

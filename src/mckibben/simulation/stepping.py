@@ -261,8 +261,9 @@ def advance_sample(
     errors = None
     if not integrals:
         # an input that jumps at the start of the sample, such as a span's rate, moves nothing that is stored
-        stored = [plant.stored_energies(state, memory, now), plant.stored_energies(after.state, after.memory, inputs)]
-        errors = balance_errors(*stored, after.integrals, period)
+        stored = plant.stored_energies(state, memory, now)
+        left = plant.stored_energies(after.state, after.memory, inputs)
+        errors = balance_errors(stored, left, after.integrals, period)
     return StepResult(
         (after.state, after.memory, after.history),
         *_seen(plant, after.state, after.memory, inputs, errors),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...accessors import Accessor, implementation
 from ...answers import Caution, collect, warn
@@ -238,7 +238,7 @@ def _described(
     if isinstance(muscle, Muscle):
         if muscle.specimen is None:
             raise InputError("muscle", muscle.title, "must have a specimen, which states friction and lengths")
-        own = values(muscle.law) if law in (None, law_name(muscle.law)) else {}
+        own: dict[str, Any] = dict(values(muscle.law)) if law in (None, law_name(muscle.law)) else {}
         spec, law, parameters = muscle.specimen, law or law_name(muscle.law), own | dict(parameters or {})
     else:
         spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)

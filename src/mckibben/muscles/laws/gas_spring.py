@@ -43,13 +43,13 @@ def volume_when_unknown(
 class SpringVolume(TensionLaw):
     """A law whose volume is that of a gas spring (eq. 38b) above a threshold pressure."""
 
-    stiffness_per_pressure: AbstractVar[Scalar]
-    shortest_length: AbstractVar[Scalar]
-    rest_length: AbstractVar[Scalar]
-    upper_length: AbstractVar[Scalar]
-    rest_volume: AbstractVar[Scalar]
-    threshold_width: AbstractVar[Scalar]
-    volume_known: AbstractVar[bool]
+    stiffness_per_pressure: AbstractVar[Scalar]  # type: ignore[misc]
+    shortest_length: AbstractVar[Scalar]  # type: ignore[misc]
+    rest_length: AbstractVar[Scalar]  # type: ignore[misc]
+    upper_length: AbstractVar[Scalar]  # type: ignore[misc]
+    rest_volume: AbstractVar[Scalar]  # type: ignore[misc]
+    threshold_width: AbstractVar[Scalar]  # type: ignore[misc]
+    volume_known: AbstractVar[bool]  # type: ignore[misc]
 
     def threshold(self) -> Scalar | float:
         """Gauge pressure at which the bladder reaches the braid [Pa]; none by default."""

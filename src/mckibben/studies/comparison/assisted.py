@@ -30,8 +30,8 @@ class Accompanied(TensionLaw):
     Range: that of the law.
     """
 
-    law: TensionLaw
-    spring: PassiveSpring
+    law: TensionLaw  # type: ignore[misc]  # all quantities are keyword-only
+    spring: PassiveSpring  # type: ignore[misc]
 
     title = "With a spring beside it"
     cites = ("chou1996",)

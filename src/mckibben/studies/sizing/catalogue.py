@@ -171,7 +171,8 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
 
 def _resized(law: Any, bore: float, length: float) -> tuple[TensionLaw, float]:
     """Scale a law to another rest length and bore; return it with the scale of the bore."""
-    scale, own = bore / float(law.rest_diameter), values(law)
+    scale = bore / float(law.rest_diameter)
+    own: dict[str, Any] = dict(values(law))
     changed = cut_parameters(law_name(law), own, {"rest_length": length}, [own["rest_length"]])
     changed |= {n: scale * float(getattr(law, n)) for n in BORES}
     if hasattr(law, "seat_compliance") and abs(scale - 1.0) > 1e-6:  # u = q sqrt(F): u with the bore, F with its square

@@ -180,8 +180,8 @@ class SizePage:
         self.result.classed("old", False)
         self.result.clear()
         with self.result:
-            for one in sizing.cautions:
-                caution(f"{str(one)[0].upper()}{str(one)[1:]}.")
+            for said in sizing.cautions:
+                caution(f"{said.text[0].upper()}{said.text[1:]}.")
             with box("div", "size-top"):
                 with panel("Chosen", sizing.chosen.muscle.title if sizing.reached else "nothing reaches it"):
                     self._chosen(sizing)
