@@ -127,7 +127,7 @@ CALLS: dict[str, list[Call]] = {
     "tension": [
         Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar")),
         Call((MUSCLE, "--contraction", "0:20:5 %", "--pressure", "1:5 bar", "--out", "points.csv"), ["points.csv"]),
-        needs("formats", MUSCLE, "--length", "12 cm", "--pressure", "5 bar", "--out", "point.xlsx"),
+        Call((MUSCLE, "--length", "12 cm", "--pressure", "5 bar", "--out", "point.xlsx"), ["point.xlsx"]),
         Call(
             (MUSCLE, "--length", "12 cm", "--pressure", "5 bar", "--from-posterior", "no.json"),
             says=("File not found: no.json",),
