@@ -15,7 +15,7 @@ SHARES = (0.8, 0.85, 0.9, 0.95, 1.0)  # of the rest length
 PRESSURES = (0.25, 0.5, 0.75, 1.0)  # of the rated one
 HIGHEST = 8e5  # of muscles that state none, and of those that state more than the supply gives [Pa]
 G = 9.80665
-AIR = mk.Air(supply=12e5, valve="regulator")
+AIR = mk.Air(supply=10e5, valve="regulator")  # the most that is usual
 CIRCUIT = """
 schema = 1
 title = "A muscle behind a tube"

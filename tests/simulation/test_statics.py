@@ -7,6 +7,8 @@ import pytest
 ROUNDING = 1e-9
 
 
+# Up to the rated pressure, which is said to be beyond the measured ones of most; the law answers there all the same.
+@pytest.mark.filterwarnings("ignore:.* beyond the measured ones of .*, up to:mckibben.errors.PlausibilityWarning")
 @pytest.mark.parametrize("holder", mounted.HOLDERS)
 @pytest.mark.parametrize("muscle", mounted.shipped())
 def test_a_mounted_muscle_pulls_as_its_law(muscle, holder):
