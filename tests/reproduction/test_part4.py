@@ -25,10 +25,12 @@ def ours(identifier):
 
 def test_every_row_of_part_4_is_computed_and_holds():
     outcomes = reproduce("IV")
-    assert len(outcomes) == len(ROWS) == 17
+    assert len(outcomes) == len(ROWS) == 19
     assert [o.row.id for o in outcomes if o.ours is None or o.ok is False] == []
-    assert {o.verdict for o in outcomes} == {"calibrated on this row", "calibrated on another row", "open", "misprint"}
-    assert all("potential" in o.note for o in outcomes if not o.row.id.endswith(("_pressure", "_W12")))
+    calibrated = {"calibrated on this row", "calibrated on another row"}
+    assert {o.verdict for o in outcomes} == calibrated | {"not printed", "misprint"}
+    alone = ("_pressure", "_W12", ".compression", ".atmosphere")  # without the other volume beside them
+    assert all("potential" in o.note for o in outcomes if not o.row.id.endswith(alone))
 
 
 def test_the_numbers_at_5_bar():
@@ -68,7 +70,7 @@ def test_rows_move_with_the_surroundings(monkeypatch, fresh):
 
 @pytest.mark.parametrize(("what", "change"), [("KG", 1.02), ("LMIN", 0.99), ("FA", 1.1)])
 def test_rows_move_with_the_line_of_eq_13(monkeypatch, fresh, what, change):
-    before = {name: ours(name) for name in ROWS}
+    before = {name: ours(name) for name in ROWS if name != "energy.atmosphere"}  # that is a definition
     monkeypatch.setattr(part1, what, change * getattr(part1, what))
     part4.cycle.cache_clear()
     assert all(ours(name) != value for name, value in before.items())

@@ -49,7 +49,7 @@ def drawn(pressure, friction=2.5, low=0.105, high=0.14):
 
 def test_every_recorded_row_has_a_function():
     wanted = {r.id for r in all_rows() if r.id.startswith(RECORDED)}
-    assert len(wanted) == 34 and wanted <= set(rows._WAYS)
+    assert len(wanted) == 37 and wanted <= set(rows._WAYS)
 
 
 def test_the_nylon_loop_is_measured_as_printed(triangle):
