@@ -89,7 +89,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
     Examples:
         >>> import mckibben as mk
         >>> mk.rig("modern")
-        Rig('modern': Test machine with 16-bit converters and a cell of 1 kN)
+        Rig('modern': Test machine with 16-bit converters and a cell of 1 kN; muscles pull by a cord of 1000 N/cm)
         >>> float(mk.rig("paper", {"plumbing.direct.tube.length": "1 m"}).plumbing["direct"].tube.length)
         1.0
     """

@@ -163,6 +163,7 @@ KINDS: dict[str, ValueKind] = {
     "SPEED": ValueKind("m/s", (1e-5, 20.0)),
     "ANGLE": ValueKind("rad", (1e-4, 7.0)),
     "INERTIA": ValueKind("kg*m^2", (1e-8, 10.0)),
+    "STIFFNESS": ValueKind("N/m", (1e2, 1e8)),
     "ACCELERATION": ValueKind("m/s^2", (1.0, 30.0)),
     "SHARE": ValueKind("1", (1e-9, 2.0)),
     "SHARES": ValueKind("1", (0.0, 1.0), listed=True),

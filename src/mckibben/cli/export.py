@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from ..assembly.assumptions import table
 from ..errors import InputError
 from ._terminal import Json, caution, print_json
 
@@ -58,6 +57,7 @@ def export_part(
 
     $ mckibben export nylon --for c --out nylon_c
     """
+    from ..assembly.assumptions import table
     from ..hosts import export, part_of
     from ..hosts.export import export_cautions
 
