@@ -330,7 +330,7 @@ def _read_velocity(muscle: ComparedMuscle, record: Recording) -> Read:
 
 def _read_loop(muscle: ComparedMuscle, record: Recording) -> Read:
     part = segments(record, "cycles")[0]
-    work = loop(part, length="span", tension="tension").work
+    work = loop(part, length="span", tension="tension", skip=1).work  # the first begins at rest, and does not return
     last = part.select(part.time[0] + (CYCLES - 1) / FREQUENCY, None)
     pull = smoothed(last["tension"], period=last.period, window=_SLOW)
     curve = last["span"] / muscle.rest_length, pull / muscle.full_tension
