@@ -257,8 +257,8 @@ def _add_ranges(points: list[dict[str, Any]], spec: Specimen | None, name: str, 
         return ()
     at = [np.array([p[name] for p in points]) for name in ("length", "pressure")]
     ends = muscles.ranges.tension_range(spec, name, built, *at)
-    for k, point in enumerate(points if ends is not None else ()):
-        point |= {"tension_low": float(ends[0][k]), "tension_high": float(ends[1][k])}
+    for point, low, high in zip(points, *ends, strict=True) if ends is not None else ():
+        point |= {"tension_low": float(low), "tension_high": float(high)}
     said = []
     for point in points:
         others = muscles.sleeve.other_laws(spec, name, point["length"], point["pressure"])
@@ -297,7 +297,8 @@ def _print_point(point: dict[str, Any], title: str, biological: bool, band: str)
     rows[1:1] = [[f"by {law}", with_unit(pull, "N")] for law, pull in list(point.get("by_law", {}).items())[1:]]
     if "tension_low" in point:
         ends = " to ".join(with_unit(point[f"tension_{end}"], "N") for end in ("low", "high"))
-        rows.insert(1, [f"tension, {band}", ends])
+        if ends != f"{rows[0][1]} to {rows[0][1]}":  # ranges of numbers that do not matter here say nothing
+            rows.insert(1, [f"tension, {band}", ends])
     words = ["slack" if point["slack"] else "taut"] + (["overstretched"] if point["overstretched"] else [])
     force = f"activation {point['activation']:g}" if biological else with_unit(point["pressure"], "Pa")
     table(f"{title}, at {with_unit(point['length'], 'm')} and {force}: {', '.join(words)}", ["", ""], rows, right=[1])
