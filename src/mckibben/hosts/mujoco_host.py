@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import abc
 import atexit
-import functools
 import shutil
 import tempfile
 from pathlib import Path
@@ -20,28 +19,32 @@ from .mujoco_callbacks import MuscleCallbacks, act_size
 from .mujoco_export import SENSED, config_key, export_mujoco, plugin_name
 from .mujoco_model import model_text, pulled_ends
 from .part import Part
-from .scenarios import HostMoment, Scenario, part_with
+from .scenarios import HostMoment, Scenario
 
 
 def _mujoco() -> Any:
     return library("mujoco", "The host mujoco needs")
 
 
-@functools.cache
-def _plugin(fingerprint: str) -> str:
-    """Build and load the plugin of a part of the scenarios, once per process; its name."""
-    part = part_with(fingerprint)
-    name = f"conform_{fingerprint[:8]}"
+_plugins: dict[str, str] = {}  # names of those that this process has loaded, by the fingerprint of their part
+
+
+def _plugin(part: Part) -> str:
+    """Build and load the plugin of a part, once per process; its name."""
+    if part.fingerprint in _plugins:
+        return _plugins[part.fingerprint]
+    name = f"conform_{part.fingerprint[:8]}"
     folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     built = export_mujoco(c_source(part, name), folder)
     _mujoco().mj_loadPluginLibrary(str(built[-1]))
-    return plugin_name(name)
+    _plugins[part.fingerprint] = plugin_name(name)
+    return _plugins[part.fingerprint]
 
 
 def _plugin_model(scenario: Scenario, period: float) -> str:
     """The model with one instance of the plugin, which has all muscles of the scenario."""
-    part, plugin, size = scenario.part, _plugin(scenario.part.fingerprint), scenario.part.rest().size
+    part, plugin, size = scenario.part, _plugin(scenario.part), scenario.part.rest().size
     several = len(part.muscles) > 1
     config = {f"offset.{n}" if several else "offset": scenario.mechanism.spans[n] for n in part.muscles}
     config |= {config_key(path): value for path, value in scenario.parameters.items()}

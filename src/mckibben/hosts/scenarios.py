@@ -269,15 +269,9 @@ def tank_part() -> Part:
     return Part.from_circuit(Path(str(resources.files(__package__) / "shared_tank.toml")), span=START)
 
 
-def part_with(fingerprint: str) -> Part:
-    """The part of the scenarios that has a fingerprint."""
-    return next(part for part in (single_part(), pair_part(), tank_part()) if part.fingerprint == fingerprint)
-
-
 @functools.cache
-def _carried(fingerprint: str) -> float:
+def _carried(part: Part) -> float:
     """Weight that muscles carry at rest [N]: nothing moves at first, so that a rate half a step old is none."""
-    part = part_with(fingerprint)
     values = part.observe(part.rest(), span=START)._asdict()
     return float(sum(values["tension" if len(part.muscles) == 1 else f"{name}_tension"] for name in part.muscles))
 
@@ -291,7 +285,7 @@ def hanging(mass: float | None = None, weight: float | None = None, part: Part |
         part: one of those of the scenarios; the single muscle by default.
     """
     part = part or single_part()
-    weight = _carried(part.fingerprint) if weight is None else weight
+    weight = _carried(part) if weight is None else weight
     mass = weight / GRAVITY if mass is None else mass
     return HostMechanism(
         mass, dict.fromkeys(part.muscles, -1.0), dict.fromkeys(part.muscles, 0.0), load=weight, start=START

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import functools
 import importlib.util
 import shutil
 import tempfile
@@ -18,7 +17,8 @@ from ..actuators import actuator_roles
 from ..adapters import HostAdapter, HostedMechanism, PartReadings
 from ..c_source import c_source
 from ..mujoco_model import model_text, pulled_ends
-from ..scenarios import HostMoment, Scenario, part_with
+from ..part import Part
+from ..scenarios import HostMoment, Scenario
 from .export import export_warp
 
 DEVICE = "cpu"
@@ -37,17 +37,21 @@ def _mujoco_warp() -> Any:
     return library("mujoco_warp", "The host warp needs")
 
 
-@functools.cache
-def exported_module(fingerprint: str) -> ModuleType:
-    """Export a part of the scenarios and import what was written, once per process."""
-    part = part_with(fingerprint)
+_modules: dict[str, ModuleType] = {}  # those that this process has exported, by the fingerprint of their part
+
+
+def exported_module(part: Part) -> ModuleType:
+    """Export a part and import what was written, once per process."""
+    if part.fingerprint in _modules:
+        return _modules[part.fingerprint]
     folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    (path,) = export_warp(c_source(part, f"conform_{fingerprint[:8]}"), folder)
+    (path,) = export_warp(c_source(part, f"conform_{part.fingerprint[:8]}"), folder)
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    _modules[part.fingerprint] = module
     return module
 
 
@@ -56,7 +60,7 @@ class WarpMechanism(HostedMechanism):
 
     def __init__(self, scenario: Scenario, period: float) -> None:
         self.scenario, self.period = scenario, period
-        self._warp, self.module = _mujoco_warp(), exported_module(scenario.part.fingerprint)
+        self._warp, self.module = _mujoco_warp(), exported_module(scenario.part)
         mujoco: Any = library("mujoco", "The host warp needs")
         self.names, self._roles = scenario.part.muscles, actuator_roles(scenario.part)
         actuators = "".join(

@@ -23,7 +23,7 @@ class NewtonMechanism(HostedMechanism):
     def __init__(self, scenario: Scenario, period: float) -> None:
         self.scenario, self.period = scenario, period
         newton, warp = _newton(), quiet_warp("The host newton needs")
-        self.module = exported_module(scenario.part.fingerprint)
+        self.module = exported_module(scenario.part)
         mechanism, self.names = scenario.mechanism, scenario.part.muscles
         builder = newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=(0.0, 0.0, 0.0))
         mass = 1.0 if mechanism.rotary else mechanism.inertia
