@@ -129,8 +129,12 @@ class Ranking:
         name = re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-.") or "fitted"
         heading = f"fitted by mckibben {version('mckibben')} to {self.points.name}, {datetime.now(UTC):%Y-%m-%d}"
         made = self.to_specimen(name)
-        laws = {_law_key_beside(path, law): numbers for law, numbers in made.laws.items()}
-        save_specimen(replace(made, law=_law_key_beside(path, made.law), laws=laws), path, heading=heading)
+        laws, errors = (
+            {_law_key_beside(path, law): numbers for law, numbers in group.items()}
+            for group in (made.laws, made.errors)
+        )
+        made = replace(made, law=_law_key_beside(path, made.law), laws=laws, errors=errors)
+        save_specimen(made, path, heading=heading)
         return path
 
     def to_specimen(self, name: str = "fitted") -> Specimen:
