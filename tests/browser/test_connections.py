@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -154,6 +155,12 @@ class App:
         await send({"type": "http.response.body", "body": b"done"})
 
 
+def completed(work):
+    """What a coroutine returns; in a separate thread, for a loop of the browser's may run in this one."""
+    with ThreadPoolExecutor(1) as one:
+        return one.submit(asyncio.run, work).result(60.0)
+
+
 def answered(parts, path="/figure", app=None):
     """Status of a request with the token whose body comes in parts, each with its delay [s]."""
     app, sent, left = app or App(), [], list(parts)
@@ -171,7 +178,10 @@ def answered(parts, path="/figure", app=None):
     async def send(message):
         sent.append(message)
 
-    asyncio.run(asyncio.wait_for(one({**scope, "path": "/figure"}, receive, send), 20.0))
+    async def ask():
+        await asyncio.wait_for(one({**scope, "path": "/figure"}, receive, send), 20.0)
+
+    completed(ask())
     return sent[0]["status"], sent[-1]["body"].decode()
 
 
@@ -212,7 +222,7 @@ def test_too_many_requests_are_refused_and_a_stop_is_none_of_them():
             task.cancel()
 
     one.app = app
-    asyncio.run(run())
+    completed(run())
     assert statuses["one more"] == 429 and statuses["stop"] == 200
 
 
