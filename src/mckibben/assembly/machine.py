@@ -269,9 +269,14 @@ class Machine(System):
         self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
     ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
         """Spans, tensions at the muscles, and tensions at the load."""
-        motions = self.motions(state, memory, inputs)
-        tensions = {name: at.tension for name, at in motions.items()}
-        return self.load.spans(state["load"], inputs), tensions, self._felt(memory, motions)
+        spans = self.load.spans(state["load"], inputs)
+        held = self.held_spans(spans, memory)
+        tensions = {
+            name: unit.tension(state["muscles"][name], memory["muscles"][name], self.gauge(state, name), *held[name])
+            for name, unit in self.units.items()
+        }
+        felt = {n: unit.load_tension(memory["muscles"][n], tensions[n]) for n, unit in self.units.items()}
+        return spans, tensions, felt
 
     def _felt(self, memory: Tree, motions: Mapping[str, BraidMotion]) -> dict[str, Scalar]:
         """Tensions at the load."""

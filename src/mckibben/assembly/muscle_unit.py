@@ -214,10 +214,9 @@ class MuscleUnit(Module):
             span_velocity: its rate [m/s].
         """
         if isinstance(state, UnitState):
-            assert self.tendon is not None
             own = braid_tension(self.law, state.length, pressure)
             inner = own + self.memory_force(memory, state.velocity, pressure)
-            tension = self.tendon.force(span - state.length, span_velocity - state.velocity)
+            tension = self.tension(state, memory, pressure, span, span_velocity)
             return BraidMotion(state.length, state.velocity, inner, tension)
         length = self.length(state, span)
         own, resisting = braid_tension(self.law, length, pressure), self._slack_damping(length)
@@ -235,6 +234,20 @@ class MuscleUnit(Module):
             jnp.where(sags, free, held),
             jnp.where(sags | (pull < 0.0), 0.0, pull),
         )
+
+    def tension(
+        self,
+        state: UnitState | TiedState,
+        memory: dict[str, MuscleLedger],
+        pressure: Scalar,
+        span: Scalar,
+        span_velocity: Scalar,
+    ) -> Scalar:
+        """Tension of `motion` alone [N]; that of a tendon follows from its stretch, whatever the muscle does inside."""
+        if isinstance(state, UnitState):
+            assert self.tendon is not None
+            return self.tendon.force(span - state.length, span_velocity - state.velocity)
+        return self.motion(state, memory, pressure, span, span_velocity).tension
 
     def _slack_damping(self, length: Scalar) -> Scalar:
         """Damping of the slack braid [N s/m]: no less than the taut one's, or what is slack could not get taut."""
