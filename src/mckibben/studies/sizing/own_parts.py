@@ -144,8 +144,13 @@ def not_stated(valve: Specimen) -> tuple[str, ...]:
     """Of a valve of one's own, which of mass and power nobody gave: usual ones rank it, but are no answer."""
     if valve.title != OWN_TITLE:
         return ()
-    usual = valve.inferred()
-    return tuple(name for name, key in (("mass", "mass"), ("power", "current")) if key in usual)
+
+    def usual(key: str) -> bool:  # a usual number has a range; one computed from what was given has none
+        number = valve.properties[key]
+        return number.inferred and number.range is not None
+
+    power = usual("current") or (usual("voltage") and not valve.properties["current"].inferred)
+    return ("mass",) * usual("mass") + ("power",) * power
 
 
 def _plain(key: str, words: str, unit: str) -> float:
