@@ -98,6 +98,10 @@ CHANNEL = HEAD + '[channels.tension]\nunit = "N"\n'
         ("schema = 1" + "0" * 5000, "not TOML"),
         (
             CHANNEL + "[channels.tension.gain]\nvalue = 1.0\ndegrees = 1" + "0" * 400,
+            "calibration is not TOML: a whole number takes more than 64 bits",
+        ),
+        (
+            CHANNEL + "[channels.tension.gain]\nvalue = 1.0\ndegrees = 1e30",
             "channels.tension.gain.degrees must be",
         ),
     ],
