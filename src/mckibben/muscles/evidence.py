@@ -80,14 +80,14 @@ def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
 
 
 def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, JsonValue]:
-    """Errors and cautions of several muscles for the metadata of a recording.
+    """Errors and, where there are any, cautions of several muscles for the metadata of a recording.
 
     Args:
         muscles: specimen and name of the law, by the name of the muscle.
     """
-    said = [str(one) for spec, law in muscles.values() for one in law_cautions(spec, law)]
+    said = dict.fromkeys(str(one) for spec, law in muscles.values() for one in law_cautions(spec, law))
     errors = {name: law_error(spec, law) for name, (spec, law) in muscles.items()}
-    return {"law_error": errors, "warnings": list(dict.fromkeys(said))}
+    return {"law_error": errors} | ({"warnings": list(said)} if said else {})
 
 
 def measured_rest_lengths(spec: Specimen) -> list[float]:

@@ -265,8 +265,10 @@ class Muscle(Module):
         if not known.size or longest is None:
             return ()
         least, most = float(known.min()), float(known.max())
-        far = length_caution(max(least, most, key=abs), longest, text=text) or stretch_caution(most, longest)
-        return collect(far, measured_length_caution((least, most), self.specimen))
+        largest = max(least, most, key=abs)
+        far = length_caution(largest, longest, text=text) or stretch_caution(most, longest)
+        others = [one for one in (least, most) if far is None or (one <= longest and one != largest)]
+        return collect(far, measured_length_caution(others, self.specimen))
 
     # ---- values in, values out
 

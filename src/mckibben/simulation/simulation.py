@@ -356,13 +356,14 @@ class Simulation:
             if name not in starts:
                 raise InputError("pressure", name, known=starts)
             starts[name] = in_si(value, "Pa", f"pressure of {name}")
-            spec, called = published(self.system.muscles[name]), f"start pressure of {name}"
-            self.caution(pressure_caution(starts[name], spec, text=str(value), name=called), stacklevel=4)
-            if starts[name] < 0.0:
-                shown = with_unit(starts[name], "Pa")
-                self.caution(Caution(f"a {called} of {shown} is below that of the room, and inflates nothing", called))
             if not starts[name] > -ambient:
                 raise InputError(f"pressure of {name}", f"{starts[name]:g} Pa", "must be a gauge pressure above vacuum")
+            spec, called = published(self.system.muscles[name]), f"start pressure of {name}"
+            said = pressure_caution(starts[name], spec, text=str(value), name=called)
+            if starts[name] < 0.0:
+                shown = with_unit(starts[name], "Pa")
+                said = Caution(f"a {called} of {shown} is below that of the room, and inflates nothing", called)
+            self.caution(said, stacklevel=4)
         return starts
 
     def _carry(self, starts: Mapping[str, float], commands: Mapping[str, float]) -> Any:
@@ -443,7 +444,7 @@ class Simulation:
             return
         said = drive.check(value, self._specimen_of(name))
         begins = drive.unit == "Pa" and MEANT_IN_BAR < value < low and value != self._buffer[place]
-        if said is not None and (lasting or not begins):
+        if said is not None and side not in self._said and (lasting or not begins):
             self._said.add(side)
             self.caution(said, stacklevel=4)
 
