@@ -83,7 +83,9 @@ def test_what_stands_for_a_unit_is_not_worked_out(unit):
 
 def test_a_number_that_only_its_unit_makes_infinite_is_refused():
     with pytest.raises(InputError, match="must be a finite number"):
-        parse("1e308 km", "m", field="x")
+        parse("1e99 Ym^9/m^8", "m", field="x")
+    with pytest.raises(InputError, match=r"must be 0 or from 1e-100 to 1e\+100 in size"):
+        parse("1e308 km", "m", field="x")  # by its number already
 
 
 def test_text_with_a_unit_becomes_si_and_numbers_pass():

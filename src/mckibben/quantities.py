@@ -350,7 +350,7 @@ def parse(text: str, si_unit: str, *, field: str, where: str | None = None, bare
             return number
         raise InputError(field, text, f"must be {_kind(si_unit)}; the unit is missing", where=where)
     value = to_si(number, words[1], si_unit, field=field, where=where)
-    if not math.isfinite(value):  # as of 1e308 km
+    if not math.isfinite(value):  # as of 1e99 Ym^9/m^8
         raise InputError(field, text, f"must be a finite number, {_kind(si_unit)}", where=where)
     return value
 

@@ -445,7 +445,7 @@ class Joint(Mechanism):
     span: Amount | None = amount("m", default=None)
     start: Amount = amount("rad", default=0.0)
     stops: tuple[Amount, Amount] = amount("rad", ANGLES, default=(-2.0, 2.0))
-    stop_stiffness: Amount = amount("N*m", (1.0, 1e7), default=STOP_STIFFNESS)
+    stop_stiffness: Amount = amount("N*m", (1e2, 1e7), default=STOP_STIFFNESS)
     tendon: TendonOption = None
 
     @property
@@ -529,7 +529,7 @@ class Link(Stated):
     span: Amount | None = amount("m", default=None)
     start: Amount = amount("rad", default=0.0)
     stops: tuple[Amount, Amount] = amount("rad", ANGLES, default=(-2.0, 2.0))
-    stop_stiffness: Amount = amount("N*m", (1.0, 1e7), default=STOP_STIFFNESS)
+    stop_stiffness: Amount = amount("N*m", (1e2, 1e7), default=STOP_STIFFNESS)
     tendon: TendonOption = None
 
     def chain_link(self, number: int) -> ChainLink:
