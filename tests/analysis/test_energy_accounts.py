@@ -121,8 +121,9 @@ def test_a_law_is_rebuilt_from_the_parameters_of_a_file():
     assert machine.muscles() == ["m"]
     span, pressure = loops()["span"], loops()["pressure"]
     np.testing.assert_array_equal(machine.law("m").tension(span, pressure), NYLON.tension(span, pressure))
-    # by its parameters alone, a law can be told from every other
-    assert len({frozenset(declared(law_type(n))) for n in LAWS}) == len(LAWS)
+    # by its parameters alone, a law of this package can be told from every other; tests register laws of their own
+    own = [law for law in LAWS.values() if law.__module__.startswith("mckibben.")]
+    assert len({frozenset(declared(law)) for law in own}) == len(own) > 10
     wrong = {k: v for k, v in stated.items() if "rest_volume" not in k}
     with pytest.raises(InputError, match="law of m"):
         RecordedMachine(loops().with_meta(parameters=wrong)).law("m")
