@@ -21,7 +21,7 @@ from mckibben.batch import Output, VariantOutcome, Variants
 from mckibben.batch.lanes import build
 from mckibben.batch.run import Runner
 from mckibben.bench.run import run
-from mckibben.errors import InputError
+from mckibben.errors import InputError, PlausibilityWarning
 
 REDUCED = (
     Output("first", "first", "muscle.pressure"),
@@ -113,7 +113,10 @@ def test_a_lane_says_why_its_machine_stopped_as_its_run_does():
 
 def test_a_variant_that_the_dry_run_refuses_says_what_the_run_would():
     one, variants, results = batch()
-    with pytest.raises(InputError) as said:
+    with (
+        pytest.warns(PlausibilityWarning, match="a pressure of 9.9 bar is beyond the measured ones of nylon"),
+        pytest.raises(InputError) as said,
+    ):
         run(one.planner.factory.bench(variants.row(REFUSED)))
     assert results.code[REFUSED] == VariantOutcome.REFUSED and results.message[REFUSED] == str(said.value)
     assert results.duration[REFUSED] == 0.0
