@@ -8,6 +8,7 @@ from screen_server import says
 from typer.testing import CliRunner
 
 from mckibben.cli.app import app
+from mckibben.errors import PlausibilityWarning
 from mckibben.recordings import Channel, Recording
 
 LONG = 60_000  # a slow machine compiles meanwhile [ms]
@@ -187,5 +188,7 @@ def test_a_pressure_that_no_muscle_takes_is_said_beside_the_numbers():
     from mckibben.web.pages.energy.cycles import cycle_document
     from mckibben.web.pages.energy.state import EnergyChoice
 
-    said = {p: " ".join(cycle_document(EnergyChoice(pressure=p))["more"]) for p in (5e5, 500e5)}
-    assert "McKibben muscles take at most 10 bar" in said[500e5] and "at most" not in said[5e5]
+    assert "at most" not in " ".join(cycle_document(EnergyChoice(pressure=5e5))["more"])
+    with pytest.warns(PlausibilityWarning, match="at most 10 bar"):  # which Python hears too
+        said = cycle_document(EnergyChoice(pressure=500e5))["more"]
+    assert "McKibben muscles take at most 10 bar" in " ".join(said)

@@ -36,7 +36,10 @@ AARL_ZERO = to_si(9.2, "kPa", "Pa", field="pressure")  # what the sensor of thos
 
 
 class Applied(NamedTuple):
-    """A law of a specimen that is applied unchanged; `scaled` gives it the muscles' rest lengths."""
+    """A law of a specimen that is applied unchanged; `scaled` gives it the muscles' rest lengths.
+
+    One that goes with the length is cut to them; coefficients of one length stay, to show how far they are off.
+    """
 
     specimen: str
     law: str
@@ -360,7 +363,9 @@ def _applied(applied: Applied, one: StaticSet, points: ForceMap) -> Unfitted:
     for rest in rests:
         some = points if rest is None else points.select(points.rest_length == rest)
         changes = {} if rest is None else {"rest_length": float(rest), "upper_length": float(some.length.max())}
-        parts.append(evaluate(law_from_specimen(spec, applied.law, changes=changes), some))
+        cut = changes if law_type(applied.law).any_length else {}
+        law = law_from_specimen(spec, applied.law, changes=cut).replace(**changes)
+        parts.append(evaluate(law, some))
     title = law_type(applied.law).title
     if not was_fitted(spec.id, applied.law):
         origin = "as published" if one.ships_with == spec.id else f"as published for {spec.id}"
