@@ -226,7 +226,8 @@ def test_model_exchange_by_an_integrator_that_runs_away_ends_with_an_error_and_s
             logger=lambda *arguments: said.append(str(arguments)),
             fmi_call_logger=None,
         )
-    assert any("not finite or not possible" in text for text in said) or fmu.description.fmiVersion == "2.0"
+    why = "does not close: the importer's integrator needs a shorter step"  # long before a state is not finite
+    assert any(why in text for text in said) or fmu.description.fmiVersion == "2.0"
 
 
 def test_a_host_in_c_gets_the_bits_of_the_part(part: Part, fmu: Fmu, tmp_path: Path) -> None:
