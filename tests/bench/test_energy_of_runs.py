@@ -95,13 +95,15 @@ def test_samples_tell_what_the_integrals_say():
 
 
 def test_every_cycle_adds_up_and_tells_its_remainder():
-    account = energy_account(done("isotonic-triangle"))
+    # down to 2.8 bar: with less, 50 N pull the braid taut, and the motor bounces on its threads
+    low = {"low": "2.8 bar", "cycles": 3}
+    account = energy_account(run(bench("isotonic-triangle", **SHORT["isotonic-triangle"] | low)))
     assert len(account.cycles) == 2
     for cycle in account.cycles:
         assert sum(p.value if p.side == "into" else -p.value for p in cycle.parts) == pytest.approx(0.0, abs=1e-12)
         assert abs(cycle.parts[-1].value) < 1e-3 * cycle.supply  # quadrature over samples of 1 ms at 5 Hz
         assert cycle.compressor > cycle.supply  # without cooling it costs more
-        assert 1.2 < cycle.work_out < 1.6  # [J]; 50 N over 2.7 cm
+        assert 1.0 < cycle.work_out < 1.3  # [J]; 50 N over 2.2 cm
     work, found = account.value("shaft_work"), account.efficiencies()
     assert found["supply"] == work / account.value("supply")
     assert abs(found["adiabatic compressor"]) < abs(found["isothermal compressor"])
