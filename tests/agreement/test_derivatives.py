@@ -1,6 +1,5 @@
 """The fit against independent judges: derivatives by differences, parameters by known ones, intervals by repetition."""
 
-import functools
 import importlib.util
 from pathlib import Path
 from types import ModuleType
@@ -12,13 +11,9 @@ import pytest
 from mckibben.identification.problem import Problem, solve
 from mckibben.identification.uncertainty import uncertainty
 from mckibben.muscles.law import TensionLaw
-from mckibben.muscles.laws import LAWS, law_type
+from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared
 from mckibben.recordings import ForceMap
-
-SEATED = ("seated_braid", "seated_hyperelastic_braid")
-# Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
-SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law in SEATED else law for law in LAWS]
 
 
 def _laws_examples() -> ModuleType:
@@ -30,7 +25,12 @@ def _laws_examples() -> ModuleType:
     return module
 
 
-examples = functools.cache(lambda: _laws_examples().examples())
+LAWS_EXAMPLES = _laws_examples()
+examples = LAWS_EXAMPLES.examples
+# Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
+SEATED_LATER = [
+    pytest.param(law, marks=pytest.mark.slow) if law in LAWS_EXAMPLES.SEATED else law for law in LAWS_EXAMPLES.SHIPPED
+]
 TENSION = jax.jit(lambda law, length, pressure: law.tension(length, pressure))
 REPLICATES = 200
 

@@ -11,6 +11,7 @@ import jax.flatten_util
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.ndimage import maximum_filter1d
 from short_runs import ADIABATIC, SHORT, bench, closes, nylon, paper, triangle, written
 
 from mckibben.analysis.segments import segments
@@ -62,13 +63,11 @@ def test_measured_channels_lie_on_the_counts_of_their_converters_beside_the_true
         count = (ends["high"] - ends["low"]) / (2 ** ends["bits"] - 1)
         codes = (recording[name] - ends["low"]) / count
         np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)  # rounding of a few hundred counts
-        # Where the channel moves by less than its range in 0.5 s: half a count, three times the noise, and what the
-        # filter (a lag of 0.8 ms in this rig) and the one sample of skew are behind at that rate.
-        steepest = np.ptp(recording[true]) / 0.5
-        calm = np.abs(np.gradient(recording[true], recording.time)) < steepest
-        noise = float(paper().sensors[name].noise)
-        off = np.abs(recording[name] - recording[true])[calm]
-        assert np.quantile(off, 0.99) < 0.5 * count + 3.0 * noise + 2e-3 * steepest
+        # Half a count, three times the noise, and what the filter (a lag of 0.8 ms in this rig) and the one sample of
+        # skew are behind at the fastest rate of the 5 ms around.
+        rate = np.abs(np.gradient(recording[true], recording.time))
+        allowed = 0.5 * count + 3.0 * float(paper().sensors[name].noise) + 2e-3 * maximum_filter1d(rate, 11)
+        assert np.mean(np.abs(recording[name] - recording[true]) < allowed) > 0.99
 
 
 def test_what_is_recorded_are_the_steps_that_shall_be():

@@ -9,18 +9,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from examples import SEATED, example, examples
+from examples import SEATED, SHIPPED, example, examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mckibben.muscles.build import construct
 from mckibben.muscles.check import POINTS, evaluate, pressures, thread_length
 from mckibben.muscles.law import TensionLaw, law_name
-from mckibben.muscles.laws import LAWS, law_type
+from mckibben.muscles.laws import law_type
 from mckibben.quantities import Quantity, declared
 
 # Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
-SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law in SEATED else law for law in LAWS]
+SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law in SEATED else law for law in SHIPPED]
 EXAMPLES = [pytest.param(name, marks=pytest.mark.slow) if "seated" in name else name for name in examples()]
 
 FREE_LENGTH = jax.jit(lambda law, pressure: law.free_length(pressure))
@@ -126,7 +126,7 @@ def test_slack_is_reported_where_the_tension_is_zero_and_nowhere_else(law: str) 
     assert (overstretched == (span > float(muscle.length_range()[1]))).all()
 
 
-@pytest.mark.parametrize("law", [law for law in LAWS if law not in SEATED])
+@pytest.mark.parametrize("law", [law for law in SHIPPED if law not in SEATED])
 def test_scalars_arrays_jit_and_vmap_agree(law: str) -> None:
     muscle = example(law)
     span = np.linspace(0.7, 1.1, 5) * thread_length(muscle)
@@ -168,7 +168,7 @@ def operations(law: str) -> set[str]:
     return primitives(jax.make_jaxpr(example(law).braid_tension)(0.2, 3e5).jaxpr)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", SHIPPED)
 def test_the_tension_of_the_braid_is_a_straight_line(law: str) -> None:
     """What cannot be lowered later (LOWERING.md): loops, branches, searches, scatters, remainders, real powers."""
     banned = {

@@ -116,7 +116,7 @@ def test_the_range_of_a_braid_holds_every_corner_of_one_number():
 
 
 def test_a_number_without_a_range_is_named():
-    assert spread_of(NYLON, WISH).without_range == ("stop_stiffness",)
+    assert spread_of(NYLON, WISH).without_range == ("stop_stiffness", "thread_strain")
 
 
 def test_a_source_at_its_poor_end_is_worse_in_everything():
