@@ -308,7 +308,7 @@ class Machine(System):
         ``muscle_work`` is what the gas does in the muscles, the atmosphere's share included; ``delivered`` goes from the
         muscles into the load, ``outside`` enters the load from elsewhere, ``outside_turnover`` is its size; ``lost`` is
         turned into heat by dampers, of which ``viscous`` in the muscles and their tendons. The load's own follow with the
-        prefix ``load.``.
+        prefix ``load.``. ``<muscle>.slack`` is 1 while that one is slack.
         """
         motions, joined = self.motions(state, memory, inputs), self.joined
         now = joined.passing(state["circuit"], memory["circuit"], self._with(motions, inputs))
@@ -335,7 +335,8 @@ class Machine(System):
         }
         outer = {"outside": outside, "outside_turnover": jnp.abs(outside), "lost": lost + viscous, "viscous": viscous}
         own = {f"load.{key}": value for key, value in self.load.accounts(state["load"], felt, inputs).items()}
-        return out | powers | outer | own
+        slack = {f"{name}.slack": jnp.where(at.tension > 0.0, 0.0, 1.0) for name, at in motions.items()}
+        return out | powers | outer | own | slack
 
     def mechanical_energies(
         self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
@@ -359,6 +360,10 @@ class Machine(System):
         gas = self.circuit.balances(integrands)["gas"]._replace(turnover=exchanged)
         powers = integrands["outside"] - integrands["lost"] - integrands["braid"]
         return {"gas": gas, "mechanics": Exchange(powers, exchanged)}
+
+    def slackness(self, integrands: Tree) -> tuple[Scalar, ...]:
+        """Of each muscle."""
+        return tuple(integrands[f"{name}.slack"] for name in self.units)
 
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Advance friction and creep along the path, and the memory of valves."""

@@ -101,6 +101,10 @@ class System(Module):
         """What each of `stored_energies` exchanges, from `integrands` or from integrals of them: linear in these."""
         return {}
 
+    def slackness(self, integrands: Tree) -> tuple[Scalar, ...]:
+        """1 for every muscle that is slack and 0 for one that is taut, from `integrands`; or the time that it was [s]."""
+        return ()
+
     @abc.abstractmethod
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Memory after a change from `start` to `end` in a time [s]; unchanged if there is none."""

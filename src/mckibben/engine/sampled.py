@@ -21,7 +21,7 @@ from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .soundness import SOUND, Soundness, possible, unsound_sentence
+from .soundness import PLACING, SOUND, SWITCHED, Soundness, possible, unsound_sentence
 from .step import Integrands, integrands_of, step, zero_integrals
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
@@ -232,8 +232,10 @@ class Steps(NamedTuple):
         """
         if not self.short(fastest, usual):
             return self.shorter(fastest, usual)
-        if code == SOUND:
+        if code == SOUND or (code == SWITCHED and self.split >= PLACING):
             return self
+        if code == SWITCHED:
+            return self._replace(split=PLACING)
         return self._replace(split=2 * self.split) if 2 * self.split <= MOST_HALVED else None
 
 

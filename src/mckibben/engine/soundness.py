@@ -7,12 +7,15 @@ exchanges in both directions (`System.balances`), integrated over the sample by 
     error = |E(end) - E(start) - integral of the net power| / (exchange + |E(end) - E(start)| + QUIET E period)
 
 which is zero up to the error of the method. Beyond `OPEN` the sample is not sound, and is done again with shorter steps.
+
+Where a muscle gets slack or taut within a sample, its balances close although the moment is known to a step only: the
+sample is done again with steps that place it better, once.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .._jax import Scalar, Tree, jax, jnp
@@ -20,26 +23,32 @@ from ..components.system import Exchange, System
 
 OPEN = 1e-3  # error of a balance over a sample from which on it does not close
 QUIET = 1e-4  # share of the stored energy that a system at rest may exchange per second, against which rounding counts [1/s]
+PLACING = 16  # parts of a step with which a sample is repeated in which a muscle gets slack or taut
 LEAST = 1e-6  # [J]; of less exchange than this, rounding of what is stored is all that a balance shows
 
 
 class Soundness(enum.IntEnum):
-    """Code of a sample. All but `SOUND` end a run, those of a balance once shorter steps do not help."""
+    """Code of a sample. All but `SOUND` end a run, those of a balance once shorter steps do not help.
+
+    `SWITCHED` ends none: it asks for one repetition, and no host sees it.
+    """
 
     IMPOSSIBLE = 0
     SOUND = 1
     GAS = 2
     MECHANICS = 3
     BROKEN = 4
+    SWITCHED = 5
 
 
-SOUND = float(Soundness.SOUND)  # as a plain number: one is compared in every sample
+SOUND, SWITCHED = float(Soundness.SOUND), float(Soundness.SWITCHED)  # plain numbers: they are compared in every sample
 MEANINGS = {
     Soundness.IMPOSSIBLE: "a state is not finite or not possible, such as a pressure below vacuum",
     Soundness.SOUND: "finite, possible, and every balance closes",
     Soundness.GAS: "the energy balance of the gas does not close",
     Soundness.MECHANICS: "the energy balance of the mechanics does not close",
     Soundness.BROKEN: "a muscle is longer than its threads bear",
+    Soundness.SWITCHED: "a muscle got slack or taut, with steps that do not place it well",
 }
 SENTENCE = (
     "After a step of {} s, {}. A shorter step may help."  # of a host that cannot repeat a step: its length, the meaning
@@ -87,12 +96,27 @@ def balance_errors(
     return errors
 
 
+def switched(slack: Sequence[Scalar], duration: Scalar) -> Scalar:
+    """Whether a muscle was slack for a part of the time only (bool).
+
+    Args:
+        slack: time that each muscle was slack, as `System.slackness` returns it of integrals [s].
+        duration: of the sample [s].
+    """
+    part: Any = jnp.zeros((), bool)
+    for time in slack:
+        part = part | ((time > 1e-6 * duration) & (time < (1.0 - 1e-6) * duration))  # whole up to rounding of a sum
+    return part
+
+
 def soundness(
     system: System,
     state: Tree,
     memory: Tree,
     outputs: Mapping[str, Scalar],
     errors: Mapping[str, Scalar] | None = None,
+    changed: Scalar = False,
+    *,
     limit: float = OPEN,
 ) -> tuple[Scalar, Scalar]:
     """Largest error of a balance, and the code of a sample as a number.
@@ -103,9 +127,10 @@ def soundness(
         memory: memory at its end.
         outputs: of the system at its end.
         errors: of its balances, as `balance_errors` returns them.
+        changed: whether a muscle got slack or taut, with steps that do not place it well (bool).
         limit: from which on a balance does not close.
     """
-    code: Any = jnp.asarray(float(Soundness.SOUND))
+    code: Any = jnp.where(changed, float(Soundness.SWITCHED), float(Soundness.SOUND))
     worst: Any = jnp.zeros(())
     for name, error in (errors or {}).items():
         code = jnp.where((error > worst) & (error > limit), float(OF_STORES[name]), code)

@@ -39,9 +39,10 @@ def integrands_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str
 
 
 @jit
-def balances_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
-    """`System.balances` of the integrands; of these, a kernel computes what is needed for it."""
-    return system.balances(system.integrands(state, memory, inputs))
+def watched_of(system: System, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
+    """`System.balances` and `System.slackness` of the integrands; of these, a kernel computes what is needed for them."""
+    integrands = system.integrands(state, memory, inputs)
+    return system.balances(integrands), system.slackness(integrands)
 
 
 @jit

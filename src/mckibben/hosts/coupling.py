@@ -34,8 +34,8 @@ from ..components import Environment, FlowElement, Module, Scalar, field
 from ..components.system import Exchange, Moment
 from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
-from ..engine.soundness import Soundness, balance_errors, soundness
-from ..engine.step import advance_memory_of, balances_of, outputs_of, step, zero_integrals
+from ..engine.soundness import PLACING, Soundness, balance_errors, soundness, switched
+from ..engine.step import advance_memory_of, outputs_of, step, watched_of, zero_integrals
 from ..muscles.plausible import span_limits
 from ..pneumatics.circuit import Circuit
 from ..quantities import as_array, quantity
@@ -335,12 +335,14 @@ def advance(
         ended = jax.tree.map(lambda a, b: jnp.where(again, a, b), new, ended)
         left = machine.stored_energies(ended[0], ended[1], _at(signals, 1.0, duration))
         errors = balance_errors(stored, left, machine.balances(ended[2]), duration)
+        changed = switched(machine.slackness(ended[2]), duration) & (steps < PLACING * count)
         at_end = _at(signals, 1.0, duration)
         seen = outputs_of(machine, ended[0], ended[1], at_end)
-        return ended, soundness(machine, ended[0], ended[1], seen, errors)[1], 4.0 * steps
+        return ended, soundness(machine, ended[0], ended[1], seen, errors, changed)[1], 4.0 * steps
 
     unknown = jnp.full((), float(Soundness.IMPOSSIBLE))
     (physics, memory, sums), code, _ = jax.lax.fori_loop(0, REPEATS, attempt, (start, unknown, count))
+    code = jnp.where(code == Soundness.SWITCHED, float(Soundness.SOUND), code)
     work = {name: state.work[name] + sums[f"load.{name}.work"] for name in part.muscles}
     new = PartState(
         jnp.full((), 2.0),
@@ -406,7 +408,7 @@ def complete(
     )
     ends = (start.state, state.memory, start.inputs), (end.state, memory, end.inputs)
     stored, left = (machine.stored_energies(*at) for at in ends)
-    first, last = (balances_of(machine, *at) for at in ends)
+    (first, _), (last, _) = (watched_of(machine, *at) for at in ends)
     exchanges = {
         name: Exchange(*(0.5 * before.duration * (a + b) for a, b in zip(first[name], last[name], strict=True)))
         for name in first
@@ -423,7 +425,7 @@ def complete(
         for name, error in balance_errors(stored, left, exchanges, before.duration).items()
     }
     seen = outputs_of(machine, state.physics, memory, end.inputs)
-    code = soundness(machine, state.physics, memory, seen, errors, RAN_AWAY)[1]
+    code = soundness(machine, state.physics, memory, seen, errors, limit=RAN_AWAY)[1]
     return after, _outputs(part, after, end.inputs, None)._replace(sound=code)
 
 

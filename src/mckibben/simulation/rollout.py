@@ -15,7 +15,7 @@ import numpy as np
 from .._jax import Scalar, Tree, jax, jnp
 from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
-from ..engine.soundness import SOUND, unsound_sentence
+from ..engine.soundness import SOUND, SWITCHED, unsound_sentence
 from ..errors import ConvergenceError, InputError
 from .kernel import MODE
 from .stepping import BEHIND, step_vectors
@@ -99,7 +99,7 @@ class Rollout:
 
         def mean_cost(parameters: Tree) -> Scalar:
             value, behind = self._mean_cost(parameters, *start)
-            sound = (behind[:, -2] * usual <= RK4_LIMIT) & (behind[:, -1] == SOUND)
+            sound = (behind[:, -2] * usual <= RK4_LIMIT) & ((behind[:, -1] == SOUND) | (behind[:, -1] == SWITCHED))
             cost: Scalar = jnp.where(sound.all(), value, jnp.nan)
             return cost
 
@@ -163,7 +163,7 @@ class Rollout:
                 f"The step of {usual:.3g} s is too long for this run. It needs {RK4_LIMIT / fastest:.2g} s or less: "
                 "give the simulation another step."
             )
-        unsound = np.flatnonzero(rows[:, -1] != SOUND)
-        if unsound.size:  # a run with derivatives repeats no sample
+        unsound = np.flatnonzero(~np.isin(rows[:, -1], (SOUND, SWITCHED)))
+        if unsound.size:  # a run with derivatives repeats no sample, one in which a muscle gets slack or taut neither
             imbalance, _, code = rows[unsound[0]].tolist()
             raise ConvergenceError(f"Sample {unsound[0]} is not sound. {unsound_sentence(code, imbalance, usual)}")

@@ -22,8 +22,8 @@ from ..components.system import Exchange, Moment
 from ..engine import sampled
 from ..engine.packed import Layout
 from ..engine.signals import Signal, Value
-from ..engine.soundness import balance_errors, soundness
-from ..engine.step import balances_of, integrands_of, zero_integrals
+from ..engine.soundness import balance_errors, soundness, switched
+from ..engine.step import integrands_of, watched_of, zero_integrals
 from ..errors import InputError
 from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution, size_caution
 from ..quantities import with_unit
@@ -159,6 +159,10 @@ class CommandedMachine(Plant):
         """Of the machine."""
         return self.machine.balances(integrands)
 
+    def slackness(self, integrands: Tree) -> tuple[Scalar, ...]:
+        """Of the machine."""
+        return self.machine.slackness(integrands)
+
     def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
         """Of the machine."""
         return self.machine.advance_memory(memory, start, end, duration)
@@ -252,21 +256,22 @@ def advance_sample(
     state, memory, history = carry
     before = sampled.Carry(state, memory, (), (), history)
     now = sampled.inputs_of(plant, before, None, period)
-    of = integrands_of if integrals else balances_of
+    of = integrands_of if integrals else watched_of
     before = before._replace(integrals=zero_integrals(plant, state, memory, now, of))
     after, _ = sampled.act(
         plant, before, commands, period=period, inner=inner, latency=None, stiff=stiff, integrands=of
     )
     inputs = sampled.inputs_of(plant, after, None, period)
-    errors = None
+    errors, slack = None, ()
     if not integrals:
+        exchanges, slack = after.integrals
         # an input that jumps at the start of the sample, such as a span's rate, moves nothing that is stored
         stored = plant.stored_energies(state, memory, now)
         left = plant.stored_energies(after.state, after.memory, inputs)
-        errors = balance_errors(stored, left, after.integrals, period)
+        errors = balance_errors(stored, left, exchanges, period)
     return StepResult(
         (after.state, after.memory, after.history),
-        *_seen(plant, after.state, after.memory, inputs, errors),
+        *_seen(plant, after.state, after.memory, inputs, errors, switched(slack, period)),
         after.integrals,
         inputs,
     )
@@ -278,9 +283,10 @@ def _seen(
     memory: Tree,
     inputs: Mapping[str, Value],
     errors: Mapping[str, Scalar] | None = None,
+    changed: Scalar = False,
 ) -> tuple[dict[str, Scalar], Scalar, Scalar, Scalar]:
     bound = plant.max_rate_bound(state, memory, inputs)
-    imbalance, code = soundness(plant, state, memory, plant.outputs(state, memory, inputs), errors)
+    imbalance, code = soundness(plant, state, memory, plant.outputs(state, memory, inputs), errors, changed)
     return plant.sense(state, memory, inputs, {}), imbalance, bound, code
 
 
