@@ -300,10 +300,11 @@ def test_a_fit_with_a_law_of_ones_own_is_used_by_naming_its_file(
 
 def test_who_allows_a_file_allows_no_other_of_its_name(folder: Path) -> None:
     (folder / "mine").mkdir()
-    (folder / "mine" / "canary.py").write_text(CANARY)
-    allow_code("mine/canary.py")
+    for place in (folder, folder / "mine"):
+        (place / "twin.py").write_text(CANARY)
+    allow_code("mine/twin.py")
     with pytest.raises(InputError, match="names code, which a file cannot run by itself"):
-        specimen_file(OWN)
+        specimen_file("twin.py:Law")
     assert not (folder / "ran").exists()
 
 
