@@ -51,7 +51,7 @@ def of_unit(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tuple[Assumpt
     at = f"units.{name}"
     made = [inferred(f"{at}.{key}", key) for key in ("viscosity", "stop_damping", "stop_travel")]
     for field, value, usual, note in (
-        ("largest_strain", unit.largest_strain, LARGEST_STRAIN, "beyond the longest length, at which aramid yarn breaks"),
+        ("largest_strain", unit.largest_strain, LARGEST_STRAIN, "beyond the longest length; where aramid yarn breaks"),
         ("law.thread_strain", unit.law.thread_strain, THREAD_STRAIN, "of the threads at 10 bar, a seventh of that"),
     ):
         if float(value) == usual:
