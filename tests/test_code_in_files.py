@@ -298,6 +298,16 @@ def test_a_fit_with_a_law_of_ones_own_is_used_by_naming_its_file(
     assert end.value.code == 0, capsys.readouterr().err
 
 
+def test_who_allows_a_file_allows_no_other_of_its_name(folder: Path) -> None:
+    (folder / "mine").mkdir()
+    for place in (folder, folder / "mine"):
+        (place / "twin.py").write_text(CANARY)
+    allow_code("mine/twin.py")
+    with pytest.raises(InputError, match="names code, which a file cannot run by itself"):
+        specimen_file("twin.py:Law")
+    assert not (folder / "ran").exists()
+
+
 def test_a_server_takes_no_code_that_is_named_later(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("other.py").write_text(CANARY)
     Path("a.toml").write_text(SPECIMEN.format(name=OWN))

@@ -81,6 +81,15 @@ def test_tension_is_continuous_where_a_taut_braid_begins_to_sag():
         assert np.diff(tension).min() > -1e-12  # the faster it lengthens, the more it resists
 
 
+def test_a_braid_shortens_alone_no_faster_than_its_own_damping_lets_it_whatever_slack_damping_is_stated():
+    viscosity = 50.0  # [N s/m], of the taut braid; slack it resists no less
+    damped = unit(rubs=False).replace(viscosity=viscosity, slack_damping=1.0)
+    alone = -float(damped.law.tension(0.13, 3e5)) / viscosity
+    at = damped.motion(TiedState(0.0), damped.initial_memory(), 3e5, 0.13, 2.0 * alone)
+    assert float(at.tension) == 0.0  # its span comes towards it faster: it sags
+    assert float(at.velocity) == pytest.approx(alone, rel=1e-14)  # rounding of a quotient
+
+
 def test_what_sags_by_a_hair_goes_on_as_what_does_not_sag():
     """One future for each state: just below zero and just above, the sag changes the same way, or goes back to zero."""
     rows = draws()

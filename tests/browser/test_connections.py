@@ -135,6 +135,11 @@ class TestLog:
         now.now += 10.0
         logger.error("later")
         assert lines[-1] == f"later ({1000 - int(BURST)} more were left out before)"
+        now.now += 1e5  # a day of silence saves up no more
+        written = len(lines)
+        for _ in range(1000):
+            logger.error("again")
+        assert len(lines) == written + BURST
 
 
 class App:
@@ -186,7 +191,7 @@ def answered(parts, path="/figure", app=None):
 
 
 def test_a_body_that_stalls_is_refused_and_one_that_comes_slowly_is_read(monkeypatch):
-    monkeypatch.setattr(guard, "STALLED", 0.2)
+    monkeypatch.setattr(guard, "STALLED", 0.5)
     monkeypatch.setattr(guard, "SLOWEST", 10.0)  # [B/s]; a byte each 0.09 s is more
     assert answered([(0.09, b"1")] * 9) == (200, "done")
     status, said = answered([(0.09, b"1")] * 9, "unfinished")

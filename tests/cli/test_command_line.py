@@ -222,22 +222,43 @@ def test_bash_takes_the_script_and_completes():
 
 LONG = """
 import hashlib, sys, time
-from mckibben.cli import _progress, app
+from mckibben.cli import _progress, app, main
 def work(*_):
     with _progress.progress("working", 10, saved="three of ten parts are kept"):
         print("ready", flush=True)
         {work}
     return 0
 app._execute = work
-app.main(["muscles"])
+main(["muscles"])
 """
+COMPILED = "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)"  # which Python cannot interrupt
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    ("work", "said"), [(COMPILED, "three of ten parts are kept"), ("signal.pause()", "nothing was written")]
+)
+def test_the_system_ends_compiled_code_and_what_no_command_handles_as_ctrl_c_does(work, said, name):
+    number = getattr(signal, name)
+    code = f"import signal\nsignal.signal({int(number)}, signal.SIG_DFL){LONG.format(work=work)}"
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", code], stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+        time.sleep(0.1)
+        process.send_signal(number)
+        try:
+            _, err = process.communicate(timeout=15.0)
+        finally:
+            process.kill()
+    assert (process.returncode, err) == (128 + number, f"mckibben: interrupted; {said}\n")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize(
     ("work", "code"),
     [
-        ("hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)", 130),  # compiled code, which Python cannot interrupt
+        (COMPILED, 130),
         ("with _progress.protected(): time.sleep(0.4); sys.exit(7)", 7),  # a file that is being written is finished
     ],
 )

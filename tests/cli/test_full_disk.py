@@ -201,13 +201,28 @@ def test_a_run_whose_log_is_full_vents_and_keeps_its_samples(full, tmp_path, rea
     message = record.meta["message"]
     assert record.meta["result"] == "stopped" and record.meta["events"][-1]["code"] == "log"
     assert "the log r.mcap cannot be written: it cannot be written (File too large); stopped and vented" in message
-    assert len(read_recording(full / "r.mcap")) > 100  # what the log has is good
+    assert len(read_recording(full / "r.mcap")) >= 50  # what the log has is good: what was brought out once, or more
     if real_time:  # it is vented, and that is in the recording
         command = record["valve.command"]
         assert command[-1] == 0.0 < command.max() and len(record) < len(whole)
     for name in ("muscle.pressure", "muscle.tension"):  # of the samples before the stop none is lost
         same = record[name][:100] == whole[name][:100]
         assert same.all()
+
+
+@pytest.mark.parametrize(("names", "copied"), [(["full/a.nc", "b.nc"], []), (["full/a.nc"], ["a.nc"])])
+def test_a_copy_is_written_elsewhere_only_where_no_file_was(tmp_path, names, copied):
+    def write(path):
+        if path.parent.name == "full":
+            raise InputError("file", str(path), "it cannot be written (No space left on device)")
+        path.touch()
+
+    (tmp_path / "other").mkdir()
+    files = _outputs.OutputFiles({"recording": [tmp_path / name for name in names]}, None)
+    kept = tmp_path / ("other/a.nc" if copied else "b.nc")
+    with pytest.raises(InputError, match=f"No space left .*; kept: {re.escape(str(kept))}"):
+        files.write("recording", write, elsewhere=tmp_path / "other")
+    assert [path.name for path in (tmp_path / "other").iterdir()] == copied
 
 
 def test_a_run_without_room_for_its_recording_writes_a_copy_where_there_is_some(full, tmp_path, monkeypatch, capsys):

@@ -35,13 +35,16 @@ def test_commands_over_time_become_a_recording_that_can_be_played_again(run, tmp
     np.testing.assert_array_equal(records[0]["flexor.command"][[0, 9, 10, 49]], [0.0, 0.0, 0.3, 0.3])
 
 
-def test_a_table_is_played(run, tmp_path):
+@pytest.mark.parametrize("times", [("0", "0.05", "0.1"), ("5", "5.05", "5.1")])
+def test_a_table_is_played_from_its_first_time_on(run, tmp_path, times):
     table = tmp_path / "commands.csv"
-    table.write_text("time [s],flexor [1],extensor [1]\n0,0.2,-0.2\n0.05,0,0\n0.1,0,0\n")
+    rows = "".join(f"{t},{value},-{value}\n" for t, value in zip(times, (0.2, 0, 0), strict=True))
+    table.write_text(f"time [s],flexor [1],extensor [1]\n{rows}")
     code, out, _ = run("--play", str(table), "--json")
     shown = json.loads(out)
     assert code == 0 and shown["duration"] == pytest.approx(0.1, rel=1e-9)  # rounding of a sum
-    assert shown["channels"]["flexor.command"]["max"] == 0.2
+    played = shown["channels"]["flexor.command"]
+    assert played["max"] == 0.2 and played["min"] == 0.0
 
 
 @pytest.mark.parametrize(

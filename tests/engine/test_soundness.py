@@ -49,6 +49,7 @@ def test_at_rest_rounding_is_no_imbalance():
         (1.0, {"gas": 0.0, "mechanics": 0.5 * OPEN}, False, Soundness.SOUND),
         (1.0, {"gas": 2.0 * OPEN, "mechanics": 0.0}, False, Soundness.GAS),
         (1.0, {"gas": 2.0 * OPEN, "mechanics": 3.0 * OPEN}, False, Soundness.MECHANICS),
+        (1.0, {"gas": 3.0 * OPEN, "mechanics": 2.0 * OPEN}, False, Soundness.GAS),
         (1.0, {"gas": 2.0 * OPEN, "mechanics": 0.0}, True, Soundness.BROKEN),
         (np.nan, {"gas": 0.0, "mechanics": 0.0}, True, Soundness.IMPOSSIBLE),
     ],

@@ -10,7 +10,7 @@ import pytest
 from mckibben.errors import InputError
 from mckibben.identification import Fit, fit, fit_all, rank
 from mckibben.identification.problem import Problem, solve
-from mckibben.identification.uncertainty import uncertainty
+from mckibben.identification.uncertainty import INVOLVED, uncertainty
 from mckibben.muscles import law_from_specimen
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
@@ -273,3 +273,12 @@ def test_a_parameter_that_hardly_takes_part_is_open_all_the_same(share: float) -
     known = uncertainty(np.stack([a, a + share * c, c], axis=1), c, tuple("abc"))
     assert known.warnings == ("the data cannot tell a, b and c apart",)
     assert np.isinf(known.standard_error).all()
+
+
+@pytest.mark.parametrize(("share", "named"), [(1.3, "a and b"), (1.6, "a, b and c")])
+def test_a_parameter_is_named_from_a_thousandth_of_what_the_open_direction_moves(share: float, named: str) -> None:
+    a, c = np.linalg.qr(np.random.default_rng(0).standard_normal((9, 2)))[0].T
+    # the direction moves a and b by 1/sqrt(2) each
+    known = uncertainty(np.stack([a, a + share * INVOLVED * c, c], axis=1), c, tuple("abc"))
+    assert known.warnings == (f"the data cannot tell {named} apart",)
+    assert np.isinf(known.standard_error).tolist() == [True, True, "c" in named]

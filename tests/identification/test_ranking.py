@@ -12,7 +12,7 @@ from mckibben.errors import InputError
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import bound_of, degenerate_words
 from mckibben.identification.ranking import Ranking
-from mckibben.identification.uncertainty import INDIFFERENT
+from mckibben.identification.uncertainty import INDIFFERENT, akaike, widening
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.report.fit_report import cautions_of
@@ -69,6 +69,23 @@ def test_a_better_law_keeps_its_place_in_spite_of_a_parameter_at_its_bound(fits)
         better = replace(thick, error=ideal.error * np.exp(-0.5 * fall / n))
         assert ideal.aicc - better.aicc == pytest.approx(fall, rel=1e-9)
         assert rank([ideal, better])[0].law == first
+
+
+def test_akaikes_criterion_has_the_correction_of_hurvich_and_tsai_for_few_samples() -> None:
+    error, k = np.random.default_rng(3).standard_normal(9), 4
+    plain = 9 * np.log(np.mean(error**2)) + 2 * k
+    assert akaike(error, k) == pytest.approx(plain + 2 * k * (k + 1) / (9 - k - 1), rel=1e-12)
+    assert akaike(error, 8) == float("inf")  # as many parameters as differences of samples
+
+
+def test_errors_that_follow_one_another_widen_as_the_means_of_such_errors_scatter() -> None:
+    noise = np.random.default_rng(4).standard_normal((400, 600))
+    for k in range(1, 600):
+        noise[:, k] += 0.6 * noise[:, k - 1]
+    runs = noise[:, 100:]  # the beginning is forgotten
+    independent = runs.std() / np.sqrt(runs.shape[1])
+    # the scatter of 400 means is known to 3.5 %, three times that
+    assert widening(list(runs)) == pytest.approx(runs.mean(axis=1).std() / independent, rel=0.1)
 
 
 def test_a_parameter_without_influence_is_refused() -> None:

@@ -12,7 +12,7 @@ from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
 from mckibben.pneumatics.balance import balance
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import Isothermal, Polytropic, WallHeat, adiabatic
+from mckibben.pneumatics.heat import Inflow, Isothermal, Polytropic, VolumeState, WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice, steepest_slope
 from mckibben.pneumatics.tubes import TUBES, LumpedTube
 from mckibben.pneumatics.tubes.inertial import inertance
@@ -125,6 +125,16 @@ def circuit(block, muscle):
         "tube": Branch(LumpedTube(length=0.5, diameter=3.175e-3), ("valve", "muscle")),
     }
     return Circuit.of(nodes, branches)
+
+
+@pytest.mark.parametrize(
+    ("heat", "exponent"), [(Isothermal(), 1.0), (Polytropic(exponent=1.2), 1.2), (adiabatic(), float(AIR.heat_ratio))]
+)
+def test_a_closed_volume_that_moves_and_gives_with_its_pressure_keeps_p_v_to_the_exponent_of_its_heat(heat, exponent):
+    pressure, volume = 4e5, VolumeState(value=3e-5, per_pressure=2e-11, moving=-4e-5)
+    rate, _ = heat.rates(AIR, pressure, T0, volume, Inflow(0.0, 0.0))
+    change = volume.moving + volume.per_pressure * rate
+    assert float(rate / pressure) == pytest.approx(float(-exponent * change / volume.value), rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -280,6 +280,16 @@ upper_length = { value = 15.4, unit = "cm" }
 """
 
 
+def test_the_range_of_one_number_is_from_the_tension_at_its_one_end_to_that_at_the_other(tmp_path: Path) -> None:
+    path, ends = tmp_path / "ranged.toml", (16.3, 17.0)  # [cm], one nearer than the other
+    path.write_text(THICK.replace('16.42, unit = "cm"', f'16.42, unit = "cm", range = {list(ends)}'))
+    muscle = mk.muscle(path)
+    pulls = sorted(float(muscle.law.replace(thread_length=0.01 * b).tension(0.14, 3e5)) for b in ends)
+    own = float(muscle.law.tension(0.14, 3e5))
+    assert own - pulls[0] > 2.0 * (pulls[1] - own) > 0.0  # so that an exchange of the two shows
+    assert muscle.tension_range(0.14, 3e5) == pytest.approx(pulls, rel=1e-12)
+
+
 def test_a_file_without_a_rest_length_takes_part_everywhere(tmp_path: Path) -> None:
     path = tmp_path / "no-rest.toml"
     path.write_text(THICK)

@@ -24,7 +24,7 @@ def test_the_longest_run_is_the_one_that_takes_half_of_the_free_memory():
     ):
         memory.check_memory(63.0, 1e-3, bytes_per_sample=8e3)
     with pytest.raises(mk.InputError, match="at most 6.2 s for each of 10 runs"):
-        memory.check_memory(63.0, 1e-3, bytes_per_sample=8e3, runs=10)
+        memory.check_memory(6.3, 1e-3, bytes_per_sample=8e3, runs=10)  # of which one alone fits
 
 
 def test_joints_circuits_and_protocols_are_refused_before_they_begin(monkeypatch):

@@ -7,6 +7,7 @@ from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_force_map, read_recording
 from mckibben.recordings.force_map import preview_table, stated_unit
 from mckibben.recordings.recording import notes_of
+from mckibben.recordings.text import with_points
 
 LENGTH = np.array([250.0, 250.0, 280.0, 280.0])  # [mm]
 PRESSURE = np.array([100.0, 300.0, 100.0, 300.0])  # [kPa]
@@ -33,6 +34,12 @@ def tdms(path):
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment([nptdms.ChannelObject("test", n, v, {"unit_string": u}) for n, u, v in told])
     return path
+
+
+@pytest.mark.parametrize("mark", [",", "."])
+def test_a_number_with_two_marks_shows_that_they_part_thousands_in_the_whole_column(mark):
+    cells = ["1,234,567", "2,345", "-0"]
+    assert with_points([c.replace(",", mark) for c in cells], [1, 2, 3], "force", "a.csv") == ["1234567", "2345", "-0"]
 
 
 @pytest.mark.parametrize("made", [mat, tdms])

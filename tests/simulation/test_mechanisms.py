@@ -7,6 +7,7 @@ from stepped_systems import AIR, weight
 
 import mckibben as mk
 from mckibben.errors import InputError
+from mckibben.quantities import values
 
 
 def test_a_weight_hangs_still_until_the_valve_moves():
@@ -32,6 +33,17 @@ def test_two_links_with_four_muscles_pull_each_other():
         seen = sim.step(flexor_2=0.6, extensor_2=-0.6)
     assert seen.angle_2 > 0.1
     assert seen.angle_1 < -1e-3  # the other way, as both links together keep their angular momentum at first
+
+
+@pytest.mark.parametrize(("tendon", "stated"), [(None, set()), (2e5, {"tendon.stiffness"})])
+def test_every_number_of_a_mounting_that_nobody_stated_is_among_what_is_assumed(tendon, stated):
+    sim = mk.Simulation(mk.Plate("DMSP-10-250", tendon=tendon), AIR)
+    unit = sim.units["muscle"]
+    own = {"law.thread_strain": float(unit.law.thread_strain)}  # which its file does not state
+    numbers = values(unit) | ({} if tendon is None else {f"tendon.{n}": x for n, x in values(unit.tendon).items()})
+    numbers.pop("tendon.slack_length", None)  # 0: the span is that of the muscle
+    said = {a.parameter.removeprefix("units.muscle."): a.value for a in sim.assumptions if "muscle." in a.parameter}
+    assert said == {name: value for name, value in numbers.items() if name not in stated} | own
 
 
 def test_words_and_numbers_mean_the_same():

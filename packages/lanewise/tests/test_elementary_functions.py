@@ -43,6 +43,11 @@ def test_powers_are_right_to_two_units_in_the_last_place(base):
     assert error.max() < 1.7  # measured against 120 bits: 1.4
 
 
+@pytest.mark.parametrize("y", [-3, -2, -1, 0, 1, 2, 7])
+def test_whole_powers_are_products_and_of_a_negative_one_the_reciprocal(y):
+    np.testing.assert_allclose(run(lambda a: a**y, NEAR), NEAR.astype(np.longdouble) ** y, rtol=2e-15)  # 9 roundings
+
+
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_sine_and_cosine_are_right_for_many_turns(name):
     values = 1000.0 * WIDE

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from ..documents import JsonValue
+from ..muscles.law import THREAD_STRAIN
+from ..muscles.plausible import LARGEST_STRAIN
 from ..quantities import with_unit
 from .build import INFERRED
 from .muscle_unit import SLACK_TIME, MuscleUnit
@@ -48,6 +50,12 @@ def of_unit(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tuple[Assumpt
     """
     at = f"units.{name}"
     made = [inferred(f"{at}.{key}", key) for key in ("viscosity", "stop_damping", "stop_travel")]
+    for field, value, usual, note in (
+        ("largest_strain", unit.largest_strain, LARGEST_STRAIN, "beyond the longest length; where aramid yarn breaks"),
+        ("law.thread_strain", unit.law.thread_strain, THREAD_STRAIN, "of the threads at 10 bar, a seventh of that"),
+    ):
+        if float(value) == usual:
+            made.append(Assumption(f"{at}.{field}", usual, "1", note))
     if unit.tendon is None:
         note = f"what relaxes the slack braid in {with_unit(SLACK_TIME, 's')} where it is stiffest"
         return (*made, Assumption(f"{at}.slack_damping", float(unit.slack_damping), "N*s/m", note))

@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         run(arguments)
     except KeyboardInterrupt:  # between two handlers
-        _leave()
+        _leave(*_signalled[-1:])
     except SystemExit as end:
         raise (SystemExit(128 + _signalled[-1]) if _signalled and end.code == 128 + signal.SIGINT else end) from None
     finally:

@@ -109,7 +109,8 @@ def open_groups(directions: np.ndarray) -> tuple[tuple[int, ...], ...]:
         Indices of each group, in ascending order.
     """
     projector = np.eye(directions.shape[1]) - directions.T @ directions
-    joined = np.abs(projector) > INVOLVED**2
+    involved = np.diag(projector) > INVOLVED**2
+    joined = (np.abs(projector) > INVOLVED**2) & involved & involved[:, None]
     for _ in projector:  # a chain of p parameters is closed after p steps
         joined = joined @ joined
     return tuple(dict.fromkeys(tuple(np.flatnonzero(row).tolist()) for row in joined if row.any()))

@@ -31,6 +31,8 @@ from ..registry import registered_name
 from . import threads
 from .plausible import HIGHEST_PRESSURE
 
+# A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
+THREAD_STRAIN = 0.005
 LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
@@ -84,13 +86,12 @@ class TensionLaw(Module):
     # Gaussian priors of fitted parameters, mean and standard deviation [SI], for what one table cannot tell.
     priors: ClassVar[dict[str, tuple[float, float]]] = {}
 
-    # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
     thread_strain: Scalar = quantity(
         "1",
         (1e-4, 0.02),
         "strain of the threads under the tension at the longest length and 10 bar",
         symbol="e",
-        default=0.005,
+        default=THREAD_STRAIN,
     )
 
     def __init_subclass__(cls, **options: object) -> None:
