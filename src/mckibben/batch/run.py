@@ -159,7 +159,8 @@ class Runner:
             for name, values in done.outputs.items():
                 outputs[name] = _placed(outputs.get(name), count, rows, values)
         for row, cautions in self.planner.cautions(variants).items():
-            message[row] = CAUTION.join([message[row], *cautions])
+            if row not in refused:
+                message[row] = CAUTION.join([message[row], *cautions])
         for one in self.template.outputs:
             outputs.setdefault(one.name, np.full((count, 0) if one.reduce == "samples" else count, np.nan))
         return Results(code, message, duration, outputs)

@@ -281,7 +281,9 @@ class ProtocolRun:
                 if not bool(results.sound.all()):
                     assert self.machine is not None
                     if bool(np.any(self.machine.broken(results.outputs))):
-                        raise ConvergenceError(unsound_sentence(Soundness.BROKEN, 0.0, self.timing.period / self.finest))
+                        raise ConvergenceError(
+                            unsound_sentence(Soundness.BROKEN, 0.0, self.timing.period / self.finest)
+                        )
                     raise ConvergenceError(
                         "A state became infinite or impossible with the fixed steps of a run in real time."
                     )
