@@ -6,7 +6,7 @@
 
 An actuator of the model is a muscle if it has the name of one and
 
-    <general name="muscle" tendon="cord" dyntype="user" gainprm="0" biastype="user" biasprm="0" actdim="24"/>
+    <general name="muscle" tendon="cord" dyntype="user" gainprm="0" biastype="user" biasprm="0" actdim="25"/>
 
 where ``actdim`` is `act_size` of the part and ``biasprm`` the span at length zero [m], zero on a spatial tendon. Parts with
 several muscles have an actuator for each (see `actuators`), of which only the first has ``dyntype`` and ``actdim``. State
