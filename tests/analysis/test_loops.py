@@ -291,6 +291,25 @@ def test_loops_are_cut_by_what_was_held(pressure):
         assert [p.pressure for p in points] == pytest.approx([1e5, 1e5, 3e5, 3e5])
 
 
+def test_paths_and_variations_leave_out_what_is_no_loop_and_say_what_they_are_taken_over():
+    """Between 1 and 3 bar a cycle varies by two bar that no loop has, and its path is none."""
+    record = held([(1, 0.5, 2), (3, 0.5, 2)])
+    with pytest.warns(PlausibilityWarning) as caught:
+        both = paths(record, **SPAN)
+    said = [str(w.message) for w in caught]
+    assert [one.partition(" (")[0] for one in said] == [
+        "1 of 3 cycles", "the paths are over loops in which different things were held",
+    ]  # fmt: skip
+    # one rising half of 200 samples for each pressure, ends and all
+    assert len(both.rising.length) == len(both.falling.length) == 2 * 201
+    with pytest.warns(PlausibilityWarning) as caught:
+        found = variation(record, channel="pressure", drive="span")
+    assert any("the variation is over loops" in str(w.message) and "1 bar; 3 bar" in str(w.message) for w in caught)
+    assert (found.largest, found.mean) == (0.0, 2e5)
+    alone = held([(1, 0.5, 3)])
+    assert variation(alone, channel="tension", drive="span").largest == pytest.approx(24.0, rel=1e-3)
+
+
 def test_loops_of_two_speeds_are_two_groups_and_their_mean_says_so():
     record = held([(1, 0.5, 3), (1, 1.0, 3)])
     groups, cautions = loops_by_held(record, **SPAN)

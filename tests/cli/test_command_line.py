@@ -276,6 +276,35 @@ def test_ctrl_c_ends_at_once_and_says_what_is_kept(work, code):
     assert err == ("mckibben: interrupted; three of ten parts are kept\n" if code == 130 else "")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("done", "kept"),
+    [
+        ((), "no stage was done, and nothing was kept"),
+        (("seat", "leak"), "seat, leak of 6 stages are in muscle, and the same command goes on"),
+    ],
+)
+def test_ctrl_c_in_a_characterisation_names_the_stages_that_are_kept(done, kept, tmp_path, monkeypatch, capsys):
+    from mckibben.errors import StageError
+    from mckibben.studies import characterisation
+
+    def interrupted(*_, out, stop, **options):
+        for stage in done:
+            place = characterisation.verb.place_of(out, stage)
+            place.parent.mkdir(exist_ok=True)
+            place.touch()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop()
+        raise StageError("ramp", "stopped")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(characterisation.verb, "characterise", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        main(["characterise", "--muscle", "nylon", "--out", "muscle"])
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == f"mckibben: interrupted in stage ramp; vented; {kept}\n"
+
+
 TANK = """schema = 1
 [nodes.port]
 kind = "reservoir"

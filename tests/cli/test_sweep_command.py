@@ -34,10 +34,10 @@ reduce = "max"
 
 @pytest.fixture
 def run(capsys, tmp_path):
-    def call(values, *words, text=FILE):
+    def call(values, *words, text=FILE, varied="high"):
         (tmp_path / "short.toml").write_text(PROTOCOL)
         file = tmp_path / "sweep.toml"
-        file.write_text(text.replace("[list_or_grid]", f"[grid]\nhigh = {values}"))
+        file.write_text(text.replace("[list_or_grid]", f"[grid]\n{varied} = {values}"))
         with pytest.raises(SystemExit) as stop:
             main(["sweep", str(file), "--out", str(tmp_path / "out"), "--scheduler", "serial", *words])
         out, err = capsys.readouterr()
@@ -169,3 +169,33 @@ def test_a_step_that_stays_has_a_rise_and_no_word(run):
     assert (code, found["unmeasured"], found["warnings"]) == (0, {}, [])
     _, results = read_results(found["store"])
     assert (results.outputs["rise"] > 0.0).all() and "without" not in repr(results)
+
+
+def test_what_can_hardly_be_meant_of_a_variant_is_said_with_it_by_every_face(run):
+    """Three pascal among pressures of some bar: in the warnings of the command, in the results, and with the variant."""
+    code, out, err = run('["1 bar", "3 Pa", "2 bar"]', "--json")
+    (said,) = json.loads(out)["warnings"]
+    assert code == 0 and said.endswith("inflates no muscle; was 3 bar meant? (variant 1)") and said in err
+    _, results = read_results(json.loads(out)["store"])
+    assert [c.text for c in results.cautions] == [said]
+    assert [" Caution: " in message for message in results.message] == [False, True, False]
+
+
+LONG = PROTOCOL.replace('span = "1 L0"', 'span = "$long"').replace(
+    "[[steps]]", '[parameters.long]\nunit = "m"\nvalue = "14 cm"\n[[steps]]'
+)
+
+
+def test_a_variant_whose_threads_break_ends_by_a_code_of_its_own(run, monkeypatch):
+    """Threads that may give by one per cent beyond 15.4 cm break; the cord of the rig takes its share of the 15.9 cm."""
+    monkeypatch.setattr("test_sweep_command.PROTOCOL", LONG)
+    monkeypatch.setattr("mckibben.assembly.build.largest_strain", lambda specimen: 0.01)
+    text = FILE.replace("[list_or_grid]", '[set]\nhigh = "0 bar"\n[list_or_grid]').replace(
+        'muscle = "nylon"', 'muscle = "nylon"\nrig = "modern"'
+    )
+    code, out, _ = run('["14 cm", "15.9 cm"]', "--json", text=text, varied="long")
+    found = json.loads(out)
+    assert code == 1 and found["codes"] == {"done": 1, "broken": 1}
+    _, results = read_results(found["store"])
+    assert results.message[1].startswith("A muscle is longer than its threads bear")
+    assert np.isnan(results.outputs["peak"][1]) and results.outputs["peak"][0] >= 0.0

@@ -12,6 +12,7 @@ from tank_part import tank_part
 
 from mckibben.hosts import Part, export
 from mckibben.hosts.actuators import ActuatorRole, actuator_roles
+from mckibben.hosts.part import part_of
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 pytestmark = pytest.mark.skipif(not (shutil.which("gcc") or shutil.which("cc")), reason="no C compiler here")
@@ -148,6 +149,15 @@ def test_a_muscle_without_its_offset_is_said_once_and_does_not_pull(text, monkey
         data.ctrl[:] = 3e5
     finally:
         mujoco.set_mju_user_warning(None)
+
+
+@pytest.mark.parametrize(("model", "source"), [("elbow", "nylon"), ("leg", "leg.toml")])
+def test_the_models_of_the_examples_have_room_for_the_state_of_their_plugins(model, source):
+    """What a part keeps beside its physics is in it: a change there leaves no model of ours that MuJoCo refuses."""
+    examples = Path(__file__).parents[2] / "examples" / "mujoco"
+    stated = re.findall(r'actdim="(\d+)"', (examples / f"{model}.xml").read_text(encoding="utf-8"))
+    part = part_of(examples / source if source.endswith(".toml") else source)
+    assert set(stated) == {str(part.rest().size)}
 
 
 class StatedPart:

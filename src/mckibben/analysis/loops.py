@@ -100,7 +100,9 @@ def paths_of(length: np.ndarray, tension: np.ndarray, cycle: Cycle) -> Paths:
 
 
 def paths(record: Recording, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0) -> Paths:
-    """The paths of all full cycles taken together: the more cycles, the less noise.
+    """The paths of all full cycles in which pressure and tension return, taken together: the more cycles, the less noise.
+
+    What is left out, and paths of different pressures, speeds or strokes in one, are said as a warning.
 
     Args:
         record: with both channels.
@@ -112,7 +114,17 @@ def paths(record: Recording, *, length: str = "muscle.length", tension: str = "m
         InputError: a channel is missing, or there is no full cycle.
     """
     x, y = known(record, length), known(record, tension)
-    return _paths(x, y, find_cycles(x, skip=skip, subject=f"channel {length}"))
+    groups, cautions = held_cycles(record, length=length, tension=tension, skip=skip)
+    _say(groups, cautions, "paths are")
+    return _paths(x, y, [cycle for held in groups for cycle in held.cycles])
+
+
+def _say(groups: Sequence[HeldCycles], cautions: tuple[Caution, ...], subject: str) -> None:
+    """Warn of what is said of loops, and of what is taken over groups of them."""
+    if len(groups) > 1:
+        held = "; ".join(group.words() for group in groups)
+        cautions += (Caution(f"the {subject} over loops in which different things were held ({held})", "cycles"),)
+    warn(cautions, stacklevel=3)
 
 
 def _paths(x: np.ndarray, y: np.ndarray, cycles: Sequence[Cycle]) -> Paths:
@@ -247,10 +259,7 @@ def loop(
     A mean over loops of different pressures, speeds or strokes is said as a warning.
     """
     groups, cautions = loops_by_held(record, length=length, tension=tension, skip=skip)
-    if len(groups) > 1:
-        held = "; ".join(group.words() for group, _ in groups)
-        cautions += (Caution(f"the mean is over loops in which different things were held ({held})", "cycles"),)
-    warn(cautions)
+    _say([group for group, _ in groups], cautions, "mean is")
     return mean_loop([one for _, parts in groups for one in parts])
 
 
@@ -323,9 +332,15 @@ class Variation(NamedTuple):
 def variation(
     record: Recording, *, channel: str = "muscle.pressure", drive: str = "muscle.length", skip: int = 0
 ) -> Variation:
-    """Variation of a channel over the full cycles of another; single samples count, so noise adds to it."""
-    x, y = known(record, drive), known(record, channel)
-    parts = [y[c.start : c.end + 1] for c in find_cycles(x, skip=skip, subject=f"channel {drive}")]
+    """Variation of a channel over the full cycles of another; single samples count, so noise adds to it.
+
+    A cycle in which the channel does not return is left out. That, and different pressures, speeds or strokes in one
+    number, are said as a warning.
+    """
+    y = known(record, channel)
+    groups, cautions = held_cycles(record, length=drive, tension=channel, skip=skip)
+    _say(groups, cautions, "variation is")
+    parts = [y[c.start : c.end + 1] for held in groups for c in held.cycles]
     return Variation(
         max(float(np.ptp(p)) for p in parts),
         max(float(np.abs(p - p.mean()).max()) for p in parts),

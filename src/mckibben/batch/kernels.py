@@ -40,6 +40,7 @@ class ChunkResult(NamedTuple):
         fastest: bound of the fastest mode [1/s].
         sound: whether every state can be and is finite (bool).
         finite: whether it is finite (bool).
+        broken: whether a muscle was longer than its threads bear (bool).
         counted: which samples count.
         stop: what was measured and shown at the sample at which the machine stopped.
         samples: the channels asked for, each (n,).
@@ -49,6 +50,7 @@ class ChunkResult(NamedTuple):
     fastest: Any
     sound: Any
     finite: Any
+    broken: Any
     counted: CountedSamples
     stop: dict[str, Any]
     samples: dict[str, Any]
@@ -94,6 +96,7 @@ class ChunkPhysics(NamedTuple):
         fastest: bound of the fastest mode [1/s].
         sound: whether every state can be and is finite (bool).
         finite: whether the last state is finite (bool).
+        broken: whether a muscle was longer than its threads bear (bool).
     """
 
     carry: Any
@@ -103,6 +106,7 @@ class ChunkPhysics(NamedTuple):
     fastest: Any
     sound: Any
     finite: Any
+    broken: Any
 
 
 class LaneKernels:
@@ -208,7 +212,9 @@ class LaneKernels:
         new = add_samples(new, kind.outputs, look, windows, counted.kept, period, kind.every)
         stop = {**done.stop, "code": jnp.max(shown["code"])}
         kept = {n: done.channels[n] for n in kind.kept}
-        return new, ChunkResult(done.fastest, done.sound, done.finite, counted, stop, kept, shown["step"].astype(int))
+        return new, ChunkResult(
+            done.fastest, done.sound, done.finite, done.broken, counted, stop, kept, shown["step"].astype(int)
+        )
 
 
 def physics(
@@ -242,14 +248,17 @@ def physics(
             shown,
             result.rate_bound,
             result.sound,
+            tree["plant"].broken(result.outputs),
         )
 
     row = jax.tree.map(lambda x: x[0], rows)
     nothing = {n: jnp.zeros(x.shape) for n, x in jax.eval_shape(lambda: _told(sample(carry, row)[1])).items()}
     begun = carry, jnp.asarray(True), nothing
-    (after, _, stop), (results, shown, rate_bound, sound) = jax.lax.scan(one, begun, rows)
+    (after, _, stop), (results, shown, rate_bound, sound, broken) = jax.lax.scan(one, begun, rows)
     finite = [jnp.isfinite(x).all() for x in jax.tree.leaves((after.state, after.memory))]
-    return ChunkPhysics(after, results, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all())
+    return ChunkPhysics(
+        after, results, shown, stop, jnp.max(rate_bound), jnp.all(sound), jnp.stack(finite).all(), jnp.any(broken)
+    )
 
 
 def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Tree]:

@@ -11,6 +11,7 @@ tension at all planned states decides, else the dry run itself.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -247,6 +248,22 @@ class LanePlanner:
             refused, groups = self._plan(variants)
             if len(self.apart) == before:
                 return refused, groups
+
+    def cautions(self, variants: Variants) -> dict[int, tuple[str, ...]]:
+        """What must be said of variants, by row: of the first with each word, and with the ends of each varied number.
+
+        Between its ends a number is meant where both ends are, so that not every variant is built for it.
+        """
+        rows: dict[int, None] = {}
+        for path, column in variants.columns.items():
+            ends = self.ranges.get(path, ()) if column.dtype == float else dict.fromkeys(column)
+            rows |= dict.fromkeys(int(at[0]) for end in ends if (at := np.flatnonzero(column == end)).size)
+        said: dict[int, tuple[str, ...]] = {}
+        for row in rows:
+            with contextlib.suppress(InputError):  # refused, with its reason
+                if found := self.factory.bench(variants.row(row)).cautions:
+                    said[row] = found
+        return said
 
     def _plan(self, variants: Variants) -> tuple[dict[int, str], list[LaneGroup]]:
         before = len(self.apart)

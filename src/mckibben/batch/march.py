@@ -16,6 +16,7 @@ import numpy as np
 from .._jax import Tree, jax
 from ..bench.segment import AFTER_STOP, CHUNK, SensorNoise
 from ..engine.sampled import Steps
+from ..engine.soundness import Soundness, unsound_sentence
 from .kernels import ChunkResult, LaneKernels
 from .outputs import RunningTotals, VariantOutcome
 
@@ -149,7 +150,8 @@ def _chunk(
             )
         for lane in lanes:
             fastest, sound = float(result.fastest[lane]), bool(result.sound[lane])
-            verdict = _verdict(fastest, sound, bool(result.finite[lane]), period / inner, steps)
+            finite, broken = bool(result.finite[lane]), bool(result.broken[lane])
+            verdict = _verdict(fastest, sound, finite, broken, period / inner, steps)
             if isinstance(verdict, LaneFailure):
                 failed[int(lane)] = verdict
                 new.going[lane] = False
@@ -158,12 +160,16 @@ def _chunk(
     return after, new, result
 
 
-def _verdict(fastest: float, sound: bool, finite: bool, usual: float, steps: Steps) -> None | LaneFailure | Steps:
+def _verdict(
+    fastest: float, sound: bool, finite: bool, broken: bool, usual: float, steps: Steps
+) -> None | LaneFailure | Steps:
     """Whether the steps of a chunk were short enough; else the steps to try next."""
     h = usual / steps.split
     if steps.short(fastest, usual):
         if sound:
             return None
+        if finite and broken:
+            return LaneFailure(VariantOutcome.BROKEN, unsound_sentence(Soundness.BROKEN, 0.0, h))
         outcome = VariantOutcome.IMPOSSIBLE if finite else VariantOutcome.NOT_FINITE
         return LaneFailure(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
     shorter = steps.shorter(fastest, usual)

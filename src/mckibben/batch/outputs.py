@@ -141,6 +141,7 @@ class VariantOutcome(enum.IntEnum):
     IMPOSSIBLE = 3
     STOPPED = 4
     REFUSED = 5
+    BROKEN = 6
 
     @property
     def sentence(self) -> str:
@@ -156,6 +157,7 @@ SENTENCES = {
     VariantOutcome.IMPOSSIBLE: Result.IMPOSSIBLE.value,
     VariantOutcome.STOPPED: "The bench stopped it: an interlock tripped, or a test that had to come true did not.",
     VariantOutcome.REFUSED: "Nothing moved: the dry run or a value's bounds spoke against it.",
+    VariantOutcome.BROKEN: Result.BROKEN.value,
 }
 
 

@@ -37,9 +37,11 @@ from .outputs import (
 from .run_template import RunTemplate
 from .variants import Variants, power
 
+CAUTION = " Caution: "  # before each in the message of a variant, where it ends the message
 LANES = 256  # of a call of the processor: more are hardly faster
 LISTED = 8  # runs of variants that a caution names
 GPU_LANES = 16384  # of a call of a GPU, which fewer leave idle
+INVALID = [VariantOutcome.NOT_FINITE, VariantOutcome.TOO_STIFF, VariantOutcome.IMPOSSIBLE, VariantOutcome.BROKEN]
 LATER_CHANNELS = 8  # that a run keeps until its outputs are made of them, with copies
 Tell = Callable[[float], None]  # told the share of the work that is done
 
@@ -55,10 +57,11 @@ class Results(Answer):
 
     Attributes:
         code: result codes (n,).
-        message: a sentence for each; where an output has no value, why.
+        message: a sentence for each; where an output has no value, why; what can hardly be meant of it.
         duration: simulated time of each [s] (n,).
         outputs: by name (n,); whole channels (n, samples), NaN beyond the end of each.
-        cautions: of every output that has no value, or one of a step under way, in variants that reached their end.
+        cautions: of every output that has no value, or one of a step under way, in variants that reached their end; and of
+            what can hardly be meant of the variants, with the first that has it.
     """
 
     code: np.ndarray
@@ -73,6 +76,11 @@ class Results(Answer):
             for name in self.outputs
             for lanes, words in ((self.unmeasured(name), "has no value"), (self._under_way(name), "is not settled"))
         ]
+        first: dict[str, int] = {}
+        for row, message in enumerate(self.message):
+            for text in message.split(CAUTION)[1:]:
+                first.setdefault(text, row)
+        said += [Caution(f"{text} (variant {row})", "variants") for text, row in first.items()]
         object.__setattr__(self, "cautions", collect(*said))
 
     def unmeasured(self, name: str) -> np.ndarray:
@@ -150,6 +158,9 @@ class Runner:
                 message[row] = said
             for name, values in done.outputs.items():
                 outputs[name] = _placed(outputs.get(name), count, rows, values)
+        for row, cautions in self.planner.cautions(variants).items():
+            if row not in refused:
+                message[row] = CAUTION.join([message[row], *cautions])
         for one in self.template.outputs:
             outputs.setdefault(one.name, np.full((count, 0) if one.reduce == "samples" else count, np.nan))
         return Results(code, message, duration, outputs)
@@ -300,7 +311,7 @@ class _Piece:
                 self._of_samples(one)
             else:
                 self.outputs[one.name] = final_values(one, sums.sums[one.name])[:count]
-        bad = np.isin(self.code, [VariantOutcome.NOT_FINITE, VariantOutcome.TOO_STIFF, VariantOutcome.IMPOSSIBLE])
+        bad = np.isin(self.code, INVALID)
         for values in self.outputs.values():
             values[bad] = np.nan
         for name, values in self.outputs.items():

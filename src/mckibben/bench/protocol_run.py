@@ -14,6 +14,7 @@ from ..assembly.machine import Machine
 from ..assembly.output_names import CONSTANT
 from ..documents import JsonValue
 from ..engine import sampled
+from ..engine.soundness import Soundness, unsound_sentence
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
 from ..muscles.contradiction import volume_contradiction
@@ -278,6 +279,11 @@ class ProtocolRun:
             for chunk in source:
                 results, count = chunk.results, chunk.size
                 if not bool(results.sound.all()):
+                    assert self.machine is not None
+                    if bool(np.any(self.machine.broken(results.outputs))):
+                        raise ConvergenceError(
+                            unsound_sentence(Soundness.BROKEN, 0.0, self.timing.period / self.finest)
+                        )
                     raise ConvergenceError(
                         "A state became infinite or impossible with the fixed steps of a run in real time."
                     )

@@ -166,7 +166,13 @@ def _run(
 ) -> Characterisation:
     """Run the stages with the time left; Ctrl-C vents and keeps the stages so far."""
     button, period = software.emergency_stop.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
-    kept = f"the stages so far are in {out}, and the same command goes on"
+
+    def kept() -> str:
+        stages = [name for name in intended.bounds.stages if characterisation.verb.place_of(out, name).exists()]
+        if not stages:
+            return "no stage was done, and nothing was kept"
+        return f"{', '.join(stages)} of {len(intended.bounds.stages)} stages are in {out}, and the same command goes on"
+
     with (
         progress("characterising", intended.total, saved=kept, guarded=False) as bar,
         hardware_package.connect.connected(machine, rig, period, lock_step=lock_step) as hardware,
@@ -188,7 +194,7 @@ def _run(
         except StageError as error:
             if not button():
                 raise
-            typer.echo(f"mckibben: interrupted in stage {error.stage}; vented, {kept}", err=True)
+            typer.echo(f"mckibben: interrupted in stage {error.stage}; vented; {kept()}", err=True)
             raise typer.Exit(INTERRUPTED) from None
 
 

@@ -72,8 +72,9 @@ def reproduce_papers(
     Predictions come first. Every other number that agrees says why it is none: it was calibrated on itself or on another
     one, or follows from printed coefficients by the paper's own equations.
 
-    The exit code is 1 when a value is not reproduced. Rows of loops, friction, steps and power come from recordings of
-    the simulated machine, which take minutes; --no-recordings leaves them out.
+    The exit code is 1 when a value is not reproduced, or lies outside what we take the papers' words to mean. Rows of
+    loops, friction, steps and power come from recordings of the simulated machine, which take minutes; --no-recordings
+    leaves them out.
 
     $ mckibben reproduce --part IV --no-recordings --out energy.html
     """

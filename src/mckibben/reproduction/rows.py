@@ -38,7 +38,7 @@ class PrintedRow(NamedTuple):
         reason: why the tolerance is wider than the print, or where an interval comes from.
         decimals: in print, where TOML drops a zero at the end.
         repeats: identifier of the row whose number this one tells again, in another place or unit; it is not counted.
-        printed: whether the papers print a value; where they describe one in words only, the row is not counted either.
+        printed: whether the papers print a value; where they have words or a formula only, the row is not counted either.
     """
 
     id: str
@@ -320,7 +320,7 @@ KINDS = {
             "unprinted",
             "not printed",
             ("row has no printed value", "rows have no printed value"),
-            "the papers have words only and no value; not counted, and held against what we take them to mean",
+            "the papers have words or a formula and no value; not counted, and held against what we take them to mean",
         ),
         VerdictKind("to come", "to come", ("is to come", "are to come"), "not computed yet"),
     )
