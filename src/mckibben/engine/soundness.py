@@ -103,10 +103,11 @@ def switched(slack: Sequence[Scalar], duration: Scalar) -> Scalar:
         slack: time that each muscle was slack, as `System.slackness` returns it of integrals [s].
         duration: of the sample [s].
     """
-    part: Any = jnp.zeros((), bool)
+    found: Scalar = jnp.zeros((), bool)
     for time in slack:
-        part = part | ((time > 1e-6 * duration) & (time < (1.0 - 1e-6) * duration))  # whole up to rounding of a sum
-    return part
+        for_a_part = (time > 1e-6 * duration) & (time < (1.0 - 1e-6) * duration)  # all of it up to rounding of a sum
+        found = jnp.logical_or(found, for_a_part)
+    return found
 
 
 def soundness(
