@@ -58,7 +58,7 @@ VARIES = {
     r"\b\d{1,2} [A-Z][a-z]{2,8} \d{4}\b": "DATE",
     r"/dev/pts/\d+": "TERMINAL",
     r"0x[0-9a-f]{8,}": "ADDRESS",
-    r'("(?:processor_minutes|steps_per_s)": )[-\d.e]+': r"\1SPEED",
+    r'("(?:processor_minutes|steps_per_s|seconds)": )[-\d.e]+': r"\1SPEED",
     # a study that measures what its models cost, and judges that
     r"(mckibben study tube .*\n---- exit code\n)[01]": r"\1VERDICT",
     r'"verdict": "(?:not )?held"(,\s*"numbers": \{\s*"time of a run")': r'"verdict": VERDICT\1',
@@ -119,9 +119,10 @@ def told(path: Path, now: str | bytes) -> bool:
             path.with_suffix(".now.png").write_bytes(now)
             print(f"{where}: {100.0 * share:.1f} % of the picture changed (reported only)")
         return False
-    if before == now.encode():
+    kept = normal(before.decode())  # once more, for patterns that came later
+    if kept == now:
         return False
-    lines = difflib.unified_diff(before.decode().splitlines(), now.splitlines(), "before", "now", lineterm="", n=0)
+    lines = difflib.unified_diff(kept.splitlines(), now.splitlines(), "before", "now", lineterm="", n=0)
     shown = [line if len(line) < 300 else shortened(line) for line in lines][2:]
     print(f"{where}: differs", *(f"    {line}" for line in shown[:12]), sep="\n")
     if len(shown) > 12:
