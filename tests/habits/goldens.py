@@ -56,6 +56,7 @@ VARIES = {
     r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d| UTC)?": "TIME",
     r"\b\d{4}-\d\d-\d\d\b(?!\w)": "DATE",
     r"\b\d{1,2} [A-Z][a-z]{2,8} \d{4}\b": "DATE",
+    r"DATE and DATE": "DATE",  # over midnight
     r"/dev/pts/\d+": "TERMINAL",
     r"0x[0-9a-f]{8,}": "ADDRESS",
     r'("(?:processor_minutes|steps_per_s|seconds)": )[-\d.e]+': r"\1SPEED",
