@@ -395,10 +395,7 @@ def example_runs(python: Path, place: Path) -> list[str]:
 def called(python: Path, place: Path) -> list[str]:
     """Call every command; returns what is wrong."""
     room = place / "room"
-    (room / "nothing").mkdir(parents=True)
-    (room / "tank.toml").write_text(TANK, encoding="utf-8")
-    (room / "own.py").write_text(OWN_LAW, encoding="utf-8")
-    (room / "lever.ddf").write_text(LEVER, encoding="utf-8")
+    furnish(room)
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "JAX"))}
     env = kept | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     known = json.loads(subprocess.run([python, "-c", LIST], cwd=room, env=env, check=True, capture_output=True).stdout)
@@ -416,6 +413,13 @@ def called(python: Path, place: Path) -> list[str]:
             for sentences in pool.map(one, jobs):
                 wrong += sentences
     return wrong
+
+
+def furnish(room: Path) -> None:
+    """Make the folder of the calls, with the files that they read and none of them writes."""
+    (room / "nothing").mkdir(parents=True)
+    for name, text in {"tank.toml": TANK, "own.py": OWN_LAW, "lever.ddf": LEVER}.items():
+        (room / name).write_text(text, encoding="utf-8")
 
 
 def in_rounds(jobs: list[tuple[str, Call]]) -> list[list[tuple[str, Call]]]:

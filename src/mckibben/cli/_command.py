@@ -311,7 +311,7 @@ def entries(command: Any) -> tuple[list[HelpEntry], list[HelpEntry]]:
             arguments.append(HelpEntry(_metavar(p), meaning))
         else:
             names = ", ".join(p.opts) + (f" / {', '.join(p.secondary_opts)}" if p.secondary_opts else "")
-            options.append(HelpEntry(names if _is_flag(p) else f"{names} {_metavar(p)}", meaning))
+            options.append(HelpEntry(names if getattr(p, "is_flag", False) else f"{names} {_metavar(p)}", meaning))
     return arguments, options + [HelpEntry(*one) for one in COMMON]
 
 
@@ -331,10 +331,6 @@ def _remark(p: Any) -> str:
 
 def _metavar(p: Any) -> str:
     return str(p.metavar or p.name.upper())
-
-
-def _is_flag(p: Any) -> bool:
-    return bool(getattr(p, "is_flag", False))
 
 
 def rows_of_help(rows: list[tuple[str, str]], width: int) -> str:

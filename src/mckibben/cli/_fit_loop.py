@@ -18,7 +18,6 @@ from ._terminal import assignments, print_json, table
 
 if TYPE_CHECKING:
     from ..identification.hysteresis_fit import LoopFit
-    from ..identification.record_posterior import RecordPosterior
     from ..muscles.law import TensionLaw
 
 ALL = "all"
@@ -66,7 +65,18 @@ def fit_friction(
     else:
         found = identification.hysteresis_fit.fit_loop(record, model=friction, **options)
     samples = found.posterior(draws=draws) if posterior else None
-    content = _content(found, samples)
+    content = {
+        "friction": found.model,
+        "parameters": {name: e._asdict() for name, e in found.parameters.items()},
+        "known": found.known,
+        "curve": found.curve.tolist(),
+        "rmse": found.rmse(seen=True),
+        "max_error": found.max_error(seen=True),
+        "n": len(found.record.stroke),
+        "converged": found.converged,
+        "warnings": list(found.warnings),
+        "posterior": None if samples is None else samples.to_dict(),
+    }
     files.write("figure", lambda path: style.save(posterior_figures.loop_bands(found, samples), path))
     files.write_rows([{"parameter": name} | e._asdict() for name, e in found.parameters.items()])
     files.write_result(content)
@@ -104,21 +114,6 @@ def _known(friction: str, change: list[str] | None) -> dict[str, float]:
             raise InputError(f"--set {name}", text, known=sorted(units))
         known[name] = parse(text, units[name], field=f"--set {name}", bare=True)
     return known
-
-
-def _content(found: LoopFit, samples: RecordPosterior | None) -> dict[str, Any]:
-    return {
-        "friction": found.model,
-        "parameters": {name: e._asdict() for name, e in found.parameters.items()},
-        "known": found.known,
-        "curve": found.curve.tolist(),
-        "rmse": found.rmse(seen=True),
-        "max_error": found.max_error(seen=True),
-        "n": len(found.record.stroke),
-        "converged": found.converged,
-        "warnings": list(found.warnings),
-        "posterior": None if samples is None else samples.to_dict(),
-    }
 
 
 def _show(found: LoopFit, name: str) -> None:

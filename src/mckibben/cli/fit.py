@@ -196,10 +196,28 @@ def fit(
         )
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
         one = samples[0][rankings[0].best.law] if len(samples) == 1 else None
-        files.write("figure", lambda path: style.save(_figure(rankings, one), path))
+        picture = fit_figures.overview(rankings) if one is None else posterior_figures.bands(one)
+        files.write("figure", lambda path: style.save(picture, path))
         files.write("specimen", rankings[0].save)
         if files["table"]:
-            files.write_rows(_rows(rankings), {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"})
+            files.write_rows(
+                [
+                    {
+                        "table": ranking.title,
+                        "law": fit.law,
+                        "rmse": fit.rmse,
+                        "max_error": fit.max_error,
+                        "cv_rmse": fit.cv_rmse,
+                        "cv_max_error": fit.cv_max_error,
+                        "aicc": fit.aicc,
+                        "converged": fit.converged,
+                        "parameters": [f"{name} = {with_unit(e.value, e.unit)}" for name, e in fit.parameters.items()],
+                    }
+                    for ranking in rankings
+                    for fit in ranking.fits
+                ],
+                {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"},
+            )
         results: list[dict[str, Any]] = [r.to_dict() | {"warnings": w} for r, w in zip(rankings, warnings, strict=True)]
         for result, of in zip(results, samples, strict=False):
             for fit in result["fits"]:
@@ -225,11 +243,6 @@ def _check_hysteresis(tables: list[str], friction: str | None, *, runs: bool) ->
         raise InputError(
             "--hysteresis", None, "is allowed only with one table, which may hold several muscles, or --runs"
         )
-
-
-def _figure(rankings: list[Ranking], samples: Posterior | None) -> Any:
-    """Bands of the one posterior that was drawn, else the overview of all fits."""
-    return fit_figures.overview(rankings) if samples is None else posterior_figures.bands(samples)
 
 
 def _posteriors(ranking: Ranking, rig: str | None, draws: int, *, every: bool) -> dict[str, Posterior]:
@@ -270,25 +283,6 @@ def show_posterior(samples: Posterior) -> None:
     for warning in samples.warnings:
         typer.echo(f"note: {warning}")
     typer.echo("")
-
-
-def _rows(rankings: list[Ranking]) -> list[dict[str, Any]]:
-    """A row per table and law: errors [N], and the parameters as one cell."""
-    return [
-        {
-            "table": ranking.title,
-            "law": fit.law,
-            "rmse": fit.rmse,
-            "max_error": fit.max_error,
-            "cv_rmse": fit.cv_rmse,
-            "cv_max_error": fit.cv_max_error,
-            "aicc": fit.aicc,
-            "converged": fit.converged,
-            "parameters": [f"{name} = {with_unit(e.value, e.unit)}" for name, e in fit.parameters.items()],
-        }
-        for ranking in rankings
-        for fit in ranking.fits
-    ]
 
 
 def _ranked(

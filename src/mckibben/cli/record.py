@@ -276,8 +276,8 @@ def _described(file: Path, known: Recording) -> dict[str, JsonValue]:
         "samples": len(known),
         "sample_rate": 1.0 / period if period else None,
         "gaps": gaps,
-        "steps": _steps(known),
-        "varied": _varied(known),
+        "steps": cuts.steps_of(known) if known.meta.get("steps") else [],
+        "varied": cuts.varied(known) if known.meta.get("steps") else {},
         "channels": _channels(known),
         "balance": meta.get("balance"),
         "saturation": meta.get("saturation") or {},
@@ -285,16 +285,6 @@ def _described(file: Path, known: Recording) -> dict[str, JsonValue]:
         "warnings": [*(meta.get("warnings") or []), *(c.text for c in known.cautions if c.parameter in MACHINE)],
         "citations": _citations(meta.get("citations")),
     }
-
-
-def _steps(known: Recording) -> list[dict[str, JsonValue]]:
-
-    return cuts.steps_of(known) if known.meta.get("steps") else []
-
-
-def _varied(known: Recording) -> dict[str, list[str]]:
-
-    return cuts.varied(known) if known.meta.get("steps") else {}
 
 
 def _channels(known: Recording) -> dict[str, dict[str, Any]]:

@@ -87,7 +87,8 @@ def reproduce_papers(
         pictures: list[PaperFigure] = []
         if figure or places:
             pictures = papers.chosen_figures(figure, part=part, rows=row, recordings=recordings)
-        rows = _rows(row, pictures) if figure else row
+        # None stands for all rows, an empty list for none
+        rows = [*(row or []), *dict.fromkeys(r for p in pictures for r in p.rows)] if figure else row
         outcomes, drawn = _done(part, rows, pictures, recordings, save_recordings)
         written = _write(places, outcomes, drawn, recordings)
         if figure:
@@ -138,11 +139,6 @@ def _places(report: list[Path], out: Path | None, *, pdf: bool, figures_only: bo
             raise not_found(out.absolute().parent, "folder")
         out.mkdir(exist_ok=True)
     return named + [document_module.checked_place(out / name, field="--out") for name in names if out is not None]
-
-
-def _rows(row: list[str] | None, pictures: list[PaperFigure]) -> list[str] | None:
-    """Rows requested by name or by a figure; None stands for all of them, an empty list for none."""
-    return [*(row or []), *dict.fromkeys(r for p in pictures for r in p.rows)]
 
 
 def _done(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -148,7 +148,12 @@ def size_muscle(
         if circuit is not None:
             write_text(circuit, sizing_package.toml_of(sizing.to_circuit()))
         content = sizing.to_dict(top) | {"warnings": caution(*sizing.cautions)}
-        files.write_rows([_scalars(row) for row in content["muscles"]])
+        files.write_rows(
+            [
+                {key: value for key, value in row.items() if not isinstance(value, dict | list)}
+                for row in content["muscles"]
+            ]
+        )
         files.write_result(content)
         if as_json:
             print_json(content)
@@ -160,11 +165,6 @@ def size_muscle(
     if not sizing.reached:
         typer.echo(f"mckibben: {sizing.sentence()}", err=True)
         raise typer.Exit(2)
-
-
-def _scalars(row: dict[str, Any]) -> dict[str, Any]:
-    """Numbers and words of a muscle, without its tables."""
-    return {key: value for key, value in row.items() if not isinstance(value, dict | list)}
 
 
 def _named(error: InputError, pressure: str) -> InputError:

@@ -352,7 +352,7 @@ def loops_json(study: LoopStudy) -> dict[str, JsonValue]:
             {
                 "fitted": which,
                 "friction": h.model,
-                "parameters": _estimates(h.parameters),
+                "parameters": {name: e._asdict() for name, e in h.parameters.items()},
                 "curve": h.curve,
                 **_errors(h),
                 "samples": int(h.train.sum()),
@@ -493,10 +493,6 @@ def _errors(fit: Any) -> dict[str, float]:
         "rms_unseen": fit.rmse(seen=False),
         "largest_unseen": fit.max_error(seen=False),
     }
-
-
-def _estimates(parameters: dict[str, Estimate]) -> dict[str, JsonValue]:
-    return {name: e._asdict() for name, e in parameters.items()}
 
 
 def _step_json(s: StepCreep) -> dict[str, JsonValue]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import batch
-from ..documents import JsonValue
 from ..quantities import with_unit
 from ._progress import progress
 from ._terminal import Json, caution, print_json, table
@@ -67,7 +66,19 @@ def sweep(
         report = batch.drive.run_sweep(wanted, out, workers=team, progress=tell, stored=keep)
     caution(*(c.text for c in report.cautions))
     if as_json:
-        print_json(_result(report))
+        print_json(
+            {
+                "runs": report.runs,
+                "failed": report.failed,
+                "unmeasured": report.unmeasured,
+                "warnings": [c.text for c in report.cautions],
+                "store": report.store,
+                "muscle_seconds_per_second": report.rate,
+                "new": report.new,
+                "codes": report.codes,
+                "seconds": report.seconds,
+            }
+        )
     else:
         _print(wanted, report)
     if report.failed or report.unmeasured:
@@ -106,20 +117,6 @@ def _range(column: dict[str, Any]) -> str:
     if column["range"] is None:
         return ", ".join(column["words"][:8]) + (" .." if len(column["words"]) > 8 else "")
     return " to ".join(with_unit(x, column["unit"] or "1") for x in column["range"])
-
-
-def _result(report: SweepReport) -> dict[str, JsonValue]:
-    return {
-        "runs": report.runs,
-        "failed": report.failed,
-        "unmeasured": report.unmeasured,
-        "warnings": [c.text for c in report.cautions],
-        "store": report.store,
-        "muscle_seconds_per_second": report.rate,
-        "new": report.new,
-        "codes": report.codes,
-        "seconds": report.seconds,
-    }
 
 
 def _print(wanted: Sweep, report: SweepReport) -> None:

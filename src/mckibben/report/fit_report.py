@@ -240,7 +240,7 @@ def _table(study: Ranking, mark: str) -> list[Block]:
     rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
     blocks: list[Block] = [Paragraph(note, "quiet"), ReportTable(tuple(columns), rows, head=1)]
     if study.skipped:
-        reasons = "; ".join(f"{_title(name)} ({reason})" for name, reason in study.skipped.items())
+        reasons = "; ".join(f"{str(law_type(name).title)} ({reason})" for name, reason in study.skipped.items())
         blocks.append(Paragraph(f"Passed over: {reasons}.", "quiet"))
     return blocks
 
@@ -480,10 +480,6 @@ def _cited(studies: list[Ranking]) -> list[str]:
         for fit in study.fits:
             keys |= dict.fromkeys(law_type(fit.law).cites)
     return list(keys)
-
-
-def _title(law: str) -> str:
-    return str(law_type(law).title)
 
 
 def _newton(value: float, digits: int | None = None) -> str:

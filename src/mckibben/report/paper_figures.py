@@ -197,10 +197,6 @@ def figure(identifier: str) -> PaperFigure:
     return FIGURES[identifier]
 
 
-def _all() -> tuple[PaperFigure, ...]:
-    return (*_static(), *_circuits(), *_shortening(), *_energy(), _table(), *second_paper())
-
-
 def _static() -> tuple[PaperFigure, ...]:
     """Figures of Part I."""
 
@@ -442,4 +438,6 @@ def _table() -> PaperFigure:
     )
 
 
-FIGURES: dict[str, PaperFigure] = {one.id: one for one in _all()}
+FIGURES: dict[str, PaperFigure] = {
+    one.id: one for one in (*_static(), *_circuits(), *_shortening(), *_energy(), _table(), *second_paper())
+}

@@ -182,14 +182,10 @@ def difference(row: PrintedRow, ours: float | None) -> str:
         return "inside"
     relative = relative_difference(row, ours)
     if relative is None:
-        return _signed(ours, 3)
+        return ("+" if ours > 0.0 else "") + significant(ours, 3)
     share = 100.0 * relative
     digits = 0 if abs(share) >= 99.95 else 1 if abs(share) >= 0.95 else 2
     return f"{minus(f'{share:+.{digits}f}')}\N{THIN SPACE}%"
-
-
-def _signed(value: float, digits: int) -> str:
-    return ("+" if value > 0.0 else "") + significant(value, digits)
 
 
 def _gauge(row: PrintedRow, ours: float | None) -> Gauge | str:

@@ -207,7 +207,7 @@ class PageConnection:
                 self._kept[name] = part
                 await self._send({"type": "part", "name": name, "part": part})
         for kind, one in (("epoch", stream.head()), ("toasts", self.workspace.toasts.plain())):
-            key = _key(one) if kind == "toasts" else one
+            key = [(t["number"], t["waits"]) for t in one] if kind == "toasts" else one
             if self._kept.get(kind) != key:
                 self._kept[kind] = key
                 await self._send({"type": kind, kind: one})
@@ -216,10 +216,6 @@ class PageConnection:
         if log:
             self._told = log[-1]["number"]
             await self._send({"type": "log", "log": log})
-
-
-def _key(toasts: list[dict[str, JsonValue]]) -> list[Any]:
-    return [(t["number"], t["waits"]) for t in toasts]
 
 
 def _read(text: str) -> dict[str, JsonValue]:

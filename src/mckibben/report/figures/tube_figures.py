@@ -53,7 +53,7 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
             if column == 0:
                 style.note(ax, models()[model].title, x=0.0, y=1.0, dx=3, dy=-5, color=INK, fontweight="bold")
         title = "Noise to 6 Hz" if column == 0 else "Step of 5 bar"
-        heading = f"{_inches(accumulator)}, {kept}" if column == 0 else WORDS[thermal]
+        heading = f"{accumulator.replace('in3', ' in³')}, {kept}" if column == 0 else WORDS[thermal]
         style.heading(axes[0], title, heading, above=24.0)
         axes[-1].set_xlabel("Time, s", color=INK, fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
         if column == 0:
@@ -62,10 +62,6 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
     _key(axes[0])
     _rms(fig, study, left + 0.75)
     return fig
-
-
-def _inches(accumulator: str) -> str:
-    return accumulator.replace("in3", " in³")
 
 
 def _column(fig: Figure, left: float, width: float) -> list[Axes]:

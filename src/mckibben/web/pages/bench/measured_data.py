@@ -59,7 +59,7 @@ def measured_data(
     option, parts = read_outside(parts_of, path)
     for tried in [part] if part or not parts else ["", *parts]:
         try:
-            plain = dict(_kept(str(path), path.stat().st_mtime_ns, tried, _rest_length(spec)))
+            plain = dict(_kept(str(path), path.stat().st_mtime_ns, tried, built_muscle(spec).rest_length))
             break
         except MckibbenError:
             if tried == (part if part or not parts else parts[-1]):
@@ -118,10 +118,6 @@ def _finite(time: Any, values: Any) -> tuple[np.ndarray, np.ndarray]:
     t, y = np.array(time, float), np.array(values, float)  # None becomes NaN
     known = np.isfinite(t) & np.isfinite(y)
     return t[known], y[known]
-
-
-def _rest_length(spec: Specimen) -> float | None:
-    return built_muscle(spec).rest_length
 
 
 def _law(plain: dict[str, Any], spec: Specimen) -> list[float | None] | None:

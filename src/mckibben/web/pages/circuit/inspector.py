@@ -10,7 +10,6 @@ import numpy as np
 from ....assembly.circuit_file import TIME, CircuitPlan
 from ....assembly.circuit_parts import HEATS
 from ....components import paths
-from ....documents import JsonValue
 from ....muscles.build import rest_length_of
 from ....pneumatics.build import known_keys, passages_of, with_usual_unit
 from ....pneumatics.heat import WallHeat
@@ -91,7 +90,8 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
             str(words["specimen"]),
             lambda v: put(lambda d: _changed(d, "elements", name, "specimen", v)),
         )
-    size = _size(words)
+    # the parameter that states the size of all passages alike; none if a specimen or each passage does
+    size = next((n for n in map(canonical, words) if n in SIZES), "")
     if size and (kind == "orifice" or passages_of(kind)):
         _choice("Size stated by", TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
     known = known_keys(kind)
@@ -106,11 +106,6 @@ def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: 
         if not (key not in words and key in ("wall_temperature", "friction_scale", "supply_reference")):
             shown[key] = known[key], value
     _fields(shown, lambda k, v: put(lambda d: _changed(d, "elements", name, k, v)))
-
-
-def _size(words: Mapping[str, JsonValue]) -> str:
-    """Name of the parameter that states the size of all passages alike; empty if a specimen or each passage does."""
-    return next((n for n in map(canonical, words) if n in SIZES), "")
 
 
 def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Document:

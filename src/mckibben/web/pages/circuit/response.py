@@ -447,16 +447,12 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
         law: Any = plan.nodes[name].law
         length = plan.nodes[name].length
         if length is not None:
-            full = _pressure(top(plan.document, plan))
+            full = parse(top(plan.document, plan), "Pa", field="pressure")
             rows.append(
                 (f"Static tension at {with_unit(full, 'Pa')}", with_unit(float(law.tension(length, full)), "N"))
             )
             rows.append(("Volume there", with_unit(float(law.volume(length, full)), "m^3").replace("^3", "\u00b3")))
     return rows
-
-
-def _pressure(words: str) -> float:
-    return parse(words, "Pa", field="pressure")
 
 
 def shown_nodes(plan: CircuitPlan, wanted: Sequence[str]) -> list[str]:
