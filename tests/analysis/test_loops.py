@@ -166,6 +166,9 @@ def test_a_force_filter_is_taken_out_by_its_phase():
     both = corrected_loop(run, cutoff=cutoff)
     assert effect.lag == pytest.approx(np.arctan(0.05) / w)
     assert both.lag == pytest.approx(effect.lag, rel=1e-5)
+    late = corrected_loop(record(time, length=x, tension=np.roll(run["muscle.tension"], 5)), lag=1e-3, cutoff=cutoff)
+    assert late.lag == pytest.approx(1e-3 + effect.lag, rel=1e-5)  # a dead time of 5 samples before the filter
+    assert late.corrected.area == pytest.approx(both.corrected.area, rel=1e-3)
     assert abs(both.raw.area / truth.area - 1.0) > 0.2
     assert both.corrected.area == pytest.approx(effect.gain * truth.area, rel=1e-3)
     whole = loop(unfiltered(run, cutoff=cutoff, channels="muscle.tension"))
