@@ -68,10 +68,6 @@ class JointStand:
             valve_out=self.rig.valve_out,
         )
 
-    def with_gains(self, **gains: float) -> JointStand:
-        """Return a copy with other controller gains, by name."""
-        return dataclasses.replace(self, control=self.control.replace(**gains))
-
 
 def joint_stand(
     flexor: MuscleUnit | Specimen | str = "nylon",
