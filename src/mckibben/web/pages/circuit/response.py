@@ -28,8 +28,7 @@ from ....errors import ConvergenceError, InputError, MckibbenError
 from ....pneumatics import AIR
 from ....pneumatics.balance import RunBalance, balance
 from ....pneumatics.build import known_keys, with_usual_unit
-from ....pneumatics.circuit import Circuit
-from ....pneumatics.exergy import path_name
+from ....pneumatics.circuit import Circuit, path_name
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
 from ....pneumatics.tubes.inertial import inertance
