@@ -37,7 +37,7 @@ def test_balances_of_shipped_protocols_close_with_adiabatic_chambers(name):
 
 @pytest.mark.slow
 def test_the_balance_of_leak_down_closes_with_adiabatic_chambers():
-    tight = rig("modern", {"plumbing.tight.heat": "adiabatic", "plumbing.tight.leak.flow": "200 ml/min"})
+    tight = rig("modern", {"plumbing.tight.heat": "adiabatic", "plumbing.tight.leak.flow_into_the_room": "200 ml/min"})
     recording = run(bench("leak-down", on=tight, settle="1 s", longest="5 s"))
     assert recording.meta["steps"][-2]["label"] == "leak"
     closes(recording)
