@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
+from mckibben.experiments.commands import PARTS
 from mckibben.experiments.dry_run import Limits, check, dry_run
 from mckibben.experiments.read import parse_protocol, protocol, protocol_names
-from mckibben.experiments.steps import PARTS
 
 EVERYTHING = frozenset((*PARTS, "pressure sensor", "span sensor", "tension sensor"))
 

@@ -12,9 +12,7 @@ from ..answers import brief
 from ..errors import InputError, compose_sentence
 from .amounts import read_amount
 from .commands import Deferred, Follow, Reach
-from .plan import PlannedStep, ProtocolPlan
-from .protocol import Protocol
-from .sentence import case_words
+from .protocol import PlannedStep, Protocol, ProtocolPlan, case_words
 from .waveforms import time_words
 from .waveforms.waveform import words
 
