@@ -15,8 +15,7 @@ from mckibben.engine.integration import compile_march
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
-from mckibben.pneumatics.balance import balance
-from mckibben.pneumatics.circuit import Branch, Circuit
+from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.compressor import Compressor
 from mckibben.pneumatics.heat import WallHeat, adiabatic
 from mckibben.pneumatics.leak import Leak

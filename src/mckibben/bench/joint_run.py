@@ -32,8 +32,8 @@ from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen, muscle_specimen
 from .channels import described
 from .hardware.computer import Timing, configure
-from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
 from .hardware.motor import Encoder
+from .hardware.plant import MOMENT, PRESSURES, RiggedJoint
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .segment import CHUNK

@@ -24,8 +24,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .._jax import Tree, jnp
-from ..components import Environment, Scalar, field
+from .._jax import Scalar, Tree, jnp
+from ..components import Environment, field
 from ..components.flow import FlowElement, GasState
 from ..components.module import flatten
 from ..components.system import Exchange, Moment, System, Value
@@ -635,3 +635,40 @@ def paths_of(circuit: Circuit) -> dict[str, tuple[str, tuple[str, str]]]:
         for name, e in circuit.elements.items()
         for i, j in e.paths
     }
+
+
+# ---- balance of a run: whether its gas is all there
+
+LEAST_FLOW = 1e-6  # of what is stored
+
+
+class RunBalance(NamedTuple):
+    """Errors of the balances of a run, relative to the throughput; zero is perfect.
+
+    Where next to nothing went through, it is over `LEAST_FLOW` of what is stored, so that a circuit at rest shows the
+    rounding of its stored energy and not a ratio of two roundings.
+    """
+
+    mass: float
+    energy: float
+
+
+def balance(
+    circuit: Circuit, start: Scalar, end: Scalar, first: Tree, last: Tree, integrals: Mapping[str, Scalar]
+) -> RunBalance:
+    """Compare stored mass and energy of the end states with independent integrals over the border.
+
+    Args:
+        circuit: the circuit that was run.
+        start: state at the start.
+        end: state at the end.
+        first: inputs at the start.
+        last: inputs at the end.
+        integrals: as `Circuit.integrands` names them, integrated over the run.
+    """
+    (m0, u0), (m1, u1) = (map(float, circuit.stored(*at)) for at in ((start, first), (end, last)))
+    entered = float(integrals["enthalpy"]) + float(integrals["heat"]) - float(integrals["work"])
+    entered += float(integrals["shaft"])
+    mass = abs(m1 - m0 - float(integrals["mass"])) / max(float(integrals["mass_turnover"]), LEAST_FLOW * abs(m1), 1e-30)
+    energy = abs(u1 - u0 - entered) / max(float(integrals["enthalpy_turnover"]), LEAST_FLOW * abs(u1), 1e-30)
+    return RunBalance(mass, energy)

@@ -21,9 +21,8 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import protocol_names
 from ...quantities import with_unit
 from ...recordings.recording import Recording
-from ..pages.bench.columns import Columns
+from ..pages.bench.columns import Columns, of_cycle
 from ..pages.bench.dry import DryRun
-from ..pages.bench.measure import of_cycle
 from ..shelf import plain
 from ..stream import Stream
 from .chosen import BenchSelection

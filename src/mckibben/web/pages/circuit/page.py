@@ -22,7 +22,7 @@ from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
 from .state import CircuitAnswer, CircuitState, follow
 
 if TYPE_CHECKING:
-    from ....pneumatics.balance import RunBalance
+    from ....pneumatics.circuit import RunBalance
     from ....report.figures.page_charts import Figure
 
 TICK = (

@@ -26,9 +26,8 @@ from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError, InputError, MckibbenError
 from ....pneumatics import AIR
-from ....pneumatics.balance import RunBalance, balance
 from ....pneumatics.build import known_keys, with_usual_unit
-from ....pneumatics.circuit import Circuit, path_name
+from ....pneumatics.circuit import Circuit, RunBalance, balance, path_name
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
 from ....pneumatics.tubes.inertial import inertance
