@@ -19,7 +19,7 @@ from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
-from mckibben.web.bench.running import RunController
+from mckibben.web.bench.machine import RunController
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
