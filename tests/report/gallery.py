@@ -48,6 +48,11 @@ from mckibben.studies.sizing.requirements import Requirements
 record = functools.cache(functools.partial(machine_record, pressure=["1 bar", "3 bar", "5 bar"]))
 
 
+def at_one_bar(seed: int) -> Recording:
+    """The slow loops of the lowest pressure: loops in which one thing was held."""
+    return segments(record(seed=seed), label="loops")[0]
+
+
 @functools.cache
 def force_map() -> ForceMap:
     """A table of a known law with an error of half a newton."""
@@ -95,7 +100,7 @@ def simple() -> dict[str, Callable[[], Any]]:
         "fit curves": lambda: study.plot.curves(),
         "recording": lambda: record().plot(),
         "against": lambda: record().plot.against("span", of="loops"),
-        "measured loop": lambda: record().select(None, 14.0).plot.loop(record(seed=2)),
+        "measured loop": lambda: at_one_bar(1).plot.loop(at_one_bar(2)),
         "swept loops": lambda: mk.plot_loops([record(), record(seed=2)], words=["one", "other"]),
         "channels against": lambda: recording_figures.against_figure(parts, "span", channels=["tension", "pressure"]),
     }

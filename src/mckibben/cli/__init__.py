@@ -21,7 +21,9 @@ def main(arguments: list[str] | None = None) -> None:
     A request of the system to end, and the end of its terminal, do what Ctrl-C does: what it keeps, they keep.
     """
     usual = signal.getsignal(signal.SIGINT)
-    alone = usual is signal.default_int_handler and threading.current_thread() is threading.main_thread()
+    # in the background of a script Ctrl-C is ignored, and the system still asks for the end
+    ours = usual in (signal.default_int_handler, signal.SIG_IGN)
+    alone = ours and threading.current_thread() is threading.main_thread()
     names = [n for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)] if alone else []
     before = {n: handler for n in names if (handler := signal.getsignal(getattr(signal, n))) is not signal.SIG_IGN}
     for name in before:
