@@ -197,7 +197,7 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
     if period is not None or "time" in columns or timed or any(c.time is not None for c in table.columns):
         return "recording"
     if not table.columns or not len(table.columns[0].values):
-        problem = "the file is empty; it must have a header and rows of numbers"
+        problem = "no row of numbers was found; the file must have a header and rows of numbers"
         raise InputError("file", "empty", problem, sentence=problem, where=where)
     if not table.named:
         problem = "the file has no header; name its columns by number, such as time 1 and pressure 2"

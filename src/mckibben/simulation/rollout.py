@@ -38,6 +38,8 @@ class Rollout:
 
     The value is the mean of the cost over the samples [unit of the cost]. The derivatives are those of the steps that were
     taken, friction and flow that chokes included; where a command is clipped, its derivative is zero. There is no noise.
+    No sample is repeated with shorter steps: the moment at which a muscle gets slack or taut is met to a usual step, and a
+    pull that snaps may be off by some per cent of what `Simulation.step` gives.
 
     Args:
         simulation: from whose present moment each run begins.

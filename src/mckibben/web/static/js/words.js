@@ -22,7 +22,7 @@ export function digits (step) {
 /** Numbers from one to another, evenly apart: never more than `most`, none where the three say no finite row. */
 export function row (first, step, last, most = 400) {
   const n = Math.floor((last - first) / step + 1e-9) + 1
-  return step > 0 && Number.isFinite(n) ? Array.from({ length: Math.max(0, Math.min(n, most)) }, (_, i) => first + i * step) : []
+  return step > 0 && Number.isFinite(n) ? Array.from({ length: Math.max(0, Math.min(n, most)) }, (_, i) => Math.min(first + i * step, last)) : []
 }
 /** Ends of an axis between which numbers can be told apart, so that whoever steps from one to the other gets there. */
 export function ends (low, high) {
