@@ -306,7 +306,7 @@ def options_named(**more: str) -> Iterator[None]:
 
 def expect_cautions(cautions: Iterable[Caution]) -> None:
     """Keep cautions about values as typed until the command has said its own, which know the muscle."""
-    _call.expected += cautions
+    _call.expected = [*cautions]
 
 
 @contextmanager

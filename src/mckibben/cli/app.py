@@ -39,7 +39,7 @@ CACHE = ("Error writing persistent compilation cache", "Error reading persistent
 COMMANDS: dict[str, tuple[str, str]] = {
     "muscles": ("catalogue:list_muscles", "List the muscles that ship, with their sources."),
     "show": ("muscles:show", "Show the parameters of a muscle with their units and sources, and its law."),
-    "tension": ("muscles:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
+    "tension": ("tension:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
     "braid": (
         "braid:braid",
         "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
