@@ -69,12 +69,6 @@ def test_a_suffix_that_is_not_written_is_refused_before_anything_is_computed(run
     assert (code, out) == (2, "") and "--out must be a name that ends in .csv" in err
 
 
-def test_a_former_name_works_with_one_note(run, tmp_path):
-    code, _, err = run("show", "nylon", "--figure", "a.svg", "--figure=b.svg")
-    assert code == 0 and (tmp_path / "a.svg").is_file() and (tmp_path / "b.svg").is_file()
-    assert err == "mckibben: note: --figure is called --out now\n"
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".json", ".xlsx", ".parquet"])
 def test_a_table_is_read_back_with_its_units(tmp_path, suffix):
     path = write_table({"length": [0.1, 0.2], "law": ["a", "b"]}, tmp_path / f"t{suffix}", units={"length": "m"})

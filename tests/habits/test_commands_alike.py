@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from mckibben.cli import _values
-from mckibben.cli._command import FORMER, described, help_text
+from mckibben.cli._command import described, help_text
 from mckibben.cli.app import COMMANDS, table_of_commands
 from mckibben.quantities import parse
 
@@ -117,11 +117,3 @@ def test_all_that_can_be_written_is_written_by_out_and_all_that_ends_prints_json
         assert words in lasting or "--json" in names, words
         assert not names & {"--report", "--save", "--svg", "--output-file"}, words
     assert {p.opts[0] for p in ALL["reproduce"].params if p.opts[0] == "--figure"}  # which figure, not where to
-
-
-def test_former_names_of_options_lead_to_those_of_today():
-    for words, former in FORMER.items():
-        names = {name for p in ALL[words].params for name in (*p.opts, *p.secondary_opts)}
-        for old, new in former.items():
-            assert old not in names, (words, old)
-            assert (new if isinstance(new, str) else new[0]).partition("=")[0] in names, (words, old)

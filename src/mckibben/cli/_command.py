@@ -1,4 +1,4 @@
-"""What all commands have in common: help, former names of options, ``-`` for standard input, ``--quiet``, cautions.
+"""What all commands have in common: help, ``-`` for standard input, ``--quiet``, cautions.
 
 A command is a function with annotated parameters and a docstring; typer makes the parser of it. Everything here works on the
 parameters of that parser, so that a new command has it without a line of its own.
@@ -26,34 +26,6 @@ from . import _progress, _terminal, _values
 
 WIDEST = 100  # columns of a help text; longer lines are hard to read
 EXAMPLE = "$ "  # begins a line of a docstring that is an example
-
-# Former names of options by command, which stay: what they are called now, or the words that stand for a flag. What stands
-# behind the sign of equality begins the value.
-FORMER: dict[str, dict[str, str | tuple[str, ...]]] = {
-    "show": {"--figure": "--out"},
-    "fit": {"--report": "--out", "--figure": "--out=figure:", "--save": "--out"},
-    "protocols": {"--toml": ("--out", "-")},
-    "run": {"--figure": "--out"},
-    "joint": {"--start": "--start-pressure", "--figure": "--out"},
-    "device serve": {"--port": "--out", "--for": "--duration"},
-    "energy": {"--figure": "--out"},
-    "compare": {"--figure": "--out=figure:", "--report": "--out"},
-    "reproduce": {"--report": "--out"},
-    "size": {"--figure": "--out", "--save": "--out"},
-    "circuit show": {"--svg": "--out"},
-    "circuit run": {"--figure": "--out"},
-    "circuit frequency": {"--figure": "--out"},
-    "circuit fit": {"--figure": "--out"},
-    "record energy": {"--figure": "--out", "--accumulator": "--accumulator-pressure"},
-    "record frequency": {"--figure": "--out"},
-    "record repeatability": {"--figure": "--out"},
-    "calibrate zero": {"--channel": "--channels"},
-    "calibrate pressure": {"--channel": "--channels"},
-    "calibrate skew": {"--channel": "--channels"},
-    "study tube": {"--figure": "--out"},
-    "study robot": {"--figure": "--out"},
-    "study loops": {"--figure": "--out"},
-}
 
 # Commands that end by Ctrl-C in their own way, or work with a machine that is vented first.
 OWN_INTERRUPTS = (
@@ -126,11 +98,11 @@ class CommandWithHelp(typer.core.TyperCommand):
         return with_plain_values(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of the command line, those with former names of options too."""
+        """Parse the words of the command line."""
         words, quiet = _without_quiet(_without_code(args))
         if quiet:
             _terminal.be_quiet()
-        rest: list[str] = super().parse_args(ctx, renamed(self.words, words))
+        rest: list[str] = super().parse_args(ctx, words)
         return rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -156,31 +128,6 @@ class CommandWithHelp(typer.core.TyperCommand):
 def help_width() -> int:
     """Columns of a help text: those of the terminal, up to 100."""
     return max(40, min(shutil.get_terminal_size((80, 24)).columns, WIDEST))
-
-
-# ---- former names
-
-
-def renamed(command: str, args: list[str]) -> list[str]:
-    """Words with the present names of options; a former one is noted once on standard error."""
-    former = FORMER.get(command, {})
-    words: list[str] = []
-    prefix = ""  # of the next word, the value of a former option
-    for i, word in enumerate(args):
-        if word == "--":
-            return words + args[i:]
-        name, equals, value = word.partition("=")
-        if prefix or name not in former:
-            words.append(prefix + word)
-            prefix = ""
-            continue
-        present = former[name]
-        *flags, last = (present,) if isinstance(present, str) else present
-        option, _, prefix = last.partition("=")
-        _terminal.note(f"{name} is called {' '.join([*flags, option])} now")
-        words += [*flags, f"{option}={prefix}{value}" if equals else option]
-        prefix = "" if equals else prefix
-    return words
 
 
 def _without_quiet(args: list[str]) -> tuple[list[str], bool]:

@@ -174,9 +174,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 
 
-# Command of a group that is meant where the first word is none of its commands: groups that were a command once.
-FORMER_COMMAND = {"device": "serve"}
-
 NAMES = {"help_option_names": ["-h", "--help"]}
 
 
@@ -232,14 +229,6 @@ class CommandGroup(typer.core.TyperGroup):
     def get_params(self, ctx: Any) -> list[Any]:
         """Parameters and the option of the help."""
         return with_plain_values(super().get_params(ctx))
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of the command line; `FORMER_COMMAND` says what is meant without a command."""
-        former = FORMER_COMMAND.get(self.commands.group)
-        if former and args and args[0] not in (*self.commands, *NAMES["help_option_names"]):
-            args = [former, *args]
-        rest: list[str] = super().parse_args(ctx, args)
-        return rest
 
     def make_context(self, *args: Any, **options: Any) -> Any:
         """Parse the words of the command line; Ctrl-C is reported by `main`."""

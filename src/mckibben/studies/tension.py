@@ -194,8 +194,8 @@ def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscle
     if law is not None and not law.strip():
         raise InputError("law", law, f"{spec.id} states", known=spec.laws)
     chosen = law or spec.law
-    stated = {} if spec.kind == "biological" else changed_parameters(changes, chosen, of=spec)
-    return built_muscle(spec, law=chosen, **stated), chosen, ()
+    replaced: dict[str, Any] = {} if spec.kind == "biological" else dict(changed_parameters(changes, chosen, of=spec))
+    return built_muscle(spec, law=chosen, **replaced), chosen, ()
 
 
 def _lengths(length: Any, contraction: Any, muscle: muscles.Muscle) -> list[float]:
