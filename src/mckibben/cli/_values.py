@@ -16,22 +16,7 @@ from ..documents import JsonValue, parse_toml
 from ..verbs import QUANTITIES, ParameterType
 
 PACKAGE = Path(__file__).parents[1]
-DATA = (
-    ".csv",
-    ".xlsx",
-    ".ods",
-    ".xls",
-    ".txt",
-    ".mat",
-    ".tdms",
-    ".parquet",
-    ".h5",
-    ".hdf5",
-    ".mcap",
-    ".db3",
-    ".ddf",
-    ".nc",
-)
+DATA = tuple(".csv .xlsx .ods .xls .txt .mat .tdms .parquet .h5 .hdf5 .mcap .db3 .ddf .nc".split())
 RECORDINGS = (".nc", ".csv", ".mcap")
 
 

@@ -1,4 +1,4 @@
-"""``energy``: input, output and losses of a muscle's working cycle."""
+"""Commands of verbs: what the command line adds to a public function, nearly all of it words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,18 @@ if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
 
 
-def _draw(answer: WorkingCycles, path: Path) -> None:
+tension = VerbCommand(
+    "studies.tension:tension",
+    OutputKinds(table=TABLE, result=OBJECT),
+    (
+        "tension nylon --length '12 cm' --pressure '5 bar'",
+        "tension nylon --contraction '0:20:5 %' --pressure '1:5 bar' --out map.csv",
+    ),
+    options={"target_tension": "for", "parameters": "set", "posterior": "from_posterior"},
+)
+
+
+def _draw_cycles(answer: WorkingCycles, path: Path) -> None:
     from ..report.figures import energy_figures, style
 
     title = answer.specimen.title
@@ -28,5 +39,5 @@ energy = VerbCommand(
     ("energy nylon --pressure '5 bar' --cycle maximal --curve --out efficiency.svg",),
     options={"cycles": "cycle", "stretched_length": "stretched", "curves": "curve", "parameters": "set"},
     shorthands={"no_friction": Shorthand("friction", "0 N", "Compute the cycles without friction.")},
-    draw=_draw,
-).function()
+    draw=_draw_cycles,
+)
