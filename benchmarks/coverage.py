@@ -53,7 +53,7 @@ from mckibben.pneumatics.volume import FixedVolume, Reservoir
 from mckibben.quantities import declared, values
 from mckibben.studies.sizing import Requirements, of_specimen
 from mckibben.studies.sizing.candidate import LawAtPressure
-from mckibben.studies.sizing.from_posterior import answer_of_posterior
+from mckibben.studies.sizing.size import answer_of_posterior
 
 SENSORS = MapSensors(
     tension=0.6, pressure=500.0, length=2e-5, tension_gain=2e-3, tension_zero=0.3, pressure_zero=300.0, length_zero=5e-5

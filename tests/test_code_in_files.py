@@ -308,6 +308,15 @@ def test_who_allows_a_file_allows_no_other_of_its_name(folder: Path) -> None:
     assert not (folder / "ran").exists()
 
 
+def test_a_file_that_does_not_run_says_so_each_time(folder: Path) -> None:
+    """What it has defined before it failed is no law."""
+    Path("half.py").write_text(f"{CANARY}\nraise RuntimeError('half done')\n")
+    allow_code("half.py")
+    for _ in range(2):
+        with pytest.raises(InputError, match="half.py, line .*RuntimeError: half done"):
+            mk.law("half.py:Law", {"gain": 1e-3, "rest_length": 0.3})
+
+
 def test_a_server_takes_no_code_that_is_named_later(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("other.py").write_text(CANARY)
     Path("a.toml").write_text(SPECIMEN.format(name=OWN))

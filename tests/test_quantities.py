@@ -96,6 +96,9 @@ def test_text_with_a_unit_becomes_si_and_numbers_pass():
 def test_a_range_in_words_has_both_ends():
     assert values_in_si("1:3 bar", "Pa", field="pressures") == [1e5, 2e5, 3e5]
     assert values_in_si("1:2:0.5 bar", "Pa", field="pressures") == [1e5, 1.5e5, 2e5]
+    for tenths in range(1, 10):  # three tenths by one tenth is less than 3, and three times one tenth more than 0.3
+        values = values_in_si(f"0:0.{tenths}:0.1 m", "m", field="lengths")
+        assert len(values) == tenths + 1 and values[-1] == tenths / 10
     assert values_in_si("1 bar, 3 bar", "Pa", field="pressures") == [1e5, 3e5]
     assert values_in_si(2e5, "Pa", field="pressures") == [2e5]
 

@@ -404,7 +404,7 @@ def values_in_si(values: object, si_unit: str, *, field: str) -> list[float]:
     first, last, step = ends if len(ends) == 3 else (*ends[:2], parse(f"1 {unit}", si_unit, field=field))
     if len(ends) > 3 or not (step > 0.0 and first <= last and (last - first) / step < MOST_VALUES):
         raise InputError(field, values, "must be a range such as '1:5 bar', or '1:5:0.5 bar' with its step")
-    return [first + i * step for i in range(math.floor((last - first) / step + 1e-9) + 1)]
+    return [min(first + i * step, last) for i in range(math.floor((last - first) / step + 1e-9) + 1)]
 
 
 def split_values(text: str, *, field: str, where: str | None = None) -> list[str]:

@@ -34,6 +34,16 @@ def test_a_clamp_slips_until_the_tendon_pulls_with_its_grip():
     assert float(slipped.work) == float(slipped.dissipated)
 
 
+def test_a_clamp_that_slips_again_loses_what_the_tendon_held_since():
+    """Not once more what it has lost before."""
+    first, second = (k * float(TENDON.stretch(60.0)) for k in (2.0, 3.0))
+    before = CLAMP.advance(np.float64(0.0), TENDON, first).state
+    again = CLAMP.advance(before, TENDON, second)
+    held, left = (float(TENDON.stored_energy(0.02 + second - float(z))) for z in (before, again.state))
+    assert held > left
+    assert float(again.dissipated) == pytest.approx(held - left, rel=1e-12)  # rounding
+
+
 def test_what_has_slipped_does_not_come_back():
     slipped = CLAMP.advance(np.float64(1e-3), TENDON, -5e-3)
     assert float(slipped.state) == 1e-3 and float(slipped.dissipated) == 0.0

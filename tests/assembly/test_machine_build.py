@@ -31,8 +31,8 @@ from mckibben.specimens import specimen
 SUPPLY = 6e5
 PLATE = PlateLoad(held=("m",), span=0.14)
 VALVES = {
-    "spool_valve": {"flow": "600 l/min", "flow_pressure": "6.9 bar", "lag": "5 ms"},
-    "pressure_regulator": {"flow": "600 l/min", "flow_pressure": "6.9 bar", "band": "0.2 bar"},
+    "spool_valve": {"flow_into_the_room": "600 l/min", "flow_pressure": "6.9 bar", "lag": "5 ms"},
+    "pressure_regulator": {"flow_into_the_room": "600 l/min", "flow_pressure": "6.9 bar", "band": "0.2 bar"},
 }
 
 

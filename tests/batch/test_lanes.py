@@ -158,7 +158,7 @@ def test_what_does_more_than_stand_in_the_machine_is_built_for_real():
 @pytest.mark.slow
 def test_lanes_that_are_stiff_take_the_steps_of_their_runs():
     columns = {
-        "rig.plumbing.direct.valve.flow": ["105 l/min", "600 l/min", "1500 l/min"],
+        "rig.plumbing.direct.valve.flow_into_the_room": ["105 l/min", "600 l/min", "1500 l/min"],
         "rig.plumbing.direct.port_volume": ["2 cm^3", "1 cm^3", "0.1 cm^3"],
     }
     made = template(step_protocol(), columns)

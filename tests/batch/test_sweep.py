@@ -17,6 +17,7 @@ from mckibben.batch.drive import run_sweep
 from mckibben.batch.store import read_results
 from mckibben.batch.sweep import run_batch
 from mckibben.batch.sweep_file import read_sweep
+from mckibben.batch.variants import Variants
 from mckibben.batch.workers import Workers
 from mckibben.errors import InputError
 
@@ -212,6 +213,14 @@ def test_the_hash_is_of_what_decides_the_results(tmp_path):
     same_words = read_sweep(written(tmp_path, FILE.replace('"0.3 m"', '"30 cm"').replace("block = 4", "block = 8")))
     other = read_sweep(written(tmp_path, FILE.replace('"0.3 m"', '"0.31 m"')))
     assert first.digest == same_words.digest != other.digest
+
+
+def test_the_hash_tells_words_apart_however_they_are_parted(tmp_path):
+    sweep = read_sweep(written(tmp_path))
+    path = next(iter(sweep.variants.columns))
+    words = [["1", "2 bar"], ["12", " bar"], ["1", "2 ", "bar"]]
+    varied = [dataclasses.replace(sweep, variants=Variants({path: np.array(some, object)})) for some in words]
+    assert len({one.digest for one in varied}) == len(words)
 
 
 def _peak(reset):

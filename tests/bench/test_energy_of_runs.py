@@ -44,7 +44,7 @@ def test_the_exergy_of_all_shipped_protocols_closes_with_adiabatic_chambers(name
 
 @pytest.mark.slow
 def test_the_exergy_of_leak_down_closes_with_adiabatic_chambers():
-    tight = rig("modern", {"plumbing.tight.heat": "adiabatic", "plumbing.tight.leak.flow": "200 ml/min"})
+    tight = rig("modern", {"plumbing.tight.heat": "adiabatic", "plumbing.tight.leak.flow_into_the_room": "200 ml/min"})
     recording = run(bench("leak-down", on=tight, settle="1 s", longest="5 s"))
     closes(recording)
     assert recording.meta["energy"]["exergy"]["out"]["leak"] > 0.0

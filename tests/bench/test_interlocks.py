@@ -4,7 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from short_runs import written
 
+from mckibben.bench.rig_file import rig
+from mckibben.bench.segment import software_of, timing_of
 from mckibben.bench.software.interlocks import Interlocks, Trip
 
 DT = 1e-3
@@ -262,3 +265,21 @@ def test_a_scan_and_the_loop_find_the_same() -> None:
         looped.append(int(code))
     assert scanned.tolist() == looped
     assert set(looped) == {0, int(Trip.LOST_PRESSURE)}
+
+
+@pytest.mark.parametrize(("how", "trip"), [('"shut"', Trip.NOTHING), ('"3 bar"', Trip.LOST_PRESSURE)])
+def test_a_muscle_that_is_shut_off_may_lose_its_pressure(how, trip) -> None:
+    """It need not have what the valve is asked for; one that is not shut off has to."""
+    steps = (
+        f'[[steps]]\npressure = "3 bar"\nspan = "1 L0"\nfor = "20 ms"\n[[steps]]\npressure = {how}\nfor = "100 ms"\n'
+    )
+    made = written(f'sample_rate = "1000 Hz"\n{steps}', on=rig("modern"))
+    software = software_of(made, next(made.segments()), timing_of(made))
+    software = software.replace(interlocks=locks(implausible_after=0.05, valve_range=1e6))
+    seen = {"pressure": 3e5, "tension": 0.0, "span": 0.14}
+    step = jax.jit(software.step)
+    state, codes = software.initial(seen), []
+    for k in range(110):
+        state, _, shown = step(state, {**seen, "pressure": 3e5 if k < 20 else 0.0}, {}, DT)
+        codes.append(int(shown["code"]))
+    assert set(codes[:60]) == {Trip.NOTHING} and codes[-1] == trip

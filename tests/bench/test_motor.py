@@ -207,7 +207,7 @@ def test_the_electrical_power_goes_into_copper_motion_and_coil():
     assert copper > 0.1
     assert friction > 0.0
     turnover = np.abs(np.diff(sums[:, 0])).sum()
-    coil = float(motor.magnetic_energy(i[-1]))
+    coil = 0.5 * float(motor.inductance) * i[-1] ** 2  # magnetic energy of the coil [J]
     # Each jump of the command and each corner of the ceiling costs the quadrature up to (rate h)^4 of a step's energy.
     assert abs(electrical - copper - mechanical - coil) < 1e-6 * turnover
     kinetic = 0.5 * 0.075 * v[-1] ** 2

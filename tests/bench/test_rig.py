@@ -7,6 +7,7 @@ from importlib import resources
 import pytest
 
 from mckibben.bench.rig_file import read_rig, rig, rig_names
+from mckibben.bench.software.interlocks import Trip
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol
 
@@ -37,6 +38,21 @@ def test_a_rig_with_a_base_is_that_rig_with_its_changes(tmp_path):
     again = rig(own)
     assert again.document["plumbing"] == cold.document["plumbing"]
     assert float(again.sensors["tension"].high) == 9.0
+
+
+@pytest.mark.parametrize(("name", "trip"), [("pressure", Trip.LOST_PRESSURE), ("tension", Trip.LOST_TENSION)])
+def test_a_live_zero_shows_a_wire_that_is_cut(name, trip):
+    """The converter reads the least it can, and no transducer that is whole reads less than its own least value."""
+    own = rig("modern")
+    sensor = own.sensors[name]
+    lock = own.watch(next(iter(own.plumbing))).replace(patience=0.0)
+    whole = {"pressure": 1e5, "tension": 10.0}
+
+    def code(reading):
+        return int(lock.step(lock.initial(), whole | {name: float(reading)}, {}, 0.0, 1e-3)[1])
+
+    assert float(sensor.converter.low) < float(sensor.low)  # it has a live zero
+    assert (code(sensor.low), code(sensor.converter.low)) == (Trip.NOTHING, trip)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_balances_of_shipped_protocols_close_with_adiabatic_chambers(name):
 
 @pytest.mark.slow
 def test_the_balance_of_leak_down_closes_with_adiabatic_chambers():
-    tight = rig("modern", {"plumbing.tight.heat": "adiabatic", "plumbing.tight.leak.flow": "200 ml/min"})
+    tight = rig("modern", {"plumbing.tight.heat": "adiabatic", "plumbing.tight.leak.flow_into_the_room": "200 ml/min"})
     recording = run(bench("leak-down", on=tight, settle="1 s", longest="5 s"))
     assert recording.meta["steps"][-2]["label"] == "leak"
     closes(recording)
@@ -163,7 +163,7 @@ def test_the_bound_that_chooses_the_step_is_above_every_mode_of_the_rig():
 
 def test_a_supply_too_fast_for_the_step_is_integrated_with_shorter_ones():
     """1,500 l/min on 2 cm^3 needs steps of some 20 us; balances alone would not show it."""
-    fast = rig("paper", {**ADIABATIC, "plumbing.direct.valve.flow": "1500 l/min"})
+    fast = rig("paper", {**ADIABATIC, "plumbing.direct.valve.flow_into_the_room": "1500 l/min"})
     recording = run(bench("isometric-step", on=fast, cycles=1, range="full"))
     assert recording.meta["timing"]["step"] < 30e-6
     settled = recording.select(0.9, 0.99)
@@ -190,7 +190,7 @@ def test_a_test_ends_its_step_at_the_first_sample_at_which_it_holds():
 
 
 def test_a_test_that_does_not_come_true_stops_the_machine_and_says_so():
-    narrow = rig("paper", ADIABATIC | {"plumbing.direct.valve.flow": "0.5 l/min"})
+    narrow = rig("paper", ADIABATIC | {"plumbing.direct.valve.flow_into_the_room": "0.5 l/min"})
     recording = run(
         written(
             '[[steps]]\nspan = "1 L0"\npressure = "2 bar"\nuntil = "pressure >= 1.5 bar"\nfor = "0.5 s"\n'

@@ -167,7 +167,7 @@ def completed(work):
 
 
 def answered(parts, path="/figure", app=None):
-    """Status of a request with the token whose body comes in parts, each with its delay [s]."""
+    """Status of a request with the token whose body comes in parts, each with its delay [s]; 0 where none was sent."""
     app, sent, left = app or App(), [], list(parts)
     one = Guard(app, "127.0.0.1", 1, "t")
     heads = [(b"host", b"127.0.0.1:1"), (b"cookie", b"mckibben-1=t"), (b"content-length", b"9")]
@@ -187,7 +187,7 @@ def answered(parts, path="/figure", app=None):
         await asyncio.wait_for(one({**scope, "path": "/figure"}, receive, send), 20.0)
 
     completed(ask())
-    return sent[0]["status"], sent[-1]["body"].decode()
+    return (sent[0]["status"], sent[-1]["body"].decode()) if sent else (0, "")
 
 
 def test_a_body_that_stalls_is_refused_and_one_that_comes_slowly_is_read(monkeypatch):
@@ -196,6 +196,15 @@ def test_a_body_that_stalls_is_refused_and_one_that_comes_slowly_is_read(monkeyp
     assert answered([(0.09, b"1")] * 9) == (200, "done")
     status, said = answered([(0.09, b"1")] * 9, "unfinished")
     assert status == 408 and "must arrive at" in said
+
+
+def test_a_body_is_read_up_to_its_bound_whatever_length_was_stated(monkeypatch):
+    """As of one that comes in chunks, which states none."""
+    monkeypatch.setattr(guard, "LARGEST", 20)
+    app = App()
+    assert answered([(0.0, b"12345")] * 4, app=app) == (200, "done") and len(app.body) == 20
+    app = App()
+    assert answered([(0.0, b"12345")] * 9, app=app)[0] == 0 and len(app.body) <= 20
 
 
 def test_too_many_requests_are_refused_and_a_stop_is_none_of_them():

@@ -11,8 +11,8 @@ from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.specimens import specimen
 from mckibben.studies.comparison import compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
-from mckibben.web.pages.compare.grid import _short
 from mckibben.web.pages.compare.jobs import exported
+from mckibben.web.pages.compare.page import _short
 
 LONG = 180_000  # a law is compiled once [ms]
 

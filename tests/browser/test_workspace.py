@@ -19,7 +19,7 @@ from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
-from mckibben.web.bench.running import RunController
+from mckibben.web.bench.machine import RunController
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
 from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
@@ -269,7 +269,8 @@ def test_foreign_names_and_foreign_pages_are_refused_whatever_they_know():
     assert asked(guard, origin="http://127.0.0.1:8080", cookie=cookie) is None
     for heads in (
         {"host": "evil.example"}, {"origin": "http://evil.example"}, {"origin": "null"}, {"host": ""}, {"host": "["},
-        {"origin": "http://127.0.0.1:9999"},
+        {"origin": "http://127.0.0.1:9999"}, {"origin": "http://127.0.0.1:80801"}, {"origin": "http://127.0.0.1"},
+        {"origin": "http://127.0.0.1:8080.evil.example"},
     ):  # fmt: skip
         assert asked(guard, cookie=cookie, **heads)["status"] == 403, heads
         assert asked(guard, kind="websocket", cookie=cookie, **heads)["type"] == "websocket.close", heads

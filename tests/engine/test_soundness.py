@@ -9,7 +9,16 @@ from mckibben.components.system import Exchange
 from mckibben.engine import Signal, held, integrate, integration
 from mckibben.engine.integration import Result
 from mckibben.engine.sampled import MOST_HALVED, Steps
-from mckibben.engine.soundness import LEAST, MEANINGS, OPEN, Soundness, balance_errors, soundness, unsound_sentence
+from mckibben.engine.soundness import (
+    LEAST,
+    MEANINGS,
+    OPEN,
+    Soundness,
+    balance_errors,
+    soundness,
+    switched,
+    unsound_sentence,
+)
 from mckibben.errors import ConvergenceError
 from mckibben.simulation import Air, Plate, Simulation
 
@@ -35,6 +44,13 @@ def test_a_balance_that_closes_has_no_error_and_one_that_loses_half_has_a_half()
     assert float(closed["gas"]) == 0.0 and float(closed["mechanics"]) == 0.0
     lost = balance_errors(before, after, {"gas": Exchange(8.0, 4.0), "mechanics": Exchange(1.0, 1.0)}, 1e-3)
     assert float(lost["gas"]) == pytest.approx(0.5, rel=1e-6)  # but for what a system at rest may exchange
+
+
+@pytest.mark.parametrize("share", [1e-3, 0.3, 0.5, 0.7, 0.999])
+def test_a_muscle_switched_if_it_was_slack_for_a_part_of_the_time_however_large(share):
+    assert bool(switched([share * 2e-3], 2e-3)) and bool(switched([0.0, share * 2e-3, 2e-3], 2e-3))
+    whole = 2e-3 * (1.0 - 1e-12)  # a sum of the parts of a sample
+    assert not bool(switched([0.0, whole, 2e-3], 2e-3)) and not bool(switched([], 2e-3))
 
 
 def test_at_rest_rounding_is_no_imbalance():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
-from mckibben.experiments.dry_run import Limits, TensionTable, check, dry_run
+from mckibben.experiments.commands import PARTS
+from mckibben.experiments.dry_run import Limits, check, dry_run
 from mckibben.experiments.read import parse_protocol, protocol, protocol_names
-from mckibben.experiments.steps import PARTS
 
 EVERYTHING = frozenset((*PARTS, "pressure sensor", "span sensor", "tension sensor"))
 
@@ -215,20 +215,3 @@ def test_a_speed_from_an_unknown_start_is_refused():
     (finding,) = found(made(text))
     assert finding.field == "steps.2.span.at"
     assert "not known in advance" in finding.allowed
-
-
-def test_table_agrees_with_the_law_it_was_made_from():
-    spans, pressures = np.linspace(0.09, 0.16, 141), np.linspace(0.0, 6e5, 121)
-    table = TensionTable(
-        tuple(spans), tuple(pressures), tuple(map(tuple, nylon(spans[:, None], pressures[None, :]).tolist()))
-    )
-    rng = np.random.default_rng(3)
-    span, pressure = rng.uniform(0.09, 0.16, 500), rng.uniform(0.0, 6e5, 500)
-    # bilinear is exact but next to the kink at zero: half a cell of 0.5 mm and 0.05 bar there
-    np.testing.assert_allclose(table(span, pressure), nylon(span, pressure), atol=1.2)
-    smooth = nylon(span, pressure) > 3.0
-    np.testing.assert_allclose(table(span, pressure)[smooth], nylon(span, pressure)[smooth], atol=1e-9)
-    p = protocol("quasi-static", longest="1.1 L0")
-    assert [f.step for f in found(p, estimate=table)] == [f.step for f in found(p)]
-    with pytest.raises(InputError):
-        TensionTable((0.1, 0.1), (0.0, 1.0), ((0.0, 0.0), (0.0, 0.0)))

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from mckibben.engine import held, integrate, march, ramped
 from mckibben.muscles import law_from_specimen
-from mckibben.pneumatics.balance import balance
-from mckibben.pneumatics.circuit import Branch, Circuit
+from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.heat import Isothermal, Polytropic, WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import TUBES, LumpedTube

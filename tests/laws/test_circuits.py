@@ -10,8 +10,7 @@ from mckibben.engine import held, integrate, ramped
 from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
-from mckibben.pneumatics.balance import balance
-from mckibben.pneumatics.circuit import Branch, Circuit
+from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.heat import Inflow, Isothermal, Polytropic, VolumeState, WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice, steepest_slope
 from mckibben.pneumatics.tubes import TUBES, LumpedTube

@@ -13,7 +13,7 @@ from machines import ADIABATIC, ROOM, SAMPLES, SUPPLY, WALL, body, exergy_closes
 
 from mckibben.components import Environment
 from mckibben.engine import held, ramped
-from mckibben.pneumatics.exergy import DeadState
+from mckibben.pneumatics.circuit import DeadState
 from mckibben.pneumatics.gas import AIR
 from mckibben.pneumatics.heat import Isothermal, WallHeat
 

@@ -129,6 +129,14 @@ def test_tondu_lopez_is_its_printed_formula() -> None:
     assert_same(tension(law, length, PRESSURE), printed)
 
 
+def test_sarosi_is_its_printed_formula() -> None:
+    """F = (a1 P' + a2) exp(a3 eps) + a4 P' eps + a5 P' + a6."""
+    law, length = example("sarosi"), np.linspace(0.7, 1.0, 40)[:, None] * 0.3
+    eps = 1.0 - length / 0.3
+    printed = (4e-5 * PRESSURE + 220.0) * np.exp(-33.0 * eps) - 6.7e-3 * PRESSURE * eps + 1.8e-3 * PRESSURE - 150.0
+    assert_same(tension(law, length, PRESSURE), printed)
+
+
 class TestLinearWithThreshold:
     """Eqs. 12a, 12b, 13 and 38b with the printed numbers of the nylon muscle, in cm, bar and N."""
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mckibben.assembly.loads import ChainLink, LinkChain, MomentArm
+from mckibben.assembly.loads import ChainLink, JointLoad, LinkChain, MomentArm
 from mckibben.assembly.loads.chain import ChainState
+from mckibben.assembly.loads.joint import JointState
 from mckibben.errors import InputError
 
 GRAVITY = 9.81
@@ -121,3 +122,14 @@ def test_what_the_muscles_deliver_is_what_the_chain_gains():
 def test_a_muscle_about_an_unknown_joint_is_refused():
     with pytest.raises(InputError, match="joints of m must be among 1, 2, 3, got 4"):
         LinkChain(THREE.links, {"m": {"4": MomentArm(coefficients=jnp.array([0.02]), span=0.1)}}, order=THREE.order)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_stop_counts_among_the_modes_from_before_it_is_met(side):
+    """It is met within 10 ms of an angle that moves towards it, and not of one that moves away."""
+    joint = JointLoad(arms={}, inertia=0.01, lower_stop=-1.0, upper_stop=1.0, stop_stiffness=2e4)
+    stiff = np.sqrt(2e4 / 0.01)
+    met = {(1.01, 0.0): stiff, (0.995, 1.0): stiff, (0.995, -1.0): 0.0, (0.98, 1.0): 0.0, (0.98, -3.0): 0.0}
+    for (angle, rate), bound in met.items():
+        found = float(joint.max_rate_bound(JointState(side * angle, side * rate), {}))
+        assert found == pytest.approx(bound, rel=1e-14)  # rounding

@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 from mckibben.assembly.build import unit_from_specimen
 from mckibben.assembly.stiffness import joint_stiffness, muscle_stiffness
 from mckibben.engine import held, ramped
-from mckibben.pneumatics.exergy import lines_of
+from mckibben.pneumatics.circuit import lines_of
 
 TIME = PERIOD * np.arange(SAMPLES + 1)
 HEATS = {"adiabatic": ADIABATIC, "wall": WALL}

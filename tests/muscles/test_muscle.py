@@ -84,6 +84,18 @@ def test_a_fitted_muscle_warns_where_its_law_answers_beyond_the_measured_points(
     assert usual_pressure(fitted.specimen) == 4e5  # less than the usual 5 bar: nothing was measured there
 
 
+@pytest.mark.parametrize("what", ["rated_pressure", "burst_pressure"])
+def test_the_usual_pressure_of_a_muscle_is_none_that_it_does_not_bear(what):
+    """Even where somebody measured beyond."""
+    spec = mk.muscle("nylon").specimen
+    numbers = {what: (3e5, "Pa"), "highest_measured_pressure": (4.5e5, "Pa")}
+    rest = dataclasses.replace(spec.properties["rest_length"], range=None)
+    stated = {name: dataclasses.replace(rest, value=v, unit=unit) for name, (v, unit) in numbers.items()}
+    bare = {name: p for name, p in spec.properties.items() if name not in ("rated_pressure", "burst_pressure")}
+    assert usual_pressure(dataclasses.replace(spec, properties={**bare, **stated})) == 3e5
+    assert usual_pressure(dataclasses.replace(spec, properties=bare)) <= 5e5
+
+
 def test_a_text_without_a_unit_is_refused(muscle):
     with pytest.raises(InputError, match="length must be a length such as '12 cm'.*the unit is missing"):
         muscle.tension("0.12", 5e5)

@@ -17,6 +17,7 @@ from test_recording import assert_same, recordings, some
 
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, _meta, _sidecar, _store, convert, read_any, write
+from mckibben.recordings._sidecar import KEY
 from mckibben.recordings.formats import readable, writable
 from mckibben.recordings.text import plain_names
 
@@ -88,6 +89,15 @@ def test_names_that_matlab_does_not_allow_are_changed_and_said(tmp_path: Path) -
     assert told.startswith("7 names are written as MATLAB allows them, such as a_b for a.b")
     assert "end" not in variables_of(tmp_path / "a.mat")  # a word of the language, which no variable can be called
     assert_same(read_any(tmp_path / "a.mat").recording, kept)
+
+
+@pytest.mark.parametrize("suffix", writable())
+def test_a_channel_may_have_the_name_of_what_a_format_keeps_beside_it(tmp_path: Path, suffix: str) -> None:
+    kept = Recording(
+        [0.0, 0.1], {name: Channel([1.0, 2.0], "N") for name in (KEY, "units", "meta", "schema")}, {"a": "b"}
+    )
+    write(kept, tmp_path / f"run{suffix}")
+    assert_same(read_any(tmp_path / f"run{suffix}").recording, kept)
 
 
 def variables_of(path: Path) -> list[str]:

@@ -25,6 +25,11 @@ def test_only_what_differs_is_named_and_nothing_that_follows_from_it():
     assert differing([meta("1 Hz"), meta("1 Hz")]) == {}
 
 
+def test_of_what_parts_recordings_alike_only_that_which_was_set_is_named():
+    assert list(differing([meta("1 Hz"), meta("1 Hz", rig="other", tube="2 m")])) == ["rig"]
+    assert list(differing([meta("1 Hz"), meta("2 Hz", rig="other")])) == ["rig", "frequency"]  # both were set
+
+
 def test_everything_names_results_too():
     assert "created" in differing([meta("1 Hz"), meta("2 Hz")], everything=True)
     assert "balance.mass" in facts(meta("1 Hz"), everything=True) and "balance.mass" not in facts(meta("1 Hz"))

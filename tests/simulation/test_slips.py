@@ -11,6 +11,7 @@ import warnings
 import pytest
 
 import mckibben as mk
+from mckibben.muscles.plausible import span_cautions
 from mckibben.quantities import amounts
 from mckibben.simulation.mechanisms import Stated
 
@@ -212,6 +213,14 @@ def test_a_span_beyond_what_a_muscle_can_take_names_the_lengths():
         mk.InputError, match=r"span of flexor must be from 1 mm to 20.02 cm for a muscle of 14 cm at rest, got 50 cm"
     ):
         mk.Simulation(mk.Joint("nylon", span="50 cm"))
+
+
+@pytest.mark.parametrize("span", [0.21, 0.9e-3, 0.0, -0.14, math.nan])
+def test_a_span_that_no_muscle_has_is_refused(span):
+    """Wherever it is stated, not only where a load declares its own bounds."""
+    nylon = mk.muscle("nylon")
+    with pytest.raises(mk.InputError, match=r"span must be from 1 mm to 20.02 cm for a muscle of 14 cm at rest, got"):
+        span_cautions(span, nylon.law, nylon.rest_length)
 
 
 @pytest.mark.parametrize(

@@ -17,11 +17,11 @@ FLOW = {"flow_into_the_room": "600 l/min", "flow_pressure": "6.9 bar"}
 # One good way to state each kind.
 GOOD = {
     "orifice": FLOW,
-    "leak": {"flow": "10 ml/min", "flow_pressure": "6 bar"},
+    "leak": {"flow_into_the_room": "10 ml/min", "flow_pressure": "6 bar"},
     "check_valve": FLOW | {"cracking_pressure": "0.1 bar"},
     "on_off_valve": FLOW | TIMES,
     "three_way_valve": FLOW | TIMES | {"overlap": -0.1},
-    "spool_valve": FLOW | {"lag": "5 ms", "vent_flow": "300 l/min"},
+    "spool_valve": FLOW | {"lag": "5 ms", "vent_flow_into_the_room": "300 l/min"},
     "pressure_regulator": FLOW | {"band": "0.2 bar", "set_pressure": "3 bar"},
     "quick_exhaust": FLOW,
     "compressor": {"displacement": "20 cm^3", "speed": "1500 rpm"},
@@ -114,7 +114,11 @@ def test_a_shaft_turns_as_often_as_it_says() -> None:
         ("orifice", {"hole_diameter": ["2 mm"]}, "must be a number, or words with a unit"),
         ("orifice", {"hole_diameter": "nan mm"}, "finite"),
         ("on_off_valve", FLOW, "on_off_valve.opening_dead_time is missing"),
-        ("three_way_valve", TIMES | {"fill_flow": "9 l/min", "fill_flow_pressure": "6 bar"}, "three_way_valve.vent_"),
+        (
+            "three_way_valve",
+            TIMES | {"fill_flow_into_the_room": "9 l/min", "fill_flow_pressure": "6 bar"},
+            "three_way_valve.vent_",
+        ),
         ("spool_valve", FLOW, "spool_valve.lag is missing"),
         ("pressure_regulator", FLOW | {"band": "0 bar"}, "pressure_regulator.band"),
         ("lumped_tube", {"length": "1 m"}, "lumped_tube.diameter is missing"),
@@ -148,7 +152,7 @@ def test_the_effective_flow_is_taken_only_when_asked_for_and_is_marked_inferred(
 
 def test_values_go_before_the_specimens_own() -> None:
     spec = specimen("MPP-3-1-8")
-    changed = build_element("pressure_regulator", {"band": "0.5 bar", "flow": "300 l/min"}, specimen=spec)
+    changed = build_element("pressure_regulator", {"band": "0.5 bar", "flow_into_the_room": "300 l/min"}, specimen=spec)
     assert (float(changed.band), free_flow(changed.fill)) == pytest.approx((5e4, 300.0))
     assert float(changed.hysteresis) == pytest.approx(5e3)
     other = build_element("on_off_valve", TIMES, specimen=spec)
@@ -166,7 +170,7 @@ element = "pressure_regulator"
 title = "A valve from my desk"
 sources = ["me"]
 
-[properties.flow]
+[properties.flow_into_the_room]
 value = 600.0
 unit = "l/min"
 
@@ -190,7 +194,7 @@ unit = "bar"
         ('element = "pressure_regulator"', 'element = "turbine"', "Known are orifice"),
         ('element = "pressure_regulator"\n', "", "element is missing"),
         (
-            '[properties.flow]\nvalue = 600.0\nunit = "l/min"\n',
+            '[properties.flow_into_the_room]\nvalue = 600.0\nunit = "l/min"\n',
             "",
             "the file must state a size, in [valve]",
         ),

@@ -315,6 +315,19 @@ def test_a_line_that_another_beats_in_everything_is_not_pareto_best():
     assert marks == {line.to_force: True, worse.to_force: False, other.to_force: True}
 
 
+def test_a_line_keeps_up_with_cycles_of_its_whole_rise_and_fall():
+    wish = WISH
+    one = judged(design(wish)[0], wish)
+
+    def line(frequency):
+        return lines_for(one, replace(wish, frequency=frequency), valves=["MHE2-3-2"], tubes=["PU-4x2"])[0]
+
+    plain = line(None)
+    fastest = 0.8 / (plain.rise + plain.fall)  # both are from a tenth to nine tenths of the way [Hz]
+    assert plain.fall > 0.1 * plain.rise and plain.keeps_up
+    assert line(0.99 * fastest).keeps_up and not line(1.01 * fastest).keeps_up
+
+
 @pytest.mark.slow
 def test_a_faster_wish_has_less_margin_of_speed():
     wish = replace(WISH, length=0.25)

@@ -30,6 +30,7 @@ from mckibben.studies.sizing import (
 from mckibben.studies.sizing.as_files import circuit_of, specimen_of, toml_of
 from mckibben.studies.sizing.braid_law import INFERRED, braid_law
 from mckibben.studies.sizing.candidate import air_of_cycle
+from mckibben.studies.sizing.spread import _force
 from mckibben.studies.sizing.tables import tables_of
 
 WISH = Requirements(force=35.0, stroke=0.028, pressure=5e5, frequency=0.5, working_time=4 * 3600.0)
@@ -97,6 +98,17 @@ def test_an_answer_lies_within_what_the_inferred_numbers_leave():
             assert s.energy_range[0] <= s.energy <= s.energy_range[1], s.id
             if s.cycles is not None:
                 assert s.cycles_range[0] <= s.cycles <= s.cycles_range[1], s.id
+
+
+def test_the_range_of_an_answer_sums_what_each_inferred_number_moves():
+    """The worst of them at once: none of them knows of the others."""
+    spread = spread_of(BRAID, WISH)
+    one, pairs = BRAID.muscle, BRAID.muscle.law_ends().pairs.values()
+    moves = [[_force(one, law, WISH) - BRAID.end_force for law in pair] for pair in pairs]
+    moves += [[one.friction - friction for friction in one.friction_range or (one.friction,)]]
+    assert sum(min(move) < 0.0 for move in moves) > 1 and sum(max(move) > 0.0 for move in moves) > 1
+    ends = [sum(pick(0.0, *move) for move in moves) for pick in (min, max)]
+    assert np.subtract(spread.force, BRAID.end_force) == pytest.approx(ends, rel=1e-12)  # rounding
 
 
 def test_the_range_of_a_braid_holds_every_corner_of_one_number():

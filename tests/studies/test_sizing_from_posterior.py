@@ -10,7 +10,7 @@ from mckibben.muscles.build import law_from_specimen
 from mckibben.specimens import specimen
 from mckibben.studies.sizing import Requirements, of_specimen
 from mckibben.studies.sizing.candidate import LawAtPressure
-from mckibben.studies.sizing.from_posterior import answer_of_posterior
+from mckibben.studies.sizing.size import answer_of_posterior
 
 WISH = Requirements(force=40.0, stroke=0.02, pressure=4e5)
 LENGTHS, PRESSURES = (a.ravel() for a in np.meshgrid(np.linspace(0.11, 0.154, 5), np.linspace(2e5, 5e5, 3)))

@@ -17,7 +17,7 @@ from .._jax import Scalar
 from ..assembly.muscle_unit import BraidMotion
 from ..errors import InputError
 from ..muscles.stored import stored_along
-from ..pneumatics.exergy import DeadState, Seen
+from ..pneumatics.circuit import DeadState, Seen
 from ..recordings import Recording
 from ._recorded_machine import RecordedMachine
 from .channels import known

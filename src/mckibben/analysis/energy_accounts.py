@@ -24,7 +24,7 @@ from ..errors import InputError
 from ..muscles.build import law_from_specimen
 from ..muscles.law import TensionLaw
 from ..muscles.stored import stored_along
-from ..pneumatics.exergy import DeadState
+from ..pneumatics.circuit import DeadState
 from ..pneumatics.gas import AIR
 from ..quantities import with_unit
 from ..recordings import Recording

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..recordings import Recording
-from .channels import known, positive, smoothed, uniform_period
+from .channels import known, positive
 from .cycles import cycle_frequency
 from .loops import TensionLoop, loop
 
@@ -113,44 +113,6 @@ def advanced(record: Recording, lag: float, *, channels: str | list[str]) -> Rec
         values = CubicSpline(time, known(record, name))(at)
         kept[name] = record.channels[name].with_values(values)
     return Recording(time[inside], kept, record.meta)
-
-
-def unfiltered(
-    record: Recording, *, cutoff: float, channels: str | list[str], window: float | None = None
-) -> Recording:
-    """The recording with a first-order filter of channels undone: y + dy/dt/(2 pi fc).
-
-    Value and derivative come from a sliding parabola; noise grows by about 1/(2 pi fc period m^1.5), m samples in the
-    window, against what a sine of frequency f loses: (pi f window)^2/10 of it.
-
-    Args:
-        record: on a uniform clock.
-        cutoff: cutoff of the filter [Hz].
-        channels: their names.
-        window: window of the parabola [s]; five samples by default.
-    """
-    period = uniform_period(record)
-    width = 5.0 * period if window is None else positive("window", window, "s")
-    delay = 1.0 / (2.0 * np.pi * positive("cutoff", cutoff, "Hz"))
-    moved = {}
-    for name in [channels] if isinstance(channels, str) else channels:
-        y = known(record, name)
-        value = smoothed(y, period=period, window=width)
-        slope = smoothed(y, period=period, window=width, derivative=1)
-        moved[name] = record.channels[name].with_values(value + delay * slope)
-    return record.with_channels(moved)
-
-
-def channel_lag(record: Recording, *, late: str, early: str, longest: float = 0.1) -> Lead:
-    """Determine the delay of a channel behind another of the same shape [s], by cross-correlation.
-
-    Args:
-        record: on a uniform clock.
-        late: the channel behind the sensor.
-        early: the other.
-        longest: lag looked for, either way [s].
-    """
-    return time_lead(known(record, early), known(record, late), period=uniform_period(record), longest=longest)
 
 
 class CorrectedLoop(NamedTuple):

@@ -10,7 +10,7 @@ from ..answers import brief
 from ..engine import Run
 from ..engine.native import call_compiled
 from ..muscles.stored import stored_change
-from ..pneumatics.exergy import stored_exergy
+from ..pneumatics.circuit import stored_exergy
 from .exergy_balance import ExergyBalance, StoredChange, exergy_balance
 from .machine import Machine
 

@@ -17,7 +17,7 @@ from ..answers import brief
 from ..documents import JsonValue
 from ..engine.native import call_compiled
 from ..muscles.law import law_name
-from ..pneumatics.exergy import ROOM, DeadState, kind_of, lines_of, paths_of
+from ..pneumatics.circuit import ROOM, DeadState, kind_of, lines_of, paths_of
 from ..pneumatics.heat import WallHeat
 from ..pneumatics.volume import Chamber, Reservoir
 from .machine import Machine

@@ -15,8 +15,7 @@ from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
 from ..muscles.law import law_name
-from ..pneumatics.circuit import Circuit
-from ..pneumatics.exergy import exergies
+from ..pneumatics.circuit import Circuit, exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
 from .loads.load import mode_bound

@@ -32,8 +32,7 @@ from ..documents import JsonValue
 from ..engine import held, integrate, ramped
 from ..errors import InputError
 from ..experiments.commands import Deferred
-from ..experiments.plan import PlannedStep
-from ..experiments.protocol import Protocol
+from ..experiments.protocol import PlannedStep, Protocol
 from ..experiments.read import in_words, with_values
 from ..experiments.until import KINDS, START, advance
 from ..muscles import Muscle

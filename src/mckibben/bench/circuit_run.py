@@ -19,7 +19,7 @@ from ..components.system import Value
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
 from ..muscles.plausible import pressure_caution
-from ..pneumatics.balance import balance
+from ..pneumatics.circuit import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
 from ..recordings.memory import INTEGRATED, check_memory

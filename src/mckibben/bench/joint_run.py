@@ -32,8 +32,8 @@ from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen, muscle_specimen
 from .channels import described
 from .hardware.computer import Timing, configure
-from .hardware.joint_stand import MOMENT, PRESSURES, RiggedJoint
 from .hardware.motor import Encoder
+from .hardware.plant import MOMENT, PRESSURES, RiggedJoint
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .segment import CHUNK
@@ -67,10 +67,6 @@ class JointStand:
             encoder=self.encoder,
             valve_out=self.rig.valve_out,
         )
-
-    def with_gains(self, **gains: float) -> JointStand:
-        """Return a copy with other controller gains, by name."""
-        return dataclasses.replace(self, control=self.control.replace(**gains))
 
 
 def joint_stand(

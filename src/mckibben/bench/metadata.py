@@ -14,7 +14,7 @@ from ..assembly.exergy_balance import document
 from ..assembly.machine import Machine
 from ..components.paths import resolved
 from ..documents import JsonValue
-from ..experiments.plan import PlannedStep
+from ..experiments.protocol import PlannedStep
 from ..muscles.evidence import law_error
 from ..muscles.law import law_name
 from ..recordings.provenance import created, versions

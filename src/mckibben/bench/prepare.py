@@ -18,8 +18,7 @@ from ..documents import JsonValue
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments.dry_run import Estimate, Finding, check_plan
-from ..experiments.plan import PlannedStep, ProtocolPlan
-from ..experiments.protocol import Protocol
+from ..experiments.protocol import PlannedStep, Protocol, ProtocolPlan
 from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of

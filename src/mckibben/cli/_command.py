@@ -98,7 +98,7 @@ class CommandWithHelp(typer.core.TyperCommand):
         return with_plain_values(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of the command line."""
+        """Parse the words of the command line, without those that every command takes."""
         words, quiet = _without_quiet(_without_code(args))
         if quiet:
             _terminal.be_quiet()

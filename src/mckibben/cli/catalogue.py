@@ -11,8 +11,9 @@ from ..bench import software
 from ..citations import known_keys, reference
 from ..documents import JsonValue, write_text
 from ..errors import InputError
-from ..experiments import amounts, sentence
+from ..experiments import amounts
 from ..experiments import read as reading
+from ..experiments.protocol import is_inferred
 from ..specimens import specimens
 from ._outputs import OBJECT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._terminal import Json, pairs, print_json, table
@@ -170,10 +171,10 @@ def _parameter(protocol: Protocol, p: ProtocolParameter) -> dict[str, JsonValue]
 
     def entry(value: Any) -> dict[str, JsonValue]:
         if p.unit == "word":
-            return {"value": value, "unit": "word", "words": value, "inferred": sentence.is_inferred(p, value)}
+            return {"value": value, "unit": "word", "words": value, "inferred": is_inferred(p, value)}
         amount = amounts.read_amount(value, p.unit, field=p.name)
         words = {"value": amount.value, "unit": amount.unit, "words": str(value)}
-        return words | {"inferred": sentence.is_inferred(p, value) or _by_inferred(protocol, p, value)}
+        return words | {"inferred": is_inferred(p, value) or _by_inferred(protocol, p, value)}
 
     return {
         "unit": p.unit,

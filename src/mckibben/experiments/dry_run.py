@@ -12,9 +12,7 @@ from ..answers import brief
 from ..errors import InputError, compose_sentence
 from .amounts import read_amount
 from .commands import Deferred, Follow, Reach
-from .plan import PlannedStep, ProtocolPlan
-from .protocol import Protocol
-from .sentence import case_words
+from .protocol import PlannedStep, Protocol, ProtocolPlan, case_words
 from .waveforms import time_words
 from .waveforms.waveform import words
 
@@ -48,46 +46,6 @@ class Limits:
     )  # sensors and parts, in the words of `Step.needs`
 
     __repr__ = brief
-
-
-@dataclass(frozen=True)
-class TensionTable:
-    """Tension by bilinear interpolation; outside the table as at its nearest edge.
-
-    Args:
-        spans: rising [m], (n,).
-        pressures: rising, gauge [Pa], (m,).
-        tensions: [N], (n, m).
-    """
-
-    spans: tuple[float, ...]
-    pressures: tuple[float, ...]
-    tensions: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        shape = (len(self.spans), len(self.pressures))
-        for name, values in (("spans", self.spans), ("pressures", self.pressures)):
-            if len(values) < 2 or not np.all(np.diff(values) > 0.0):
-                raise InputError(name, None, f"must be two or more that rise, got {len(values)} values")
-        if len(self.tensions) != shape[0] or any(len(row) != shape[1] for row in self.tensions):
-            raise InputError("tensions", None, f"must be {shape[0]} rows of {shape[1]}")
-
-    def __call__(self, span: Any, pressure: Any) -> np.ndarray:
-        """Tension [N], shape of the arguments."""
-        i, u = _place(self.spans, span)
-        j, v = _place(self.pressures, pressure)
-        table = np.asarray(self.tensions, float)
-        low = table[i, j] * (1.0 - v) + table[i, j + 1] * v
-        high = table[i + 1, j] * (1.0 - v) + table[i + 1, j + 1] * v
-        pressures: np.ndarray = low * (1.0 - u) + high * u
-        return pressures
-
-
-def _place(knots: tuple[float, ...], x: Any) -> tuple[np.ndarray, np.ndarray]:
-    known = np.asarray(knots, float)
-    inside = np.clip(np.asarray(x, float), known[0], known[-1])
-    i = np.clip(np.searchsorted(known, inside, side="right") - 1, 0, len(known) - 2)
-    return i, (inside - known[i]) / (known[i + 1] - known[i])
 
 
 class Violation(NamedTuple):

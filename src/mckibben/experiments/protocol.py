@@ -16,12 +16,26 @@ from .. import schema
 from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
-from ..schema import FrozenTable, Place, read_table, write_table
+from ..schema import FileTable, FrozenTable, Place, read_table, write_table
 from .amounts import read_amount
-from .plan import ProtocolPlan, expand
-from .sentence import protocol_sentence
-from .steps import PARTS, ProtocolStep, bind
+from .commands import (
+    ANYWHERE,
+    PARTS,
+    Command,
+    Deferred,
+    ProtocolStep,
+    Reach,
+    SetPoints,
+    StepClock,
+    bind,
+    kept,
+    read_step,
+    repeats,
+    substituted,
+)
+from .until import Until
 from .waveforms.random import uniform
+from .waveforms.waveform import words
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -345,3 +359,342 @@ def _plain(value: Any) -> Any:
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     return f"{float(value) + 0.0:.12g}"
+
+
+# ---- the plan on the sample clock: all steps in their order, with set-points where no measurement decides them
+
+LONGEST = 20_000_000  # samples
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStep:
+    """A step of the plan.
+
+    `index` counts from 1, `path` is its place in the protocol; `start` and `count` are samples, the latest and the most
+    where a test may end a step early. `pressure` [Pa] and `motor` [unit of `mode`] are set-points of shape (count,), or
+    `Deferred`; the pressure is None while the muscle is shut off. `stimulation` [1] is the excitation of
+    a biological muscle. The `*_before` are where channels are when it begins,
+    `span` where the span goes in it; `pulled` is the tension [N] that the motor held when it begins, if that decided
+    the span.
+    """
+
+    index: int
+    path: str
+    case: Mapping[str, Any]
+    step: ProtocolStep
+    start: int
+    count: int
+    mode: str
+    pressure: np.ndarray | Deferred | None
+    motor: np.ndarray | Deferred
+    pressure_before: Reach
+    motor_before: Reach
+    pressure_reach: Reach
+    span: Reach
+    pulled: Reach | None = None
+    stimulation: np.ndarray | Deferred | None = None
+
+    __repr__ = brief
+
+    @property
+    def until(self) -> Until | None:
+        """Condition that ends the step early."""
+        return self.step.until
+
+    @property
+    def record(self) -> bool:
+        """Whether the step is recorded."""
+        return self.step.record
+
+    def sentence(self) -> str:
+        """Describe the step, with its place and case."""
+        used = f" ({case_words(self.case)})" if self.case else ""
+        return f"{self.path}{used}: {self.step.sentence()}"
+
+
+@dataclass(frozen=True, eq=False)
+class ProtocolPlan:
+    """Steps on the sample clock; `sample_rate` [1/s], `rest_length` of the muscle [m]."""
+
+    protocol: Protocol
+    rest_length: float
+    steps: tuple[PlannedStep, ...]
+
+    __repr__ = brief
+
+    @property
+    def sample_rate(self) -> float:
+        """Samples per second."""
+        return self.protocol.sample_rate
+
+    @property
+    def samples(self) -> int:
+        """Number of samples, at most."""
+        return sum(s.count for s in self.steps)
+
+    @property
+    def duration(self) -> float:
+        """Longest time that it may take [s]."""
+        return self.samples / self.sample_rate
+
+
+def expand(protocol: Protocol, *, rest_length: float, start_span: float | None = None) -> ProtocolPlan:
+    """The flat plan.
+
+    Args:
+        protocol: the protocol.
+        rest_length: rest length of the muscle [m], which ``L0`` stands for.
+        start_span: where the motor is at the beginning [m]; the rest length by default. The pressure begins at zero.
+
+    Raises:
+        InputError: if a line at a speed begins where nobody knows in advance, or it has too many samples.
+    """
+    if not rest_length > 0.0:
+        raise InputError("rest_length", words(rest_length, "m"), "must be a length above zero")
+    begin = rest_length if start_span is None else start_span
+    state = _State(rest_length, 1.0 / protocol.sample_rate, Reach(0.0, 0.0), Reach(begin, begin))
+    planned: list[PlannedStep] = []
+    start = 0
+    for case, steps in protocol.blocks():
+        for path, step in steps:
+            one = state.plan(step, len(planned) + 1, path, case, start)
+            planned.append(one)
+            start += one.count
+    return ProtocolPlan(protocol, rest_length, tuple(planned))
+
+
+class _State:
+    """Set-points between two steps."""
+
+    def __init__(self, rest_length: float, dt: float, pressure: Reach, span: Reach) -> None:
+        self.rest, self.dt = rest_length, dt
+        self.pressure, self.span = pressure, span
+        self.stimulation = Reach(0.0, 0.0)
+        self.mode, self.motor = "span", span
+        self.pulled: Reach | None = None
+
+    def plan(self, step: ProtocolStep, index: int, path: str, case: Mapping[str, JsonValue], start: int) -> PlannedStep:
+        mode = step.mode or self.mode
+        if mode != self.mode:
+            # nobody knows the force or speed at which control begins; the span is known if it was driven so far
+            self.motor = self.span if mode == "span" else ANYWHERE
+        before_p, before_m = self.pressure, self.motor
+        duration = self._duration(step, mode, path)
+        count = max(1, round(duration / self.dt))
+        if start + count > LONGEST:
+            allowed = f"must be at most {LONGEST} in all; take a lower sample rate, shorter steps or fewer cases"
+            raise InputError("samples", start + count, allowed)
+        clock = StepClock(self.dt * np.arange(count), duration, self.rest, step)
+        pressure, motor = _driven(step.pressure, before_p, clock), _driven(step.motor, before_m, clock)
+        stimulation = _driven(step.stimulation, self.stimulation, clock)
+        self.stimulation = stimulation.after
+        assert motor.values is not None
+        span, after_span = self._span(mode, motor, step)
+        pulled = before_m if self.mode == mode == "tension" else self.pulled
+        self.pressure, self.motor, self.mode, self.span = pressure.after, motor.after, mode, after_span
+        self.pulled = motor.after if mode == "tension" else None if after_span.known else pulled
+        return PlannedStep(
+            index,
+            path,
+            case,
+            step,
+            start,
+            count,
+            mode,
+            pressure.values,
+            motor.values,
+            before_p,
+            before_m,
+            pressure.reach,
+            span,
+            pulled,
+            stimulation.values,
+        )
+
+    def _duration(self, step: ProtocolStep, mode: str, path: str) -> float:
+        lines = [0.0]
+        for channel, command in step.commands():
+            drives = {"pressure": self.pressure, "stimulation": self.stimulation}
+            seconds = command.duration(drives.get(channel, self.motor), self.rest)
+            if seconds is not None and np.isnan(seconds):
+                demand = "its start is not known in advance; state a time, in, instead of a speed"
+                raise InputError(f"{path}.{channel}.at", command.sentence(channel), demand)
+            lines.append(seconds or 0.0)
+        stated = step.stated_duration()
+        return max(lines) if stated is None else stated
+
+    def _span(self, mode: str, motor: SetPoints, step: ProtocolStep) -> tuple[Reach, Reach]:
+        """Range of the span during and after a step."""
+        if mode == "span":
+            return motor.reach, motor.after
+        if mode == "tension" or not isinstance(motor.values, np.ndarray):
+            return ANYWHERE, ANYWHERE
+        path = np.append(0.0, np.cumsum(motor.values) * self.dt)
+        hull = Reach(self.span.low + float(path.min()), self.span.high + float(path.max()))
+        if step.until is not None:
+            return hull, hull
+        return hull, Reach(self.span.low + float(path[-1]), self.span.high + float(path[-1]))
+
+
+def _driven(command: Command | None, before: Reach, clock: StepClock) -> SetPoints:
+    return kept(before, clock) if command is None else command.set_points(before, clock)
+
+
+# ---- the sentence: cases, steps with all numbers, and values that no source states
+
+_UNITS = r"bar/s|bar|L0/s|L0|cm/s|cm|m/s\^2|m/s|mm|m|N/s|N|Hz|us|ms|s|deg|cycles|cycle"
+_NUMBER = r"[-+]?(?<![\w.])\d[\d.]*(?:e[-+]?\d+)?"
+_TOKENS = re.compile(rf"{_NUMBER}(?: (?:{_UNITS})(?![\w/]))?|\w+|\s+|.")
+
+
+def protocol_sentence(protocol: Protocol) -> str:
+    """Title; what is varied; first, the steps, last; sampling and needs; what is inferred."""
+    cases = protocol.cases()
+    varied = _varied(cases)
+    said = [f"{protocol.title}."]
+    if protocol.first:
+        said.append(f"First {_parts(protocol.first, cases[0], 'first')}.")
+    each = [f"each {_named(name)} of {_listed(protocol, name)}" for name in protocol.varied()]
+    times = f"{protocol.repeat} times" if protocol.repeat > 1 else ""
+    order = f"in random order (seed {protocol.seed})" if protocol.order == "random" else ""
+    how = " ".join(w for w in (f"For {' and '.join(each)}" if each else "", times, order) if w)
+    body = _marked(protocol.steps, _told(protocol, cases[0]), varied)
+    said.append(f"{how[:1].upper()}{how[1:]}: {body}." if how else f"{body[:1].upper()}{body[1:]}.")
+    if protocol.last:
+        said.append(f"Last {_parts(protocol.last, cases[-1], 'last')}.")
+    said += [_controlled(name, table) for name, table in protocol.control.items()]
+    said.append(_sampled(protocol))
+    inferred = _inferred(protocol, cases)
+    if inferred:
+        said.append(f"Inferred, not printed: {'; '.join(inferred)}.")
+    return " ".join(said)
+
+
+def clauses(protocol: Protocol) -> list[tuple[str, str]]:
+    """Describe every step or group, with its dotted path such as ``steps.2``, in the order in which they are run."""
+    cases = protocol.cases()
+    varied, sentences = _varied(cases), []
+    for section, case in (("first", cases[0]), ("steps", _told(protocol, cases[0])), ("last", cases[-1])):
+        for i, part in enumerate(getattr(protocol, section), 1):
+            text = _marked((part,), case, varied)
+            if text:
+                sentences.append((f"{section}.{i}", text))
+    return sentences
+
+
+def case_words(case: Mapping[str, JsonValue]) -> str:
+    """Describe a case, such as ``pressure 5 bar, frequency 1 Hz``."""
+    return ", ".join(f"{_named(k)} {v}" for k, v in case.items())
+
+
+def is_inferred(p: ProtocolParameter, value: object) -> bool:
+    """Whether a value of a parameter is one that no source prints."""
+    if p.unit == "word":
+        return value in p.inferred
+    amount = read_amount(value, p.unit, field=p.name)
+    return any(amount == read_amount(v, p.unit, field=p.name) for v in p.inferred)
+
+
+def _named(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _varied(cases: list[dict[str, JsonValue]]) -> dict[str, list[Any]]:
+    """Names with more than one value in all the cases, with these values."""
+    names: dict[str, list[Any]] = {}
+    for case in cases:
+        for name, value in case.items():
+            known = names.setdefault(name, [])
+            if value not in known:
+                known.append(value)
+    return {name: values for name, values in names.items() if len(values) > 1}
+
+
+def _listed(protocol: Protocol, name: str) -> str:
+    """The values of a name: ``0, 1, 5 bar``, with a flag at inferred ones; options of a choice with what they set."""
+    for choice in protocol.choices:
+        if choice.name == name:
+            return ", ".join(_option(choice.sets(o), o) for o in choice.values)
+    (p,) = (p for p in protocol.parameters if p.name == name)
+    words = [str(v).split(None, 1) for v in p.values]
+    flags = [" (inferred)" if is_inferred(p, v) else "" for v in p.values]
+    if p.unit == "word":
+        return ", ".join(f"{v}{f}" for v, f in zip(p.values, flags, strict=True))
+    same = len({w[1] if len(w) > 1 else "" for w in words}) == 1 and len(words[0]) > 1
+    shown = [f"{w[0] if same else ' '.join(w)}{f}" for w, f in zip(words, flags, strict=True)]
+    return ", ".join(shown) + (f" {words[0][1]}" if same else "")
+
+
+def _option(sets: Mapping[str, JsonValue], option: str) -> str:
+    return f"{option} ({case_words(sets)})" if sets else option
+
+
+def _told(protocol: Protocol, case: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
+    """Case with phrases such as ``this lubricant`` for parameters that are text, for use in sentences."""
+    words = {p.name: f"this {_named(p.name)}" for p in protocol.parameters if p.unit == "word" and len(p.values) > 1}
+    phrases = {**case, **words}
+    try:
+        _parts(protocol.steps, phrases, "steps")
+    except InputError:  # it is a word that means something, such as a kind of waveform
+        return dict(case)
+    return phrases
+
+
+def _parts(parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], path: str) -> str:
+    said = []
+    for i, part in enumerate(parts, 1):
+        place = f"{path}.{i}"
+        entry = FileTable(substituted(part, case, place, None), place, "")
+        times = repeats(entry)
+        if times == 0:
+            continue
+        if "steps" in part:
+            label = f"{part['label']}: " if "label" in part else ""
+            text = f"{label}[{_parts(part['steps'], case, f'{place}.steps')}]"
+        else:
+            text = read_step(entry).sentence()
+        said.append(f"{text} (done {times} times)" if times > 1 else text)
+    return "; ".join(said)
+
+
+def _marked(parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], varied: Mapping[str, list[Any]]) -> str:
+    """The steps of one case; a number that changes with a name is called after it: ``at this frequency``."""
+    base = _TOKENS.findall(_parts(parts, case, "steps"))
+    marked = list(base)
+    for name, values in varied.items():
+        for value in () if str(case[name]).startswith("this ") else values:
+            other = _TOKENS.findall(_parts(parts, {**case, name: value}, "steps"))
+            if len(other) != len(base):
+                continue
+            for i, (a, b) in enumerate(zip(base, other, strict=True)):
+                if a != b:
+                    marked[i] = f"this {_named(name)}"
+    return "".join(marked)
+
+
+def _controlled(name: str, table: Mapping[str, JsonValue]) -> str:
+    """Which controller of a quantity takes the place of the rig's, with its parameters."""
+    gains = ", ".join(f"{_named(key)} {value}" for key, value in table.items() if key != "controller")
+    by = f" by {table['controller']}" if "controller" in table else ""
+    return f"The {name} is controlled{by}{f' with {gains}' if gains else ''}."
+
+
+def _sampled(protocol: Protocol) -> str:
+    rate = protocol.sample_rate
+    shown = f"{rate / 1e3:.6g} kHz" if rate >= 1e3 else f"{rate:.6g} Hz"
+    return f"Sampled at {shown}; needs {', '.join(protocol.required())}."
+
+
+def _inferred(protocol: Protocol, cases: list[dict[str, JsonValue]]) -> list[str]:
+    said = []
+    for c in protocol.choices:
+        options = [o for o in c.values if o in c.inferred]
+        if options:
+            said.append(f"{_named(c.name)} {', '.join(_option(c.sets(o), o) for o in options)}")
+    for p in protocol.parameters:
+        if len(p.values) > 1:
+            continue  # flagged where they are listed
+        values = dict.fromkeys(case[p.name] for case in cases if is_inferred(p, case[p.name]))
+        if values:
+            said.append(f"{_named(p.name)} {', '.join(str(v) for v in values)}")
+    return said

@@ -37,8 +37,8 @@ from ..quantities import split_values
 from ..registry import with_own_references
 from ..schema import FileTable, Place, read_stated, read_table
 from .amounts import read_amount
+from .commands import names_in
 from .protocol import MOST_CASES, SCHEMA, Protocol, check_options, check_values, read_values
-from .steps import names_in
 
 TEXTS = ("title", "note", "order")  # settings in which a comma is a comma
 STIMULATION = "protocols/stimulation"  # folder of the protocols of biological muscles

@@ -662,11 +662,6 @@ def _hold_out(
     return Holdout(what=f"trained up to {train_below / 1e5:g} bar", trained_on=trained, error=error)
 
 
-def fitted_by_default(law: str) -> tuple[str, ...]:
-    """The parameters of a law that a fit frees."""
-    return law_type(law).fitted
-
-
 def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: str = "fitted") -> Specimen:
     """All converged fits as one specimen; the first is its default law.
 

@@ -271,11 +271,6 @@ def default_parameters(kind: type[TensionLaw]) -> dict[str, float]:
     return {f.name: float(f.default) for f in _fields(kind) if "quantity" in f.metadata and _has_default(f)}
 
 
-def law_names() -> list[str]:
-    """Names of all tension laws."""
-    return list(LAWS)
-
-
 def _unit_of(law: str, key: str, where: str) -> str:
     known = declared(law_type(law))
     if key not in known:

@@ -212,13 +212,12 @@ def valve_from_specimen(
 
 def _state_flow(spec: Specimen, stated: dict[str, float], effective: bool, passages: Sequence[str]) -> None:
     """Add the flow into the atmosphere that a file states as a property; not needed if each passage has its size."""
-    names = ("effective_flow",) if effective else ("flow_into_the_room", "flow")
-    name = next((n for n in names if n in spec.properties), None)
-    if name is None:
+    name = "effective_flow" if effective else "flow_into_the_room"
+    if name not in spec.properties:
         if any(has_size(stated, f"{p}_") for p in passages):
             return
         raise InputError(
-            f"properties.{names[0]}",
+            f"properties.{name}",
             None,
             f"is missing: the file must state a size, in [valve] {choice(SIZES)}",
             where=spec.where or spec.id,
@@ -240,8 +239,7 @@ def known_keys(kind: str) -> dict[str, Quantity]:
     known |= keys
     if len(passages) > 1:
         known |= {f"{passage}_{key}": q for passage in passages for key, q in keys.items()}
-    if kind == "leak":  # its conductance is a laminar one, and not the standard's
-        return known | {"flow": known["flow_into_the_room"]}
+    # The conductance of a leak is a laminar one, and not the standard's.
     return sizes.with_aliases(known, passages) if passages or kind == "orifice" else known
 
 

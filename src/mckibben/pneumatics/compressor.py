@@ -70,10 +70,6 @@ class Compressor(FlowElement):
             allowed = f"must be up to the stop_pressure of {with_unit(float(stop.min()), 'Pa')}"
             raise InputError("start_pressure", with_unit(float(start.max()), "Pa"), allowed, where="Compressor")
 
-    def dead_head(self) -> Scalar:
-        """Pressure ratio at which delivery ends [1]; infinite without clearance."""
-        return (1.0 + 1.0 / self.clearance) ** self.exponent
-
     def running(self, memory: Tree, command: Scalar) -> Scalar:
         """State of the switch: 1 while it runs, else 0."""
         if isinstance(memory, tuple):

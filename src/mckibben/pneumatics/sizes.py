@@ -1,7 +1,7 @@
 """The ways in which a catalogue states the size of a passage, and their keys in files.
 
-Exactly one of `SIZES` states a size; `Orifice` converts it. Keys of older files and of the standard are read as well
-(`ALIASES`). Definitions, formulas and examples: docs/explanation/catalogue-flows.md.
+Exactly one of `SIZES` states a size; `Orifice` converts it. The signs of the standard are read as well (`ALIASES`).
+Definitions, formulas and examples: docs/explanation/catalogue-flows.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SIZES: dict[str, tuple[str, ...]] = {
     "Cv": (),
     "hole_diameter": ("discharge",),
 }
-ALIASES = {"C": "conductance", "b": "critical_ratio", "flow": "flow_into_the_room"}
+ALIASES = {"C": "conductance", "b": "critical_ratio"}  # signs of the standard
 TITLES = {
     "conductance": "Sonic conductance C",
     "nominal_flow": "Nominal flow, 6 to 5 bar",

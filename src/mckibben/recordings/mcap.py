@@ -188,14 +188,11 @@ def _samples(chunk: memoryview, first: McapRecord) -> tuple[np.ndarray, int]:
 
 def _read_event(data: bytes) -> list[dict[str, JsonValue]]:
     try:
-        if data.startswith(CDR):
-            time, length = struct.unpack_from("<dI", data, len(CDR))
-            text = data[len(CDR) + 12 :]
-            whole = len(text) == length and text.endswith(b"\0") and math.isfinite(time)
-            return [{"time": time, "text": text[:-1].decode()}] if whole else []
-        event = parse_json(data)  # as older versions wrote it
-        return [{"time": float(event["time"]), "text": str(event["text"])}]
-    except (ValueError, TypeError, KeyError, RecursionError, struct.error):
+        time, length = struct.unpack_from("<dI", data, len(CDR))
+        text = data[len(CDR) + 12 :]
+        whole = data.startswith(CDR) and len(text) == length and text.endswith(b"\0") and math.isfinite(time)
+        return [{"time": time, "text": text[:-1].decode()}] if whole else []
+    except (ValueError, struct.error):
         return []
 
 

@@ -41,8 +41,7 @@ from .blocks import (
     Text,
 )
 from .document import Document, checked_place
-from .figures.recording_figures import against_figure, time_figure, usual_channels
-from .figures.stimulation_figures import force_frequency_figure
+from .figures.recording_figures import against_figure, force_frequency_figure, time_figure, usual_channels
 from .origins import inferred_inputs, known_specimen, parameters
 from .words import (
     amount,

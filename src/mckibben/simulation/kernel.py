@@ -160,14 +160,15 @@ class SampleKernel:
                 lane = min(broken)
                 raise ConvergenceError(f"Lane {lane} cannot go on. {broken[lane]}")
             return
-        if self.rate_bound * self._usual <= RK4_LIMIT:  # nearly always
+        usual = self.rate_bound * self._usual <= RK4_LIMIT  # nearly always
+        if usual:
             self._run(self.inner, False)
             bound, sound = self._observed[-2], self._observed[-1] == SOUND
             if bound * self._usual <= RK4_LIMIT and sound:
                 self.rate_bound = bound
                 self._now ^= 1
                 return
-        self._careful_step()
+        self._careful_step(taken=usual)
 
     def step_lanes(self) -> dict[int, str]:
         """Go on by one sample in all lanes, each in steps as short as its own rates and balances ask for, as it would alone.
@@ -191,8 +192,16 @@ class SampleKernel:
     def _step_carefully(self, lanes: np.ndarray, before: np.ndarray) -> dict[int, str]:
         """Take a sample that was too coarse in some lanes again, those with equal steps together; what ends lanes."""
         source, target = self._carries[1 - self._now], self._carries[self._now]
-        waiting = {int(lane): self._allowed_steps(float(before[-2, lane])) for lane in lanes}
-        broken = {lane: self._why(None, before[:, lane]) for lane, wanted in waiting.items() if wanted is None}
+        waiting, broken = {}, {}
+        for lane in map(int, lanes):
+            wanted = self._allowed_steps(float(before[-2, lane]))
+            if wanted == Steps():  # those have been taken
+                wanted = wanted.after(float(self._observed[-2, lane]), float(self._observed[-1, lane]), self._usual)
+                if wanted is None:
+                    broken[lane] = self._why(Steps(), self._observed[:, lane])
+            elif wanted is None:
+                broken[lane] = self._why(None, before[:, lane])
+            waiting[lane] = wanted
         while waiting:
             groups: dict[Steps, list[int]] = {}
             for lane, wanted in waiting.items():
@@ -219,7 +228,9 @@ class SampleKernel:
         timing = np.float64(self.period), np.int64(self.inner * steps.split)
         inputs = [x[:, lanes] if x.ndim == 2 else x for x in (self.plant, source, self._commands)]
         if size >= FEW:
-            padded = -(-size // BLOCK) * BLOCK
+            # XLA compiles each number of lanes anew; a kernel takes any, and each lane that only fills costs
+            block = FEW if function.engine == "native" else BLOCK
+            padded = -(-size // block) * block
             inputs = [np.pad(x, ((0, 0), (0, padded - size)), "edge") if x.ndim == 2 else x for x in inputs]
             carry, observed = function(*inputs, *timing, lanes=padded, mode=MODE)
             return carry.T[:size], observed.T[:size]
@@ -234,8 +245,13 @@ class SampleKernel:
             steps = steps.shorter(bound, self._usual)
         return steps
 
-    def _careful_step(self) -> None:
+    def _careful_step(self, *, taken: bool) -> None:
+        """Take a sample in the steps that it asks for; `taken` says that the usual ones were, and did not do."""
         steps = self._allowed_steps(self.rate_bound)
+        if taken and steps is not None:
+            steps = steps.after(float(self._observed[-2]), float(self._observed[-1]), self._usual)
+            if steps is None:
+                raise ConvergenceError(self._why(Steps(), self._observed))
         while steps is not None:
             self._run(self.inner * steps.split, steps.stiff)
             bound = float(self._observed[-2])

@@ -43,7 +43,6 @@ KNOWN_PROPERTIES = {
     "longest_measured_length": "m",
     "tension_uncertainty": "N",  # half width of the 95 % interval of a predicted tension
     "flow_into_the_room": "m^3/s",
-    "flow": "m^3/s",  # the same, in files of before
     "flow_pressure": "Pa",
     "effective_flow": "m^3/s",
     "mass": "kg",

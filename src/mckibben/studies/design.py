@@ -19,7 +19,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import parse_protocol, with_values
-from ..pneumatics.exergy import DeadState
+from ..pneumatics.circuit import DeadState
 from ..pneumatics.gas import AIR
 from ..quantities import parse
 from ..specimens import specimen

@@ -38,11 +38,6 @@ class Body(Load):
     # Name of the signal of a further force that lengthens [N].
     signal: str | None = field(static=True, kw_only=True, default=None)
 
-    @classmethod
-    def dead_weight(cls, mass: float, *, held: tuple[str, ...], start: float, gravity: float = 9.80665) -> Body:
-        """A mass [kg] that hangs from its muscles; span at the start [m]."""
-        return cls(held=held, start=start, mass=mass, weight=mass * gravity)
-
     def muscles(self) -> tuple[str, ...]:
         """Names of the muscles that carry it."""
         return self.held

@@ -189,10 +189,6 @@ class Motor(Module):
             friction=self.friction(velocity) * velocity,
         )
 
-    def magnetic_energy(self, current: Scalar) -> Scalar:
-        """Magnetic energy of the coil [J]."""
-        return 0.5 * self.inductance * current * current
-
 
 def _within(value: Scalar, limit: Scalar) -> Scalar:
     return jnp.where(value > limit, limit, jnp.where(value < -limit, -limit, value))

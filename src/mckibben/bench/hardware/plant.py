@@ -3,6 +3,10 @@
 Measured are ``pressure`` at the muscle and ``valve_pressure`` at the valve (gauge) [Pa], ``tension`` [N] and ``span`` [m],
 as far as the rig has the sensors. The software commands ``valve`` [Pa], ``motor`` [N at the pulley] and, where there is a
 shut-off, ``open`` (1 or 0).
+
+Of an antagonist pair on a joint, ``angle`` [rad] by an encoder on the joint's axis, and ``flexor_pressure`` and
+``extensor_pressure`` (gauge) [Pa] at the muscles are measured. The software commands ``flexor`` and ``extensor`` [Pa], one
+valve each. An outside ``moment`` [N m] passes unconverted: it comes from the world and not from a computer.
 """
 
 from __future__ import annotations
@@ -12,14 +16,17 @@ from collections.abc import Mapping
 
 from ..._jax import Tree, jnp
 from ...assembly.machine import Machine
+from ...assembly.pair_map import NAMES
+from ...assembly.stiffness import joint_stiffness
 from ...components import Scalar, field
 from ...components.sampled import Plant
-from ...components.system import Moment
-from ...engine.signals import Signal, Value
+from ...components.system import Moment, Value
+from ...engine.signals import Signal
 from ..sensors import SENSORS
-from .analogue import Sensor
+from .analogue import AnalogOut, Sensor
 from .converters import Converters
 from .frame import TestStand
+from .motor import Encoder
 
 
 class MeasuredPlant(Plant):
@@ -141,3 +148,41 @@ class InstrumentedPlant(MeasuredPlant):
         """Upper bound of the fastest rate of the machine, the filters and the motor's current loop [1/s]."""
         bound, motor = super().max_rate_bound(state, memory, inputs), self._stand().motor
         return bound if motor is None else jnp.maximum(bound, 2.0 * jnp.pi * motor.current_bandwidth)
+
+
+PRESSURES = {name: f"{name}_pressure" for name in NAMES}  # channels by muscle
+MOMENT = "moment"  # signal of the joint
+
+
+class RiggedJoint(MeasuredPlant):
+    """A machine of `assembly.build.antagonist_pair` with sensors and output converters.
+
+    Its valves are driven by ``flexor.valve`` and ``extensor.valve``, its joint by ``moment``. The encoder has a pulley of
+    1 m radius, at which a metre is a radian. It was zeroed at angle zero.
+    """
+
+    encoder: Encoder
+    valve_out: AnalogOut
+
+    def convert(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Values held by the output converters, and the external moment."""
+        held = {f"{n}.valve": self.valve_out.output(commands[n]) for n in NAMES}
+        return {**held, MOMENT: commands[MOMENT]}
+
+    def seen(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Gauge pressures in the muscles [Pa]."""
+        return {channel: self.machine.gauge(state, name) for name, channel in PRESSURES.items()}
+
+    def sense(self, state: Tree, memory: Tree, inputs: Mapping[str, Value], row: Tree) -> dict[str, Scalar]:
+        """Measured channels, and for each pressure ``<channel>.code``, the count of its converter."""
+        count = self.encoder.count(state["machine"]["load"].angle, 0.0)
+        return {**self.analogue(state, memory, inputs, row), "angle": self.encoder.span(count, 0.0)}
+
+    def outputs(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Outputs of the machine, and two stiffnesses of the joint [N m/rad]: for slow and for quick displacements."""
+        stiffness = joint_stiffness(self.machine, state["machine"], memory, inputs)
+        stiffnesses = {
+            "joint.stiffness": stiffness.relaxed_at_pressure,
+            "joint.quick_stiffness": stiffness.short_at_mass,
+        }
+        return super().outputs(state, memory, inputs) | stiffnesses

@@ -16,7 +16,7 @@ from ..._jax import Scalar, Tree, jnp
 from ...components import Module, field
 from ...experiments import until
 from ...experiments.commands import MODES, Deferred
-from ...experiments.plan import PlannedStep
+from ...experiments.protocol import PlannedStep
 from ...experiments.until import KINDS
 
 SPAN, VELOCITY, TENSION = range(3)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...analysis.segments import amount_of, steps_of
+from ...analysis.stimulation import stimulated_contractions
 from ...documents import JsonValue
 from ...errors import InputError
+from ...experiments.amounts import read_amount
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
 from . import formats, style
@@ -19,7 +21,6 @@ from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 
 COLUMNS = 1600  # into which a time axis is divided; more than its pixels
 MOST = 8 * COLUMNS  # samples of a line that is drawn as it is
@@ -530,3 +531,33 @@ def _check_known(parts: Sequence[Recording], names: Sequence[str]) -> None:
             raise InputError("--channels", name, "must be a channel with values there")
     if not names:
         raise InputError("recording", None, "must have a channel with values")
+
+
+RATE = "rate"  # parameter of the protocols that stimulate
+LEAST_RATES = 3  # rates that make a curve
+
+
+@style.styled()
+def force_frequency_figure(record: Recording) -> Figure | None:
+    """Draw largest and mean active tension over the rate of stimulation; None below `LEAST_RATES` rates."""
+    try:
+        each = [one for one in stimulated_contractions(record) if RATE in one.case]
+    except InputError:
+        return None
+    points = {read_amount(one.case[RATE], "1/s", field=RATE).value: one for one in each}
+    if len(points) < LEAST_RATES or len(points) < len(each):
+        return None
+    rates = sorted(points)
+    fig = style.figure(5.2, 3.4)
+    ax = fig.add_axes((0.09, 0.16, 0.86, 0.62))
+    mean: dict[str, Any] = {"marker": "o", "ms": 4.0, "ls": (0, (4, 2)), "mfc": style.PANEL}
+    looks = (("peak", "largest", {"marker": "^", "ms": 4.5}), ("mean", "mean between the last two stimuli", mean))
+    for name, words, look in looks:
+        tensions = [getattr(points[rate], name) for rate in rates]
+        ax.plot(rates, tensions, color=style.COLOURS["tension"], lw=style.LINE, label=words, **look)
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlim(left=0.0)
+    style.quantity_axes(ax, x=("Rate of stimulation, Hz", None), y=("Active tension, N", "tension"))
+    style.heading(ax, "Tension against the rate of stimulation", str(record.meta.get("specimen") or ""), above=24.0)
+    ax.legend(loc="lower right", frameon=False, fontsize=style.SMALL, labelcolor=style.INK_2)
+    return fig

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
 
 from ...accessors import Accessor, implementation
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
@@ -13,7 +15,7 @@ from ...answers import Caution, collect, warn
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...extras import library
-from ...identification.posterior import Posterior, read_posterior
+from ...identification.posterior import Band, Posterior, read_posterior
 from ...muscles.plausible import pressure_caution
 from ...quantities import in_si, with_unit
 from ...slips import size_caution
@@ -25,12 +27,16 @@ from .as_files import circuit_of, specimen_of
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Judged, judged, ranked
-from .from_posterior import PosteriorAnswer, answer_of_posterior
 from .lines import LENGTHS, LineResult, dead_volume, lines_for, time_range
 from .own_parts import battery_of, tank_of, valve_of
 from .requirements import ALLOWED, Requirements, Shortfall, parse_space
 from .sources import DailyUse, SourceResult, daily_use, sources_for
 from .spread import InferredRanges, spread_of
+
+if TYPE_CHECKING:
+    import pandas
+
+    from ...report.figures.plots import SizingPlots
 
 
 def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
@@ -57,10 +63,6 @@ def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tu
 
 
 Progress = Callable[[str], None]
-if TYPE_CHECKING:
-    import pandas
-
-    from ...report.figures.plots import SizingPlots
 
 EXAMPLES = {"force": "50 N", "stroke": "3 cm"}
 GRAVITY = 9.80665  # [m/s^2]
@@ -451,3 +453,81 @@ def _chosen(order: list[Judged], name: str | None) -> Judged:
         if one.muscle.kind == "size" and one.muscle.id.lower().startswith(f"{name.lower()}-"):
             return one
     raise InputError("muscle", name, "the candidates are", known=[one.muscle.id for one in order])
+
+
+# ---- force and stroke from the posterior of a law, with what the law has no parameter for
+
+SAMPLES, STROKE_LENGTHS = 400, 64  # samples of the posterior, and lengths between which the end of a stroke lies
+
+
+class PosteriorAnswer(NamedTuple):
+    """Force and stroke from the samples of a posterior, with 95 % intervals.
+
+    Attributes:
+        law: name of the law.
+        force: at the end of the wished stroke, less friction: low, median and high [N].
+        stroke: until the force is the wished one [m], likewise.
+        reached: share of the samples in which the muscle meets force and stroke.
+        within: whether the wished pressure and the end of the stroke lie within the measured map.
+    """
+
+    law: str
+    force: Band
+    stroke: Band
+    reached: float
+    within: bool
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Plain values [SI], for JSON."""
+        both = {name: {k: float(v) for k, v in getattr(self, name)._asdict().items()} for name in ("force", "stroke")}
+        return {"law": self.law, **both, "reached": self.reached, "within": self.within}
+
+
+def answer_of_posterior(posterior: Posterior, muscle: Candidate, wish: Requirements) -> PosteriorAnswer:
+    """Answer of a muscle's posterior to the requirements.
+
+    The discrepancy of a sample is one draw along the whole stroke: a law that is too weak is so throughout.
+
+    Args:
+        posterior: samples of the muscle's law.
+        muscle: the candidate, whose longest length and friction count.
+        wish: force, stroke and pressure.
+    """
+    rows = posterior.rows(min(SAMPLES, len(posterior)))
+    low = min(float(posterior.points.length.min()), muscle.longest - 1.5 * wish.stroke)
+    # a fitted law ends at the longest measured length, from which on it states nothing
+    lengths = np.linspace(low, min(muscle.longest, float(posterior.points.length.max())), STROKE_LENGTHS)
+    pressures = np.full(STROKE_LENGTHS, wish.pressure)
+    pull = posterior.signed_tensions(lengths, pressures)[rows]
+    passive = np.maximum(posterior.signed_tensions(lengths, np.zeros(STROKE_LENGTHS))[rows], 0.0)
+    mean, deviation = posterior.discrepancy_along(rows, *(np.tile(x, (len(rows), 1)) for x in (lengths, pressures)))
+    chance = np.random.default_rng(posterior.seed).standard_normal((len(rows), 1))
+    force = pull - passive + mean + deviation * chance - muscle.friction
+    end = muscle.longest - wish.stroke
+    forces = np.array([np.interp(end, lengths, row) for row in force])
+    strokes = np.array([muscle.longest - _last_below(wish.force, lengths, row) for row in force])
+    points = posterior.points
+    within = points.pressure.min() <= wish.pressure <= points.pressure.max()
+    within &= points.length.min() <= end <= points.length.max()
+    return PosteriorAnswer(
+        law=posterior.law,
+        force=_band(forces),
+        stroke=_band(strokes),
+        reached=float(np.mean(forces >= wish.force)),
+        within=bool(within),
+    )
+
+
+def _band(values: np.ndarray) -> Band:
+    return Band(*np.quantile(values, (0.025, 0.5, 0.975)))
+
+
+def _last_below(force: float, lengths: np.ndarray, forces: np.ndarray) -> float:
+    """Longest length at which a muscle pulls no more than a force [m]; the shortest of the lengths if there is none."""
+    weak = np.flatnonzero(forces <= force)
+    if not weak.size:
+        return float(lengths[0])
+    if weak[-1] == len(lengths) - 1:
+        return float(lengths[-1])
+    at = slice(weak[-1], weak[-1] + 2)
+    return float(np.interp(force, forces[at], lengths[at]))

@@ -14,9 +14,9 @@ from ....bench.rig import Rig
 from ....bench.session.setup import prepare_for_session
 from ....documents import JsonValue
 from ....errors import InputError
+from ....experiments.commands import names_in
 from ....experiments.protocol import Protocol, ProtocolParameter
 from ....experiments.read import with_values
-from ....experiments.steps import names_in
 from ....quantities import from_si, shown_unit, with_unit
 from ....specimens import Specimen
 

@@ -7,9 +7,8 @@ from typing import Any
 
 from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
-from ....experiments.protocol import Protocol, ProtocolParameter
+from ....experiments.protocol import Protocol, ProtocolParameter, clauses, is_inferred
 from ....experiments.read import with_values
-from ....experiments.sentence import clauses, is_inferred
 from ....quantities import split_values
 
 COLOURS = {"Pa": "pressure", "N": "tension", "m": "length"}  # of a number, by its unit

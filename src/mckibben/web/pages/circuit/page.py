@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from ....documents import parse_toml, write_text
 from ....errors import InputError, MckibbenError
 from ....report.figures import circuit_diagram
 from ... import charts
-from ...elements import page_document
+from ...elements import call_script, page_document
 from ...save import saveable
 from ...shelf import Shelf
-from ...widgets import box, button, link, loading, note, page_frame, panel, raw, refused, text
+from ...transfers import IncomingFile, UploadPlace, download
+from ...widgets import Dialog, box, button, link, loading, note, page_frame, panel, raw, refused, tell, text
 from ...workspace import Workspace
-from . import diagram, dialogs, edit, inspector, response
-from .document import Document, text_of
+from . import diagram, edit, inspector, response
+from .bench_rig import muscle_of, rig_text
+from .document import LARGEST, Document, read_text, starts, text_of
 from .drawings import flow_chart, numbers, palette, pressure_chart, sweep_chart
 from .state import CircuitAnswer, CircuitState, follow
 
 if TYPE_CHECKING:
-    from ....pneumatics.balance import RunBalance
+    from ....pneumatics.circuit import RunBalance
     from ....report.figures.page_charts import Figure
 
 TICK = (
@@ -58,8 +61,8 @@ class CircuitPage:
         ) as bar:
             with bar:
                 self.undo_button = button("Undo", self.undo, key="Ctrl Z").set(id="circuit-undo")
-                button("Load", lambda: dialogs.load(self))
-                button("Save as", lambda: dialogs.save(self))
+                button("Load", lambda: load_dialog(self))
+                button("Save as", lambda: save_dialog(self))
                 button("Use on the bench", self.to_bench, primary=True)
             self.refusal = box("div", "circuit-said")
             with box("div", "circuit-grid") as host:
@@ -183,7 +186,7 @@ class CircuitPage:
 
     def to_bench(self) -> None:
         """Take the circuit as the plumbing of the bench's rig, and its muscle as the bench's muscle."""
-        self._guarded(lambda: dialogs.to_bench(self))
+        self._guarded(lambda: bench_dialog(self))
 
     # ---- what is shown
 
@@ -257,7 +260,7 @@ class CircuitPage:
         self.waveform.clear()
         if now == "waveform":
             with self.waveform:
-                dialogs.waveform(self)
+                waveform_dialog(self)
         self.compare.clear()
         with self.compare:
             for kind, words in response.MODELS.items():
@@ -270,7 +273,7 @@ class CircuitPage:
         if value == "waveform":
             self.waveform.clear()
             with self.waveform:
-                dialogs.waveform(self)
+                waveform_dialog(self)
             return
         self.heads = None  # the waveform is put away
         self.change_whole(lambda d: edit.stepped(d, self.desk.plan, value == "up"))
@@ -325,3 +328,143 @@ class CircuitPage:
     def toml(self) -> str:
         """Circuit as the text of a file."""
         return text_of(self.desk.document)
+
+
+# ---- dialogs: open and save circuits, waveforms as text, use on the bench
+
+NAME = "circuit"  # of a rig, where the circuit has no name of its own
+
+
+def load_dialog(face: CircuitPage) -> None:
+    """Build the dialog of saved circuits, examples, and a place for a file."""
+    dialog = Dialog("Load a circuit", "circuit-dialog", "bd circuits", once=True)
+
+    def take(document: Any, name: str = "") -> None:
+        face.open(document)
+        link(file=name or None)
+        dialog.close()
+
+    with dialog:
+        text("h3", "Examples")
+        for title, document in starts().items():
+            button(title, lambda d=document: take(d), quiet=True)
+        saved = face.shelf.names()
+        text("h3", "Saved")
+        if not saved:
+            text("p", "No circuit was saved yet.", "small dim")
+        said = box("div")
+        for file in saved:
+            button(file.removesuffix(".toml"), lambda f=file: _read(face, f, take, said), quiet=True)
+
+        def came(one: IncomingFile) -> None:
+            name, data = one.name, one.content()
+            if len(data) > LARGEST:
+                raise InputError(
+                    "file", None, f"must be at most {LARGEST >> 10} kB, got {len(data) >> 10} kB; nothing was stored"
+                )
+            if not name.lower().endswith(".toml"):
+                raise InputError("file", name[:120], "must be a .toml file; nothing was stored")
+            try:
+                words = data.decode("utf-8")
+            except UnicodeDecodeError:
+                raise InputError("file", name[:120], "must be TOML in UTF-8; nothing was stored") from None
+            take(read_text(words))
+
+        UploadPlace("Drop a circuit's .toml file here", came, (".toml",))
+    dialog.open()
+
+
+def _read(face: CircuitPage, file: str, take: Any, said: Any) -> None:
+    said.clear()
+    try:
+        take(read_text(face.shelf.found(file).read_text(encoding="utf-8")), file.removesuffix(".toml"))
+    except InputError as error:
+        with said:
+            refused(str(error))
+
+
+def save_dialog(face: CircuitPage) -> None:
+    """Build the dialog to save or download the circuit."""
+    dialog = Dialog("Save the circuit", "circuit-dialog", "bd", once=True)
+    with dialog:
+        with box("div", "f"):
+            text("label", "Name").set(for_="circuit-name")
+            with box("div", "field"):
+                typed = box("input").set(id="circuit-name", placeholder="name", autocomplete="off")
+        said = box("div")
+        with box("div", "row"):
+            done = button("Save", primary=True)
+            button("Download", lambda: download("circuit.toml", face.toml().encode()))
+        text("p", "A saved circuit runs on the command line too: mckibben circuit run FILE.toml", "small dim")
+
+    def keep(name: str) -> None:
+        said.clear()
+        try:
+            _store(face.shelf, name, face.toml())
+        except InputError as error:
+            with said:
+                refused(str(error))
+            return
+        link(file=name)
+        tell(f"Saved as {name}.")
+        dialog.close()
+
+    name = ""
+
+    def typed_in(words: object) -> None:
+        nonlocal name
+        name = str(words)[:200]
+
+    typed.on_value("input", typed_in)
+    typed.on_value("entered", lambda value: keep(str(value)[:200]))
+    done.on("click", lambda: keep(name))
+    dialog.open()
+
+
+def _store(shelf: Shelf, name: str, words: str) -> None:
+    path = shelf.path(f"{name}.toml")
+    shelf.ready()
+    write_text(path, words)
+
+
+def waveform_dialog(face: CircuitPage) -> None:
+    """Build the dialog of the signals as text."""
+    signals = face.desk.document.get("signals")
+    if not signals:
+        text(
+            "p",
+            "Nothing in this circuit is driven: it only fills or empties from its start pressures.",
+            "small dim note-line",
+        )
+        return
+    with box("div", "waveform"):
+        text("label", "Signals, as the file states them").set(for_="circuit-signals")
+        words = text_of({"signals": signals})
+        area = text("textarea", words, "text").set(id="circuit-signals", spellcheck="false", rows="6")
+        said = box("div", "err-place")
+
+    def came(typed: str) -> None:
+        said.clear()
+        try:
+            if len(typed) > LARGEST:
+                raise InputError("signals", None, f"must be at most {LARGEST} characters, got {len(typed)}")
+            signals = parse_toml(typed, where="signals").get("signals", {})
+            read_text(text_of({**face.desk.document, "signals": signals}))
+            face.change(lambda d: {**d, "signals": signals})
+        except InputError as error:
+            with said:
+                refused(str(error))
+
+    area.on_value("change", lambda value: came(str(value)))
+
+
+def bench_dialog(face: CircuitPage) -> None:
+    """Build the dialog that takes the circuit and its muscle to the bench.
+
+    Raises:
+        InputError: the bench has no place for a part, or another page is in control.
+    """
+    plan = face.desk.plan
+    muscle, rigs = muscle_of(plan), Shelf(face.workspace.recordings.folder / "rigs", (".toml",))
+    _store(rigs, NAME, rig_text(plan, NAME))
+    call_script("toBench", [["muscle", muscle], ["rig", NAME]])  # in the order of the link of the bench

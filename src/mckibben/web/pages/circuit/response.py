@@ -26,10 +26,8 @@ from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError, InputError, MckibbenError
 from ....pneumatics import AIR
-from ....pneumatics.balance import RunBalance, balance
 from ....pneumatics.build import known_keys, with_usual_unit
-from ....pneumatics.circuit import Circuit
-from ....pneumatics.exergy import path_name
+from ....pneumatics.circuit import Circuit, RunBalance, balance, path_name
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube
 from ....pneumatics.tubes.inertial import inertance
@@ -199,7 +197,7 @@ TUBES = ("linear_tube", "quadratic_tube", "inertial_tube", "lumped_tube")
 MODELS = {"linear_tube": "linear", "quadratic_tube": "quadratic", "inertial_tube": "inertial"}
 GROWS = {
     "length": "m", "volume": "m^3", "hole_diameter": "m", "nominal_flow": "m^3/s", "flow_into_the_room": "m^3/s",
-    "flow": "m^3/s", "conductance": "m^3/(s*Pa)", "C": "m^3/(s*Pa)", "Kv": "m^3/s", "Cv": "1",
+    "conductance": "m^3/(s*Pa)", "C": "m^3/(s*Pa)", "Kv": "m^3/s", "Cv": "1",
 }  # fmt: skip
 LONGER = (8, 64)  # times the duration, for which a response that has not settled runs again
 MOST_SAMPLES, QUICK_SAMPLES = 20_000, 4_000  # of such a run, and of one that is answered at once

@@ -12,7 +12,7 @@ from ....assembly.circuit_file import CircuitPlan
 from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....experiments.waveforms import time_words
-from ....pneumatics.balance import RunBalance
+from ....pneumatics.circuit import RunBalance
 from ....recordings import Recording
 from . import response
 from .document import Document, packed, planned
