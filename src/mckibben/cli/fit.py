@@ -196,8 +196,13 @@ def fit(
         )
         files.write("report", lambda path: fit_report.write_fit_report(rankings, path))
         one = samples[0][rankings[0].best.law] if len(samples) == 1 else None
-        picture = fit_figures.overview(rankings) if one is None else posterior_figures.bands(one)
-        files.write("figure", lambda path: style.save(picture, path))
+        # drawn only where it is asked for: that takes longer than a fit
+        files.write(
+            "figure",
+            lambda path: style.save(
+                fit_figures.overview(rankings) if one is None else posterior_figures.bands(one), path
+            ),
+        )
         files.write("specimen", rankings[0].save)
         if files["table"]:
             files.write_rows(
