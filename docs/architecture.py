@@ -48,6 +48,8 @@ CONTENTS = {
     "quantities": "units and bounds",
     "registry": "kinds by name",
     "documents": "safe file access",
+    "verbs": "functions that are commands",
+    "slips": "sizes nobody can mean",
     "answers": "what must be said with an answer",
     "isolation": "readers that may be ended",
     "citations": "references",

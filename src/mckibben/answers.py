@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
+from .documents import JsonValue
 from .errors import PlausibilityWarning
+from .quantities import from_si, shown_unit
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,72 @@ class Caution:
         return self.text
 
 
+@dataclass(frozen=True)
+class Column:
+    """A column of a table: what its values are, and how a person reads one.
+
+    Attributes:
+        key: of the values in a row.
+        title: words at its head; the key by default.
+        unit: SI unit of numbers, ``1`` for pure ones; empty for words.
+        shown: unit in which a person reads them, ``%`` for shares; the usual one by default.
+        places: format of a number.
+        right: whether words stand at the right, as numbers do.
+    """
+
+    key: str
+    title: str | None = None
+    unit: str = ""
+    shown: str = ""
+    places: str = ".4g"
+    right: bool = False
+
+    @property
+    def head(self) -> str:
+        """Title with the unit."""
+        title = self.key.replace("_", " ") if self.title is None else self.title
+        unit = self.shown or shown_unit(self.unit)
+        return title if unit in ("", "1") or not title else f"{title}, {unit}"
+
+    def text(self, value: Any) -> str:
+        """A value as a person reads it; nothing where it is missing or not a number."""
+        if value is None or value != value:
+            return ""
+        if not self.unit:
+            return str(value)
+        unit = self.shown or shown_unit(self.unit)
+        number = 100.0 * value if unit == "%" else value if unit == self.unit else from_si(value, self.unit, unit)
+        text = f"{number:{self.places}}"
+        return text.lstrip("-") if float(text) == 0.0 else text  # what is rounded to zero has no sign
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of values [SI] below their columns; whoever shows them asks `heads` and `cells`."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: Sequence[Mapping[str, Any]]
+
+    @property
+    def heads(self) -> list[str]:
+        """Heads of the columns."""
+        return [column.head for column in self.columns]
+
+    @property
+    def right(self) -> list[int]:
+        """Columns that stand at the right."""
+        return [i for i, column in enumerate(self.columns) if column.unit or column.right]
+
+    def cells(self) -> list[list[str]]:
+        """All values as a person reads them."""
+        return [[column.text(row.get(column.key)) for column in self.columns] for row in self.rows]
+
+
 class Answer:
     """Base of answers: frozen data classes that carry what must be said with them.
+
+    What a command prints and writes follows from the methods: a subclass has those for which there is something to show.
 
     Attributes:
         cautions: in the order in which they are shown, each once.
@@ -46,6 +113,23 @@ class Answer:
     cautions: tuple[Caution, ...] = ()
     balances: Mapping[str, float] = {}
     sources: tuple[str, ...] = ()
+    units: ClassVar[Mapping[str, str]] = {}  # SI units of the columns of `rows`
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """All of it as plain values [SI], which ``--json`` prints with the cautions as ``warnings``."""
+        raise NotImplementedError
+
+    def rows(self) -> Sequence[Mapping[str, JsonValue]]:
+        """Rows of the main table [SI], for files and data frames."""
+        return ()
+
+    def tables(self) -> Sequence[Table]:
+        """Tables for people, the most important one first."""
+        return ()
+
+    def remarks(self) -> Sequence[str]:
+        """Sentences below the tables."""
+        return ()
 
 
 def collect(*cautions: Caution | None) -> tuple[Caution, ...]:

@@ -17,9 +17,9 @@ from mckibben.cli import _values, main
 from mckibben.cli.completion import SCRIPTS, candidates
 from mckibben.experiments.read import protocol_names, stimulation_protocol_names
 from mckibben.muscles.laws import LAWS
-from mckibben.muscles.plausible import size_caution
 from mckibben.recordings import read_recording
 from mckibben.recordings.tables import write_table
+from mckibben.slips import size_caution
 from mckibben.specimens import specimen_ids
 
 POINT = ("tension", "nylon", "--length", "12 cm", "--pressure", "5 bar")

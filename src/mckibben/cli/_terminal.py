@@ -246,15 +246,6 @@ def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, s
     return table
 
 
-def several(text: str | None, unit: str, option: str) -> list[float]:
-    """The values of an option [unit]: one value, a list ``1 bar, 3 bar`` or a range ``1:5 bar``."""
-    from ..quantities import parse, values_in_si
-
-    assert text is not None
-    many = ":" in text or ";" in text or ", " in text
-    return values_in_si(text, unit, field=option) if many else [parse(text, unit, field=option)]
-
-
 def writable(option: str, path: Path | None, *endings: str) -> None:
     """Refuse a path that cannot be written, before any work is done."""
     if path is None:
@@ -306,7 +297,7 @@ def options_named(**more: str) -> Iterator[None]:
 
 def expect_cautions(cautions: Iterable[Caution]) -> None:
     """Keep cautions about values as typed until the command has said its own, which know the muscle."""
-    _call.expected += cautions
+    _call.expected = [*cautions]
 
 
 @contextmanager

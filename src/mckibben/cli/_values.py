@@ -9,47 +9,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..answers import Caution, collect
 from ..documents import JsonValue, parse_toml
+from ..verbs import QUANTITIES, ParameterType
 
 PACKAGE = Path(__file__).parents[1]
-DATA = (
-    ".csv",
-    ".xlsx",
-    ".ods",
-    ".xls",
-    ".txt",
-    ".mat",
-    ".tdms",
-    ".parquet",
-    ".h5",
-    ".hdf5",
-    ".mcap",
-    ".db3",
-    ".ddf",
-    ".nc",
-)
+DATA = tuple(".csv .xlsx .ods .xls .txt .mat .tdms .parquet .h5 .hdf5 .mcap .db3 .ddf .nc".split())
 RECORDINGS = (".nc", ".csv", ".mcap")
-
-
-class ValueKind(NamedTuple):
-    """What a value is.
-
-    Attributes:
-        unit: SI unit of a quantity, else empty.
-        range: within which such a quantity lies at muscles, rigs and their air [unit]; outside a value is a slip.
-        names: lists the known names, for the shell.
-        suffixes: of files that are taken, ``("",)`` for any; folders end in a slash.
-        listed: whether several values are separated by commas.
-    """
-
-    unit: str = ""
-    range: tuple[float, float] | None = None
-    names: Callable[[], Iterable[tuple[str, str]]] | None = None
-    suffixes: tuple[str, ...] = ()
-    listed: bool = False
 
 
 # ---- names, read from the files of the package without importing what computes
@@ -151,115 +119,69 @@ def _first_line(path: Path) -> str:
 # ---- kinds
 
 _ANY = ("",)
-KINDS: dict[str, ValueKind] = {
-    # quantities with a unit
-    "LENGTH": ValueKind("m", (1e-3, 20.0)),
-    "SIZE": ValueKind("m", (1e-5, 0.5)),  # small: a diameter, a thickness, a moment arm, an error of a length
-    "LENGTHxDIAMETER": ValueKind(),
-    "PRESSURE": ValueKind("Pa", (1e3, 3e6)),
-    "FORCE": ValueKind("N", (1e-2, 5e4)),
-    "TIME": ValueKind("s", (1e-7, 1e10)),
-    "FREQUENCY": ValueKind("1/s", (1e-4, 1e5)),
-    "SPEED": ValueKind("m/s", (1e-5, 20.0)),
-    "ANGLE": ValueKind("rad", (1e-4, 7.0)),
-    "INERTIA": ValueKind("kg*m^2", (1e-8, 10.0)),
-    "STIFFNESS": ValueKind("N/m", (1e2, 1e8)),
-    "ACCELERATION": ValueKind("m/s^2", (1.0, 30.0)),
-    "SHARE": ValueKind("1", (1e-9, 2.0)),
-    "SHARES": ValueKind("1", (0.0, 1.0), listed=True),
-    "CONTRACTION": ValueKind("1", (1e-4, 0.5)),
-    "ACTIVATION": ValueKind("1", (1e-4, 1.0)),
-    "HARDNESS": ValueKind(),
-    "UNCERTAINTY": ValueKind(),  # in the unit of the channel
-    # lists of them
-    "LENGTHS": ValueKind("m", (1e-4, 20.0), listed=True),
-    "PRESSURES": ValueKind("Pa", (1e3, 3e6), listed=True),
-    "MASS": ValueKind("kg", (1e-4, 1e3)),
-    "STYLE": ValueKind(names=words("screen", "print", "gray", "projector")),
-    "WIDTH": ValueKind(names=words("column", "page", "slide")),
-    "FORMAT": ValueKind(names=words("svg", "pdf", "png")),
-    "ENERGY": ValueKind("J", (1e-2, 1e9)),
-    "TANK": ValueKind(),
-    "FLOW": ValueKind("m^3/s", (1e-8, 0.2)),
-    "MASSES": ValueKind("kg", (1e-3, 2e3), listed=True),
-    "FREQUENCIES": ValueKind("1/s", (1e-4, 1e5), listed=True),
-    "COURSE": ValueKind(),  # values over time
-    # numbers and words
-    "N": ValueKind(),
-    "NUMBER": ValueKind(),
-    "TEXT": ValueKind(),
-    "ADDRESS": ValueKind(),
-    "MACHINE": ValueKind(names=words("serial:", "daq")),
-    "SCHEDULER": ValueKind(names=words("dask", "processes", "serial", "tcp://")),
-    "CHANNEL": ValueKind(),
-    "CHANNELS": ValueKind(),
-    "SIGNAL": ValueKind(),
-    "SHEET": ValueKind(),
-    "TOPIC": ValueKind(),
-    "LABEL": ValueKind(),
-    "DATASET": ValueKind(),
-    "TASK": ValueKind(),
-    "PATH": ValueKind(),
-    "PATH=VALUE": ValueKind(),
-    "NAME=VALUE": ValueKind(),
-    "NAME=COURSE": ValueKind(),
-    "NAME=COLUMN": ValueKind(),
-    "NAME=UNIT": ValueKind(),
-    "KIND": ValueKind(names=words("map", "recording")),
-    "CYCLE": ValueKind(names=words("maximal", "isotonic", "valve")),
-    "CYCLES": ValueKind(),  # numbers and ranges of them
-    "LEVEL": ValueKind(names=words("rest", "zero")),
-    "POINT": ValueKind(names=words("L0", "peak", "trough")),
-    "READING": ValueKind(names=words("printed", "throughout")),
-    "VOLUME": ValueKind(names=words("paper", "potential")),
-    "FRICTION": ValueKind(names=words("maxwell_slip", "dahl", "bouc_wen")),
-    "CHAPTER": ValueKind(names=words("I", "II", "III", "IV", "discussion")),
-    "ROW": ValueKind(),
-    "FIGURE": ValueKind(),
-    "SHELL": ValueKind(names=words("bash", "zsh", "fish")),
-    "COMMAND": ValueKind(),
+# Numbers, words, and values that a command reads for itself: a COURSE over time, an UNCERTAINTY in the unit of its channel.
+PLAIN = """
+    LENGTHxDIAMETER HARDNESS UNCERTAINTY TANK COURSE N NUMBER TEXT ADDRESS CHANNEL CHANNELS SIGNAL SHEET TOPIC
+    LABEL DATASET TASK PATH PATH=VALUE NAME=VALUE NAME=COURSE NAME=COLUMN NAME=UNIT CYCLES ROW FIGURE COMMAND
+"""
+KINDS: dict[str, ParameterType] = QUANTITIES | {
+    **dict.fromkeys(PLAIN.split(), ParameterType()),
+    "STYLE": ParameterType(names=words("screen", "print", "gray", "projector")),
+    "WIDTH": ParameterType(names=words("column", "page", "slide")),
+    "FORMAT": ParameterType(names=words("svg", "pdf", "png")),
+    "MACHINE": ParameterType(names=words("serial:", "daq")),
+    "SCHEDULER": ParameterType(names=words("dask", "processes", "serial", "tcp://")),
+    "KIND": ParameterType(names=words("map", "recording")),
+    "CYCLE": ParameterType(names=words("maximal", "isotonic", "valve")),
+    "LEVEL": ParameterType(names=words("rest", "zero")),
+    "POINT": ParameterType(names=words("L0", "peak", "trough")),
+    "READING": ParameterType(names=words("printed", "throughout")),
+    "VOLUME": ParameterType(names=words("paper", "potential")),
+    "FRICTION": ParameterType(names=words("maxwell_slip", "dahl", "bouc_wen")),
+    "CHAPTER": ParameterType(names=words("I", "II", "III", "IV", "discussion")),
+    "SHELL": ParameterType(names=words("bash", "zsh", "fish")),
     # names of what ships, or files
-    "SPECIMEN": ValueKind(names=specimens, suffixes=(".toml",)),
-    "SPECIMEN|LAW": ValueKind(names=muscles_and_laws, suffixes=(".toml",)),
-    "LAW": ValueKind(names=laws),
-    "MODEL": ValueKind(names=frictions),
-    "LAWS": ValueKind(names=laws, listed=True),
-    "LAW|FILE.py:CLASS": ValueKind(names=laws, suffixes=(".py",)),
-    "VALVE": ValueKind(names=valves),
-    "PART": ValueKind(names=parts),
-    "PROTOCOL": ValueKind(names=protocols, suffixes=(".toml",)),
-    "RIG": ValueKind(names=rigs, suffixes=(".toml",)),
-    "PLUMBING": ValueKind(names=plumbings),
+    "SPECIMEN": ParameterType(names=specimens, suffixes=(".toml",)),
+    "SPECIMEN|LAW": ParameterType(names=muscles_and_laws, suffixes=(".toml",)),
+    "LAW": ParameterType(names=laws),
+    "MODEL": ParameterType(names=frictions),
+    "LAWS": ParameterType(names=laws, listed=True),
+    "LAW|FILE.py:CLASS": ParameterType(names=laws, suffixes=(".py",)),
+    "VALVE": ParameterType(names=valves),
+    "PART": ParameterType(names=parts),
+    "PROTOCOL": ParameterType(names=protocols, suffixes=(".toml",)),
+    "RIG": ParameterType(names=rigs, suffixes=(".toml",)),
+    "PLUMBING": ParameterType(names=plumbings),
     # files
-    "TABLE": ValueKind(names=specimens, suffixes=(*DATA, ".toml")),
-    "FILE": ValueKind(suffixes=DATA),
-    "RECORDING": ValueKind(suffixes=RECORDINGS),
-    "RECORD": ValueKind(suffixes=DATA),
-    "LOG": ValueKind(suffixes=(".mcap",)),
-    "CIRCUIT": ValueKind(suffixes=(".toml",)),
-    "CIRCUIT|SPECIMEN": ValueKind(names=specimens, suffixes=(".toml",)),
-    "TARGET": ValueKind(names=words("c")),
-    "HOST": ValueKind(names=words("python", "c")),
-    "SCENARIO": ValueKind(names=words("isometric", "hang", "slack", "loop", "leak", "joint")),
-    "FIT": ValueKind(suffixes=(".json",)),
-    "SWEEP": ValueKind(suffixes=(".toml",)),
-    "CALIBRATION": ValueKind(suffixes=(".toml",)),
-    "CALIBRATION|RECORDING": ValueKind(suffixes=(".toml", *RECORDINGS)),
-    "SCORES": ValueKind(suffixes=(".json",)),
-    "SCRIPT": ValueKind(suffixes=_ANY),
-    "FOLDER": ValueKind(suffixes=("/",)),
+    "TABLE": ParameterType(names=specimens, suffixes=(*DATA, ".toml")),
+    "FILE": ParameterType(suffixes=DATA),
+    "RECORDING": ParameterType(suffixes=RECORDINGS),
+    "RECORD": ParameterType(suffixes=DATA),
+    "LOG": ParameterType(suffixes=(".mcap",)),
+    "CIRCUIT": ParameterType(suffixes=(".toml",)),
+    "CIRCUIT|SPECIMEN": ParameterType(names=specimens, suffixes=(".toml",)),
+    "TARGET": ParameterType(names=words("c")),
+    "HOST": ParameterType(names=words("python", "c")),
+    "SCENARIO": ParameterType(names=words("isometric", "hang", "slack", "loop", "leak", "joint")),
+    "FIT": ParameterType(suffixes=(".json",)),
+    "SWEEP": ParameterType(suffixes=(".toml",)),
+    "CALIBRATION": ParameterType(suffixes=(".toml",)),
+    "CALIBRATION|RECORDING": ParameterType(suffixes=(".toml", *RECORDINGS)),
+    "SCORES": ParameterType(suffixes=(".json",)),
+    "SCRIPT": ParameterType(suffixes=_ANY),
+    "FOLDER": ParameterType(suffixes=("/",)),
     # files that are written
-    "OUT": ValueKind(suffixes=_ANY),
-    "OUT.mcap": ValueKind(suffixes=(".mcap",)),
+    "OUT": ParameterType(suffixes=_ANY),
+    "OUT.mcap": ParameterType(suffixes=(".mcap",)),
 }
 # Kinds of files whose content may be piped in, named "-".
 INPUTS = ("TABLE", "FILE", "RECORDING", "RECORD", "LOG", "CIRCUIT", "SWEEP", "CALIBRATION", "CALIBRATION|RECORDING")
 INPUTS_WITH_NAMES = ("SPECIMEN", "SPECIMEN|LAW", "PROTOCOL", "RIG")
 
 
-def kind_of(param: Any) -> ValueKind:
+def kind_of(param: Any) -> ParameterType:
     """Kind of the value that a parameter takes."""
-    return KINDS.get(str(param.metavar or ""), ValueKind())
+    return KINDS.get(str(param.metavar or ""), ParameterType())
 
 
 def is_input(param: Any) -> bool:
@@ -286,7 +208,7 @@ def cautions(params: Sequence[Any], values: dict[str, Any]) -> list[Caution]:
                 quantities += [(path.strip(), one, "", None) for one in _single(content, listed=True)]
     if not quantities:
         return []
-    from ..muscles.plausible import size_caution
+    from ..slips import size_caution
 
     return list(collect(*(size_caution(text, unit, name=name, usual=ends) for name, text, unit, ends in quantities)))
 

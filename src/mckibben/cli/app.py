@@ -39,7 +39,7 @@ CACHE = ("Error writing persistent compilation cache", "Error reading persistent
 COMMANDS: dict[str, tuple[str, str]] = {
     "muscles": ("catalogue:list_muscles", "List the muscles that ship, with their sources."),
     "show": ("muscles:show", "Show the parameters of a muscle with their units and sources, and its law."),
-    "tension": ("muscles:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
+    "tension": ("verb_commands:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
     "braid": (
         "braid:braid",
         "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
@@ -71,7 +71,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "characterise:characterise",
         "Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.",
     ),
-    "energy": ("energy:energy", "Compute input, output and efficiency of a muscle's working cycles."),
+    "energy": ("verb_commands:energy", "Compute input, output and efficiency of a muscle's working cycles."),
     "compare": (
         "compare:compare_muscles",
         "Compare muscles with each other, and with published biological muscle.",
@@ -205,6 +205,7 @@ class CommandTable(Mapping[str, Any]):
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         kind = type("CommandWithHelp", (CommandWithHelp,), {"words": words})
         run = getattr(importlib.import_module(f".{module}", __package__), function)
+        run = run.function() if hasattr(run, "function") else run  # of a verb
         single.command(name, cls=kind, context_settings=NAMES)(run)
         return typer.main.get_command(single)
 

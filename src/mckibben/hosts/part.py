@@ -39,7 +39,7 @@ from ..errors import ConvergenceError, InputError
 from ..muscles.build import at_rest_length
 from ..muscles.elements import Tendon
 from ..muscles.law import law_name
-from ..muscles.plausible import pressure_caution, size_caution, span_limits
+from ..muscles.plausible import pressure_caution, span_limits
 from ..quantities import Quantity, with_unit
 from ..simulation.air import Air, air_circuit
 from ..simulation.mechanisms import (
@@ -54,6 +54,7 @@ from ..simulation.mechanisms import (
     published,
 )
 from ..simulation.stepping import CommandInput
+from ..slips import size_caution
 from ..specimens import specimen
 from .coupling import (
     OF_MUSCLES,

@@ -15,7 +15,7 @@ from ..accessors import implementation
 from ..components import Hysteresis, MemoryElement
 from ..documents import JsonValue
 from ..errors import InputError, MissingParametersError
-from ..quantities import Quantity, declared, has_dimension, in_si, shown_unit, with_unit
+from ..quantities import Quantity, declared, has_dimension, in_si, parse, shown_unit, with_unit
 from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, SpecimenNumber, muscle_specimen, specimens
 from . import dimensions
@@ -391,6 +391,20 @@ def _in_si(law: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
         key: in_si(value, known[key].unit, field=f"{law}.{key}") if key in known else value
         for key, value in parameters.items()
     }
+
+
+def changed_parameters(
+    changes: Mapping[str, float | str] | None, law: str, of: Specimen | None = None
+) -> dict[str, float]:
+    """Parameters of a law [SI], and of its specimen, as a person changes them; text without a unit is taken as SI."""
+    known = declared(law_type(law)) | ({} if of is None else {"rest_length": dimensions.REST_LENGTH})
+    numbers = {}
+    for name, value in (changes or {}).items():
+        if name not in known:
+            raise InputError(f"parameters.{name}", value, f"{law} has", known=known)
+        field = f"parameters.{name}"
+        numbers[name] = parse(value, known[name].unit, field=field, bare=True) if isinstance(value, str) else value
+    return numbers
 
 
 def _own(friction: str | Hysteresis | None) -> Hysteresis | None:

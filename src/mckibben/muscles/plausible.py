@@ -7,7 +7,6 @@ cautions from here; an answer keeps them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -17,7 +16,8 @@ from .._jax import is_traced
 from ..answers import Caution, collect
 from ..components.paths import declared_values
 from ..errors import InputError
-from ..quantities import amounts, has_dimension, leading_number, to_si, usual_units, with_unit
+from ..quantities import amounts, with_unit
+from ..slips import likely_unit, size_caution
 from ..specimens import Specimen
 
 # Muscles of catalogues are rated for 6 to 8 bar; the maps that ship reach 6.75 bar. Gauge [Pa].
@@ -95,13 +95,13 @@ def pressure_caution(
     most, whose = highest_pressure(spec)
     shown = with_unit(pressure, "Pa")
     if 0.0 < pressure < LEAST_PRESSURE:
-        meant = _likely(text, "Pa", PRESSURE_UNITS, LEAST_PRESSURE, most, USUAL_PRESSURE)
+        meant = likely_unit(text, "Pa", PRESSURE_UNITS, LEAST_PRESSURE, most, USUAL_PRESSURE)
         return Caution(f"a {name} of {shown} inflates no muscle{meant}", name) if meant else None
     if pressure <= most:
         return None if spec is None else _beyond_measured_pressure(pressure, spec, name)
     said = f"a {name} of {shown} is beyond the range of the laws: {whose} {with_unit(most, 'Pa')}"
     if pressure > SLIP * most:
-        said += _likely(text, "Pa", PRESSURE_UNITS, 0.02 * most, most, USUAL_PRESSURE)
+        said += likely_unit(text, "Pa", PRESSURE_UNITS, 0.02 * most, most, USUAL_PRESSURE)
     return Caution(said, name)
 
 
@@ -137,14 +137,9 @@ def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, nam
     )
 
 
-def typed(value: object) -> str | None:
-    """A value as a person gave it, for `pressure_caution` and others; None of what is neither number nor text."""
-    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else None
-
-
 def likely_pressure(text: str) -> str:
     """A question after a pressure that can only be a slip, such as ``; was 500 kPa meant?``; nothing if it is none."""
-    return _likely(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)
+    return likely_unit(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)
 
 
 def length_caution(length: float, longest: float, *, text: str | None = None, name: str = "length") -> Caution | None:
@@ -162,54 +157,7 @@ def length_caution(length: float, longest: float, *, text: str | None = None, na
         return None
     shown, low, high = (with_unit(value, "m") for value in (length, 0.5 * longest, longest))
     said = f"a {name} of {shown} is far from those of this muscle, about {low} to {high}"
-    return Caution(said + _likely(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest), name)
-
-
-# Sizes of quantities of muscles, rigs and their air, by SI unit of the dimension: smallest, typical, largest. What lies
-# beyond is a slip.
-USUAL_SIZES: dict[str, tuple[float, float, float]] = {
-    "m": (1e-6, 0.15, 20.0), "m^2": (1e-12, 1e-4, 1.0), "m^3": (1e-10, 1e-4, 10.0), "s": (1e-7, 0.1, 1e10),
-    "kg": (1e-6, 1.0, 2e3), "Pa": (1e2, 5e5, 3e7), "N": (1e-3, 50.0, 5e4), "N/m": (1e-1, 1e3, 1e8), "m/s": (1e-6, 0.1, 50.0),
-    "1/s": (1e-4, 10.0, 1e6), "m^3/s": (1e-9, 1e-3, 1.0), "rad": (1e-5, 0.5, 7.0), "m/s^2": (1e-3, 9.8, 1e3),
-    "kg*m^2": (1e-9, 2e-3, 10.0),
-}  # fmt: skip
-MORE_UNITS = {
-    "Pa": ("psi",), "N": ("kN", "mN"), "rad": ("deg",), "s": ("h", "day"), "m/s^2": ("cm/s^2",),
-    "1/s": ("1/min",), "kg*m^2": ("g*cm^2", "kg*cm^2", "g*m^2"),
-}  # fmt: skip
-
-
-def size_caution(
-    value: object, si_unit: str = "", *, name: str = "value", usual: tuple[float, float] | None = None
-) -> Caution | None:
-    """Caution about a quantity whose size can only be a slip; None if it is usual, zero, or no quantity.
-
-    Args:
-        value: a number [si_unit], or a text with a unit as it was typed.
-        si_unit: of its dimension; empty to take the one of the text's own unit.
-        name: of the quantity, in the sentence; the parameter of the caution.
-        usual: sizes from and to which it is usual [si_unit]; those of the dimension by default.
-    """
-    text = value.strip() if isinstance(value, str) else f"{value:g} {'' if si_unit == '1' else si_unit}".strip()
-    si_unit = si_unit or next((unit for unit in USUAL_SIZES if has_dimension(text, unit)), "")
-    least, typical, most = USUAL_SIZES.get(si_unit, (0.0, 1.0, math.inf))
-    low, high = usual or (least, most)
-    number = leading_number(text)
-    unit = "" if number is None else text[len(number) :].strip() or ("1" if si_unit == "1" else "")
-    if number is None or not unit or ":" in unit:
-        return None
-    try:
-        size = abs(to_si(float(number), unit, si_unit, field=name))
-    except InputError:
-        return None  # the reader says what is wrong
-    if size == 0.0 or low <= size <= high:
-        return None
-    units = [u for u in (*usual_units(si_unit), *MORE_UNITS.get(si_unit, ())) if u != "in"]
-    article = "an" if name[0] in "aeio" else "a"
-    said = (
-        f"{article} {name} of {text} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
-    )
-    return Caution(said + _likely(number, si_unit, units, low, high, min(max(typical, low), high)), name)
+    return Caution(said + likely_unit(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest), name)
 
 
 def argument_cautions(owner: Any, *, of: str = "") -> tuple[Caution, ...]:
@@ -305,7 +253,7 @@ def span_cautions(
     shortest, most, longest = span_limits(law)
     shown, at_rest, ends = (with_unit(value, "m") for value in (span, rest, longest))
     if not shortest <= span <= most:
-        meant = _likely(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
+        meant = likely_unit(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
         problem = f"must be from 1 mm to {with_unit(most, 'm')} for a muscle of {at_rest} at rest"
         raise InputError(name, shown, problem + meant)
     if span > (1.0 + BEYOND) * longest:
@@ -320,24 +268,3 @@ def _limp(span: float, longest: float, name: str) -> Caution | None:
         return None
     shown, half = with_unit(span, "m"), with_unit(0.5 * longest, "m")
     return Caution(f"a {name} of {shown} leaves the muscle slack: none contracts to less than {half}", name)
-
-
-def _short(value: float, si_unit: str) -> str:
-    """A value in the unit that gives it the fewest digits."""
-    if si_unit == "1":
-        return f"{value:.4g}"
-    shown = (f"{value / to_si(1.0, unit, si_unit, field=''):.4g} {unit}" for unit in usual_units(si_unit))
-    return min(shown, key=lambda words: (len(words.split()[0]) + 9 * ("e" in words.split()[0]), len(words)))
-
-
-def _likely(text: str | None, si_unit: str, units: Iterable[str], low: float, high: float, usual: float) -> str:
-    """A question with the same number in the unit that makes it usual; nothing if there is none, or nothing was typed."""
-    if si_unit == "1":
-        return ""
-    number = float("nan" if text is None else leading_number(text) or "nan")
-    candidates = [
-        (abs(math.log(si / usual)), unit)
-        for unit in units
-        if low <= (si := to_si(number, unit, si_unit, field="")) <= high
-    ]
-    return f"; was {number:g} {min(candidates)[1]} meant?" if candidates else ""

@@ -18,7 +18,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import FlowElement
 from ..errors import InputError
-from ..muscles.plausible import LEAST_PRESSURE, argument_cautions, pressure_caution, size_caution
+from ..muscles.plausible import LEAST_PRESSURE, argument_cautions, pressure_caution
 from ..pneumatics.build import build_element, valve_from_specimen
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.heat import HeatModel, WallHeat
@@ -28,6 +28,7 @@ from ..pneumatics.valves import PressureRegulator
 from ..pneumatics.volume import MovingVolume
 from ..quantities import amount, with_unit
 from ..registry import is_reference, named_by_person
+from ..slips import size_caution
 from ..specimens import specimen, specimen_ids
 from ..specimens.parts import bore_of
 from .mechanisms import Amount, Stated, in_si

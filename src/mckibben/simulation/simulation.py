@@ -27,9 +27,10 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.plausible import USUAL_SIZES, pressure_caution, size_caution
+from ..muscles.plausible import pressure_caution
 from ..quantities import with_unit
 from ..recordings.recording import Recording
+from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch

@@ -25,8 +25,9 @@ from ..engine.signals import Signal, Value
 from ..engine.soundness import balance_errors, soundness, switched
 from ..engine.step import integrands_of, watched_of, zero_integrals
 from ..errors import InputError
-from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution, size_caution
+from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution
 from ..quantities import with_unit
+from ..slips import size_caution
 from ..specimens import Specimen
 
 

@@ -3,27 +3,41 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...accessors import Accessor, implementation
-from ...answers import Caution, collect, warn
+from ...answers import Answer, Caution, Column, Table, collect
 from ...components import Environment
 from ...documents import JsonValue
 from ...errors import InputError
 from ...extras import library
-from ...muscles.build import at_rest_length
+from ...muscles.build import at_rest_length, changed_parameters
 from ...muscles.build import muscle as built_muscle
 from ...muscles.evidence import law_cautions
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
-from ...muscles.plausible import length_caution, pressure_caution, typed, usual_pressure
-from ...quantities import in_si, values, with_unit
+from ...muscles.plausible import length_caution, pressure_caution, usual_pressure
+from ...quantities import values, with_unit
 from ...specimens import Specimen, muscle_specimen
+from ...verbs import (
+    Changes,
+    Contraction,
+    CycleName,
+    Force,
+    LawName,
+    Length,
+    MuscleName,
+    Pressure,
+    ReadingName,
+    VolumeName,
+    typed,
+    verb,
+)
 from . import cycles as one_cycle
 from .curves import LEG_POINTS, CycleLoops, EnergyCurve, cycle_loops, energy_curve
-from .cycles import CYCLES, Conditions, EnergyCycle, energy_cycle
+from .cycles import CYCLES, READINGS, Conditions, EnergyCycle, energy_cycle
 from .muscle import CycleMuscle
 
 if TYPE_CHECKING:
@@ -36,7 +50,7 @@ CURVE_POINTS = 91
 
 
 @dataclass(frozen=True)
-class WorkingCycles:
+class WorkingCycles(Answer):
     """Working cycles of a muscle: what `energy` computes.
 
     Attributes:
@@ -61,6 +75,12 @@ class WorkingCycles:
 
     plot: ClassVar[Accessor[CyclePlots]] = Accessor("report.figures.plots:CyclePlots")
     """Plots: ``plot.loops`` and ``plot.efficiency``, see `report.figures.plots`."""
+    units: ClassVar[Mapping[str, str]] = (
+        dict.fromkeys(("input", "output", "compression", "delivery", *LOSSES), "J")
+        | dict.fromkeys(("shortened_length", "taut_length"), "m")
+        | dict.fromkeys(("shortened_volume", "stretched_volume"), "m^3")
+        | {"load": "N", "start_pressure": "Pa"}
+    )
 
     def __getitem__(self, name: str) -> EnergyCycle:
         """A cycle by its name, with the volume that counts."""
@@ -136,6 +156,55 @@ class WorkingCycles:
             for volume, one in by_volume.items()
         ]
 
+    def tables(self) -> list[Table]:
+        """Input, output and efficiency of each cycle; where the input goes; and curves, where they were asked for."""
+        c = self.conditions
+        air = f"an accumulator at {with_unit(c.exchange_pressure, 'Pa')}" if c.exchange_pressure else "the surroundings"
+        title = f"{self.specimen.title}, {self.law}, at {with_unit(c.pressure, 'Pa')}, air from {air} and back"
+        rows = [row | {"title": CYCLES[str(row["cycle"])]} for row in self.rows()]
+        names = (Column("cycle"), Column("title", ""), Column("volume"))
+        output = Column("output", unit="J", places=".3f")
+        numbers = (
+            Column("input", unit="J", places=".3f"),
+            output,
+            Column("efficiency", unit="1", shown="%", places=".2f"),
+            Column("shortened_length", "down to", "m", places=".2f"),
+            Column("load", "load at first", "N", places=".1f"),
+        )
+        losses = [Column(name, unit="1", places=".3f") for name in ("output", *LOSSES)]  # the title has their unit
+        tables = [Table(title, names + numbers, rows), Table("Where the input goes, J", (*names[::2], *losses), rows)]
+        if not self.curves:
+            return tables
+        first, *_ = self.curves.values()
+        efficiency = [Column(name, unit="1", shown="%", places=".2f") for name in self.curves]
+        points = [
+            {"pressure": pressure} | {name: curve.cycles.efficiency[i] for name, curve in self.curves.items()}
+            for i, pressure in enumerate(first.pressure)
+            if i % 6 == 0  # all of them are in the JSON
+        ]
+        columns = (Column("pressure", unit="Pa", places=".3f"), *efficiency)
+        return [*tables, Table("Efficiency over pressure", columns, points)]
+
+    def remarks(self) -> list[str]:
+        """Conditions of the cycles, and where the numbers are less than they seem."""
+        c = self.conditions
+        around = with_unit(float(c.ambient.pressure_abs), "Pa", 5)
+        start, friction = with_unit(c.stretched_length, "m"), with_unit(c.friction, "N")
+        said = f"Begins at {start}, surroundings {around}, friction {friction}."
+        if c.friction and any(name != "maximal" for name in self.cycles):
+            said += f" Reading '{c.reading}': {READINGS[c.reading]}."
+        remarks = [said]
+        if "paper" in self.muscles and abs(next(iter(self.cycles.values()))["paper"].unaccounted) > 5e-4:
+            remarks.append(
+                "Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull."
+            )
+        if self.overstretched:
+            most = with_unit(float(self.muscles[self.volume].law.length_range()[1]), "m")
+            remarks.append(
+                f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper."
+            )
+        return remarks
+
     def to_dataframe(self) -> pandas.DataFrame:
         """`rows` as a data frame.
 
@@ -153,40 +222,41 @@ class WorkingCycles:
         return str(implementation("report.figures.plots:cycles_html")(self))
 
 
+@verb
 def energy(
-    muscle: str | os.PathLike[str] | Specimen | Muscle,
+    muscle: MuscleName,
     *,
-    pressure: float | str | None = None,
-    cycles: str | Sequence[str] = tuple(CYCLES),
-    law: str | None = None,
-    parameters: Mapping[str, float] | None = None,
-    volume: str | None = None,
-    stretched_length: float | str | None = None,
-    contraction: float | str | None = None,
+    pressure: Pressure | None = None,
+    cycles: CycleName | Sequence[CycleName] | None = None,
     accumulator: bool = False,
-    accumulator_pressure: float | str | None = None,
-    friction: float | str | None = None,
-    reading: str = "printed",
-    ambient: float | str | None = None,
+    accumulator_pressure: Pressure | None = None,
+    friction: Force | None = None,
+    reading: ReadingName = "printed",
+    volume: VolumeName | None = None,
+    stretched_length: Length | None = None,
+    contraction: Contraction | None = None,
+    ambient: Pressure | None = None,
+    law: LawName | None = None,
+    parameters: Changes | None = None,
     curves: bool = False,
 ) -> WorkingCycles:
-    """Compute input, output, losses and efficiency of a muscle's working cycles.
+    """Compute input, output and efficiency of a muscle's working cycles.
 
     Args:
-        muscle: a specimen, its id or file, or a muscle of one.
-        pressure: highest gauge pressure, that of the supply [Pa]; 5 bar by default, less where the muscle is rated for less.
-        cycles: names of `CYCLES`.
-        law: name of a law that the specimen states; its default, or that of the muscle, if left out.
-        parameters: parameters of the law that are replaced [SI].
-        volume: name of `VOLUMES`; the paper's where the law has it, if left out.
-        stretched_length: length at which the cycles begin [m]; by default the upper working length.
-        contraction: the same as a contraction from the rest length [1], negative if stretched.
-        accumulator: whether air is exchanged with an accumulator at the threshold pressure.
-        accumulator_pressure: gauge pressure of an accumulator instead [Pa].
-        friction: Coulomb friction while shortening [N]; as the specimen states it by default.
-        reading: name of `READINGS`: where friction acts in the isotonic cycles.
-        ambient: absolute pressure of the surroundings [Pa]; that of the papers for their muscles, else standard.
-        curves: whether the efficiency over pressure is computed too, from the threshold to twice the pressure.
+        muscle: id of a specimen, or the .toml file of one.
+        pressure: gauge pressure of the supply [Pa]; '5 bar' by default, less where the specimen's rated pressure is less.
+        cycles: cycle to compute: maximal, isotonic or valve; all by default.
+        accumulator: exchange air with an accumulator at the threshold pressure.
+        accumulator_pressure: exchange air with an accumulator at this gauge pressure [Pa], such as '1 bar'.
+        friction: Coulomb friction while shortening [N], such as '2.5 N'; by default as the specimen states it.
+        reading: where friction acts in the isotonic cycles: printed (output only) or throughout.
+        volume: gas volume: paper (eq. 38b) or potential (the law's own); paper by default where the law has it.
+        stretched_length: length at which cycles begin [m], such as '15 cm'; by default the upper working length.
+        contraction: contraction from the rest length instead of a length, such as '20 %'; negative if stretched.
+        ambient: absolute pressure of the surroundings [Pa], such as '1 bar'.
+        law: law to use instead of the specimen's default, or my.py:MyLaw.
+        parameters: replace a parameter, such as law.turns=3.2 or thread_length='16 cm'.
+        curves: also compute efficiency over pressure, from the threshold to twice the pressure.
 
     Raises:
         InputError: an argument is out of range, or the muscle makes no such cycle; says why.
@@ -197,7 +267,7 @@ def energy(
         WorkingCycles(nylon, 5 bar: maximal 29.2%)
     """
     spec, changes, law = _described(muscle, law, parameters)
-    names = _names([cycles] if isinstance(cycles, str) else cycles)
+    names = _names([cycles] if isinstance(cycles, str) else cycles or CYCLES)
     if volume == "":
         raise InputError("volume", volume, "must be the name of a volume")
     law, muscles = one_cycle.cycle_muscles(spec, law or spec.law, volume or "", changes)
@@ -205,15 +275,13 @@ def energy(
     own = muscles[which]
     around = one_cycle.surroundings(spec)
     if ambient is not None:
-        around = Environment(pressure_abs=in_si(ambient, "Pa", field="ambient"))
+        around = Environment(pressure_abs=float(ambient))
     conditions = Conditions(
-        pressure=usual_pressure(spec) if pressure is None else float(in_si(pressure, "Pa", field="pressure")),
+        pressure=usual_pressure(spec) if pressure is None else float(pressure),
         stretched_length=_stretched(spec, own, law, stretched_length, contraction),
         ambient=around,
         exchange_pressure=_exchange(accumulator, accumulator_pressure, own, law),
-        friction=one_cycle.coulomb_friction(spec)
-        if friction is None
-        else float(in_si(friction, "N", field="friction")),
+        friction=one_cycle.coulomb_friction(spec) if friction is None else float(friction),
         reading=reading,
     )
     conditions.check(own)
@@ -226,26 +294,28 @@ def energy(
         if stretched_length is None
         else length_caution(length, longest, text=typed(stretched_length), name="stretched length"),
     )
-    warn(said)
     whole = WorkingCycles(spec, law, which, conditions, muscles, computed, {}, said)
     return replace(whole, curves={n: whole.curve(n) for n in names}) if curves else whole
 
 
 def _described(
-    muscle: str | os.PathLike[str] | Specimen | Muscle, law: str | None, parameters: Mapping[str, float] | None
+    muscle: str | os.PathLike[str] | Specimen | Muscle, law: str | None, changes: Changes | None
 ) -> tuple[Specimen, dict[str, float], str | None]:
     """Specimen, cut where its rest length was changed; other changed parameters, and name of the law."""
     if isinstance(muscle, Muscle):
         if muscle.specimen is None:
             raise InputError("muscle", muscle.title, "must have a specimen, which states friction and lengths")
         own: dict[str, Any] = dict(values(muscle.law)) if law in (None, law_name(muscle.law)) else {}
-        spec, law, parameters = muscle.specimen, law or law_name(muscle.law), own | dict(parameters or {})
+        spec, law = muscle.specimen, law or law_name(muscle.law)
     else:
-        spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
-    return *at_rest_length(spec, law or spec.law, parameters or {}), law
+        spec, own = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle), {}
+    if law is not None and not law.strip():
+        raise InputError("law", law, f"{spec.id} states", known=spec.laws)
+    chosen = law or spec.law
+    return *at_rest_length(spec, chosen, own | (changed_parameters(changes, chosen, of=spec) if changes else {})), law
 
 
-def _names(cycles: Iterable[str]) -> list[str]:
+def _names(cycles: Sequence[str] | Mapping[str, str]) -> list[str]:
     names = list(dict.fromkeys(cycles))
     for name in names:
         if name not in CYCLES:
@@ -263,8 +333,8 @@ def _stretched(
         length = float(built_muscle(spec, law=law).length_at(contraction))
     if length is None:
         return one_cycle.stretched_length(spec, muscle)
-    stretched = float(in_si(length, "m", field="stretched_length"))
-    one_cycle.check_threads(spec, stretched, shown=length if isinstance(length, str) else "")
+    stretched = float(length)
+    one_cycle.check_threads(spec, stretched, shown=getattr(length, "text", ""))
     return stretched
 
 
@@ -273,6 +343,6 @@ def _exchange(accumulator: bool, pressure: float | str | None, muscle: CycleMusc
     if pressure is not None and accumulator:
         raise InputError("accumulator_pressure", None, "is allowed only without an accumulator at the threshold")
     if pressure is not None:
-        return float(in_si(pressure, "Pa", field="accumulator_pressure"))
+        return float(pressure)
     cure = "an accumulator pressure, such as '0.9 bar'"
     return one_cycle.at_threshold(muscle, law, cure=cure) if accumulator else 0.0

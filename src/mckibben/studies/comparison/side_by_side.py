@@ -10,11 +10,12 @@ from ..._lazy import LazyModule
 from ...answers import collect, warn
 from ...errors import InputError
 from ...muscles import Muscle
-from ...muscles.plausible import pressure_caution, typed
+from ...muscles.plausible import pressure_caution
 from ...quantities import in_si
 from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import published_ranges
+from ...verbs import typed
 from .table import FULL_PRESSURE, Comparable, ComparedMuscle, MuscleTable, column_of, law_column, subject
 
 if TYPE_CHECKING:

@@ -16,10 +16,12 @@ from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...extras import library
 from ...identification.posterior import Band, Posterior, read_posterior
-from ...muscles.plausible import pressure_caution, size_caution, typed
+from ...muscles.plausible import pressure_caution
 from ...quantities import in_si, with_unit
+from ...slips import size_caution
 from ...specimens import Specimen, specimen_ids
 from ...specimens.parts import parts
+from ...verbs import typed
 from . import catalogue
 from .as_files import circuit_of, specimen_of
 from .braid import OBJECTIVES, design

@@ -1,0 +1,279 @@
+"""Verbs: public functions whose signature and docstring are all that a command, a form and a reference page need.
+
+    @verb
+    def tension(muscle: MuscleOrLaw, *, length: Length | None = None) -> Tensions:
+
+The annotation of a parameter says what it takes: unit, usual range, names to choose from. The words of help are those of the
+docstring's ``Args``. Both are read from the source, so that a command shows its help without importing what computes.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, ParamSpec, TypeVar, cast, get_args
+
+from .answers import Answer, Caution, collect, warn
+from .errors import InputError
+from .quantities import in_si, values_in_si
+
+PACKAGE = Path(__file__).parent
+P = ParamSpec("P")
+A = TypeVar("A", bound=Answer)
+
+
+class ParameterType(NamedTuple):
+    """What a parameter takes.
+
+    Attributes:
+        word: stands for a value in a usage line, such as LENGTH.
+        unit: SI unit of a quantity, else empty.
+        range: within which such a quantity lies at muscles, rigs and their air [unit]; outside a value is a slip.
+        names: lists the known names, for the shell.
+        suffixes: of files that are taken, ``("",)`` for any; folders end in a slash.
+        listed: whether several values are separated by commas.
+    """
+
+    word: str = ""
+    unit: str = ""
+    range: tuple[float, float] | None = None
+    names: Callable[[], Iterable[tuple[str, str]]] | None = None
+    suffixes: tuple[str, ...] = ()
+    listed: bool = False
+
+
+QUANTITIES = {
+    kind.word: kind
+    for kind in (
+        ParameterType("LENGTH", "m", (1e-3, 20.0)),
+        ParameterType("SIZE", "m", (1e-5, 0.5)),  # small: a diameter, a thickness, a moment arm, an error of a length
+        ParameterType("PRESSURE", "Pa", (1e3, 3e6)),
+        ParameterType("FORCE", "N", (1e-2, 5e4)),
+        ParameterType("TIME", "s", (1e-7, 1e10)),
+        ParameterType("FREQUENCY", "1/s", (1e-4, 1e5)),
+        ParameterType("SPEED", "m/s", (1e-5, 20.0)),
+        ParameterType("ANGLE", "rad", (1e-4, 7.0)),
+        ParameterType("INERTIA", "kg*m^2", (1e-8, 10.0)),
+        ParameterType("STIFFNESS", "N/m", (1e2, 1e8)),
+        ParameterType("ACCELERATION", "m/s^2", (1.0, 30.0)),
+        ParameterType("SHARE", "1", (1e-9, 2.0)),
+        ParameterType("SHARES", "1", (0.0, 1.0), listed=True),
+        ParameterType("CONTRACTION", "1", (1e-4, 0.5)),
+        ParameterType("ACTIVATION", "1", (1e-4, 1.0)),
+        ParameterType("LENGTHS", "m", (1e-4, 20.0), listed=True),
+        ParameterType("PRESSURES", "Pa", (1e3, 3e6), listed=True),
+        ParameterType("MASS", "kg", (1e-4, 1e3)),
+        ParameterType("ENERGY", "J", (1e-2, 1e9)),
+        ParameterType("FLOW", "m^3/s", (1e-8, 0.2)),
+        ParameterType("MASSES", "kg", (1e-3, 2e3), listed=True),
+        ParameterType("FREQUENCIES", "1/s", (1e-4, 1e5), listed=True),
+    )
+}
+Length = Annotated[float | str, QUANTITIES["LENGTH"]]
+Pressure = Annotated[float | str, QUANTITIES["PRESSURE"]]
+Force = Annotated[float | str, QUANTITIES["FORCE"]]
+Contraction = Annotated[float | str, QUANTITIES["CONTRACTION"]]
+Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
+MuscleName = Annotated[Any, ParameterType("SPECIMEN")]
+MuscleOrLaw = Annotated[Any, ParameterType("SPECIMEN|LAW")]
+LawName = Annotated[str, ParameterType("LAW")]
+CycleName = Annotated[str, ParameterType("CYCLE")]
+VolumeName = Annotated[str, ParameterType("VOLUME")]
+ReadingName = Annotated[str, ParameterType("READING")]
+PosteriorFile = Annotated[Any, ParameterType("FIT")]
+Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
+
+
+class ParsedNumber(float):
+    """A number [SI] that knows the `text` that it was read from, for sentences; arithmetic gives plain numbers."""
+
+    text: str
+
+    def __new__(cls, value: float, text: str) -> ParsedNumber:
+        """A number with its text."""
+        number = super().__new__(cls, value)
+        number.text = text
+        return number
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ParsedNumber, (float(self), self.text)
+
+
+class ParsedList(list[float]):
+    """Numbers [SI] that know the `text` that they were read from; empty where they were given as numbers."""
+
+    text = ""
+
+
+def typed(value: object) -> str | None:
+    """A value as a person gave it, for sentences about it; None of what is neither number nor text."""
+    if isinstance(value, ParsedNumber | ParsedList):
+        return value.text or None
+    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, int | float) else None
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a verb: all that a command, a form and a page show of it.
+
+    Attributes:
+        name: in the signature.
+        type: what it takes; without a word for a flag and for what only Python gives.
+        default: in the signature.
+        required: whether it has none.
+        many: whether it takes several values: of a quantity a list or a range in one text.
+        flag: whether it is true or false.
+        about: words of help.
+    """
+
+    name: str
+    type: ParameterType
+    default: Any
+    required: bool
+    many: bool
+    flag: bool
+    about: str
+
+    def read(self, value: Any) -> Any:
+        """A value as the function takes it: text with a unit becomes SI."""
+        unit = self.type.unit
+        if value is None or not unit:
+            return value
+        if not self.many:
+            number = in_si(value, unit, field=self.name)
+            return ParsedNumber(float(number), value) if isinstance(value, str) else number
+        one = isinstance(value, str) and not (":" in value or ";" in value or ", " in value)
+        numbers = ParsedList(values_in_si([value] if one else value, unit, field=self.name))
+        numbers.text = value if isinstance(value, str) else ""
+        return numbers
+
+
+@dataclass(frozen=True)
+class Description:
+    """A verb as its source describes it: words of help and parameters."""
+
+    name: str
+    paragraphs: tuple[str, ...]
+    parameters: Mapping[str, Parameter]
+
+
+@functools.cache
+def described(place: str) -> Description:
+    """Read a verb's signature and docstring from its source, which is not imported.
+
+    Args:
+        place: module and name within the package, such as ``studies.tension:tension``.
+    """
+    module, _, name = place.partition(":")
+    source = PACKAGE.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8")
+    node = next(n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef) and n.name == name)
+    head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
+    section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
+    words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", section, re.M | re.S)}
+    arguments = [*node.args.args, *node.args.kwonlyargs]
+    defaults = [*[None] * (len(node.args.args) - len(node.args.defaults)), *node.args.defaults, *node.args.kw_defaults]
+    parameters = {}
+    for argument, default in zip(arguments, defaults, strict=True):
+        annotation = ast.unparse(cast(ast.expr, argument.annotation))
+        named = [globals()[word] for word in re.findall(r"\w+", annotation) if word in globals()]
+        types = [one for alias in named for one in get_args(alias) if isinstance(one, ParameterType)]
+        parameters[argument.arg] = Parameter(
+            argument.arg,
+            types[0] if types else ParameterType(),
+            None if default is None else ast.literal_eval(default),
+            default is None,
+            "Sequence" in annotation,
+            annotation == "bool",
+            words.get(argument.arg, ""),
+        )
+    return Description(name, tuple(_words(p) for p in head.split("\n\n") if p.strip()), parameters)
+
+
+def _words(text: str) -> str:
+    """Words of a docstring for people: without marks and SI units, beginning with a capital."""
+    plain = re.sub(r"\s\[[^\]]{1,8}\]", "", " ".join(text.split())).replace("``", "")
+    return plain[:1].upper() + plain[1:]
+
+
+def verb(function: Callable[P, A]) -> Callable[P, A]:
+    """Make of a function one that takes text with units, and whose answer says which values can only be slips.
+
+    Cautions of the answer go out as warnings too. A sentence that is to be read at a command line as well names other
+    parameters in braces: ``"is allowed only without {pressure}"``.
+    """
+
+    @functools.wraps(function)
+    def ask(*positional: P.args, **named: P.kwargs) -> A:
+        found = answer(function, inspect.signature(function).bind(*positional, **named).arguments)
+        warn(found.cautions)
+        return found
+
+    return ask
+
+
+def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callable[[str], str] = str) -> A:
+    """Ask a verb.
+
+    Args:
+        function: the verb.
+        values: of its parameters by name, as a person gives them.
+        shown: how whoever asks calls a parameter, such as ``--length``.
+
+    Raises:
+        InputError: a value is refused; the sentence calls parameters as `shown` does.
+    """
+    function = inspect.unwrap(function)
+    place = f"{function.__module__.partition('.')[2]}:{function.__name__}"
+    parameters = described(place).parameters
+    try:
+        found = function(**{name: parameters[name].read(value) for name, value in values.items()})
+    except InputError as error:
+        raise _renamed(error, parameters, shown) from None
+    said = {one.parameter for one in found.cautions}
+    slips = (one for one in _slips(parameters, values) if one.parameter not in said)
+    return cast(A, dataclasses.replace(cast(Any, found), cautions=collect(*found.cautions, *slips)))
+
+
+def load(place: str) -> Callable[..., Answer]:
+    """Import a verb by its place."""
+    module, _, name = place.partition(":")
+    return cast(Callable[..., Answer], getattr(importlib.import_module(f"{__package__}.{module}"), name))
+
+
+def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Callable[[str], str]) -> InputError:
+    """An error with parameters called as somebody calls them."""
+
+    def called(text: str) -> str:
+        return re.sub(r"\{(\w+)\}", lambda m: shown(m[1]) if m[1] in parameters else m[0], text)
+
+    name, dot, key = error.field.partition(".")
+    name = name if name in parameters else f"{name}s"  # one of several
+    known = name in parameters and error.where is None  # else the field of a file
+    field = shown(name) + (f" {key}" if dot and shown is not str else dot + key) if known else error.field
+    sentence = None if error.sentence is None else called(error.sentence)
+    value = str(error.value) if isinstance(error.value, ParsedNumber) else None  # as it was typed
+    return error.changed(field=field, value=value, problem=called(error.problem), sentence=sentence)
+
+
+def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[Caution]:
+    """Cautions about texts whose size can only be a slip."""
+    for name, value in values.items():
+        kind = parameters[name].type
+        texts: Sequence[tuple[str, Any]] = [*value.items()] if isinstance(value, Mapping) else [(name, value)]
+        for key, text in texts:
+            if isinstance(text, str) and (kind.range or isinstance(value, Mapping)):
+                from .slips import size_caution
+
+                slip = size_caution(text, kind.unit, name=key.replace("_", " "), usual=kind.range)
+                if slip is not None:
+                    yield slip
