@@ -68,7 +68,7 @@ def test_rows_of_a_muscle_agree_with_each_other(name: str) -> None:
 
 def test_a_row_has_a_value_or_none_for_every_column_and_published_rows_stay() -> None:
     found = compare(["nylon", "fast-fibre"])
-    rows = {r.property.name: r for r in found.rows()}
+    rows = {r.property.name: r for r in found.properties()}
     assert all(len(r.values) == 2 for r in rows.values())
     assert rows["maximum_velocity"].values[0] is None  # the law knows no velocity
     assert rows["maximum_velocity"].values[1] == 8.0

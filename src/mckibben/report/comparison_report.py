@@ -67,7 +67,7 @@ def comparison_report(
 def muscle_comparison(found: MuscleTable) -> Document:
     """Build the report of a comparison of muscles, with its figure where any of them has a law to draw."""
     names = [c.name for c in found.columns]
-    rows = found.rows()
+    rows = found.properties()
     keys = dict.fromkeys([PAPER, *(k for r in rows if r.published for k in r.published.sources)])
     columns = (
         TableColumn("", wide=True),

@@ -521,7 +521,7 @@ def part_html(part: ListedPart) -> str:
 
 def comparison_html(compared: MuscleTable) -> str:
     """A comparison as a table, one column per muscle."""
-    shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.rows()]
+    shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.properties()]
     rows = [(title, unit, *("" if v is None else f"{v:.4g}" for v in values)) for title, unit, values in shown]
     return _table("Comparison", repr(compared), ("property", "unit", *(c.name for c in compared.columns)), rows)
 
