@@ -90,10 +90,8 @@ def with_own_references(document: object, where: str | os.PathLike[str], field: 
         field: dotted path of the tables in it.
     """
     if isinstance(document, Mapping):
-        return {
-            _placed(key, where, field): with_own_references(value, where, f"{field}.{key}".lstrip("."))
-            for key, value in document.items()
-        }
+        below = {key: with_own_references(v, where, f"{field}.{key}".lstrip(".")) for key, v in document.items()}
+        return {_placed(key, where, field): value for key, value in below.items()}
     if isinstance(document, list):
         return [with_own_references(value, where, field) for value in document]
     return _placed(document, where, field) if isinstance(document, str) else document
@@ -167,10 +165,8 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
     if not _is_allowed(path):
         stated, stated_field = _places.get(reference, (where, field))
         demand = f"names code, which a file cannot run by itself; if you trust {path}, allow it: --code {path}"
-        said = (
-            f"{field if where else stated_field} {shortened(repr(reference))} {demand}, "
-            "or mckibben.registry.allow_code in Python"
-        )
+        said = f"{field if where else stated_field} {shortened(repr(reference))} {demand}"
+        said = f"{said}, or mckibben.registry.allow_code in Python"
         raise InputError(field, reference, demand, where=where or stated, sentence=said)
     module = _module_of(path, field, reference, where)
     if not hasattr(module, name):
@@ -205,24 +201,18 @@ def _module_of(path: Path, field: str, reference: str, where: str | None) -> typ
         exec(compile(source, str(path), "exec"), module.__dict__)  # noqa: S102 - running the user's file is the purpose
     except Exception as error:
         del sys.modules[title]
-        line = _line_of(error, str(path))
+        line = error.lineno if isinstance(error, SyntaxError) else None
+        trace = error.__traceback__
+        while trace is not None:  # the innermost line of the file itself
+            if trace.tb_frame.f_code.co_filename == str(path):
+                line = trace.tb_lineno
+            trace = trace.tb_next
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         said = f"{path}{f', line {line}' if line else ''}: {kind}{error}"
         raise InputError(field, reference, "must be a file that runs", where=where, sentence=said) from None
     finally:
         sys.path.remove(folder)
     return module
-
-
-def _line_of(error: BaseException, path: str) -> int | None:
-    if isinstance(error, SyntaxError):
-        return error.lineno
-    line, trace = None, error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == path:
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line
 
 
 class Registry(Mapping[str, T], Generic[T]):

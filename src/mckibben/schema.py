@@ -15,7 +15,6 @@ Fields declared with `quantities.quantity` are numbers of their unit and bounds;
 from __future__ import annotations
 
 import dataclasses
-import functools
 import json
 import math
 import re
@@ -475,12 +474,9 @@ def read_table(
 
 def read_stated(kind: type[DataclassInstance], table: FileTable, keys: Iterable[str]) -> dict[str, JsonValue]:
     """Read those of some fields of a type that a table states, by the name of the field; raises as `read_table`."""
-    fields = table_fields(kind)
-    return {
-        fields[key][0]: fields[key][1].read(table.values[key], Place(table.field(key), table.where or None))
-        for key in keys
-        if key in table
-    }
+    fields, where = table_fields(kind), table.where or None
+    stated = ((fields[key], key) for key in keys if key in table)
+    return {name: of.read(table.values[key], Place(table.field(key), where)) for (name, of, _), key in stated}
 
 
 def write_table(
@@ -576,21 +572,20 @@ def _place(table: FileTable, key: str, units: Mapping[str, str], bare: bool, fil
 
 
 def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
-    """Field type of a field that declares none: by its quantity, or by its plain type."""
     if "quantity" in f.metadata:
         q = f.metadata["quantity"]
-        return FieldType(functools.partial(_read_quantity, q), lambda value, place: place.words(value, q.unit), q.doc)
+
+        def read(raw: object, place: Place) -> float:
+            unit = place.unit(q.unit)
+            bounds = q.bounds if unit == q.unit else (-math.inf, math.inf)
+            return read_number(raw, unit, bounds, place.field, place.where, bare=place.bare)
+
+        return FieldType(read, lambda value, place: place.words(value, q.unit), q.doc)
     if f.type in ("int", int):
         return FieldType(_read_integer, doc="whole number")
     if f.type in ("str", str, "str | None"):
         return FieldType(_read_word)
     return FieldType(_read_flag) if f.type in ("bool", bool) else None
-
-
-def _read_quantity(q: Quantity, raw: object, place: Place) -> float:
-    unit = place.unit(q.unit)
-    bounds = q.bounds if unit == q.unit else (-math.inf, math.inf)
-    return read_number(raw, unit, bounds, place.field, place.where, bare=place.bare)
 
 
 def _read_integer(raw: object, place: Place) -> int:
@@ -632,7 +627,6 @@ def _listed(raw: object, place: Place) -> list[Any]:
 
 
 def _as_list(raw: object) -> str:
-    """Words that show a value that stands alone as the list that was meant; empty for other values."""
     return f", such as [{_written(raw)}]" if isinstance(raw, str | int | float) else ""
 
 

@@ -100,7 +100,6 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         InputError: if another sweep wrote it, another process is writing to it, it cannot be read, or the disk has no room.
     """
     zarr = zarr_library()
-
     place = Path(folder)
     new = not place.exists()
     try:
@@ -117,7 +116,9 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         draft = place / f"{NAME}.new"  # so that a store is there whole or not at all
         shutil.rmtree(draft, ignore_errors=True)
         try:
-            need, free = _size(sweep), shutil.disk_usage(place).free
+            columns = len(sweep.variants.columns) + len(sweep.template.outputs)  # whole channels come on top
+            need = len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
+            free = shutil.disk_usage(place).free
             if need > free:
                 said = f"the results need {need / 1e6:.3g} MB, the disk has {free / 1e6:.3g} MB"
                 raise InputError("--out", str(place), said)
@@ -131,22 +132,16 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
 
 
 def _known(place: Path, sweep: Sweep) -> ResultStore:
-    zarr = zarr_library()
-
     try:
-        group = zarr.open_group(place / NAME, mode="r+", zarr_format=3)
+        group = zarr_library().open_group(place / NAME, mode="r+", zarr_format=3)
         about: Any = group.attrs[KEY]
         digest, count, block = str(about["digest"]), int(about["variants"]), int(about["block"])
     except (KeyError, ValueError, TypeError, OSError):
         raise InputError("--out", str(place / NAME), "it is no store of a sweep, or damaged") from None
     if digest != sweep.digest:
         title = about.get("title") or "without a title"
-        raise InputError(
-            "--out",
-            str(place),
-            f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; "
-            f"this one has {sweep.digest[:12]}); choose another folder",
-        )
+        said = f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; this one has"
+        raise InputError("--out", str(place), f"{said} {sweep.digest[:12]}); choose another folder")
     return ResultStore(place, group, count, block)
 
 
@@ -156,24 +151,12 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
     count = len(sweep.variants)
 
     def array(name: str, kind: Any, fill: Any, **attributes: object) -> Any:
-        return group.create_array(
-            name,
-            shape=(count,),
-            chunks=(block,),
-            dtype=kind,
-            fill_value=fill,
-            dimension_names=("variant",),
-            attributes=attributes,
-        )
+        shape = {"shape": (count,), "chunks": (block,), "dimension_names": ("variant",)}
+        return group.create_array(name, dtype=kind, fill_value=fill, attributes=attributes, **shape)
 
     for path, values in sweep.variants.columns.items():
-        one = array(
-            f"parameters/{path}",
-            float if values.dtype == float else str,
-            np.nan if values.dtype == float else "",
-            unit=sweep.template.settings[path].unit,
-        )
-        one[:] = values
+        kind, fill = (float, np.nan) if values.dtype == float else (str, "")
+        array(f"parameters/{path}", kind, fill, unit=sweep.template.settings[path].unit)[:] = values
     array("code", "i1", -1, meaning={o.name.lower(): int(o) for o in VariantOutcome})
     array("message", str, "")
     array("duration", float, np.nan, unit="s")
@@ -184,14 +167,8 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
         if name not in whole:
             array(f"outputs/{name}", float, np.nan, **{k: v for k, v in dataclasses.asdict(one).items() if k != "name"})
     for name in [TIME, *whole] if whole else []:
-        group.create_array(
-            f"outputs/{name}",
-            shape=(count, 1),
-            chunks=(block, SAMPLES),
-            dtype=float,
-            fill_value=np.nan,
-            dimension_names=("variant", "sample"),
-        )
+        shape = {"shape": (count, 1), "chunks": (block, SAMPLES), "dimension_names": ("variant", "sample")}
+        group.create_array(f"outputs/{name}", dtype=float, fill_value=np.nan, **shape)
     group.attrs[KEY] = {
         **sweep.document(),
         "digest": sweep.digest,
@@ -250,12 +227,6 @@ def zarr_library() -> ModuleType:
     return library("zarr", "Results of sweeps need")
 
 
-def _size(sweep: Sweep) -> float:
-    """Largest size of the results on the disk, without whole channels [bytes]."""
-    columns = len(sweep.variants.columns) + len(sweep.template.outputs)
-    return len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
-
-
 @contextlib.contextmanager
 def _full(store: ResultStore | None, folder: Path | None = None) -> Iterator[None]:
     """Convert the error of a full disk to a message that states what is safe."""
@@ -278,18 +249,14 @@ def _alone(folder: Path) -> Iterator[None]:
     path = folder / LOCK
     with open(path, "a+b") as file:
         try:
-            _take(file)
+            if os.name == "nt":  # pragma: no cover
+                import msvcrt
+
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+            else:
+                import fcntl
+
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise InputError("--out", str(folder), "another sweep is writing to it; wait for its end") from None
         yield
-
-
-def _take(file: Any) -> None:
-    if os.name == "nt":  # pragma: no cover
-        import msvcrt
-
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-        return
-    import fcntl
-
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 import ctypes
+import functools
 import platform
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -16,8 +17,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .c_source import PartSource, c_source
-from .compiler import build_library, compiler_version
+from .c_source import PartSource, build_library, c_source, compiler_version
 from .part import Part
 from .scenarios import HostMoment, Scenario
 
@@ -181,36 +181,30 @@ class HostAdapter(abc.ABC):
         return None
 
 
-class LoopMechanism(HostedMechanism):
+class _LoopMechanism(HostedMechanism):
     """A mechanism stepped by a loop of ours: semi-implicitly where the host is staggered, else by the mean acceleration."""
 
-    def __init__(
-        self, scenario: Scenario, instance: PartInstance, period: float, *, staggered: bool, make: Any
-    ) -> None:
-        self.scenario, self.instance, self.period = scenario, instance, period
+    def __init__(self, scenario: Scenario, period: float, *, staggered: bool, make: Any) -> None:
+        self.scenario, self.instance, self.period = scenario, make(), period
         self.staggered, self._make = staggered, make
         self._position, self._rate = scenario.mechanism.start, 0.0
-        self._first = instance.save()
+        self._first = self.instance.save()
 
     @property
     def position(self) -> float:
-        """Position [m] or [rad]."""
         return self._position
 
     @property
     def rate(self) -> float:
-        """Rate of the position [m/s] or [rad/s]."""
         return self._rate
 
     def step(self, moment: HostMoment) -> PartReadings:
-        """Go on by one step: the part first, then the mechanism with the mean tension of the same step."""
         mechanism, h = self.scenario.mechanism, self.period
-        prescribed = moment.position is not None and moment.rate is not None
         if moment.position is not None and moment.rate is not None:
             self._position, self._rate = moment.position, moment.rate
         spans, rates = mechanism.span(self._position), mechanism.span_rate(self._rate)
-        readings = self.instance.step(h, spans, rates, moment.commands)
-        if prescribed:
+        readings = self.instance.step(h, spans, rates, moment.commands)  # the part first, then the mechanism
+        if moment.position is not None:
             self._position += h * self._rate
             return readings
         acceleration, before = mechanism.acceleration(readings.tension, moment.force), self._rate
@@ -219,27 +213,22 @@ class LoopMechanism(HostedMechanism):
         return readings
 
     def save(self) -> Any:
-        """Position, rate and the part."""
         return self._position, self._rate, self.instance.save()
 
     def restore(self, saved: Any) -> None:
-        """Return to what `save` returned."""
         self._position, self._rate, part = saved
         self.instance.restore(part)
 
     def copy(self) -> HostedMechanism:
-        """Another one at the same moment."""
-        twin = LoopMechanism(self.scenario, self._make(), self.period, staggered=self.staggered, make=self._make)
+        twin = _LoopMechanism(self.scenario, self.period, staggered=self.staggered, make=self._make)
         twin.restore(self.save())
         return twin
 
     def reset(self) -> None:
-        """Return to the start."""
         self._position, self._rate = self.scenario.mechanism.start, 0.0
         self.instance.restore(self._first)
 
     def look(self, moment: HostMoment) -> None:
-        """Evaluate without going on."""
         mechanism = self.scenario.mechanism
         self.instance.look(mechanism.span(self._position), mechanism.span_rate(self._rate), moment.commands)
 
@@ -253,11 +242,8 @@ class LoopHost(HostAdapter):
 
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The mechanism and part of a scenario at their start."""
-
-        def make() -> PartInstance:
-            return self.instance(scenario.part, scenario.parameters)
-
-        return LoopMechanism(scenario, make(), period, staggered=self.staggered, make=make)
+        make = functools.partial(self.instance, scenario.part, scenario.parameters)
+        return _LoopMechanism(scenario, period, staggered=self.staggered, make=make)
 
 
 class _PythonInstance(PartInstance):
@@ -270,7 +256,6 @@ class _PythonInstance(PartInstance):
     def step(
         self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
     ) -> PartReadings:
-        """Go on by one step."""
         if self.state is None:
             self.state = self.part.rest(span, **commands)
         self.state, readings = self.part.step(
@@ -279,15 +264,12 @@ class _PythonInstance(PartInstance):
         return PartReadings.of(self.part, self.state, readings)
 
     def save(self) -> Any:
-        """The state."""
         return self.state
 
     def restore(self, saved: Any) -> None:
-        """Return to a state."""
         self.state = saved
 
     def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
-        """Observe."""
         if self.state is not None:
             self.part.observe(self.state, span=span, rate=rate, **commands)
 
@@ -317,37 +299,22 @@ class _CompiledPart:
         self.name, self.source = source.name, source
         library = build_library([folder / f"{source.name}.c"], folder / f"{source.name}.so")
         self.library = ctypes.CDLL(str(library))
-        self.sizes = {g: _size(source, g) for g in ("parameters", "state", "inputs", "outputs")}
-        self.inputs, self.outputs = (_places(source, group) for group in ("inputs", "outputs"))
-        self.masses = [at for path, at in _places(source, "state").items() if path.startswith(MASSES)]
-        call = self.library[f"{source.name}_step"]
-        call.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_int, ctypes.c_void_p]
-        call.restype = None
-        look = self.library[f"{source.name}_observe"]
-        look.argtypes, look.restype = [ctypes.c_void_p] * 4, None
-        self.step, self.observe = call, look
+        groups = ("parameters", "state", "inputs", "outputs")
+        self.sizes = {g: int(sum(np.prod(v.shape) for v in source.of(g))) for g in groups}
+        self.inputs, self.outputs = source.places("inputs"), source.places("outputs")
+        self.masses = [at for path, at in source.places("state").items() if path.startswith(MASSES)]
+        self.step, self.observe = self.library[f"{source.name}_step"], self.library[f"{source.name}_observe"]
+        self.step.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_int, ctypes.c_void_p]
+        self.observe.argtypes = [ctypes.c_void_p] * 4
+        self.step.restype = self.observe.restype = None
 
     def parameters(self, changes: Mapping[str, float]) -> np.ndarray:
-        """The parameters as they lie in memory, with some changed."""
         kind = ctypes.c_double * self.sizes["parameters"]
         values = np.array(kind.in_dll(self.library, f"{self.name}_default_parameters"))
-        places = _places(self.source, "parameters")
+        places = self.source.places("parameters")
         for path, value in changes.items():
             values[places[path]] = value
         return values
-
-
-def _size(source: PartSource, group: str) -> int:
-    return int(sum(np.prod(v.shape) for v in source.of(group)))
-
-
-def _places(source: PartSource, group: str) -> dict[str, int]:
-    """Where the numbers of a struct begin, by dotted path."""
-    places, at = {}, 0
-    for variable in source.of(group):
-        places[variable.path] = at
-        at += int(np.prod(variable.shape))
-    return places
 
 
 class _CInstance(PartInstance):
@@ -355,10 +322,8 @@ class _CInstance(PartInstance):
 
     def __init__(self, compiled: _CompiledPart, part: Part, changes: Mapping[str, float], staggered: bool) -> None:
         self.compiled, self.muscles, self.staggered = compiled, part.muscles, int(staggered)
-        self.numbers = [
-            compiled.parameters(changes),
-            *(np.zeros(compiled.sizes[g]) for g in ("state", "inputs", "outputs")),
-        ]
+        others = (np.zeros(compiled.sizes[group]) for group in ("state", "inputs", "outputs"))
+        self.numbers = [compiled.parameters(changes), *others]
         self.pointers = [vector.ctypes.data for vector in self.numbers]
 
     def _put(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
@@ -370,7 +335,6 @@ class _CInstance(PartInstance):
     def step(
         self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
     ) -> PartReadings:
-        """Go on by one step."""
         self._put(span, rate, commands)
         parameters, state, inputs, outputs = self.pointers
         self.compiled.step(parameters, state, inputs, period, self.staggered, outputs)
@@ -383,15 +347,12 @@ class _CInstance(PartInstance):
         )
 
     def save(self) -> Any:
-        """A copy of the state."""
         return self.numbers[1].copy()
 
     def restore(self, saved: Any) -> None:
-        """Return to a state."""
         self.numbers[1][:] = saved
 
     def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
-        """Observe."""
         self._put(span, rate, commands)
         self.compiled.observe(*self.pointers)
 

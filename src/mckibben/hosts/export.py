@@ -16,11 +16,11 @@ from ..errors import InputError
 from ..extras import library
 from ..recordings.provenance import versions
 from .c_source import PartSource, PartVariable, c_source, with_names
-from .fmi import export_fmu, fmu_cautions
+from .fmi_export import export_fmu, fmu_cautions
 from .mujoco_export import export_mujoco
 from .part import Part
 from .ros2_export import export_ros2
-from .warp import export_warp
+from .warp_export import export_warp
 
 
 def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = "muscle_part") -> list[Path]:
@@ -85,12 +85,13 @@ def _export_c(source: PartSource, out: Path) -> list[Path]:
     files = source.write(out)
     about = json.dumps(describe(source), indent=1, ensure_ascii=False) + "\n"
     files.append(write_text(out / f"{source.name}.json", about))
-    first = sorted(source.part.muscles)[0]
-    tension = next(v.member for v in source.of("outputs") if v.path == f"tension.{first}")
-    command = source.part.hosted.drives[0]
-    filling = {"COMMAND": next(v.member for v in source.of("inputs") if v.path == f"command.{command.command}")}
-    filling["VALUE"] = "3e5" if command.unit == "Pa" else "1.0"
-    words = filling | {"TITLE": source.part.title.replace("*/", "* /"), "TENSION": tension}
+    first, drive = sorted(source.part.muscles)[0], source.part.hosted.drives[0]
+    words = {
+        "TITLE": source.part.title.replace("*/", "* /"),
+        "TENSION": next(v.member for v in source.of("outputs") if v.path == f"tension.{first}"),
+        "COMMAND": next(v.member for v in source.of("inputs") if v.path == f"command.{drive.command}"),
+        "VALUE": "3e5" if drive.unit == "Pa" else "1.0",
+    }
     for file, text in (("CMakeLists.txt", CMAKE), (f"{source.name}_example.c", EXAMPLE)):
         files.append(write_text(out / file, with_names(text, source.name, **words)))
     return files
@@ -131,18 +132,10 @@ int main(void)
 """
 
 
-def _export_fmi3(source: PartSource, out: Path) -> list[Path]:
-    return export_fmu(source.part, out, source.name, 3)
-
-
-def _export_fmi2(source: PartSource, out: Path) -> list[Path]:
-    return export_fmu(source.part, out, source.name, 2)
-
-
 TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {
     "c": _export_c,
-    "fmi3": _export_fmi3,
-    "fmi2": _export_fmi2,
+    "fmi3": lambda source, out: export_fmu(source.part, out, source.name, 3),
+    "fmi2": lambda source, out: export_fmu(source.part, out, source.name, 2),
     "mujoco": export_mujoco,
     "warp": export_warp,
     "ros2": export_ros2,

@@ -9,8 +9,9 @@ An actuator of the model is a muscle if it has the name of one and
     <general name="muscle" tendon="cord" dyntype="user" gainprm="0" biastype="user" biasprm="0" actdim="25"/>
 
 where ``actdim`` is `act_size` of the part and ``biasprm`` the span at length zero [m], zero on a spatial tendon. Parts with
-several muscles have an actuator for each (see `actuators`), of which only the first has ``dyntype`` and ``actdim``. State
-and mean tensions lie in ``act``; nothing is kept outside the data, so that they may be copied, pickled and used on threads.
+several muscles have an actuator for each (see `mujoco_export.actuator_roles`), of which only the first has ``dyntype`` and
+``actdim``. State and mean tensions lie in ``act``; nothing is kept outside the data, so that they may be copied, pickled
+and used on threads.
 
 MuJoCo has one callback of each kind for all models, and calls it with the interpreter's lock.
 """
@@ -28,7 +29,7 @@ from ..answers import Caution, warn
 from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import InputError
 from ..extras import library
-from .actuators import actuator_roles, state_sizes
+from .mujoco_export import actuator_roles, state_sizes
 from .part import Part
 
 
@@ -89,8 +90,7 @@ class _AttachedPart:
         for name, k in zip(self.names[: self.count], ids, strict=False):
             if int(model.actuator_biastype[k]) != int(mujoco.mjtBias.mjBIAS_USER):
                 raise InputError(f"biastype of the actuator {name}", None, 'must be "user"')
-        ordered = sorted(self.part.muscles)
-        commands = sorted(self.part.commands)
+        ordered, commands = sorted(self.part.muscles), sorted(self.part.commands)
         commanded = [(k, role.command) for k, role in zip(ids, self.roles, strict=True) if role.command is not None]
         return _ModelPlaces(
             int(model.actuator_actadr[first]),
@@ -171,7 +171,7 @@ class MuscleCallbacks:
 
     Args:
         model: the model. Copies of it, and models with the same names, are served too; other models are left alone.
-        parts: parts by the name of their actuator, or by a tuple of names, one for each muscle; see `actuators`.
+        parts: parts by the name of their actuator, or by a tuple of names, one for each; see `mujoco_export.actuator_roles`.
 
     Raises:
         InputError: names what does not fit.

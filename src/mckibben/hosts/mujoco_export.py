@@ -1,6 +1,9 @@
 """A part as an engine plugin of MuJoCo: actuators and a sensor, built against the installed wheel.
 
-An instance of the plugin is a part: one muscle, or several that share a tank, with an actuator for each (see `actuators`).
+An instance of the plugin is a part: one muscle, or several that share a tank, with an actuator for each (`actuator_roles`).
+The first actuators are the muscles, in the part's order. The control of each is the command of the same name, or else the
+next command that no muscle has. Commands that are left get actuators of their own behind the muscles, which do not pull.
+
 The state of the part lies in ``act`` of the first actuator, divided by its size at rest, so that finite differences see
 every number of it. The plugin takes a whole step of the part in ``actuator_act_dot`` and returns the difference over the
 step, so that MuJoCo's Euler step lands on the next state. Parameters and last outputs lie in ``plugin_state``; nothing is a
@@ -11,7 +14,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +22,39 @@ from ..documents import write_text
 from ..engine.soundness import SENTENCE
 from ..errors import InputError
 from ..extras import library
-from .actuators import ActuatorRole, actuator_roles, state_sizes
-from .c_source import PartSource, with_names
-from .compiler import build_library
+from .c_source import PartSource, build_library, c_ends, with_names
 from .part import Part
+
+LEAST_SIZE = 1e-6  # of a number of the state by which it is divided
+
+
+class ActuatorRole(NamedTuple):
+    """What an actuator is for a part: the muscle that pulls there, and the command that its control is; None for neither."""
+
+    muscle: str | None
+    command: str | None
+
+    @property
+    def name(self) -> str:
+        """Name of the muscle, else of the command."""
+        return self.muscle or self.command or ""
+
+
+def actuator_roles(part: Part) -> tuple[ActuatorRole, ...]:
+    """The actuators that a part needs, in their order."""
+    left = [name for name in part.commands if name not in part.muscles]
+    roles = []
+    for muscle in part.muscles:
+        named = muscle if muscle in part.commands else None
+        roles.append(ActuatorRole(muscle, named or (left.pop(0) if left else None)))
+    return (*roles, *(ActuatorRole(None, command) for command in left))
+
+
+def state_sizes(part: Part) -> np.ndarray:
+    """Usual size of each number of a part's state, its value at rest; 1 where that is next to nothing."""
+    rested = np.abs(part.rest())
+    return np.where(rested > LEAST_SIZE, rested, 1.0)
+
 
 SENSED = ("pressure", "tension", "length", "temperature", "friction", "slack", "work")
 """What the sensor shows of each muscle, in this order, one muscle behind the other; of the last step."""
@@ -68,9 +100,8 @@ def plugin_source(source: PartSource) -> str:
     members = {(v.group, v.path): v.member for v in (*source.of("inputs"), *source.of("outputs"))}
     keys = []
     for variable in source.of("parameters"):
-        low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in variable.bounds)
+        (low, high), count = c_ends(variable.bounds), int(np.prod(variable.shape))
         key = config_key(variable.path)
-        count = int(np.prod(variable.shape))
         keys.append(f'    {{"{key}", offsetof({source.name}_parameters, {variable.member}), {count}, {low}, {high}}},')
     offsets = [f'"offset.{name}"' for name in part.muscles] if len(part.muscles) > 1 else ['"offset"']
     given, pulls, shown = [], [], []
@@ -88,16 +119,15 @@ def plugin_source(source: PartSource) -> str:
         else:
             pulls.append(f"        d->actuator_force[output(m, q, {k})] = 0.0;")
         if role.command is not None:
-            low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in part.command_limits(role.command))
+            low, high = c_ends(part.command_limits(role.command))
             command = f"inputs.{members['inputs', f'command.{role.command}']}"
             given.append(f"    {command} = control(m, d, q, {k});")
             given.append(f'    say_command(q, {k}, "{role.command}", {command}, {low}, {high});')
+    limits = [part.span_limits[name] for name in part.muscles]
     words: dict[str, Any] = {
         "KEYROWS": "\n".join(keys),
         "OFFSETKEYS": ", ".join(offsets),
-        "SPANLIMITS": ", ".join(
-            f"{{{low!r}, {high!r}}}" for low, high, _ in (part.span_limits[n] for n in part.muscles)
-        ),
+        "SPANLIMITS": ", ".join(f"{{{low!r}, {high!r}}}" for low, high, _ in limits),
         "SIZES": ", ".join(repr(float(size)) for size in state_sizes(part)),
         "NMUSCLES": str(len(part.muscles)),
         "NACTUATORS": str(len(roles)),
@@ -115,18 +145,15 @@ def plugin_source(source: PartSource) -> str:
 def example_model(source: PartSource) -> str:
     """The text of a model: a mass that hangs from each muscle."""
     part, roles = source.part, actuator_roles(source.part)
-    single, rows = len(part.muscles) == 1, []
+    single, units = len(part.muscles) == 1, {drive.command: drive.unit for drive in part.hosted.drives}
     bodies, tendons, actuators = [], [], []
     for k, role in enumerate(roles):
         name = role.name
-        words = {
-            "name": name,
-            "of": "" if single else f"_{name}",
-            "x": f"{0.1 * k:g}",
-            "plugin": plugin_name(source.name),
-        }
+        words = {"name": name, "of": "" if single else f"_{name}", "x": f"{0.1 * k:g}"}
+        words["plugin"] = plugin_name(source.name)
         words["actdim"] = f' actdim="{part.rest().size}"' if k == 0 else ""
-        words["range"] = _control_range(part, role)
+        # A control has a range where its command is the opening of a valve.
+        words["range"] = ' ctrllimited="true" ctrlrange="-1 1"' if units.get(role.command or "") == "1" else ""
         if role.muscle is None:
             words["of"] = "" if single else f"_{roles[0].name}"
             actuators.append(COMMANDER.format(**words))
@@ -139,12 +166,6 @@ def example_model(source: PartSource) -> str:
     names = ", ".join(role.name for role in roles)
     order = "" if len(roles) == 1 else f"    <!-- the actuators of an instance, in this order: {names} -->\n"
     return EXAMPLE.format(plugin=plugin_name(source.name), bodies=rows[0], tendons=rows[1], actuators=order + rows[2])
-
-
-def _control_range(part: Part, role: ActuatorRole) -> str:
-    """The range of an actuator's control, where its command is the opening of a valve."""
-    units = {drive.command: drive.unit for drive in part.hosted.drives}
-    return ' ctrllimited="true" ctrlrange="-1 1"' if units.get(role.command or "") == "1" else ""
 
 
 EXAMPLE = """<mujoco>

@@ -185,9 +185,8 @@ class Part:
         self.command: dict[str, float] = {**dict.fromkeys(self.commands, 0.0), **self.air.begins, **settled}
         self.title = title or f"{' and '.join(units)} with air"
         ways = {name: unit.mounting for name, unit in units.items()}
-        same = len(set(ways.values())) == 1
         self.mounting = "; ".join(f"{n} {way}" for n, way in ways.items())
-        if same:
+        if len(set(ways.values())) == 1:
             self.mounting = f"{' and '.join(ways)} {next(iter(ways.values()))}"
             if len(ways) > 1:
                 self.mounting = self.mounting.replace("its anchors", "their anchors")
@@ -233,9 +232,8 @@ class Part:
             if rest is not None:  # friction and creep go with the length that the file states
                 spec, _ = at_rest_length(spec, name_of_law, {"rest_length": float(rest)})
             units[name] = unit_from_specimen(spec).replace(law=node.law)
-            usual[name] = (
-                float(values[node.signal][0]) if node.length is None and node.signal else float(node.length or 0)
-            )
+            moved = node.length is None and node.signal
+            usual[name] = float(values[node.signal][0]) if moved else float(node.length or 0)
         if not units:
             raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
         spans = usual | _by_muscle(span, "m", "span", units)
@@ -258,7 +256,7 @@ class Part:
         self._masses_in_state = np.array([int(at) for at in numbered.physics["circuit"]["mass"].values()], int)
         names = _output_names(self.muscles)
         self.outputs = tuple(names)
-        self._Outputs: Any = _observation_type(names)
+        self._Outputs: Any = namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
 
     def __repr__(self) -> str:
         spans = ", ".join(f"{name} {with_unit(span, 'm')}" for name, span in self.span.items())
@@ -383,7 +381,6 @@ class Part:
         return self._Outputs._make(out.tolist())
 
     def _call(self, key: str, function: Any, arrays: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:
-        """Run one of the functions of vectors on places in memory that are kept for it."""
         with self._lock:
             if key not in self._calls:
                 places = [np.zeros_like(vector) for vector in arrays]
@@ -398,7 +395,6 @@ class Part:
             return [vector.copy() for vector in wanted]
 
     def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
-        """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
         spans = self._spans(span)
         rates = _by_muscle(rate, "m/s", "rate", self.muscles)
         for name, value in rates.items():
@@ -411,15 +407,12 @@ class Part:
         return vector
 
     def _spans(self, span: Any) -> dict[str, float]:
-        """Spans by muscle [m]; refuses one that its muscle cannot have."""
         spans = _by_muscle(span, "m", "span", self.muscles)
         for name, value in spans.items():
             low, high, _ = self.span_limits[name]
             if not low <= value <= high:
-                ends = f"{with_unit(low, 'm')} to {with_unit(high, 'm')}"
-                raise InputError(
-                    f"span of {name}", with_unit(value, "m"), f"must be from {ends}, which the muscle can take"
-                )
+                said = f"must be from {with_unit(low, 'm')} to {with_unit(high, 'm')}, which the muscle can take"
+                raise InputError(f"span of {name}", with_unit(value, "m"), said)
         return spans
 
     def _vector(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> np.ndarray:
@@ -478,19 +471,16 @@ class Part:
             span: as for `rest`.
             pressure: gauge pressure in all chambers [Pa].
         """
-        filled = self._with_pressure(pressure)
+        filled = self._with_hosted(self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure))))
         spans = filled.span | _by_muscle(span, "m", "span", filled.muscles)
         state = filled.rest(spans)
-        pulls = []
-        for stretch in (0.0, SLOPE_STRETCH):
-            ends = dict.fromkeys(filled.muscles, stretch / period)
-            pulls.append(filled.step(state, period=period, span=spans, rate=ends)[1])
-        differences = [pulls[1][k] - pulls[0][k] for k in range(len(filled.muscles))]
+        held, stretched = (
+            filled.step(state, period=period, span=spans, rate=dict.fromkeys(filled.muscles, stretch / period))[1]
+            for stretch in (0.0, SLOPE_STRETCH)
+        )
+        differences = [stretched[k] - held[k] for k in range(len(filled.muscles))]
         steepest: float = max(differences) / SLOPE_STRETCH
         return steepest
-
-    def _with_pressure(self, pressure: float) -> Part:
-        return self._with_hosted(self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure))))
 
     def with_parameters(self, changes: Mapping[str, float]) -> Part:
         """The part with some parameters changed.
@@ -567,10 +557,6 @@ def part_of(
         return Part.from_circuit(path, span=span, substep=substep, tendon=tendon)
     title = f"{specimen(os.fspath(source)).id} with air"
     return Part(os.fspath(source), Air(**stated), span=span, substep=substep, title=title, tendon=tendon)
-
-
-def _observation_type(names: list[str]) -> Any:
-    return namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
 
 
 def _by_muscle(value: Any, unit: str, field: str, muscles: Any) -> dict[str, float]:

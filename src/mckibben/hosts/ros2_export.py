@@ -11,11 +11,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..documents import write_text
 from ..engine.soundness import SENTENCE
-from .c_source import PartSource, with_names
+from .c_source import PartSource, c_ends, with_names
 
 STEP = 1e-3  # longest step of the mechanism [s]
 
@@ -57,8 +55,7 @@ def hardware_source(source: PartSource) -> str:
     commands = [f'  {{"{command}", {of("inputs", f"command.{command}")}}},' for command in part.commands]
     for variable in source.of("parameters"):
         if variable.shape == ():
-            ends = ", ".join(repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in variable.bounds)
-            path = variable.path.replace(".__self__", "")
+            path, ends = variable.path.replace(".__self__", ""), ", ".join(c_ends(variable.bounds))
             parameters.append(f'  {{"{path}", &{name}_parameters::{variable.member}, {ends}}},')
     words: dict[str, Any] = {
         "MUSCLEROWS": "\n".join(muscles),

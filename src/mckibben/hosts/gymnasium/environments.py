@@ -209,12 +209,10 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         self.task = self._plant.task
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**MuscleEnv.metadata, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space, self.single_action_space = (
-            self._plant.observation_space,
-            self._plant.action_space,
-        )
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        plant = self._plant
+        self.single_observation_space, self.single_action_space = plant.observation_space, plant.action_space
+        self.observation_space = batch_space(plant.observation_space, num_envs)
+        self.action_space = batch_space(plant.action_space, num_envs)
         if max_episode_steps is not None and not (isinstance(max_episode_steps, int) and max_episode_steps >= 1):
             raise InputError("max_episode_steps", max_episode_steps, "must be a whole number from 1")
         self._limit = self.task.samples if max_episode_steps is None else max_episode_steps
@@ -261,7 +259,6 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         return self._observations(), {}
 
     def _begin(self, lanes: np.ndarray) -> None:
-        """Put lanes to rest, with goals drawn again."""
         carry, observed = self._plant.start
         self._kernel.put_carry(lanes, carry, observed)
         self._count[lanes], self._ended[lanes] = 0, False
@@ -279,9 +276,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         actions = self._plant.clipped(np.asarray(actions, float).reshape(self.action_space.shape))
         again = self._ended.copy()
         if again.any() and self.autoreset_mode == AutoresetMode.DISABLED:
-            raise InputError(
-                "reset_mask", None, "must be given to reset lanes that have ended, for autoreset is disabled"
-            )
+            said = "must be given to reset lanes that have ended, for autoreset is disabled"
+            raise InputError("reset_mask", None, said)
         place = self._count % self.task.samples
         plant, kernel = self._plant, self._kernel
         for k, command in enumerate(plant.actions):
@@ -331,6 +327,5 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
             return None
         goals = self._episodes.goals[:, self._count % self.task.samples, self._lanes]
         rows, period = self._kernel.observation, self._plant.simulation.period
-        return tuple(
-            self._plant.picture(self._plant.seen(rows[:, k]), goals[:, k], self._count[k] * period) for k in self._lanes
-        )
+        plant = self._plant
+        return tuple(plant.picture(plant.seen(rows[:, k]), goals[:, k], self._count[k] * period) for k in self._lanes)

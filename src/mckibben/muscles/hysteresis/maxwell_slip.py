@@ -23,8 +23,7 @@ from ...components import Scalar
 from ...components.element import Advanced
 from ...errors import InputError
 from ...quantities import quantity
-from .limit import FrictionLimit
-from .slip import Contacts, advanced, per_contact, slip
+from .slip import Contacts, FrictionLimit, advanced, per_contact, slip
 
 
 class MaxwellSlip(Contacts):

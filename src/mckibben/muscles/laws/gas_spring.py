@@ -62,12 +62,9 @@ class SpringVolume(TensionLaw):
             "shortest_length": self.shortest_length,
             "per_pressure": self.stiffness_per_pressure,
         }
-        upper = self.upper_length
-        rest = (
-            self.rest_volume
-            if self.volume_known
-            else volume_when_unknown(upper_length=upper, thread_strain=self.thread_strain, **line)
-        )
+        upper, rest = self.upper_length, self.rest_volume
+        if not self.volume_known:
+            rest = volume_when_unknown(upper_length=upper, thread_strain=self.thread_strain, **line)
         return bladder.gas_energy(
             pressure,
             spring_volume(length, rest_volume=rest, **line),

@@ -16,7 +16,7 @@ from __future__ import annotations
 from ...components import Scalar, field
 from ...quantities import quantity
 from .. import dimensions
-from ..stop import stop_tension
+from ..braid import stop_tension
 from .gas_spring import SpringVolume
 
 

@@ -13,8 +13,8 @@ from ..._jax import jnp
 from ...components import Scalar
 from ...quantities import quantity
 from .. import bladder, braid, dimensions
+from ..braid import stop_tension
 from ..law import TensionLaw
-from ..stop import stop_tension
 
 
 class ThickWall(TensionLaw):

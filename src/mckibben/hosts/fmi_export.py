@@ -1,26 +1,109 @@
-"""The archive of an FMU: descriptions, sources, and a library for this machine where there is a C compiler."""
+"""Parts as functional mock-up units of FMI 3.0 and 2.0, from the same C source as all other exports.
+
+Two C headers join the part to the functions of FMI, with the names of its structs and the table of its variables. The
+archive has descriptions, sources, and a library for this machine where there is a C compiler.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import html
 import json
+import math
 import platform
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
-from ..._jax import jax
-from ...documents import write_whole
-from ...errors import EngineError, InputError
-from ...recordings.provenance import versions
-from ..c_source import PartSource, c_source, with_names
-from ..compiler import build_library, compiler
-from ..part import Part
-from .c_model import model_header, variables_header
-from .description import FmuDescription, build_description, description_2, description_3, terminals
-from .variables import fmu_variables
+from .._jax import jax
+from ..documents import write_whole
+from ..engine.soundness import SENTENCE
+from ..errors import EngineError, InputError
+from ..recordings.provenance import versions
+from .c_source import PartSource, PartVariable, build_library, c_source, compiler, with_names
+from .fmi_description import (
+    FmuDescription,
+    FmuVariable,
+    build_description,
+    description_2,
+    description_3,
+    fmu_variables,
+    terminals,
+)
+from .part import Part
+
+USED = ("rest", "step", "observe", "derivatives", "complete", "meaning")  # functions of the part
+STRUCTS = ("parameters", "inputs", "state", "outputs", "rates", "before")
+
+
+def model_header(source: PartSource, variables: Sequence[FmuVariable], token: str, *, memory: bool) -> str:
+    """Names of the part's structs and functions, its defaults, and what it can do."""
+    states = sum(v.size for v in variables if v.kind == "STATE")
+    lines = ["/* The part behind the functions of FMI. */", "#ifndef MODEL_H", "#define MODEL_H", ""]
+    lines += [f'#include "{source.name}.h"', ""]
+    lines += [f"typedef {source.name}_{s} part_{s};" for s in STRUCTS if source.of(s)]
+    lines += [f"#define part_{f} {source.name}_{f}" for f in USED]
+    lines += [f"#define DEFAULT_{s.upper()} {source.name}_default_{s}" for s in ("parameters", "inputs")]
+    lines += [f'#define TOKEN "{token}"', f"#define STATES {states}", f"#define MODEL_EXCHANGE {int(states > 0)}"]
+    lines += [f"#define SENTENCE {json.dumps(SENTENCE.format('%g', '%s'))}"]
+    lines += [f"#define MEMORY {int(memory)} /* friction or other memory, which moves with steps */", "", "#endif", ""]
+    return "\n".join(lines)
+
+
+def variables_header(source: PartSource, variables: Sequence[FmuVariable]) -> str:
+    """The table of all variables, of continuous states, and of spans with their rates."""
+    columns = "elements, kind, place, least and largest value, those without a warning, name"
+    lines = [f"/* Variables by value reference: {columns}. */", "static const variable VARIABLES[] = {"]
+    rows = [FmuVariable(0, "time", "TIME", "time", "s", (-math.inf, math.inf), ""), *variables]
+    for v in rows:
+        low, high, least, most = (_c_number(bound) for bound in (*v.bounds, *v.silent))
+        place = f"offsetof(model, {v.member})"
+        lines.append(f'    {{{v.reference}, {v.size}, {v.kind}, {place}, {low}, {high}, {least}, {most}, "{v.name}"}},')
+    lines += ["};", "", "/* Spans and their rates by value reference. */"]
+    inputs = {v.member: v.reference for v in variables if v.kind == "INPUT"}
+    by_path = {v.path: inputs[f"inputs.{v.member}"] for v in source.of("inputs")}
+    spans = [path for path in by_path if path.startswith("span.")]
+    pairs = [f"{{{by_path[path]}, {by_path[path.replace('span.', 'rate.', 1)]}}}" for path in spans]
+    lines += [f"static const struct {{ unsigned span, rate; }} SPANS[] = {{{', '.join(pairs)}}};", ""]
+    if any(v.kind == "STATE" for v in variables):
+        rates = {v.state: v for v in variables if v.kind == "RATE"}
+        lines.append("static const continuous CONTINUOUS[] = {")
+        for v in variables:
+            if v.kind == "STATE":
+                places = f"offsetof(model, {v.member}), offsetof(model, {rates[v.reference].member})"
+                lines.append(f"    {{{places}, {v.size}, {v.nominal!r}}},")
+        lines += ["};", "", *_remember(source)]
+    return "\n".join(lines)
+
+
+def _remember(source: PartSource) -> list[str]:
+    """The function that keeps what `complete` reads of the start of an integrator step."""
+    states = {v.path: v for v in source.of("state")}
+    inputs = {v.path: v for v in source.of("inputs")}
+    lines = ["static void remember(part_before *before, const part_state *state, const part_inputs *inputs)", "{"]
+    for member in source.of("before"):
+        first, _, path = member.path.partition(".")
+        if first == "physics":
+            lines.append(_assignment(member, "state", states[member.path]))
+        elif first == "inputs":
+            lines.append(_assignment(member, "inputs", inputs[path]))
+    lines += ["}", "", "static void set_duration(part_before *before, double duration)", "{"]
+    timed = any(member.path == "duration" for member in source.of("before"))
+    untimed = "    (void)before, (void)duration; /* no memory relaxes */"
+    return [*lines, "    before->duration = duration;" if timed else untimed, "}", ""]
+
+
+def _assignment(member: PartVariable, struct: str, source: PartVariable) -> str:
+    if member.shape:
+        return f"    memcpy(before->{member.member}, {struct}->{source.member}, sizeof before->{member.member});"
+    return f"    before->{member.member} = {struct}->{source.member};"
+
+
+def _c_number(value: float) -> str:
+    return repr(float(value)) if math.isfinite(value) else "DBL_MAX" if value > 0 else "-DBL_MAX"
+
 
 HEADERS = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
@@ -64,9 +147,8 @@ def fmu_cautions(part: Part) -> list[str]:
     if part.hosted.late:
         sentences.append("The FMU has co-simulation only, since an element of the part has dead time.")
     elif _has_memory(part):
-        sentences.append(
-            "Friction follows the importer's integrator steps in model exchange; co-simulation is more accurate."
-        )
+        less = "Friction follows the importer's integrator steps in model exchange"
+        sentences.append(f"{less}; co-simulation is more accurate.")
     try:
         compiler()
     except EngineError:
@@ -79,19 +161,11 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
     exchange = not part.hosted.late
     source = c_source(part, name, integrated=exchange)
     variables = fmu_variables(source, states=exchange)
-    token = _token(source, version)
-    wrapper = f"fmi{version}.c"
-    memory = _has_memory(part)
+    code = json.dumps([part.fingerprint, version, name, source.files])
+    token = "{" + hashlib.sha256(code.encode()).hexdigest()[:32] + "}"
+    wrapper, memory, tool = f"fmi{version}.c", _has_memory(part), f"mckibben {versions()['mckibben']}"
     fmu = FmuDescription(
-        name,
-        part.title,
-        part.statement,
-        token,
-        f"mckibben {versions()['mckibben']}",
-        variables,
-        (wrapper, f"{name}.c"),
-        exchange,
-        memory,
+        name, part.title, part.statement, token, tool, variables, (wrapper, f"{name}.c"), exchange, memory
     )
     words = {"TITLE": part.title, "FMI_NUMBER": str(version), "WRAPPER": wrapper}
     sources = {
@@ -106,14 +180,11 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
     }
     files = {f"sources/{file}": text for file, text in sources.items()}
     files["modelDescription.xml"] = description_3(fmu) if version == 3 else description_2(fmu)
-    files["documentation/index.html"] = with_names(
-        DOCUMENTATION,
-        name,
-        TITLE=html.escape(part.title),
-        STEPS=_steps(part),
-        STATEMENT=html.escape(part.statement),
-        CAUTION=html.escape(" ".join(fmu_cautions(part)[:1])),
-    )
+    masses = ", ".join(f"{1e3 * mass:.3g} g at {1e3 * h:g} ms" for h, mass in part.smallest_masses().items())
+    caution = " ".join(fmu_cautions(part)[:1])
+    about = {"TITLE": part.title, "STATEMENT": part.statement, "CAUTION": caution}
+    escaped = {word: html.escape(text) for word, text in about.items()}
+    files["documentation/index.html"] = with_names(DOCUMENTATION, name, STEPS=masses, **escaped)
     if version == 3:
         files["sources/buildDescription.xml"] = build_description(fmu)
         files["terminalsAndIcons/terminalsAndIcons.xml"] = terminals(part.muscles)
@@ -125,21 +196,10 @@ def _has_memory(part: Part) -> bool:
 
 
 def _shipped(folder: str, file: str) -> str:
-    return resources.files(__package__).joinpath(folder, file).read_text(encoding="utf-8")
-
-
-def _token(source: PartSource, version: int) -> str:
-    """Hash of the part and its code."""
-    code = json.dumps([source.part.fingerprint, version, source.name, source.files])
-    return "{" + hashlib.sha256(code.encode()).hexdigest()[:32] + "}"
-
-
-def _steps(part: Part) -> str:
-    return ", ".join(f"{1e3 * mass:.3g} g at {1e3 * h:g} ms" for h, mass in part.smallest_masses().items())
+    return resources.files(__package__).joinpath("fmi", folder, file).read_text(encoding="utf-8")
 
 
 def _binary_folder(version: int) -> str:
-    """Folder of the library for this machine."""
     system, machine = platform.system().lower(), platform.machine().lower()
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
     if version == 3 or machine != "x86_64":

@@ -1,19 +1,25 @@
-"""FMPy as `mckibben conform` sees it: FMUs of parts in a loop that steps the muscle first, then the mechanism."""
+"""FMPy and libcosim as `mckibben conform` sees them: FMUs of parts in a loop that steps the muscle first."""
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ...errors import ConvergenceError
-from ...extras import library
-from ..adapters import LoopHost, PartInstance, PartReadings
-from ..part import Part
-from .archive import export_fmu
+from ..errors import ConvergenceError, InputError
+from ..extras import library
+from .adapters import LoopHost, PartInstance, PartReadings
+from .fmi_description import variable_name
+from .fmi_export import export_fmu
+from .part import Part
 
 MASSES = "state.circuit.mass."  # beginning of the names of the masses of gas
+
+
+READ = ("tension", "pressure", "work")  # of each muscle, after a step
 
 
 def instantiate_silently(fmpy: Any, slave: Any) -> None:
@@ -41,10 +47,6 @@ class _Fmu:
         self.description = self.fmpy.read_model_description(str(path))
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
 
-    def name(self, muscle: str, variable: str) -> str:
-        """Name of a variable of a muscle."""
-        return variable if len(self.part.muscles) == 1 else f"{muscle}.{variable}"
-
     def slave(self) -> Any:
         """A new instance in co-simulation."""
         third = self.version == 3
@@ -67,8 +69,9 @@ class _FmuInstance(PartInstance):
         self.put = self.slave.setFloat64 if third else self.slave.setReal
         self.get = self.slave.getFloat64 if third else self.slave.getReal
         muscles, of = fmu.part.muscles, fmu.references
-        self.spans, self.rates = ([of[fmu.name(m, what)] for m in muscles] for what in ("span", "rate"))
-        self.read = [of[fmu.name(m, what)] for what in ("tension", "pressure", "work") for m in muscles]
+        places = {what: [of[variable_name(muscles, m, what)] for m in muscles] for what in ("span", "rate", *READ)}
+        self.spans, self.rates = places["span"], places["rate"]
+        self.read = [place for what in READ for place in places[what]]
         self.masses = [reference for name, reference in of.items() if name.startswith(MASSES)]
         self.time, self.started = 0.0, False
 
@@ -91,7 +94,6 @@ class _FmuInstance(PartInstance):
     def step(
         self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
     ) -> PartReadings:
-        """Go on by one step."""
         self._give(span, rate, commands)
         if not self.started:
             self._start()
@@ -104,7 +106,6 @@ class _FmuInstance(PartInstance):
         return PartReadings.of_variables(self.fmu.part.muscles, list(self.get(self.read + self.masses)))
 
     def save(self) -> Any:
-        """The time and the state as bytes; None before the first step."""
         if not self.started:
             return None
         kept = self.slave.getFMUState() if self.fmu.version == 3 else self.slave.getFMUstate()
@@ -117,7 +118,6 @@ class _FmuInstance(PartInstance):
         (self.slave.freeFMUState if self.fmu.version == 3 else self.slave.freeFMUstate)(kept)
 
     def restore(self, saved: Any) -> None:
-        """Return to a state, perhaps of another instance."""
         if saved is None:
             self.slave.reset()
             self.time, self.started = 0.0, False
@@ -131,7 +131,6 @@ class _FmuInstance(PartInstance):
         self._free(kept)
 
     def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
-        """Set the inputs and read the outputs."""
         if self.started:
             self._give(span, rate, commands)
             self.get(self.read)
@@ -148,18 +147,15 @@ class _FmiHost(LoopHost):
         self._fmus: dict[str, _Fmu] = {}
 
     def version(self) -> str:
-        """Version of FMPy."""
         return f"FMPy {library('fmpy', 'The hosts fmi2 and fmi3 need').__version__}"
 
     def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
-        """A new instance of a part, whose FMU is made once."""
         key = part.fingerprint
         if key not in self._fmus:
             self._fmus[key] = _Fmu(part, Path(self._folder.name, key), self.of_version)
         return _FmuInstance(self._fmus[key], parameters)
 
     def close(self) -> None:
-        """Remove the FMUs."""
         self._fmus.clear()
         self._folder.cleanup()
 
@@ -174,3 +170,92 @@ class Fmi2Host(_FmiHost):
     """An importer of FMI 2.0."""
 
     name, title, of_version = "fmi2", "FMU of FMI 2.0 in FMPy, mean acceleration", 2
+
+
+NEEDS = "The host libcosim needs"
+
+
+def _libcosim(module: str) -> Any:
+    return library(f"libcosimpy.{module}", NEEDS)
+
+
+class _CosimInstance(PartInstance):
+    """A part's FMU as the only slave of an execution, which is made with the first step."""
+
+    def __init__(self, path: Path, part: Part, parameters: Mapping[str, float], name: str) -> None:
+        self.path, self.part, self.parameters, self.name = path, part, dict(parameters), name
+        self.period: float | None = None
+
+    def _start(self, period: float, inputs: Mapping[str, float]) -> None:
+        self.period = period
+        self.execution = _libcosim("CosimExecution").CosimExecution.from_step_size(step_size=round(1e9 * period))
+        self.slave = _libcosim("CosimSlave").CosimLocalSlave(fmu_path=str(self.path), instance_name=self.name)
+        self.index = self.execution.add_local_slave(self.slave)
+        self.inputs = _libcosim("CosimManipulator").CosimManipulator.create_override()
+        self.execution.add_manipulator(self.inputs)
+        self.outputs = _libcosim("CosimObserver").CosimObserver.create_last_value()
+        self.execution.add_observer(self.outputs)
+        of = {v.name.decode(): int(v.reference) for v in self.execution.slave_variables(self.index)}
+        for name, value in {**self.parameters, **inputs}.items():
+            self.execution.real_initial_value(self.index, of[name], float(value))
+        self.written = [of[name] for name in inputs]
+        muscles = self.part.muscles
+        self.read = [of[variable_name(muscles, m, what)] for what in READ for m in muscles]
+        self.read += [reference for name, reference in of.items() if name.startswith(MASSES)]
+
+    def step(
+        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
+    ) -> PartReadings:
+        muscles = self.part.muscles
+        inputs = {variable_name(muscles, m, "span"): float(span[m]) for m in muscles}
+        inputs |= {variable_name(muscles, m, "rate"): float(rate[m]) for m in muscles}
+        inputs |= {f"command.{name}": float(value) for name, value in commands.items()}
+        if self.period is None:
+            self._start(period, inputs)
+        if period != self.period:
+            raise InputError("period", f"{period:g} s", f"must stay {self.period:g} s in an execution")
+        self.inputs.slave_real_values(self.index, self.written, list(inputs.values()))
+        if not self.execution.step():
+            raise ConvergenceError(f"libcosim could not make a step of {period:g} s.")
+        return PartReadings.of_variables(muscles, self.outputs.last_real_values(self.index, self.read))
+
+    def save(self) -> Any:
+        if self.period is not None:
+            raise InputError("moment", None, "cannot be saved in libcosim once the execution has begun")
+
+    def restore(self, saved: Any) -> None:
+        self.period = None
+
+    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Nothing: a slave is evaluated by steps only."""
+
+
+class LibcosimHost(LoopHost):
+    """An importer of FMI 2.0 that is built on FMI Library."""
+
+    name, title, staggered = "libcosim", "FMU of FMI 2.0 in libcosim, mean acceleration", False
+    caveats = ("States of slaves cannot be saved from Python, so that only the return to the start was tested.",)
+    untested = ("saved and restored", "restored elsewhere", "copied", "evaluated twice", "on four threads")
+
+    def __init__(self) -> None:
+        logging = _libcosim("CosimLogging")
+        logging.log_output_level(logging.CosimLogLevel.FATAL)  # light masses, which are looked for, fail with an error
+        self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
+        self._fmus: dict[str, Path] = {}
+        self._numbers = itertools.count()
+
+    def version(self) -> str:
+        """Version of the Python package."""
+        return f"libcosimpy {metadata.version('libcosimpy')}"
+
+    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
+        """A new instance of a part, whose FMU is made once."""
+        key = part.fingerprint
+        if key not in self._fmus:
+            (self._fmus[key],) = export_fmu(part, Path(self._folder.name, f"{key}.fmu"), "part", 2)
+        return _CosimInstance(self._fmus[key], part, parameters, f"muscles_{next(self._numbers)}")
+
+    def close(self) -> None:
+        """Remove the FMUs."""
+        self._fmus.clear()
+        self._folder.cleanup()
