@@ -18,6 +18,7 @@ import shutil
 import subprocess
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -223,7 +224,7 @@ def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False)
     variables = tuple(about.variables(library.structs, defaults, functions["advance"]))
     # The step that a host calls: declared before the end of the header, defined behind the functions.
     meanings = ", ".join(json.dumps(meaning) for meaning in MEANINGS.values())
-    declared, defined = (with_names(text, name, MEANINGS=meanings) for text in (STEP_DECLARED, STEP_DEFINED))
+    declared, defined = (with_names(shipped(f"c/step.{kind}"), name, MEANINGS=meanings) for kind in "hc")
     mark = "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
     assert library.header.endswith(mark)
     header, source = library.header.removesuffix(mark) + declared + mark, library.source + defined
@@ -304,40 +305,12 @@ def c_ends(bounds: tuple[float, float]) -> tuple[str, str]:
     return low, high
 
 
+def shipped(path: str) -> str:
+    """The text of a template among the files of this package."""
+    return resources.files(__package__).joinpath(path).read_text(encoding="utf-8")
+
+
 def with_names(text: str, name: str, **words: str) -> str:
     """A text with the name of a part for NAME, the same in capitals for UPPER, and other words."""
     words = {"NAME": name, "UPPER": name.upper(), **words}
     return re.sub("|".join(words), lambda match: words[match[0]], text)
-
-
-STEP_DECLARED = """
-/* What the rates of the host's spans belong to: the time of the spans, or half a step earlier (semi-implicit Euler). */
-enum { UPPER_SYNCHRONOUS = 0, UPPER_STAGGERED = 1 };
-
-/* Numbers of which a state consists: it may be kept as an array of double. */
-enum { UPPER_STATE_SIZE = (int)(sizeof(NAME_state) / sizeof(double)) };
-
-/* Go on by one step of the host [s]: the mechanism is then stepped with the mean tensions of the outputs.
-   A state of zeros rests at these spans and commands first. */
-void NAME_step(const NAME_parameters *parameters, NAME_state *state, const NAME_inputs *inputs, double period,
-               int staggered, NAME_outputs *outputs);
-
-/* What a code of `sound` means: anything but 1 says why a step cannot be relied on. */
-const char *NAME_meaning(double sound);
-"""
-
-STEP_DEFINED = """
-void NAME_step(const NAME_parameters *restrict parameters, NAME_state *restrict state, const NAME_inputs *restrict inputs,
-               double period, int staggered, NAME_outputs *restrict outputs)
-{
-    const NAME_timing timing = {period, staggered == UPPER_STAGGERED ? 1.0 : 0.0};
-    if (!(state->started > 0.0)) NAME_rest(parameters, inputs, state);
-    NAME_advance(parameters, state, inputs, &timing, outputs);
-}
-
-const char *NAME_meaning(double sound)
-{
-    static const char *const meanings[] = {MEANINGS};
-    return meanings[(int)sound];
-}
-"""

@@ -14,7 +14,6 @@ import platform
 import tempfile
 import zipfile
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 
 from .._jax import jax
@@ -22,7 +21,7 @@ from ..documents import write_whole
 from ..engine.soundness import SENTENCE
 from ..errors import EngineError, InputError
 from ..recordings.provenance import versions
-from .c_source import PartSource, PartVariable, build_library, c_source, compiler, with_names
+from .c_source import PartSource, PartVariable, build_library, c_source, compiler, shipped, with_names
 from .fmi_description import (
     FmuDescription,
     FmuVariable,
@@ -172,11 +171,13 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
         **source.files,
         "model.h": model_header(source, variables, token, memory=memory),
         "variables.h": variables_header(source, variables),
-        "instance.h": _shipped("c", "instance.h"),
-        wrapper: _shipped("c", wrapper),
-        **{header: _shipped("headers", header) for header in HEADERS[version]},
+        "instance.h": shipped("fmi/c/instance.h"),
+        wrapper: shipped(f"fmi/c/{wrapper}"),
+        **{header: shipped(f"fmi/headers/{header}") for header in HEADERS[version]},
         "exports.map": with_names(MAP, name, FMI_NUMBER=str(version)),
-        "CMakeLists.txt": with_names(CMAKE, name, **words, LIBRARY_FOLDER=_binary_folder(version)),
+        "CMakeLists.txt": with_names(
+            shipped("fmi/CMakeLists.txt"), name, **words, LIBRARY_FOLDER=_binary_folder(version)
+        ),
     }
     files = {f"sources/{file}": text for file, text in sources.items()}
     files["modelDescription.xml"] = description_3(fmu) if version == 3 else description_2(fmu)
@@ -184,7 +185,7 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
     caution = " ".join(fmu_cautions(part)[:1])
     about = {"TITLE": part.title, "STATEMENT": part.statement, "CAUTION": caution}
     escaped = {word: html.escape(text) for word, text in about.items()}
-    files["documentation/index.html"] = with_names(DOCUMENTATION, name, STEPS=masses, **escaped)
+    files["documentation/index.html"] = with_names(shipped("fmi/index.html"), name, STEPS=masses, **escaped)
     if version == 3:
         files["sources/buildDescription.xml"] = build_description(fmu)
         files["terminalsAndIcons/terminalsAndIcons.xml"] = terminals(part.muscles)
@@ -193,10 +194,6 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
 
 def _has_memory(part: Part) -> bool:
     return bool(jax.tree.leaves(part.example_state.memory))
-
-
-def _shipped(folder: str, file: str) -> str:
-    return resources.files(__package__).joinpath("fmi", folder, file).read_text(encoding="utf-8")
 
 
 def _binary_folder(version: int) -> str:
@@ -229,44 +226,3 @@ def _pack(files: dict[str, bytes], path: Path) -> None:
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, files[name])
-
-
-CMAKE = """# TITLE: the library of an FMU of FMI FMI_NUMBER.0, to be put into its folder binaries/LIBRARY_FOLDER
-cmake_minimum_required(VERSION 3.16)
-project(NAME LANGUAGES C)
-set(CMAKE_C_STANDARD 99)
-set(CMAKE_C_VISIBILITY_PRESET hidden)
-if(NOT CMAKE_BUILD_TYPE)
-  set(CMAKE_BUILD_TYPE Release)
-endif()
-add_library(NAME SHARED WRAPPER NAME.c)
-set_target_properties(NAME PROPERTIES PREFIX "")
-if(NOT MSVC)
-  target_compile_options(NAME PRIVATE -ffp-contract=off)
-  target_link_libraries(NAME PRIVATE m)
-endif()
-if(UNIX AND NOT APPLE)
-  target_link_options(NAME PRIVATE "-Wl,--version-script=${CMAKE_CURRENT_SOURCE_DIR}/exports.map")
-endif()
-"""
-
-DOCUMENTATION = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>TITLE</title>
-<h1>TITLE</h1>
-<p>McKibben muscles with their air as a part of a simulation: spans in, tensions out. CAUTION</p>
-<p>STATEMENT.</p>
-<h2>Co-simulation</h2>
-<ul>
-<li>Give each <code>span</code>, from the anchor to the attachment of the mechanism, and its <code>rate</code>,
-both at the start of the step; commands hold over the step.</li>
-<li>Step the muscle first, then the mechanism with the <code>tension</code> of the same step. It is the mean
-over the step, and the coupling is of second order. Steps in parallel, with the tension of the step before, pump
-energy into the mechanism.</li>
-<li>Set <code>staggered</code> to 1 if the mechanism is integrated by the semi-implicit Euler method.</li>
-<li>The part begins at rest at the spans and commands of the initialization.</li>
-<li>Estimate of the smallest mass at the end of a muscle that an explicit step can move: STEPS.</li>
-</ul>
-<p>Names, units and limits of all variables are in <code>modelDescription.xml</code>; the C sources and a CMake file are in
-<code>sources</code>.</p>
-</html>
-"""

@@ -17,8 +17,16 @@ import numpy as np
 from ..extras import library
 from .adapters import HostAdapter, HostedMechanism, PartReadings
 from .c_source import c_source
-from .mujoco_callbacks import MuscleCallbacks, act_size
-from .mujoco_export import SENSED, actuator_roles, config_key, export_mujoco, plugin_name, state_sizes
+from .mujoco_muscles import (
+    SENSED,
+    MuscleCallbacks,
+    act_size,
+    actuator_roles,
+    config_key,
+    export_mujoco,
+    plugin_name,
+    state_sizes,
+)
 from .part import Part
 from .scenarios import HostMoment, Scenario
 

@@ -8,7 +8,6 @@ and, as PTX, for GPUs.
 from __future__ import annotations
 
 import re
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ import numpy as np
 
 from ..documents import write_text
 from ..recordings.provenance import versions
-from .c_source import PartSource, with_names
-from .mujoco_export import actuator_roles
+from .c_source import PartSource, shipped, with_names
+from .mujoco_muscles import actuator_roles
 
 GROUPS = ("parameters", "inputs", "state", "timing", "outputs")
 FUNCTIONS = ("rest", "advance", "step")
@@ -70,7 +69,7 @@ def warp_module(source: PartSource) -> str:
     }
     rows = [f"{name} = {value!r}  # {meaning}" for name, (value, meaning) in values.items()]
     head = with_names(HEAD, source.name, TITLE=f"{part.title}; {part.statement}", VERSION=versions()["mckibben"])
-    runtime = resources.files(__package__).joinpath("warp", "muscles.py.txt").read_text(encoding="utf-8")
+    runtime = shipped("warp/muscles.py.txt")
     return f'{head}\n{chr(10).join(rows)}\n\nCODE = r"""\n{native_code(source)}"""\n\n\n{runtime}'
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from ..extras import library
 from .adapters import HostAdapter, HostedMechanism, PartReadings
 from .c_source import c_source
-from .mujoco_export import actuator_roles
 from .mujoco_host import model_text, pulled_ends
+from .mujoco_muscles import actuator_roles
 from .part import Part
 from .scenarios import HostMoment, Scenario
 from .warp_export import export_warp
