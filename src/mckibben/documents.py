@@ -74,12 +74,12 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
 
 
-def no_file(path: str | os.PathLike[str], field: str = "file") -> InputError:
+def no_file(path: str | os.PathLike[str]) -> InputError:
     """The error about a path at which no plain file is: nothing, or a pipe or device, which might never end."""
     if not os.path.exists(path) or os.path.isdir(path):
-        return not_found(path, field)
+        return not_found(path)
     said = "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
-    return InputError(field, os.fspath(path), said)
+    return InputError("file", os.fspath(path), said)
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:
@@ -257,16 +257,10 @@ class ErrorKeepingFile(io.RawIOBase):
         self.error: OSError | None = None
 
     def readable(self) -> bool:
-        """Return True."""
+        """Return True; it is writable and seekable too."""
         return True
 
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
-    def seekable(self) -> bool:
-        """Return True."""
-        return True
+    writable = seekable = readable
 
     def write(self, data: Buffer) -> int:
         """Write, or do as if."""

@@ -288,7 +288,6 @@ class Registry(Mapping[str, T], Generic[T]):
         return references[0]
 
     def _own_name(self, kind: object) -> str | None:
-        """The name of a kind of this package that nobody has asked for yet."""
         place = f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"
         return next((name for name, entry in self._known.items() if entry == place), None)
 

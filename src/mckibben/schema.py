@@ -296,8 +296,10 @@ def numbers(
     """Declare a list of one or more numbers, each as `number` reads it."""
 
     def read(raw: object, place: Place) -> tuple[float, ...]:
+        if not isinstance(raw, list | tuple) or not raw:
+            raise place.fail(raw, f"must be a list of one or more{_as_list(raw)}")
         si = place.unit(unit)
-        return tuple(read_number(one, si, bounds, place.field, place.where) for one in _listed(raw, place))
+        return tuple(read_number(one, si, bounds, place.field, place.where) for one in raw)
 
     return entry(read, doc, write=lambda values, place: [place.words(v, unit) for v in values], key=key, **options)
 
@@ -588,22 +590,18 @@ def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
     return FieldType(_read_flag) if f.type in ("bool", bool) else None
 
 
-def _read_integer(raw: object, place: Place) -> int:
-    if isinstance(raw, bool) or not isinstance(raw, int):
-        raise place.fail(raw, "must be a whole number")
-    return raw
+def _plain(accept: Callable[[Any], bool], demand: str) -> Callable[[Any, Place], Any]:
+    def read(raw: object, place: Place) -> object:
+        if not accept(raw):
+            raise place.fail(raw, demand)
+        return raw
+
+    return read
 
 
-def _read_word(raw: object, place: Place) -> str:
-    if not isinstance(raw, str) or not raw.strip():
-        raise place.fail(raw, "must be a word")
-    return raw
-
-
-def _read_flag(raw: object, place: Place) -> bool:
-    if not isinstance(raw, bool):
-        raise place.fail(raw, "must be true or false")
-    return raw
+_read_integer = _plain(lambda raw: isinstance(raw, int) and not isinstance(raw, bool), "must be a whole number")
+_read_word = _plain(lambda raw: isinstance(raw, str) and bool(raw.strip()), "must be a word")
+_read_flag = _plain(lambda raw: isinstance(raw, bool), "must be true or false")
 
 
 def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonValue:
@@ -620,18 +618,11 @@ def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonVal
     return read_table(kind, table, units=place.units, bare=place.bare, files=place.files, owner=owner, beside=beside)
 
 
-def _listed(raw: object, place: Place) -> list[Any]:
-    if not isinstance(raw, list | tuple) or not raw:
-        raise place.fail(raw, f"must be a list of one or more{_as_list(raw)}")
-    return list(raw)
-
-
 def _as_list(raw: object) -> str:
     return f", such as [{_written(raw)}]" if isinstance(raw, str | int | float) else ""
 
 
 def _written(raw: object) -> str:
-    """A text, a number or a truth value as a file states it; dots for all else."""
     return json.dumps(raw) if isinstance(raw, str | int | float) else ".."
 
 

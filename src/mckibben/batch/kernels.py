@@ -255,7 +255,6 @@ def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Tree]:
 
 
 def _told(results: sampled.SampleResult) -> dict[str, Tree]:
-    """Values for a sentence about a sample."""
     told = {n: v for n, v in results.measured.items() if not n.endswith(".code")}
     told |= {name: results.shown[name] for name in ("velocity", "step")}
     return {n: jnp.asarray(v, float) for n, v in told.items()}

@@ -278,7 +278,6 @@ class LanePlanner:
         return refused, list(groups.values())
 
     def _built(self, variants: Variants, rows: list[int], refused: dict[int, str]) -> BuiltVariant | None:
-        """Find or build a template for some rows; rows that cannot be built are refused."""
         while rows:
             values = variants.row(rows[0])
             key = tuple(v for p, v in values.items() if isinstance(v, str) or p in self.apart)

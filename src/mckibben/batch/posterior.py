@@ -148,27 +148,23 @@ def of_samples(
         match = _HEADER.fullmatch(header)
         if match is None:
             raise InputError("header", header, "must be a path and its unit, such as end_mass [g]", where=where)
-        one, unit = known(match[1]), match[2] or ""
-        try:
-            columns[one.path] = np.array([_number(one, row[i], unit, where) for row in rows[1:]])
-        except IndexError:
-            raise InputError("posterior.samples", where, "every row needs as many values as the header") from None
+        one, unit, numbers = known(match[1]), match[2] or "", []
+        for row in rows[1:]:
+            if len(row) <= i:
+                raise InputError("posterior.samples", where, "every row needs as many values as the header")
+            value = one.read(f"{row[i].strip()} {unit}".strip(), where=where)
+            if isinstance(value, str):
+                raise InputError(one.path, row[i], "must be a number", where=where)
+            numbers.append(value)
+        columns[one.path] = np.array(numbers)
     table = Variants(columns)
     if count is None:
         return table
     if not 1 <= count <= len(table):
-        raise InputError(
-            "posterior.count", count, f"must be at most {len(table)}, the samples of the table", where=where
-        )
+        said = f"must be at most {len(table)}, the samples of the table"
+        raise InputError("posterior.count", count, said, where=where)
     chosen = np.sort(np.random.default_rng(seed).permutation(len(table))[:count])
     return Variants({name: values[chosen] for name, values in columns.items()})
-
-
-def _number(one: Setting, text: str, unit: str, where: str) -> float:
-    value = one.read(f"{text.strip()} {unit}".strip(), where=where)
-    if isinstance(value, str):
-        raise InputError(one.path, text, "must be a number", where=where)
-    return value
 
 
 def _deviation(name: str, estimate: Mapping[str, Any], points: int, free: int) -> float:

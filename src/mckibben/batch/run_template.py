@@ -155,7 +155,6 @@ def _of_rig(rig: Rig, path: str) -> Quantity | None:
 
 
 def _owner(rig: Rig, names: list[str]) -> tuple[Any, str]:
-    """Part of a rig that a table of its file describes, and the unit of its channel."""
     at: Any
     if names[0] == "sensors" and len(names) > 1 and names[1] in rig.sensors:
         at = rig.sensors[names[1]]

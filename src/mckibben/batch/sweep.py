@@ -365,7 +365,6 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
 
 
 def _axis(raw: object, one: Setting, place: Place) -> list[float | str]:
-    """The values of a path of the grid."""
     if isinstance(raw, Mapping):
         ends = read_part(GridRange, raw, place, "they have")
         low, high, spacing = ends.read(one, place)

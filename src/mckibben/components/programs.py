@@ -140,7 +140,6 @@ class _Name:
         self.digest.update(repr(words).encode() + b"\0")
 
     def tree(self, value: Any) -> None:
-        """An example: its structure, and of its leaves shapes and types."""
         if isinstance(value, Module):
             self.module(value, self.tree)
         elif _collection(value):
@@ -155,7 +154,6 @@ class _Name:
             raise UnnamedError
 
     def static(self, value: Any) -> None:
-        """A constant of a function or structure."""
         if isinstance(value, PLAIN):
             self.word(type(value).__name__, value)
         elif isinstance(value, Module):
@@ -185,7 +183,6 @@ class _Name:
             raise UnnamedError
 
     def module(self, value: Any, inner: Callable[[Any], None]) -> None:
-        """A tree of this package's kind, with its static fields."""
         self.place(type(value))
         known = vars(value)
         for field in dataclasses.fields(value):
@@ -195,7 +192,6 @@ class _Name:
             (self.static if field.metadata.get("static", False) else inner)(known[field.name])
 
     def collection(self, value: Any, inner: Callable[[Any], None]) -> None:
-        """A table, list, tuple or named tuple."""
         if isinstance(value, dict):
             items = sorted(value.items())  # as JAX takes them
             self.static(tuple(k for k, _ in items))
@@ -209,7 +205,6 @@ class _Name:
             inner(part)
 
     def place(self, value: Any) -> None:
-        """Add the import path of a type or function, which must lead back to it."""
         home, name = getattr(value, "__module__", None) or "builtins", value.__qualname__
         value_there: Any = sys.modules.get(home)
         for part in name.split("."):
@@ -258,7 +253,6 @@ class _Name:
         self.known(name)
 
     def constants(self) -> None:
-        """Add constants of the modules, and of those whose functions and types they use."""
         self.digest.update(source_digest(_top_layer(self.modules)))
         todo, visited = sorted(self.modules), set(self.modules)
         while todo:
@@ -286,7 +280,6 @@ class _Name:
 
 
 def _top_layer(modules: Iterable[str]) -> int:
-    """The first layer of `UPPER` that has one of some modules; a file of the user's own may import any."""
     packages = {name.split(".")[1] for name in modules if name.startswith(f"{OWN}.")}
     if any(name.startswith(FILE_MODULE) for name in modules):
         return 0
@@ -360,7 +353,6 @@ def _said(value: Any) -> Any:
 
 
 def _built(said: Any) -> Any:
-    """The inverse of `_said`."""
     if not isinstance(said, dict):
         return said
     if "dict" in said:
@@ -453,7 +445,6 @@ def _is_number(leaf: Any) -> bool:
 
 
 def _kernel(method: Callable[..., Tree], owner: Any, structure: Any, count: int) -> tuple[Program, Tree]:
-    """The program of a method, and a tree like its results; what could not be lowered once raises at once."""
     key = (method, structure)
     known = _known.get(key)
     if known is None:

@@ -172,9 +172,8 @@ class HostAdapter(abc.ABC):
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The mechanism and part of a scenario at their start; the host's step [s]."""
 
-    @abc.abstractmethod
-    def close(self) -> None:
-        """Remove what was built."""
+    def close(self) -> None:  # noqa: B027 - most build nothing
+        """Remove what was built; nothing by default."""
 
     def own_actuator(self) -> OwnActuator | None:
         """The host's own actuator beside a part; None where it brings none along."""
@@ -286,9 +285,6 @@ class PythonHost(LoopHost):
     def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
         """A new instance of a part."""
         return _PythonInstance(part.with_parameters(parameters), self.staggered)
-
-    def close(self) -> None:
-        """Nothing was built."""
 
 
 class _CompiledPart:

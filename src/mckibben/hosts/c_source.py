@@ -243,13 +243,11 @@ class _Meanings:
         self.drives = {drive.command: drive for drive in part.hosted.drives}
 
     def comment(self, group: str, path: str) -> str:
-        """The comment behind a member."""
         unit, bounds, meaning = self.of(group, path)
         limits = f", {bounds[0]:g} to {bounds[1]:g}" if np.isfinite(bounds).all() else ""
         return f"{path}{f' [{unit}]' if unit else ''}{limits}{': ' if meaning else ''}{meaning}"
 
     def of(self, group: str, path: str) -> tuple[str, tuple[float, float], str]:
-        """Unit, bounds and meaning."""
         free = (-np.inf, np.inf)
         first, _, rest_of = path.partition(".")
         if group == "parameters":

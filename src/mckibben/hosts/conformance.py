@@ -331,7 +331,6 @@ def _started(tested: HostAdapter, steps: int = CHECKED) -> tuple[HostedMechanism
 
 
 def _path(hosted: HostedMechanism, moments: list[Any]) -> list[tuple[float, ...]]:
-    """All that is seen of some steps."""
     rows: list[tuple[float, ...]] = []
     for moment in moments:
         seen = hosted.step(moment)

@@ -124,6 +124,3 @@ class DrakeHost(HostAdapter):
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The diagram of a scenario at its start."""
         return _DrakeMechanism(_DrakeDiagram(scenario, period))
-
-    def close(self) -> None:
-        """Nothing was built."""

@@ -224,7 +224,6 @@ def _known(variable: FmuVariable) -> dict[str, object]:
 
 
 def _numbers(variable: FmuVariable) -> dict[str, object]:
-    """Unit, usual size and limits."""
     limits = {name: float(b) for name, b in zip(("min", "max"), variable.bounds, strict=True) if math.isfinite(b)}
     return {"unit": variable.unit or None, "nominal": variable.nominal, **limits}
 

@@ -205,7 +205,6 @@ def _binary_folder(version: int) -> str:
 
 
 def _build(files: dict[str, bytes], folder: Path, name: str, version: int) -> dict[str, bytes] | None:
-    """The library for this machine; None where there is no compiler."""
     try:
         compiler()
     except EngineError:

@@ -48,7 +48,6 @@ class _Fmu:
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
 
     def slave(self) -> Any:
-        """A new instance in co-simulation."""
         third = self.version == 3
         made = (self.fmpy.fmi3.FMU3Slave if third else self.fmpy.fmi2.FMU2Slave)(
             guid=self.description.instantiationToken if third else self.description.guid,

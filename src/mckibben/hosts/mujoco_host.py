@@ -93,7 +93,6 @@ def _plugin(part: Part) -> str:
 
 
 def _plugin_model(scenario: Scenario, period: float) -> str:
-    """The model with one instance of the plugin, which has all muscles of the scenario."""
     part, plugin, size = scenario.part, _plugin(scenario.part), scenario.part.rest().size
     several = len(part.muscles) > 1
     config = {f"offset.{n}" if several else "offset": scenario.mechanism.spans[n] for n in part.muscles}
@@ -114,7 +113,6 @@ def _plugin_model(scenario: Scenario, period: float) -> str:
 
 
 def _callback_model(scenario: Scenario, period: float) -> str:
-    """The model with an actuator of the user's kind for each muscle."""
     part, rows = scenario.part, []
     for name, end in pulled_ends(scenario).items():
         dynamics = f' dyntype="user" actdim="{act_size(part)}"' if name == part.muscles[0] else ""

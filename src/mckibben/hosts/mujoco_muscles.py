@@ -286,7 +286,6 @@ class _AttachedPart:
         )
 
     def inputs(self, model: Any, data: Any, at: _ModelPlaces) -> np.ndarray:
-        """Spans, rates and commands of a moment."""
         vector = np.zeros(2 * self.count + len(self.part.commands))
         outputs = model.actuator_outadr[at.muscles]
         vector[at.spans] = data.actuator_length[outputs] + at.offsets

@@ -315,6 +315,7 @@ class OpensimHost(HostAdapter):
     name, title, staggered = "opensim", "OpenSim, co-simulation in Python, Runge-Kutta-Merson", False
 
     def __init__(self) -> None:
+        # It stays quiet for good, because it prints a line when it is let speak again.
         _opensim().Logger.removeFileSink()  # it would write opensim.log into the working directory
         _opensim().Logger.setLevelString("error")
 
@@ -334,6 +335,3 @@ class OpensimHost(HostAdapter):
         tension = float(part.observe(part.rest(), span=SLACK_SPAN).tension)
         title = "OpenSim's McKibbenActuator, threads of 30 cm with 1.5 turns, 5 bar"
         return OwnActuator(title, SLACK_SPAN, own, tension)
-
-    def close(self) -> None:
-        """Nothing was built; OpenSim stays quiet, because it prints a line when it is let speak again."""

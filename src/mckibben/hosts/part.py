@@ -175,7 +175,12 @@ class Part:
             d.command: d.silent(published(named[d.command]) if d.command in named else None) for d in self.air.drives
         }
         self._said: set[str] = set()  # commands of which something was said
-        self.cautions: tuple[Caution, ...] = self._cautions(named, units, starts, substep)
+        said = [*self.air.cautions, size_caution(substep, "s", name="substep", usual=USUAL_SUBSTEPS)]
+        for name, muscle in named.items():
+            of, spec, start = "" if len(units) == 1 else f" of {name}", published(muscle), starts[name]
+            said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
+            said.append(pressure_caution(start, spec, text=f"{start:g}", name=f"start pressure{of}"))
+        self.cautions: tuple[Caution, ...] = collect(*said)
         warn(self.cautions)
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
@@ -267,21 +272,6 @@ class Part:
         """How the muscles are held, and what was assumed, for the sources and descriptions of hosts."""
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
         return f"{self.mounting}; assumed: {assumed}"
-
-    def _cautions(
-        self,
-        muscles: Mapping[str, AnyMuscle],
-        units: Mapping[str, MuscleUnit],
-        starts: Mapping[str, float],
-        step: Amount,
-    ) -> tuple[Caution, ...]:
-        said = [*self.air.cautions, size_caution(step, "s", name="substep", usual=USUAL_SUBSTEPS)]
-        for name, muscle in muscles.items():
-            of = "" if len(units) == 1 else f" of {name}"
-            said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
-            spec = published(muscle)
-            said.append(pressure_caution(starts[name], spec, text=f"{starts[name]:g}", name=f"start pressure{of}"))
-        return collect(*said)
 
     def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
         """The inputs of a moment as a tree."""

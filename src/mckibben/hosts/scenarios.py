@@ -286,7 +286,6 @@ def _given(path: Any) -> HostMechanism:
 
 
 def _series(*pieces: tuple[float, int]) -> tuple[float, ...]:
-    """Values that each last some intervals of the grid."""
     return tuple(value for value, count in pieces for _ in range(count))
 
 

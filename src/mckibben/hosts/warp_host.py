@@ -57,7 +57,6 @@ def exported_module(part: Part) -> ModuleType:
 
 
 def _readings(part: Part, module: ModuleType, stepped: Any) -> PartReadings:
-    """What an exported part has returned of its last step."""
     seen = dict(zip(module.OUTPUTS, stepped.outputs.numpy()[0].tolist(), strict=True))
     tension, pressure, work = (
         {name: seen[place.format(name)] for name in part.muscles}
@@ -149,9 +148,6 @@ class WarpHost(HostAdapter):
         """The model of a scenario at its start."""
         library("warp", "The host warp needs").set_device(DEVICE)
         return _WarpMechanism(scenario, period)
-
-    def close(self) -> None:
-        """Nothing is left open."""
 
 
 def _newton() -> Any:
@@ -250,6 +246,3 @@ class NewtonHost(HostAdapter):
         """The model of a scenario at its start."""
         quiet_warp("The host newton needs").set_device(DEVICE)
         return _NewtonMechanism(scenario, period)
-
-    def close(self) -> None:
-        """Nothing is left open."""

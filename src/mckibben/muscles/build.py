@@ -169,7 +169,6 @@ A_FIT = "a fit of a law that goes with the length, such as hyperelastic_braid"
 
 
 def _others_of(spec: Specimen) -> list[str]:
-    """What does another length of a muscle: another law of it, else a fit of one; specimens of its bore."""
     laws = [name for name in spec.laws if law_type(name).any_length]
     bore = None if "rest_inner_diameter" not in spec.properties else spec.property_si("rest_inner_diameter", "m")
     others = [] if bore is None else [s for s in specimens() if len(measured_rest_lengths(s)) > 1 and s.id != spec.id]
@@ -398,7 +397,6 @@ def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hyster
 
 
 def _stated_creep(spec: Specimen) -> MemoryElement | None:
-    """The Maxwell elements that a specimen states among its properties; None where it states none."""
     if "creep_stiffness" not in spec.properties:
         return None
     where = spec.where or spec.id
@@ -418,27 +416,19 @@ def _stated_creep(spec: Specimen) -> MemoryElement | None:
     return MaxwellChain(stiffness=stiffness, time_constant=times)
 
 
-def from_specimen(
-    spec: Specimen,
-    law: str | None = None,
-    friction: str | None = None,
-    *,
-    changes: Mapping[str, JsonValue] | None = None,
-) -> Any:
+def from_specimen(spec: Specimen, law: str | None = None, friction: str | None = None) -> Any:
     """A `Muscle` of a McKibben specimen, or the `BiologicalMuscle` of a biological one.
 
     Args:
         spec: the specimen, as read from a file.
         law: one of the laws it states; its default law by default.
         friction: one of the frictions it states; the first by default, none if it states none.
-        changes: parameters of the law to replace, by field name [SI].
     """
     if spec.kind == "biological":
-        return _biological(spec, law or spec.law, dict(changes or {}))
-    spec, changes = at_rest_length(spec, law or spec.law, changes or {})
+        return _biological(spec, law or spec.law, {})
     chosen = friction or next(iter(spec.friction), None)
     return Muscle(
-        law=law_from_specimen(spec, law, changes=changes),
+        law=law_from_specimen(spec, law),
         friction=None if chosen is None else _stated_friction(spec, chosen),
         specimen=spec,
     )

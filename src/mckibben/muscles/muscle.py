@@ -10,7 +10,7 @@ import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,8 +79,7 @@ class Muscle(Module):
             length: distance between the anchors [m].
             pressure: gauge pressure [Pa]; of a biological muscle the activation [1].
         """
-        tension: Scalar = self._ask("tension", self._length(length), self._drive(pressure))
-        return tension
+        return self._ask("tension", self._length(length), self._drive(pressure))
 
     def volume(self, length: Quantity, pressure: Quantity) -> Scalar:
         """Gas volume [m^3] at a length [m] and gauge pressure [Pa].
@@ -88,23 +87,19 @@ class Muscle(Module):
         Raises:
             NoVolumeError: if the law knows only how the volume changes.
         """
-        volume: Scalar = self._ask("volume", self._length(length), self._drive(pressure))
-        return volume
+        return self._ask("volume", self._length(length), self._drive(pressure))
 
     def stiffness(self, length: Quantity, pressure: Quantity) -> Scalar:
         """dF/dL [N/m] at a length [m] and constant gauge pressure [Pa], zero when slack."""
-        stiffness: Scalar = self._ask("stiffness", self._length(length), self._drive(pressure))
-        return stiffness
+        return self._ask("stiffness", self._length(length), self._drive(pressure))
 
     def free_length(self, pressure: Quantity) -> Scalar:
         """Length at which the unloaded muscle settles [m] at a gauge pressure [Pa]."""
-        length: Scalar = self._ask("free_length", self._drive(pressure))
-        return length
+        return self._ask("free_length", self._drive(pressure))
 
     def state(self, length: Quantity, pressure: Quantity) -> LawState:
         """Everything that the law says at a length [m] and gauge pressure [Pa] at once."""
-        state: LawState = self._ask("state", self._length(length), self._drive(pressure))
-        return state
+        return self._ask("state", self._length(length), self._drive(pressure))
 
     def pressure_for(self, tension: Quantity, length: Quantity, *, highest: Quantity = 10e5) -> float:
         """The lowest gauge pressure [Pa] that gives a tension; of a biological muscle the activation [1].
@@ -285,6 +280,10 @@ class Muscle(Module):
             warn(collect(pressure_caution(largest, self.specimen, text=_typed(value, largest))), stacklevel=3)
         return pressure
 
+    @overload
+    def _ask(self, question: Literal["state"], *arguments: Any) -> LawState: ...
+    @overload
+    def _ask(self, question: str, *arguments: Any) -> Scalar: ...
     def _ask(self, question: str, *arguments: Any) -> Any:
         answer = getattr(self.law, question)(*arguments)
         parts = answer if isinstance(answer, LawState) else (answer,)

@@ -108,13 +108,12 @@ def pressure_caution(
     return Caution(said, name)
 
 
-def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, name: str = "length") -> Caution | None:
+def measured_length_caution(lengths: Iterable[float], spec: Specimen | None) -> Caution | None:
     """Caution about lengths outside of those to which a muscle's laws were fitted; None if all are within, or not known.
 
     Args:
         lengths: between the anchors [m].
         spec: the muscle, whose file may state the measured lengths.
-        name: of the length, in the sentence; the parameter of the caution.
     """
     if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
         return None
@@ -123,8 +122,8 @@ def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, nam
     if not beyond:
         return None
     shown, ends = with_unit(beyond[0], "m"), f"{with_unit(low, 'm', 3)} to {with_unit(high, 'm', 3)}"
-    said = f"a {name} of {shown} is beyond the measured ones of {spec.id}, {ends}"
-    return Caution(f"{said}: the law alone answers there", name)
+    said = f"a length of {shown} is beyond the measured ones of {spec.id}, {ends}"
+    return Caution(f"{said}: the law alone answers there", "length")
 
 
 def likely_pressure(text: str) -> str:
@@ -225,7 +224,7 @@ def span_limits(law: Any) -> tuple[float, float, float]:
 
 
 def span_cautions(
-    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span", text: str | None = None
+    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span"
 ) -> tuple[Caution, ...]:
     """Cautions about a span at which a muscle is mounted [m].
 
@@ -235,7 +234,6 @@ def span_cautions(
         rest: its rest length [m].
         spec: where its measured lengths may stand.
         name: of the span, in the sentence; the parameter of the cautions.
-        text: as it was typed.
 
     Raises:
         InputError: no muscle can be that long or short; names the lengths that it can take.
@@ -243,13 +241,12 @@ def span_cautions(
     shortest, most, longest = span_limits(law)
     shown, at_rest, ends = (with_unit(value, "m") for value in (span, rest, longest))
     if not shortest <= span <= most:
-        meant = likely_unit(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
         problem = f"must be from 1 mm to {with_unit(most, 'm')} for a muscle of {at_rest} at rest"
-        raise InputError(name, shown, problem + meant)
+        raise InputError(name, shown, problem)
     if span > (1.0 + BEYOND) * longest:
         said = f"a {name} of {shown} stretches the muscle beyond {ends}, the longest length that its law is made for"
         return (Caution(said, name),)
-    far = length_caution(span, longest, text=text, name=name)
+    far = length_caution(span, longest, name=name)
     if far is None and span < 0.5 * longest:
         half = with_unit(0.5 * longest, "m")
         far = Caution(f"a {name} of {shown} leaves the muscle slack: none contracts to less than {half}", name)

@@ -381,7 +381,6 @@ def _varied(at: Mapping[str, float], unknown: bool) -> dict[str, np.ndarray]:
 
 
 def _group(law: str, built: TensionLaw, threads: float) -> dict[str, SpecimenNumber]:
-    """The parameters of a law, with the ranges that the readings leave, for threads of a length [m]."""
     known = declared(built)
     # No braid shortens beyond 54.7 degrees, and one that pulls at rest has its end below its rest length.
     limits = {name: q.bounds for name, q in known.items()}

@@ -44,7 +44,6 @@ class _Plant:
         self.action_space = Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def kernel(self, lanes: int | None = None) -> SampleKernel:
-        """The compiled control period, at rest."""
         sim = self.simulation
         kernel = SampleKernel(sim.programs, sim.parameters, sim.period, sim.inner, lanes)
         kernel.set_carry(*self.start)
@@ -65,11 +64,9 @@ class _Plant:
         return clipped
 
     def seen(self, rows: np.ndarray) -> dict[str, Any]:
-        """Fields of the simulation's observation by name, from its vector or its rows per lane."""
         return dict(zip(self.fields, rows, strict=False))
 
     def picture(self, readings: dict[str, Any], goal: np.ndarray, time: float) -> np.ndarray:
-        """The mechanism with its muscles at a moment, as pixels (height, width, 3)."""
         if self._picture is None:
             self._picture = implementation(PICTURE)(self.simulation, self.task.title)
         drawn: np.ndarray = self._picture.frame(readings, dict(zip(self.task.wanted, goal, strict=True)), time)

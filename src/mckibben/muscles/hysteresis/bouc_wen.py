@@ -51,7 +51,6 @@ class BoucWen(RelaxingContacts):
             beta: as Wen writes it [m^-n].
             gamma: as Wen writes it, between -beta and beta, since the hysteresis makes energy beyond [m^-n].
             exponent: n.
-
         """
         if not (beta + gamma > 0.0 and -beta <= gamma <= beta):
             said = f"must be between {-beta:g} and {beta:g}, with beta + gamma > 0"

@@ -55,7 +55,6 @@ class MaxwellSlip(Contacts):
             shortest: smallest yield travel [m].
             longest: largest yield travel [m].
             at_pressure: gauge pressure at which the travels are meant [Pa].
-
         """
         if elements < 1:
             raise InputError("elements", elements, "must be 1 or more", where=cls.__name__)

@@ -72,7 +72,6 @@ def advanced(stiffness: Scalar, before: Scalar, displacement: Scalar, after: Sca
         before: deflections before, last axis the contacts [m].
         displacement: displacement of all contacts, with a last axis of one [m].
         after: deflections after [m].
-
     """
     mean = 0.5 * stiffness * (before + after)
     dissipated = jnp.sum(jnp.maximum(mean * (before + displacement - after), 0.0), axis=-1)
