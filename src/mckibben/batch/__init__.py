@@ -12,16 +12,7 @@ if TYPE_CHECKING:
     from . import sweep as sweep
     from .store import read_results as read_results
 
-__all__ = [
-    "Output",
-    "VariantOutcome",
-    "Variants",
-    "crossed",
-    "grid",
-    "latin",
-    "listed",
-    "read_results",
-]
+__all__ = ["Output", "VariantOutcome", "Variants", "crossed", "grid", "latin", "listed", "read_results"]
 
 lazy_submodules(__name__)
 lazy_names(__name__, {"store": ["read_results"]})

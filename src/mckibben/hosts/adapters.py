@@ -21,6 +21,7 @@ from .c_source import PartSource, build_library, c_source, compiler_version
 from .part import Part
 from .scenarios import HostMoment, Scenario
 
+Numbers = Mapping[str, float]  # by the name of a muscle or a command
 MASSES = "physics.circuit.mass."  # beginning of the paths of the masses of gas in a part's state
 
 
@@ -68,9 +69,7 @@ class PartInstance(abc.ABC):
     """A part in a host without mechanics, at some moment; at first at rest at the span and commands of its first step."""
 
     @abc.abstractmethod
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         """Go on by one step of the host.
 
         Args:
@@ -89,7 +88,7 @@ class PartInstance(abc.ABC):
         """Return to what `save` returned, perhaps of another instance of the same part."""
 
     @abc.abstractmethod
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         """Evaluate outputs without going on."""
 
 
@@ -252,9 +251,7 @@ class _PythonInstance(PartInstance):
         self.part, self.staggered = part, staggered
         self.state: np.ndarray | None = None
 
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         if self.state is None:
             self.state = self.part.rest(span, **commands)
         self.state, readings = self.part.step(
@@ -268,7 +265,7 @@ class _PythonInstance(PartInstance):
     def restore(self, saved: Any) -> None:
         self.state = saved
 
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         if self.state is not None:
             self.part.observe(self.state, span=span, rate=rate, **commands)
 
@@ -322,15 +319,13 @@ class _CInstance(PartInstance):
         self.numbers = [compiled.parameters(changes), *others]
         self.pointers = [vector.ctypes.data for vector in self.numbers]
 
-    def _put(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def _put(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         places, inputs = self.compiled.inputs, self.numbers[2]
         for group, values in (("span", span), ("rate", rate), ("command", commands)):
             for name, value in values.items():
                 inputs[places[f"{group}.{name}"]] = value
 
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         self._put(span, rate, commands)
         parameters, state, inputs, outputs = self.pointers
         self.compiled.step(parameters, state, inputs, period, self.staggered, outputs)
@@ -348,32 +343,48 @@ class _CInstance(PartInstance):
     def restore(self, saved: Any) -> None:
         self.numbers[1][:] = saved
 
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         self._put(span, rate, commands)
         self.compiled.observe(*self.pointers)
 
 
-class CHost(LoopHost):
-    """The part in C, called by a loop that steps as game engines do."""
-
-    name, title, staggered = "c", "C called from Python, semi-implicit Euler", True
+class BuildingHost(LoopHost):
+    """A host without mechanics for which each part is built once, into a folder that is removed with the host."""
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
-        self._compiled: dict[str, _CompiledPart] = {}
+        self._built: dict[str, Any] = {}
+
+    @abc.abstractmethod
+    def build(self, part: Part, folder: Path) -> Any:
+        """What all instances of a part share; the folder is not there yet."""
+
+    def built(self, part: Part) -> Any:
+        """What was built for a part, now or before."""
+        key = part.fingerprint
+        if key not in self._built:
+            self._built[key] = self.build(part, Path(self._folder.name, key))
+        return self._built[key]
+
+    def close(self) -> None:
+        """Remove what was built."""
+        self._built.clear()
+        self._folder.cleanup()
+
+
+class CHost(BuildingHost):
+    """The part in C, called by a loop that steps as game engines do."""
+
+    name, title, staggered = "c", "C called from Python, semi-implicit Euler", True
 
     def version(self) -> str:
         """Version of the compiler."""
         return compiler_version()
 
+    def build(self, part: Part, folder: Path) -> _CompiledPart:
+        """The library of a part."""
+        return _CompiledPart(c_source(part, "part"), folder)
+
     def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
         """A new instance of a part, which is compiled once."""
-        key = part.fingerprint
-        if key not in self._compiled:
-            self._compiled[key] = _CompiledPart(c_source(part, "part"), Path(self._folder.name, key))
-        return _CInstance(self._compiled[key], part, parameters, self.staggered)
-
-    def close(self) -> None:
-        """Remove the libraries."""
-        self._compiled.clear()
-        self._folder.cleanup()
+        return _CInstance(self.built(part), part, parameters, self.staggered)

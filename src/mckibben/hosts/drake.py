@@ -146,11 +146,7 @@ class JointTendons(LeafSystem):  # type: ignore[misc] # a class of an optional l
     """
 
     def __init__(
-        self,
-        plant: Any,
-        muscles: tuple[str, ...],
-        arms: Mapping[str, Mapping[str, float]],
-        spans: Mapping[str, float],
+        self, plant: Any, muscles: tuple[str, ...], arms: Mapping[str, Mapping[str, float]], spans: Mapping[str, float]
     ) -> None:
         super().__init__()
         for field, values in (("arms", arms), ("spans", spans)):

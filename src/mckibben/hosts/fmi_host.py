@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import tempfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 from ..errors import ConvergenceError, InputError
 from ..extras import library
-from .adapters import LoopHost, PartInstance, PartReadings
+from .adapters import BuildingHost, Numbers, PartInstance, PartReadings
 from .fmi_description import variable_name
 from .fmi_export import export_fmu
 from .part import Part
@@ -74,7 +73,7 @@ class _FmuInstance(PartInstance):
         self.masses = [reference for name, reference in of.items() if name.startswith(MASSES)]
         self.time, self.started = 0.0, False
 
-    def _give(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def _give(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         muscles = self.fmu.part.muscles
         self.put(self.spans, [float(span[m]) for m in muscles])
         self.put(self.rates, [float(rate[m]) for m in muscles])
@@ -90,9 +89,7 @@ class _FmuInstance(PartInstance):
         self.slave.exitInitializationMode()
         self.started = True
 
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         self._give(span, rate, commands)
         if not self.started:
             self._start()
@@ -129,34 +126,26 @@ class _FmuInstance(PartInstance):
         (self.slave.setFMUState if third else self.slave.setFMUstate)(kept)
         self._free(kept)
 
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         if self.started:
             self._give(span, rate, commands)
             self.get(self.read)
 
 
-class _FmiHost(LoopHost):
+class _FmiHost(BuildingHost):
     """FMPy as importer of FMUs."""
 
     staggered = False
     of_version: int
 
-    def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
-        self._fmus: dict[str, _Fmu] = {}
-
     def version(self) -> str:
         return f"FMPy {library('fmpy', 'The hosts fmi2 and fmi3 need').__version__}"
 
-    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
-        key = part.fingerprint
-        if key not in self._fmus:
-            self._fmus[key] = _Fmu(part, Path(self._folder.name, key), self.of_version)
-        return _FmuInstance(self._fmus[key], parameters)
+    def build(self, part: Part, folder: Path) -> _Fmu:
+        return _Fmu(part, folder, self.of_version)
 
-    def close(self) -> None:
-        self._fmus.clear()
-        self._folder.cleanup()
+    def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
+        return _FmuInstance(self.built(part), parameters)
 
 
 class Fmi3Host(_FmiHost):
@@ -202,9 +191,7 @@ class _CosimInstance(PartInstance):
         self.read = [of[variable_name(muscles, m, what)] for what in READ for m in muscles]
         self.read += [reference for name, reference in of.items() if name.startswith(MASSES)]
 
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         muscles = self.part.muscles
         inputs = {variable_name(muscles, m, "span"): float(span[m]) for m in muscles}
         inputs |= {variable_name(muscles, m, "rate"): float(rate[m]) for m in muscles}
@@ -225,11 +212,11 @@ class _CosimInstance(PartInstance):
     def restore(self, saved: Any) -> None:
         self.period = None
 
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         """Nothing: a slave is evaluated by steps only."""
 
 
-class LibcosimHost(LoopHost):
+class LibcosimHost(BuildingHost):
     """An importer of FMI 2.0 that is built on FMI Library."""
 
     name, title, staggered = "libcosim", "FMU of FMI 2.0 in libcosim, mean acceleration", False
@@ -239,22 +226,18 @@ class LibcosimHost(LoopHost):
     def __init__(self) -> None:
         logging = _libcosim("CosimLogging")
         logging.log_output_level(logging.CosimLogLevel.FATAL)  # light masses, which are looked for, fail with an error
-        self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
-        self._fmus: dict[str, Path] = {}
+        super().__init__()
         self._numbers = itertools.count()
 
     def version(self) -> str:
         """Version of the Python package."""
         return f"libcosimpy {metadata.version('libcosimpy')}"
 
+    def build(self, part: Part, folder: Path) -> Path:
+        """The FMU of a part."""
+        (path,) = export_fmu(part, folder.with_suffix(".fmu"), "part", 2)
+        return path
+
     def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
         """A new instance of a part, whose FMU is made once."""
-        key = part.fingerprint
-        if key not in self._fmus:
-            (self._fmus[key],) = export_fmu(part, Path(self._folder.name, f"{key}.fmu"), "part", 2)
-        return _CosimInstance(self._fmus[key], part, parameters, f"muscles_{next(self._numbers)}")
-
-    def close(self) -> None:
-        """Remove the FMUs."""
-        self._fmus.clear()
-        self._folder.cleanup()
+        return _CosimInstance(self.built(part), part, parameters, f"muscles_{next(self._numbers)}")

@@ -56,17 +56,7 @@ from ..simulation.mechanisms import (
 from ..simulation.stepping import CommandInput
 from ..slips import size_caution
 from ..specimens import specimen
-from .coupling import (
-    OF_MUSCLES,
-    HostedMuscles,
-    HostInputs,
-    HostStep,
-    PartOutputs,
-    PartState,
-    advance,
-    observe,
-    rest,
-)
+from .coupling import OF_MUSCLES, HostedMuscles, HostInputs, HostStep, PartOutputs, PartState, advance, observe, rest
 
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]

@@ -93,7 +93,12 @@ def least_upper_volume(slope: Scalar, upper_length: Scalar, thread_strain: Scala
 
 
 def gas_energy(
-    pressure: Scalar, braid_volume: Scalar, *, upper_volume: Scalar, threshold_pressure: Scalar, threshold_width: Scalar
+    pressure: Scalar,
+    braid_volume: Scalar,
+    *,
+    upper_volume: Scalar,
+    threshold_pressure: Scalar = 0.0,
+    threshold_width: Scalar,
 ) -> Scalar:
     """The gas energy G(L, P') [J], the integral of the volume over the gauge pressure.
 

@@ -36,13 +36,4 @@ HYSTERESES: Registry[type[Hysteresis]] = Registry(
     accept=_required_of_friction,
 )
 
-__all__ = [
-    "HYSTERESES",
-    "BoucWen",
-    "Coulomb",
-    "Dahl",
-    "FrictionLimit",
-    "MaxwellSlip",
-    "PlayMap",
-    "PrandtlIshlinskii",
-]
+__all__ = ["HYSTERESES", "BoucWen", "Coulomb", "Dahl", "FrictionLimit", "MaxwellSlip", "PlayMap", "PrandtlIshlinskii"]

@@ -47,7 +47,6 @@ class ThickWall(TensionLaw):
             pressure,
             braid.inner_volume(length, **shape),
             upper_volume=jnp.maximum(braid.inner_volume(self.upper_length, **shape), least),
-            threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )
 
