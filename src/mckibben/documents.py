@@ -189,16 +189,12 @@ def with_own_paths(document: JsonValue, where: str | os.PathLike[str], key: str 
     """
 
     def found(value: Any) -> JsonValue:
-        return own_path(value, where) if isinstance(value, str) and value.lower().endswith(".toml") else value
+        named = isinstance(value, str) and value.lower().endswith(".toml")
+        return str(Path(where).parent / value) if named else value  # an absolute path stays
 
     if isinstance(document, dict):
         return {k: found(v) if k == key else with_own_paths(v, where, key) for k, v in document.items()}
     return [with_own_paths(v, where, key) for v in document] if isinstance(document, list) else document
-
-
-def own_path(path: str, where: str | os.PathLike[str]) -> str:
-    """Path that a file names, relative to the folder of that file; an absolute one stays."""
-    return str(Path(where).parent / path)
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *, field: str = "file") -> Path:

@@ -76,11 +76,6 @@ def is_reference(name: object) -> bool:
     return isinstance(name, str) and _REFERENCE.fullmatch(name) is not None
 
 
-def relative_to_file(name: str, where: str | os.PathLike[str]) -> str:
-    """A name that a file states; the path in a reference such as ``my.py:MyLaw`` begins at the folder of that file."""
-    return str(Path(where).parent / name) if is_reference(name) else name
-
-
 def with_own_references(document: object, where: str | os.PathLike[str], field: str = "") -> Any:
     """The tables of a file with every reference such as ``my.py:MyLaw``, key or value, found from the folder of the file.
 
@@ -98,7 +93,8 @@ def with_own_references(document: object, where: str | os.PathLike[str], field: 
 
 
 def _placed(name: str, where: str | os.PathLike[str], field: str) -> str:
-    found = relative_to_file(name, where)
+    """A name that a file states; the path in a reference such as ``my.py:MyLaw`` begins at the folder of that file."""
+    found = str(Path(where).parent / name) if is_reference(name) else name
     if found is not name and len(_places) < _MOST_PLACES:
         _places[found] = os.fspath(where), field
     return found
@@ -264,7 +260,10 @@ class Registry(Mapping[str, T], Generic[T]):
         for name, entry in self._known.items():
             if entry is kind:
                 return name
-        known = registered_name(kind) or self._own_name(kind)
+        place = (
+            f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"  # of one that nobody has asked for
+        )
+        known = registered_name(kind) or next((name for name, entry in self._known.items() if entry == place), None)
         if known is not None:
             return known
         demand = "a kind of its own" if self.accept is None else self.accept(kind)
@@ -286,10 +285,6 @@ class Registry(Mapping[str, T], Generic[T]):
             return name
         self.put(references[0], kind)
         return references[0]
-
-    def _own_name(self, kind: object) -> str | None:
-        place = f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"
-        return next((name for name, entry in self._known.items() if entry == place), None)
 
     def __contains__(self, name: object) -> bool:
         return name in self._known or self._is_file(name) or name in plugins(self.group)

@@ -146,12 +146,6 @@ def places(one: BuiltVariant, a: float, other: BuiltVariant, b: float) -> Places
     return tuple(positions)
 
 
-def same_leaves(one: tuple[tuple[np.ndarray, ...], ...], other: tuple[tuple[np.ndarray, ...], ...]) -> bool:
-    """Whether two variants are equal, bit for bit."""
-    pairs = (zip(a, b, strict=True) for a, b in zip(one, other, strict=True))
-    return all(_same(x, y) for pair in pairs for x, y in pair)
-
-
 def _same(x: np.ndarray, y: np.ndarray) -> bool:
     return x.shape == y.shape and bool(np.array_equal(x, y, equal_nan=x.dtype == float))
 
@@ -334,7 +328,8 @@ class LanePlanner:
                 continue
             if real.fixed != built.fixed or any(p not in family.places for p in free):
                 continue
-            if not same_leaves(real.leaves, family.write(built, {p: values[p] for p in free})):
+            written = family.write(built, {p: values[p] for p in free})
+            if not all(all(map(_same, a, b)) for a, b in zip(real.leaves, written, strict=True)):
                 self.apart.update(free)
                 return False
         family.checked = True

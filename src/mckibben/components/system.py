@@ -223,13 +223,6 @@ def as_rows(tree: Tree) -> Tree:
     return jax.tree.map(rows, tree)
 
 
-def without_rows(tree: Tree) -> Tree:
-    """Replace rows by the arrays that they are of."""
-    return jax.tree.map(
-        lambda x: x.whole if isinstance(x, UnitRows) else x, tree, is_leaf=lambda x: isinstance(x, UnitRows)
-    )
-
-
 def for_each_unit(
     function: Callable[..., tuple[Tree, Tree]], trees: Tree, varied: Sequence[bool], *, mapped: bool
 ) -> tuple[Tree, Tree]:
@@ -249,10 +242,14 @@ def for_each_unit(
     leaves, structure = jax.tree.flatten(trees)
     per_unit = [jnp.moveaxis(jnp.asarray(leaf), -1, 0) for leaf, v in zip(leaves, varied, strict=True) if v]
 
+    def is_rows(x: object) -> bool:
+        return isinstance(x, UnitRows)
+
     def one(row: list[Any]) -> tuple[Tree, Tree]:
         rest = iter(row)
-        own = [next(rest) if v else leaf for leaf, v in zip(leaves, varied, strict=True)]
-        result, share = function(*without_rows(jax.tree.unflatten(structure, own)))
+        own = jax.tree.unflatten(structure, [next(rest) if v else leaf for leaf, v in zip(leaves, varied, strict=True)])
+        arrays = jax.tree.map(lambda x: x.whole if is_rows(x) else x, own, is_leaf=is_rows)
+        result, share = function(*arrays)
         apart = jax.tree.map(lambda x: as_rows(jnp.asarray(x)[..., None]), result)
         return jax.tree.map(lambda x: x[0], apart), share
 

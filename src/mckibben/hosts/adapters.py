@@ -130,6 +130,29 @@ class HostedMechanism(abc.ABC):
         """Evaluate without going on."""
 
 
+class RebuiltMechanism(HostedMechanism):
+    """A mechanism whose copy is built anew and brought to the same moment."""
+
+    def __init__(self, scenario: Scenario, period: float) -> None:
+        self.scenario, self.period = scenario, period
+        self.build()
+        self._first = self.save()
+
+    @abc.abstractmethod
+    def build(self) -> None:
+        """Make the scenario in the host, at its start."""
+
+    def copy(self) -> HostedMechanism:
+        """Another one at the same moment."""
+        twin = type(self)(self.scenario, self.period)
+        twin.restore(self.save())
+        return twin
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self.restore(self._first)
+
+
 class OwnActuator(NamedTuple):
     """An actuator for McKibben muscles that a host brings along, and a part with the same braid, where the braid is slack.
 

@@ -22,7 +22,7 @@ from ..errors import ConvergenceError, InputError
 from ..extras import library
 from ..muscles import Muscle
 from ..muscles.laws.ideal import Ideal
-from .adapters import HostAdapter, HostedMechanism, OwnActuator, PartReadings
+from .adapters import HostAdapter, HostedMechanism, OwnActuator, PartReadings, RebuiltMechanism
 from .part import Part
 from .scenarios import HostMoment, Scenario
 
@@ -255,18 +255,17 @@ def _model(scenario: Scenario) -> Any:
     return model
 
 
-class _OpensimMechanism(HostedMechanism):
+class _OpensimMechanism(RebuiltMechanism):
     """A scenario in OpenSim."""
 
-    def __init__(self, scenario: Scenario, period: float) -> None:
-        self.scenario, self.period = scenario, period
+    def build(self) -> None:
+        scenario, period = self.scenario, self.period
         part = scenario.part.with_parameters(scenario.parameters)
         names = {name: name for name in part.muscles}
         self.coupled = CoSimulation(_model(scenario), part, names, period=period, accuracy=CONFORM_ACCURACY)
         forces = self.coupled.model.updForceSet()
         self._outside = _opensim().CoordinateActuator.safeDownCast(forces.get(TO_LARGER_POSITIONS))
         self._outside.overrideActuation(self.coupled.state, True)
-        self._first = self.coupled.save_state()
 
     @property
     def position(self) -> float:
@@ -295,14 +294,6 @@ class _OpensimMechanism(HostedMechanism):
 
     def restore(self, saved: Any) -> None:
         self.coupled.load_state(saved)
-
-    def copy(self) -> HostedMechanism:
-        twin = _OpensimMechanism(self.scenario, self.period)
-        twin.restore(self.save())
-        return twin
-
-    def reset(self) -> None:
-        self.coupled.load_state(self._first)
 
     def look(self, moment: HostMoment) -> None:
         self._put(moment)

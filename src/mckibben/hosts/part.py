@@ -18,7 +18,7 @@ import threading
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,7 +56,7 @@ from ..simulation.mechanisms import (
 from ..simulation.stepping import CommandInput
 from ..slips import size_caution
 from ..specimens import specimen
-from .coupling import OF_MUSCLES, HostedMuscles, HostInputs, HostStep, PartOutputs, PartState, advance, observe, rest
+from .coupling import OF_MUSCLES, HostedMuscles, HostInputs, HostStep, PartOutputs, advance, observe, rest
 
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]
@@ -67,16 +67,12 @@ SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
 STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
 
 
-class PartLayouts:
-    """How parameters, state, inputs and outputs of one structure of parts lie in vectors."""
+class PartLayouts(NamedTuple):
+    """How parameters, state and inputs of one structure of parts lie in vectors."""
 
-    def __init__(self, part: HostedMuscles, state: PartState, inputs: HostInputs) -> None:
-        self.part, self.state, self.inputs = (Layout.of(tree) for tree in (part, state, inputs))
-
-    @property
-    def key(self) -> tuple[Layout, Layout, Layout]:
-        """The three layouts, which can be hashed."""
-        return self.part, self.state, self.inputs
+    part: Layout
+    state: Layout
+    inputs: Layout
 
 
 def _advance(layouts: Any, part: Any, state: Any, inputs: Any, timing: Any) -> tuple[Any, Any]:
@@ -238,7 +234,7 @@ class Part:
         inputs = self.inputs(self.span, dict.fromkeys(self.muscles, 0.0), self.command)
         as_shapes = jax.eval_shape(rest, self.hosted, inputs)
         example = jax.tree.map(lambda s: np.zeros(s.shape, s.dtype), as_shapes)
-        self.layouts = PartLayouts(self.hosted, example, inputs)
+        self.layouts = PartLayouts(*map(Layout.of, (self.hosted, example, inputs)))
         self.parameters = self.layouts.part.pack(self.hosted)
         self._size = self.layouts.state.size
         self.example_state, self.example_inputs = example, inputs
@@ -364,7 +360,7 @@ class Part:
         with self._lock:
             if key not in self._calls:
                 places = [np.zeros_like(vector) for vector in arrays]
-                bound = functools.partial(function, self.layouts.key)
+                bound = functools.partial(function, tuple(self.layouts))
                 compiled = compile_function(bound, self.parameters, *places, title="a part")
                 wanted = [np.zeros(size) for size in sizes]
                 self._calls[key] = places, wanted, _bind(compiled, [self.parameters, *places], wanted)

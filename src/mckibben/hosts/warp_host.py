@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..extras import library
-from .adapters import HostAdapter, HostedMechanism, PartReadings
+from .adapters import HostAdapter, HostedMechanism, PartReadings, RebuiltMechanism
 from .c_source import c_source
 from .mujoco_host import model_text, pulled_ends
 from .mujoco_muscles import actuator_roles
@@ -65,11 +65,11 @@ def _readings(part: Part, module: ModuleType, stepped: Any) -> PartReadings:
     return PartReadings(tension, pressure, sum(work.values()), part.gas_mass(stepped.following.numpy()[0]))
 
 
-class _WarpMechanism(HostedMechanism):
+class _WarpMechanism(RebuiltMechanism):
     """A scenario in one world of MuJoCo Warp."""
 
-    def __init__(self, scenario: Scenario, period: float) -> None:
-        self.scenario, self.period = scenario, period
+    def build(self) -> None:
+        scenario, period = self.scenario, self.period
         self._warp, self.module = _mujoco_warp(), exported_module(scenario.part)
         mujoco: Any = library("mujoco", "The host warp needs")
         self._roles, ends = actuator_roles(scenario.part), pulled_ends(scenario).items()
@@ -82,7 +82,6 @@ class _WarpMechanism(HostedMechanism):
         self.muscles = self.module.MujocoMuscles(
             model, self.model, self.data, offsets=scenario.mechanism.spans, parameters=dict(scenario.parameters)
         )
-        self._first = self.save()
 
     @property
     def position(self) -> float:
@@ -114,14 +113,6 @@ class _WarpMechanism(HostedMechanism):
     def restore(self, saved: Any) -> None:
         for one, values in zip(self._arrays(), saved, strict=True):
             one.assign(values)
-
-    def copy(self) -> HostedMechanism:
-        twin = _WarpMechanism(self.scenario, self.period)
-        twin.restore(self.save())
-        return twin
-
-    def reset(self) -> None:
-        self.restore(self._first)
 
     def look(self, moment: HostMoment) -> None:
         self._put(moment)
@@ -155,11 +146,11 @@ def _newton() -> Any:
     return library("newton", "The host newton needs")
 
 
-class _NewtonMechanism(HostedMechanism):
+class _NewtonMechanism(RebuiltMechanism):
     """A scenario as a model of Newton with one joint, under the solver of Featherstone's method."""
 
-    def __init__(self, scenario: Scenario, period: float) -> None:
-        self.scenario, self.period = scenario, period
+    def build(self) -> None:
+        scenario = self.scenario
         newton, warp = _newton(), quiet_warp("The host newton needs")
         self.module = exported_module(scenario.part)
         mechanism = scenario.mechanism
@@ -178,7 +169,6 @@ class _NewtonMechanism(HostedMechanism):
         self._now, self._following = self._actuator.state(), self._actuator.state()
         self._control.muscle_commands = warp.zeros((1, len(self.module.COMMANDS)), dtype=float, device=DEVICE)
         self._state.joint_q.fill_(mechanism.start)
-        self._first = self.save()
 
     @property
     def position(self) -> float:
@@ -213,14 +203,6 @@ class _NewtonMechanism(HostedMechanism):
     def restore(self, saved: Any) -> None:
         for one, values in zip(self._arrays(), saved, strict=True):
             one.assign(values)
-
-    def copy(self) -> HostedMechanism:
-        twin = _NewtonMechanism(self.scenario, self.period)
-        twin.restore(self.save())
-        return twin
-
-    def reset(self) -> None:
-        self.restore(self._first)
 
     def look(self, moment: HostMoment) -> None:
         self._pull(moment)

@@ -239,7 +239,14 @@ def from_braid(
         "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
     }
     at = {key: _number(key, value) for key, value in dimensions.items()}
-    _check_geometry(at)
+    filled = 4.0 * at["thread_diameter"] + 2.0 * at["bladder_thickness"]
+    if filled > (1.0 - LEAST_BORE) * at["diameter"]:
+        least = filled / (1.0 - LEAST_BORE)
+        allowed = f"must be more than {least * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
+        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
+    if at["rest_length"] < at["diameter"]:
+        allowed = f"must be the diameter or more, {at['diameter'] * 1e3:.3g} mm, or the braid is no cylinder"
+        raise InputError("rest_length", f"{at['rest_length'] * 1e3:.3g} mm", allowed, where="braid")
     laws, upper, pull, bore = _computed(_varied(at, shore is None))
     return Specimen(
         id=name,
@@ -253,17 +260,6 @@ def from_braid(
         errors={law: {"largest": _stated_error(known)} for law, known in ERRORS.items()},
         friction={"maxwell_slip": _friction(float(pull), at["rest_length"])},
     )
-
-
-def _check_geometry(at: Mapping[str, float]) -> None:
-    filled = 4.0 * at["thread_diameter"] + 2.0 * at["bladder_thickness"]
-    if filled > (1.0 - LEAST_BORE) * at["diameter"]:
-        least = filled / (1.0 - LEAST_BORE)
-        allowed = f"must be more than {least * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
-        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
-    if at["rest_length"] < at["diameter"]:
-        allowed = f"must be the diameter or more, {at['diameter'] * 1e3:.3g} mm, or the braid is no cylinder"
-        raise InputError("rest_length", f"{at['rest_length'] * 1e3:.3g} mm", allowed, where="braid")
 
 
 @jit

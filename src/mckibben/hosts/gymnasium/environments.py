@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -15,7 +15,7 @@ from ...answers import Caution, warn
 from ...documents import JsonValue
 from ...errors import ConvergenceError, InputError
 from ...simulation.kernel import SampleKernel
-from .tasks import BROKEN, TASKS, Task
+from .tasks import BROKEN, TASKS, Episode, Task
 
 Box = gymnasium.spaces.Box
 PICTURE = "report.figures.mechanism_picture:MechanismPicture"
@@ -165,13 +165,6 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._plant.picture(self._seen(), self.goal, self._count * self._plant.simulation.period)
 
 
-class _Goals(NamedTuple):
-    """Episodes of all lanes: goals and disturbances, (numbers, samples, lanes)."""
-
-    goals: np.ndarray
-    disturbances: np.ndarray
-
-
 class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many muscle environments as lanes of one native kernel.
 
@@ -218,7 +211,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         self._count = np.zeros(num_envs, int)
         self._ended = np.zeros(num_envs, bool)
         counts = len(self.task.draw(np.random.default_rng(0)).goals), len(self._plant.disturbed)
-        self._episodes = _Goals(*(np.zeros((count, self.task.samples, num_envs)) for count in counts))
+        # Of all lanes, (numbers, samples, lanes).
+        self._episodes = Episode(*(np.zeros((count, self.task.samples, num_envs)) for count in counts))
         self._generators: list[np.random.Generator] = []
 
     def reset(
