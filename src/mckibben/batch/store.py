@@ -184,23 +184,14 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     Raises:
         InputError: if it is none.
     """
-    zarr = zarr_library()  # format 3 as we write it: filters of format 2 may unpickle
-
-    place = Path(path)
-    place = place / NAME if (place / NAME).exists() else place
-    try:
-        group: Any = zarr.open_group(place, mode="r", zarr_format=3)
-        about: Any = group.attrs[KEY]
-        columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in about["parameters"]}
+    with _read(path) as group:
+        columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in group.attrs[KEY]["parameters"]}
         outputs: Any = group["outputs"] if "outputs" in group else {}
         arrays = {n: np.asarray(outputs[n][:]) for n in sorted(outputs)}
         message = [str(m) for m in group["message"][:]]
         codes, duration = np.asarray(group["code"][:]), np.asarray(group["duration"][:])
-    except (KeyError, ValueError, TypeError, OSError):
-        raise InputError("store", str(place), "must be the folder of a sweep's results") from None
-    return Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()}), Results(
-        codes, message, duration, arrays
-    )
+    variants = Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()})
+    return variants, Results(codes, message, duration, arrays)
 
 
 def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -209,12 +200,21 @@ def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
     Raises:
         InputError: if it is none.
     """
+    with _read(path) as group:
+        return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}
+
+
+@contextlib.contextmanager
+def _read(path: str | os.PathLike[str]) -> Iterator[Any]:
+    """Open a store, or the folder of one, to read; what does not hold a sweep's results is refused."""
     place = Path(path)
     place = place / NAME if (place / NAME).exists() else place
     try:
-        group: Any = zarr_library().open_group(place, mode="r", zarr_format=3)
-        return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}
-    except (KeyError, ValueError, TypeError, OSError):
+        # Format 3 as we write it: filters of format 2 may unpickle.
+        yield zarr_library().open_group(place, mode="r", zarr_format=3)
+    except (KeyError, ValueError, TypeError, OSError) as error:
+        if isinstance(error, InputError):  # such as a missing library
+            raise
         raise InputError("store", str(place), "must be the folder of a sweep's results") from None
 
 
