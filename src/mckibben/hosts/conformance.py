@@ -14,6 +14,7 @@ import json
 import math
 import os
 import platform
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -381,11 +382,15 @@ def _looks(tested: HostAdapter) -> bool:
 
 def _threads(tested: HostAdapter) -> bool:
     hosted, moments = _started(tested)
-    twins = [hosted.copy() for _ in range(THREADS)]
+    twins, together = [hosted.copy() for _ in range(THREADS)], threading.Barrier(THREADS)
+
+    def path(twin: HostedMechanism) -> list[tuple[float, ...]]:
+        together.wait()  # so that none has ended before another begins
+        return _path(twin, moments)
+
     with ThreadPoolExecutor(THREADS) as workers:
-        paths = list(workers.map(lambda twin: _path(twin, moments), twins))
-    alone = _path(hosted, moments)
-    return all(path == alone for path in paths)
+        paths = list(workers.map(path, twins))
+    return paths == [_path(hosted, moments)] * THREADS
 
 
 STATE_CHECKS: dict[str, Callable[[HostAdapter], bool]] = {
