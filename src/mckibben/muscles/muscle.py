@@ -10,7 +10,7 @@ import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,7 +79,8 @@ class Muscle(Module):
             length: distance between the anchors [m].
             pressure: gauge pressure [Pa]; of a biological muscle the activation [1].
         """
-        return self._ask("tension", self._length(length), self._drive(pressure))
+        tension: Scalar = self._ask("tension", self._length(length), self._drive(pressure))
+        return tension
 
     def volume(self, length: Quantity, pressure: Quantity) -> Scalar:
         """Gas volume [m^3] at a length [m] and gauge pressure [Pa].
@@ -87,19 +88,23 @@ class Muscle(Module):
         Raises:
             NoVolumeError: if the law knows only how the volume changes.
         """
-        return self._ask("volume", self._length(length), self._drive(pressure))
+        volume: Scalar = self._ask("volume", self._length(length), self._drive(pressure))
+        return volume
 
     def stiffness(self, length: Quantity, pressure: Quantity) -> Scalar:
         """dF/dL [N/m] at a length [m] and constant gauge pressure [Pa], zero when slack."""
-        return self._ask("stiffness", self._length(length), self._drive(pressure))
+        stiffness: Scalar = self._ask("stiffness", self._length(length), self._drive(pressure))
+        return stiffness
 
     def free_length(self, pressure: Quantity) -> Scalar:
         """Length at which the unloaded muscle settles [m] at a gauge pressure [Pa]."""
-        return self._ask("free_length", self._drive(pressure))
+        length: Scalar = self._ask("free_length", self._drive(pressure))
+        return length
 
     def state(self, length: Quantity, pressure: Quantity) -> LawState:
         """Everything that the law says at a length [m] and gauge pressure [Pa] at once."""
-        return self._ask("state", self._length(length), self._drive(pressure))
+        state: LawState = self._ask("state", self._length(length), self._drive(pressure))
+        return state
 
     def pressure_for(self, tension: Quantity, length: Quantity, *, highest: Quantity = 10e5) -> float:
         """The lowest gauge pressure [Pa] that gives a tension; of a biological muscle the activation [1].
@@ -280,10 +285,6 @@ class Muscle(Module):
             warn(collect(pressure_caution(largest, self.specimen, text=_typed(value, largest))), stacklevel=3)
         return pressure
 
-    @overload
-    def _ask(self, question: Literal["state"], *arguments: Any) -> LawState: ...
-    @overload
-    def _ask(self, question: str, *arguments: Any) -> Scalar: ...
     def _ask(self, question: str, *arguments: Any) -> Any:
         answer = getattr(self.law, question)(*arguments)
         parts = answer if isinstance(answer, LawState) else (answer,)
