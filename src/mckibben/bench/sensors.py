@@ -1,4 +1,4 @@
-"""Analogue sensors of rigs that this package has; `components.sensors` defines what a sensor declares."""
+"""Analogue sensors of rigs that this package has; `components.system` defines what a sensor declares."""
 
 from __future__ import annotations
 
