@@ -9,7 +9,7 @@ from .._jax import Scalar, Tree, jnp
 from ..answers import brief
 from ..engine import Run
 from ..engine.native import call_compiled
-from ..muscles.stored import stored_change
+from ..muscles.law import stored_change
 from ..pneumatics.circuit import stored_exergy
 from .exergy_balance import ExergyBalance, StoredChange, exergy_balance
 from .machine import Machine

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import components, identification, muscles
+from .. import batch, components, identification, muscles
 from ..analysis import segments
 from ..assembly import build
-from ..batch import predictive, run_template
+from ..batch import run_template
 from ..bench import biological_run, calibrate, rig_file, software
 from ..bench import faults as rig_faults
 from ..bench import hardware as hardware_package
@@ -50,7 +50,7 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
-    from ..batch.predictive import PredictedRun
+    from ..batch.posterior import PredictedRun
     from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
@@ -297,7 +297,7 @@ def _predicted(
         accept_saturation=True,
     )
     with progress("running the samples of the posterior", 1.0) as bar:
-        return predictive.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
+        return batch.posterior.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
 
 
 def _print_bands(predicted: PredictedRun, draws: int) -> None:

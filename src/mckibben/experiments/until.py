@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .._jax import Scalar, Tree, jnp
-from ..components.sensors import SENSORS
+from ..components.system import SENSORS
 from ..errors import InputError
 from .amounts import CHANNELS, Amount, read_amount
 from .waveforms import time_words

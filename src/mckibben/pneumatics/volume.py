@@ -8,7 +8,7 @@ from typing import Any
 
 from .._jax import jax, jit, jnp
 from ..components import AbstractVar, Module, Scalar, field
-from ..components.evaluation import evaluated
+from ..components.programs import evaluated
 from ..quantities import quantity
 from .heat import HeatModel, Isothermal, VolumeState
 

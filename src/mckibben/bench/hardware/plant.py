@@ -19,8 +19,7 @@ from ...assembly.machine import Machine
 from ...assembly.pair_map import NAMES
 from ...assembly.stiffness import joint_stiffness
 from ...components import Scalar, field
-from ...components.sampled import Plant
-from ...components.system import Moment, Value
+from ...components.system import Moment, Plant, Value
 from ...engine.signals import Signal
 from ..sensors import SENSORS
 from .analogue import AnalogOut, Sensor

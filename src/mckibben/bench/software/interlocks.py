@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import Tree, jnp
 from ...components import Module, Scalar, field
-from ...components.sensors import SENSORS
+from ...components.system import SENSORS
 from ...quantities import quantity, with_unit
 
 ASKED = 0.1  # share of the valve's range above which a pressure must show

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...batch.predictive import PredictedRun
+    from ...batch.posterior import PredictedRun
     from ...identification.hysteresis_fit import LoopFit
     from ...identification.record_posterior import RecordPosterior
 

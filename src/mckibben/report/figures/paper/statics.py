@@ -12,11 +12,11 @@ import numpy as np
 from ....analysis.energy import CycleLoops, cycle_loops, energy_curve
 from ....documents import JsonValue
 from ....muscles import braid
+from ....muscles.braid import stop_tension
 from ....muscles.build import law_from_specimen
 from ....muscles.laws.ideal import Ideal
 from ....muscles.laws.linear_threshold import LinearThreshold
 from ....muscles.laws.thick_wall import ThickWall
-from ....muscles.stop import stop_tension
 from ....quantities import from_si
 from ....reproduction import loops, part1, part4
 from ....specimens import specimen

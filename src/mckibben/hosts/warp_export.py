@@ -8,16 +8,15 @@ and, as PTX, for GPUs.
 from __future__ import annotations
 
 import re
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...documents import write_text
-from ...recordings.provenance import versions
-from ..actuators import actuator_roles
-from ..c_source import PartSource, PartVariable, with_names
+from ..documents import write_text
+from ..recordings.provenance import versions
+from .c_source import PartSource, shipped, with_names
+from .mujoco_muscles import actuator_roles
 
 GROUPS = ("parameters", "inputs", "state", "timing", "outputs")
 FUNCTIONS = ("rest", "advance", "step")
@@ -42,40 +41,35 @@ def export_warp(source: PartSource, out: Path) -> list[Path]:
 def warp_module(source: PartSource) -> str:
     """The text of the module."""
     part = source.part
-    inputs, outputs, parameters = (_places(source.of(group)) for group in ("inputs", "outputs", "parameters"))
+    inputs, outputs, parameters = (source.places(group) for group in ("inputs", "outputs", "parameters"))
     defaults = np.concatenate([np.ravel(v.default) for v in source.of("parameters")]).tolist()
     roles = tuple((role.muscle, role.command) for role in actuator_roles(part))
-    values: dict[str, Any] = {
-        "COMMANDS": part.commands,
-        "ROLES": roles,
-        "STATE_SIZE": part.rest().size,
-        "PATHS": {v.path: (parameters[v.path], int(np.prod(v.shape))) for v in source.of("parameters")},
-        "DEFAULTS": defaults,
-        "INPUTS": inputs,
-        "OUTPUTS": outputs,
-        "SPANS": {name: inputs[f"span.{name}"] for name in part.muscles},
-        "RATES": {name: inputs[f"rate.{name}"] for name in part.muscles},
-        "CONTROLS": {name: inputs[f"command.{name}"] for name in part.commands},
-        "SPAN_LIMITS": {name: part.span_limits[name][:2] for name in part.muscles},
-        "TENSIONS": {name: outputs[f"tension.{name}"] for name in part.muscles},
+    values: dict[str, tuple[Any, str]] = {
+        "COMMANDS": (part.commands, "commands"),
+        "ROLES": (roles, "muscle and command of each actuator"),
+        "STATE_SIZE": (part.rest().size, "numbers of a state"),
+        "PATHS": (
+            {v.path: (parameters[v.path], int(np.prod(v.shape))) for v in source.of("parameters")},
+            "first place and size of each parameter",
+        ),
+        "DEFAULTS": (defaults, "parameters [SI]"),
+        "INPUTS": (inputs, "place of each input"),
+        "OUTPUTS": (outputs, "place of each output"),
+        "SPANS": ({name: inputs[f"span.{name}"] for name in part.muscles}, "place of each muscle's span"),
+        "RATES": ({name: inputs[f"rate.{name}"] for name in part.muscles}, "place of its rate"),
+        "CONTROLS": ({name: inputs[f"command.{name}"] for name in part.commands}, "place of each command"),
+        "SPAN_LIMITS": (
+            {name: part.span_limits[name][:2] for name in part.muscles},
+            "spans that each muscle can take [m]",
+        ),
+        "TENSIONS": (
+            {name: outputs[f"tension.{name}"] for name in part.muscles},
+            "place of each muscle's mean tension",
+        ),
     }
-    meanings = {
-        "COMMANDS": "commands",
-        "ROLES": "muscle and command of each actuator",
-        "STATE_SIZE": "numbers of a state",
-        "PATHS": "first place and size of each parameter",
-        "DEFAULTS": "parameters [SI]",
-        "INPUTS": "place of each input",
-        "OUTPUTS": "place of each output",
-        "SPANS": "place of each muscle's span",
-        "RATES": "place of its rate",
-        "CONTROLS": "place of each command",
-        "SPAN_LIMITS": "spans that each muscle can take [m]",
-        "TENSIONS": "place of each muscle's mean tension",
-    }
-    rows = [f"{name} = {value!r}  # {meanings[name]}" for name, value in values.items()]
+    rows = [f"{name} = {value!r}  # {meaning}" for name, (value, meaning) in values.items()]
     head = with_names(HEAD, source.name, TITLE=f"{part.title}; {part.statement}", VERSION=versions()["mckibben"])
-    runtime = resources.files(__package__).joinpath("muscles.py.txt").read_text(encoding="utf-8")
+    runtime = shipped("warp/muscles.py.txt")
     return f'{head}\n{chr(10).join(rows)}\n\nCODE = r"""\n{native_code(source)}"""\n\n\n{runtime}'
 
 
@@ -96,15 +90,6 @@ def native_code(source: PartSource) -> str:
     text = re.sub(r"INT64_C\((-?\d+)\)", r"\1LL", text)
     text = re.sub(r"^#ifdef \w+_TWO_ROUNDINGS\n.*?^#else\n(.*?)^#endif\n", r"\1", text, flags=re.S | re.M)
     return f"struct code {{\n{text}\n}};\n{with_names(CALL, name)}"
-
-
-def _places(variables: list[PartVariable]) -> dict[str, int]:
-    """Where the numbers of a struct begin, by dotted path."""
-    places, at = {}, 0
-    for variable in variables:
-        places[variable.path] = at
-        at += int(np.prod(variable.shape))
-    return places
 
 
 def _struct(header: str, name: str) -> str:

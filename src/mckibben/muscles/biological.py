@@ -2,12 +2,50 @@
 
     F = Fmax [ a fl(L/L0) fv(v / (vmax L0)) + fp(L/L0) ],   Fmax = tension intensity x cross section
 
-with Gordon's fl, Hill's fv and the passive curve fp. Parallel fibres without pennation or a tendon in series (a
-tendon is an element of its own). Range: 0.635-1.6 L0, shortening up to vmax, activation 0..1; finite everywhere else.
-Left out: memory of stretch, fatigue, and any dependence of vmax or of the optimal length on activation; no source at
+All curves are relative: lengths to the rest (optimal) length L0, velocities to the largest shortening velocity, tensions to
+the largest isometric tension; only the muscle knows metres and newtons. Parallel fibres without pennation or a tendon in
+series (a tendon is an element of its own). Range: 0.635-1.6 L0, shortening up to vmax, activation 0..1; finite everywhere
+else. Left out: memory of stretch, fatigue, and any dependence of vmax or of the optimal length on activation; no source at
 hand bounds the error.
-Sources: in the file of each effect; comparison with McKibben muscles: C.-P. Chou and B. Hannaford, IEEE Trans. Robotics
-and Automation 12(1), 1996, doi:10.1109/70.481753.
+
+**Active tension against length**, fl: the polygon of Gordon, Huxley and Julian for frog striated muscle.
+
+    sarcomere length [um]      1.27    1.67    2.00    2.25    3.65
+    over L0 = 2.00 um          0.635   0.835   1.000   1.125   1.825
+    relative active tension    0       0.84    1       1       0
+
+The limb below the plateau has two slopes: the thin filaments begin to overlap at L0, the thick ones meet the Z discs at the
+knee. It is exactly zero outside the outer nodes and exactly one on the plateau; at a node the derivative is the mean of
+both sides. It is their schematic summary: the measured tension rounds the corners, and they saw the full tension between
+2.05 and 2.2 um.
+
+**Tension against velocity**, fv: Hill's hyperbola for shortening, and its continuation for lengthening.
+
+    f = (1 - u) / (1 + u/c)                            shortening at u = -v/vmax, zero from u = 1 on        (Hill)
+    f = 1 + (m - 1) w / (w + s)                        lengthening at w = v/vmax, towards the plateau m
+        with s = (m - 1) c / (1 + c)
+
+c = a/F0 is Hill's curvature, 0.25 for typical skeletal muscle; the power f u then peaks at 0.095 Fmax vmax, which is the
+"about 0.1" of McMahon. The scale s makes the slope continuous at v = 0. That is a choice: Katz found the slope on the
+lengthening side several times steeper. Never negative; lengthening faster than about vmax is extrapolation. At -vmax, where
+the tension ends, the derivative is the mean of both sides.
+
+**Passive tension**, fp = (max(x - onset, 0) / strain)^4 with x = L/L0. The ends are Thelen's for young adults: it begins at
+L0 and reaches the largest isometric tension at a strain of 0.6. The fourth power is a choice of this package: it stays
+within 0.06 of Thelen's exponential of shape 5 between these ends, and needs no exponential. Beyond 1.6 L0 it only keeps
+growing (123 times the largest tension at 3 L0). It differs widely between muscles: take it as an order of magnitude.
+
+**Activation**, da/dt = (u - a) / tau with tau = rise where u > a, else fall. The excitation u is held within 0 and 1, so an
+activation that starts there stays there. It stands to a biological muscle as valve and tube stand to a McKibben muscle: it
+decides how soon, not how strongly, the muscle pulls. It is a lumped description of calcium release and uptake; single
+twitches and fatigue are beyond it, and fibres differ severalfold in both time constants. The defaults, 15 and 50 ms, are
+those with which Thelen's model is commonly run; here they are marked inferred.
+
+Sources: A. M. Gordon, A. F. Huxley and F. J. Julian, Journal of Physiology 184(1), 1966,
+doi:10.1113/jphysiol.1966.sp007909; A. V. Hill, Proceedings of the Royal Society B 126, 1938, doi:10.1098/rspb.1938.0050; B.
+Katz, Journal of Physiology 96, 1939; T. A. McMahon, Muscles, Reflexes, and Locomotion, Princeton University Press, 1984; D.
+G. Thelen, Journal of Biomechanical Engineering 125(1), 2003, doi:10.1115/1.1531112; comparison with McKibben muscles: C.-P.
+Chou and B. Hannaford, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 """
 
 from __future__ import annotations
@@ -15,14 +53,76 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, NoReturn
 
-from ..._jax import jnp
-from ...components import Module, Scalar, derivative
-from ...components.evaluation import evaluated
-from ...errors import InputError, NoVolumeError, UnreachableError
-from ...quantities import quantity, with_unit
-from ..law import LawState
-from . import activation as activation_dynamics
-from . import gordon, hill, passive
+from .._jax import jnp
+from ..components import Module, Scalar, derivative
+from ..components.programs import evaluated
+from ..errors import InputError, NoVolumeError, UnreachableError
+from ..quantities import quantity, with_unit
+from .law import LawState
+
+# Sarcomere lengths of Gordon's polygon over its optimal length of 2.00 um [1].
+SHORTEST = 1.27 / 2.00
+KNEE = 1.67 / 2.00
+PLATEAU_END = 2.25 / 2.00
+LONGEST = 3.65 / 2.00
+KNEE_TENSION = 0.84
+
+
+def active_curve(
+    relative_length: Scalar,
+    *,
+    shortest: Scalar = SHORTEST,
+    knee: Scalar = KNEE,
+    knee_tension: Scalar = KNEE_TENSION,
+    plateau_end: Scalar = PLATEAU_END,
+    longest: Scalar = LONGEST,
+) -> Scalar:
+    """Isometric active tension at full activation over its largest value [1], 0 to 1.
+
+    Args:
+        relative_length: length over the rest length [1], any shape.
+        shortest: length below which there is no active tension [1].
+        knee: length at which the ascending limb changes its slope [1], between `shortest` and 1.
+        knee_tension: relative tension there [1].
+        plateau_end: longest length on the plateau, which begins at 1 [1].
+        longest: length beyond which there is no active tension [1].
+    """
+    steep = knee_tension / (knee - shortest)
+    shallow = (1.0 - knee_tension) / (1.0 - knee)
+    above_shortest = jnp.maximum(relative_length - shortest, 0.0)
+    above_knee = jnp.maximum(relative_length - knee, 0.0)
+    ascending = steep * above_shortest + (shallow - steep) * above_knee
+    descending = (longest - relative_length) / (longest - plateau_end)
+    return jnp.maximum(jnp.minimum(jnp.minimum(ascending, descending), 1.0), 0.0)
+
+
+def velocity_curve(relative_velocity: Scalar, *, curvature: Scalar = 0.25, lengthening_tension: Scalar = 1.4) -> Scalar:
+    """Tension over the isometric tension at the same length and activation [1], 0 up to `lengthening_tension`.
+
+    Args:
+        relative_velocity: dL/dt over the largest shortening velocity [1], positive while lengthening, any shape.
+        curvature: Hill's a/F0 [1], positive.
+        lengthening_tension: the plateau while lengthening fast [1], above 1.
+    """
+    shortening = jnp.maximum(-relative_velocity, 0.0)
+    lengthening = jnp.maximum(relative_velocity, 0.0)
+    hyperbola = curvature * jnp.maximum(1.0 - shortening, 0.0) / (curvature + shortening)
+    above = lengthening_tension - 1.0
+    scaled = lengthening * (1.0 + curvature)
+    return hyperbola + above * scaled / (scaled + above * curvature)
+
+
+def passive_curve(relative_length: Scalar, *, onset: Scalar = 1.0, strain: Scalar = 0.6) -> Scalar:
+    """Passive tension over the largest isometric tension [1], never negative.
+
+    Args:
+        relative_length: length over the rest length [1], any shape.
+        onset: length at which the passive tension begins [1].
+        strain: how far beyond it equals the largest isometric tension [1], positive.
+    """
+    stretch = jnp.maximum(relative_length - onset, 0.0) / strain
+    square = stretch * stretch
+    return square * square
 
 
 class BiologicalMuscle(Module):
@@ -46,19 +146,15 @@ class BiologicalMuscle(Module):
         "1/s", (1e-3, 1e3), "largest shortening velocity in rest lengths", symbol="vmax", typical=(1.0, 20.0)
     )
     shortest_active_length: Scalar = quantity(
-        "1", (0.1, 0.75), "length over L0 where active tension begins", symbol="x1", default=gordon.SHORTEST
+        "1", (0.1, 0.75), "length over L0 where active tension begins", symbol="x1", default=SHORTEST
     )
-    knee_length: Scalar = quantity(
-        "1", (0.76, 0.99), "knee of the ascending limb, over L0", symbol="x2", default=gordon.KNEE
-    )
+    knee_length: Scalar = quantity("1", (0.76, 0.99), "knee of the ascending limb, over L0", symbol="x2", default=KNEE)
     knee_tension: Scalar = quantity(
-        "1", (0.0, 1.0), "active tension at the knee, relative", symbol="f2", default=gordon.KNEE_TENSION
+        "1", (0.0, 1.0), "active tension at the knee, relative", symbol="f2", default=KNEE_TENSION
     )
-    plateau_end: Scalar = quantity(
-        "1", (1.0, 1.4), "end of the plateau, over L0", symbol="x4", default=gordon.PLATEAU_END
-    )
+    plateau_end: Scalar = quantity("1", (1.0, 1.4), "end of the plateau, over L0", symbol="x4", default=PLATEAU_END)
     longest_active_length: Scalar = quantity(
-        "1", (1.41, 3.0), "length over L0 where active tension ends", symbol="x5", default=gordon.LONGEST
+        "1", (1.41, 3.0), "length over L0 where active tension ends", symbol="x5", default=LONGEST
     )
     passive_onset: Scalar = quantity(
         "1", (0.5, 2.0), "length over L0 where passive tension begins", symbol="xp", default=1.0
@@ -81,7 +177,7 @@ class BiologicalMuscle(Module):
 
     def active_curve(self, relative_length: Scalar) -> Scalar:
         """Isometric active tension over Fmax at full activation [1], against L/L0 [1]."""
-        return gordon.active_curve(
+        return active_curve(
             relative_length,
             shortest=self.shortest_active_length,
             knee=self.knee_length,
@@ -92,13 +188,11 @@ class BiologicalMuscle(Module):
 
     def passive_curve(self, relative_length: Scalar) -> Scalar:
         """Passive tension over Fmax [1], against L/L0 [1]."""
-        return passive.passive_curve(relative_length, onset=self.passive_onset, strain=self.passive_strain)
+        return passive_curve(relative_length, onset=self.passive_onset, strain=self.passive_strain)
 
     def velocity_curve(self, relative_velocity: Scalar) -> Scalar:
         """Active tension over the isometric one [1], against velocity over vmax [1], positive while lengthening."""
-        return hill.velocity_curve(
-            relative_velocity, curvature=self.curvature, lengthening_tension=self.lengthening_tension
-        )
+        return velocity_curve(relative_velocity, curvature=self.curvature, lengthening_tension=self.lengthening_tension)
 
     # ---- the muscle between its anchors: it never pushes, for both parts are never negative
 
@@ -204,13 +298,16 @@ class BiologicalMuscle(Module):
     # ---- the way from excitation to activation
 
     def activation_rate(self, activation: Scalar, excitation: Scalar) -> Scalar:
-        """da/dt [1/s] at an excitation [1]."""
-        return activation_dynamics.rate(activation, excitation, rise_time=self.rise_time, fall_time=self.fall_time)
+        """da/dt [1/s] at an excitation [1], which is limited to 0..1."""
+        missing = jnp.clip(excitation, 0.0, 1.0) - activation
+        return missing / jnp.where(missing > 0.0, self.rise_time, self.fall_time)
 
     def advance_activation(self, activation: Scalar, excitation: Scalar, dt: Scalar) -> Scalar:
-        """The activation [1] after a time [s] at constant excitation [1], exactly."""
-        times = {"rise_time": self.rise_time, "fall_time": self.fall_time}
-        return activation_dynamics.advance(activation, excitation, dt, **times)
+        """The activation [1] after a time [s] at constant excitation [1], exactly, for any step >= 0."""
+        missing = jnp.clip(excitation, 0.0, 1.0) - activation
+        # The sign of u - a does not change along the exponential, so that one time constant holds for the whole step. dt/tau
+        # is at least 0; -expm1 keeps the last digits of a small step.
+        return activation - missing * jnp.expm1(-dt / jnp.where(missing > 0.0, self.rise_time, self.fall_time))
 
 
 def _together(*values: Any) -> tuple[Scalar, ...]:

@@ -1,4 +1,15 @@
-"""Muscles of MuJoCo models by callbacks of Python: no compiler, any part, half the speed of the plugin.
+"""Muscles of MuJoCo models: as an engine plugin built against the installed wheel, or by callbacks of Python.
+
+A part, one muscle or several that share a tank, has an actuator for each muscle (`actuator_roles`). The first actuators are
+the muscles, in the part's order. The control of each is the command of the same name, or else the next command that no
+muscle has. Commands that are left get actuators of their own behind the muscles, which do not pull. The state of the part
+lies in ``act`` of the first actuator, divided by its size at rest, so that finite differences see every number of it.
+
+**The plugin** (`export_mujoco`), an instance of which is a part, takes a whole step of the part in ``actuator_act_dot`` and
+returns the difference over the step, so that MuJoCo's Euler step lands on the next state. Parameters and last outputs lie
+in ``plugin_state``; nothing is a pointer, so that data may be copied, pickled and used on threads.
+
+**Callbacks** (`MuscleCallbacks`) need no compiler, take any part, and have half the speed of the plugin.
 
     model = mujoco.MjModel.from_xml_string(text)
     with MuscleCallbacks(model, {"muscle": part}):
@@ -8,28 +19,202 @@ An actuator of the model is a muscle if it has the name of one and
 
     <general name="muscle" tendon="cord" dyntype="user" gainprm="0" biastype="user" biasprm="0" actdim="25"/>
 
-where ``actdim`` is `act_size` of the part and ``biasprm`` the span at length zero [m], zero on a spatial tendon. Parts with
-several muscles have an actuator for each (see `actuators`), of which only the first has ``dyntype`` and ``actdim``. State
-and mean tensions lie in ``act``; nothing is kept outside the data, so that they may be copied, pickled and used on threads.
-
-MuJoCo has one callback of each kind for all models, and calls it with the interpreter's lock.
+where ``actdim`` is `act_size` of the part and ``biasprm`` the span at length zero [m], zero on a spatial tendon. Of several
+actuators only the first has ``dyntype`` and ``actdim``. State and mean tensions lie in ``act``; nothing is kept outside the
+data, so that they may be copied, pickled and used on threads. MuJoCo has one callback of each kind for all models, and
+calls it with the interpreter's lock.
 """
 
 from __future__ import annotations
 
+import json
 import weakref
 from collections.abc import Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..answers import Caution, warn
+from ..documents import write_text
 from ..engine.soundness import MEANINGS, SENTENCE, Soundness
 from ..errors import InputError
 from ..extras import library
-from .actuators import actuator_roles, state_sizes
+from .c_source import PartSource, build_library, c_ends, shipped, with_names
 from .part import Part
+
+LEAST_SIZE = 1e-6  # of a number of the state by which it is divided
+
+
+class ActuatorRole(NamedTuple):
+    """What an actuator is for a part: the muscle that pulls there, and the command that its control is; None for neither."""
+
+    muscle: str | None
+    command: str | None
+
+    @property
+    def name(self) -> str:
+        """Name of the muscle, else of the command."""
+        return self.muscle or self.command or ""
+
+
+def actuator_roles(part: Part) -> tuple[ActuatorRole, ...]:
+    """The actuators that a part needs, in their order."""
+    left = [name for name in part.commands if name not in part.muscles]
+    roles = []
+    for muscle in part.muscles:
+        named = muscle if muscle in part.commands else None
+        roles.append(ActuatorRole(muscle, named or (left.pop(0) if left else None)))
+    return (*roles, *(ActuatorRole(None, command) for command in left))
+
+
+def state_sizes(part: Part) -> np.ndarray:
+    """Usual size of each number of a part's state, its value at rest; 1 where that is next to nothing."""
+    rested = np.abs(part.rest())
+    return np.where(rested > LEAST_SIZE, rested, 1.0)
+
+
+SENSED = ("pressure", "tension", "length", "temperature", "friction", "slack", "work")
+"""What the sensor shows of each muscle, in this order, one muscle behind the other; of the last step."""
+
+
+def export_mujoco(source: PartSource, out: Path) -> list[Path]:
+    """Write a part as a plugin of MuJoCo, build it, and write an example model.
+
+    Args:
+        source: the C of a part.
+        out: folder for the files.
+
+    Raises:
+        InputError: MuJoCo is not installed.
+        EngineError: there is no C compiler, or it failed.
+    """
+    place = Path(str(library("mujoco", "The MuJoCo plugin needs").__file__)).parent
+    files = source.write(out)
+    files.append(write_text(out / f"{source.name}_plugin.c", plugin_source(source)))
+    files.append(write_text(out / f"{source.name}.xml", example_model(source)))
+    engine = next(iter(sorted(place.glob("libmujoco*"))), None)
+    if engine is None:
+        raise InputError("mujoco", str(place), "must contain the library of MuJoCo")
+    sources = [out / f"{source.name}.c", out / f"{source.name}_plugin.c"]
+    link = [str(engine), f"-Wl,-rpath,{place}"]
+    files.append(build_library(sources, out / f"{source.name}_plugin.so", include=[place / "include"], link=link))
+    return files
+
+
+def plugin_name(name: str) -> str:
+    """Name by which a model asks for the plugin of a part."""
+    return f"mckibben.{name}"
+
+
+def config_key(path: str) -> str:
+    """Key by which a model sets a parameter, from its dotted path."""
+    return path.replace(".__self__", "")
+
+
+def plugin_source(source: PartSource) -> str:
+    """The C of the plugin."""
+    part, roles = source.part, actuator_roles(source.part)
+    members = {(v.group, v.path): v.member for v in (*source.of("inputs"), *source.of("outputs"))}
+    keys = []
+    for variable in source.of("parameters"):
+        (low, high), count = c_ends(variable.bounds), int(np.prod(variable.shape))
+        key = config_key(variable.path)
+        keys.append(f'    {{"{key}", offsetof({source.name}_parameters, {variable.member}), {count}, {low}, {high}}},')
+    offsets = [f'"offset.{name}"' for name in part.muscles] if len(part.muscles) > 1 else ['"offset"']
+    given, pulls, shown = [], [], []
+    for k, role in enumerate(roles):
+        if role.muscle is not None:
+            of_muscle = {"tension": f"tension.{role.muscle}", "work": f"work.{role.muscle}"}
+            span, rate = (members["inputs", f"{what}.{role.muscle}"] for what in ("span", "rate"))
+            given.append(f"    inputs.{span} = q->offset[{k}] + d->actuator_length[output(m, q, {k})];")
+            given.append(f"    inputs.{rate} = d->actuator_velocity[output(m, q, {k})];")
+            given.append(f"    possible &= span_is_possible(q, {k}, inputs.{span});")
+            tension = members["outputs", of_muscle["tension"]]
+            pulls.append(f"        d->actuator_force[output(m, q, {k})] = -q->out.{tension};")
+            paths = [of_muscle.get(name, f"muscle.{role.muscle}.{name}") for name in SENSED]
+            shown.append(", ".join(f"q->out.{members['outputs', path]}" for path in paths))
+        else:
+            pulls.append(f"        d->actuator_force[output(m, q, {k})] = 0.0;")
+        if role.command is not None:
+            low, high = c_ends(part.command_limits(role.command))
+            command = f"inputs.{members['inputs', f'command.{role.command}']}"
+            given.append(f"    {command} = control(m, d, q, {k});")
+            given.append(f'    say_command(q, {k}, "{role.command}", {command}, {low}, {high});')
+    limits = [part.span_limits[name] for name in part.muscles]
+    words: dict[str, Any] = {
+        "KEYROWS": "\n".join(keys),
+        "OFFSETKEYS": ", ".join(offsets),
+        "SPANLIMITS": ", ".join(f"{{{low!r}, {high!r}}}" for low, high, _ in limits),
+        "SIZES": ", ".join(repr(float(size)) for size in state_sizes(part)),
+        "NMUSCLES": str(len(part.muscles)),
+        "NACTUATORS": str(len(roles)),
+        "NSEEN": str(len(SENSED) * len(part.muscles)),
+        "ROLES": ", ".join(role.name for role in roles),
+        "GIVEN": "\n".join(given),
+        "PULLS": "\n".join(pulls),
+        "SHOWN": ",\n        ".join(shown),
+        "TITLE": plugin_name(source.name),
+        "SENTENCE": json.dumps(SENTENCE.format("%g", "%s")),
+    }
+    return with_names(shipped("mujoco/plugin.c"), source.name, **words)
+
+
+def example_model(source: PartSource) -> str:
+    """The text of a model: a mass that hangs from each muscle."""
+    part, roles = source.part, actuator_roles(source.part)
+    single, units = len(part.muscles) == 1, {drive.command: drive.unit for drive in part.hosted.drives}
+    bodies, tendons, actuators = [], [], []
+    for k, role in enumerate(roles):
+        name = role.name
+        words = {"name": name, "of": "" if single else f"_{name}", "x": f"{0.1 * k:g}"}
+        words["plugin"] = plugin_name(source.name)
+        words["actdim"] = f' actdim="{part.rest().size}"' if k == 0 else ""
+        # A control has a range where its command is the opening of a valve.
+        words["range"] = ' ctrllimited="true" ctrlrange="-1 1"' if units.get(role.command or "") == "1" else ""
+        if role.muscle is None:
+            words["of"] = "" if single else f"_{roles[0].name}"
+            actuators.append(COMMANDER.format(**words))
+            continue
+        words["span"] = f"{-part.span[name]:.6g}"
+        bodies.append(BODY.format(**words))
+        tendons.append(TENDON.format(**words))
+        actuators.append(ACTUATOR.format(**words))
+    rows = ["".join(one).rstrip("\n") for one in (bodies, tendons, actuators)]
+    names = ", ".join(role.name for role in roles)
+    order = "" if len(roles) == 1 else f"    <!-- the actuators of an instance, in this order: {names} -->\n"
+    return EXAMPLE.format(plugin=plugin_name(source.name), bodies=rows[0], tendons=rows[1], actuators=order + rows[2])
+
+
+EXAMPLE = """<mujoco>
+  <option timestep="0.001"/>
+  <extension><plugin plugin="{plugin}"><instance name="m"/></plugin></extension>
+  <worldbody>
+{bodies}
+  </worldbody>
+  <tendon>
+{tendons}
+  </tendon>
+  <actuator>
+{actuators}
+  </actuator>
+  <sensor><plugin name="inside" plugin="{plugin}" instance="m"/></sensor>
+</mujoco>
+"""
+BODY = """    <site name="anchor{of}" pos="{x} 0 0"/>
+    <body pos="{x} 0 {span}">
+      <joint name="height{of}" type="slide" axis="0 0 1"/>
+      <geom type="sphere" size="0.03" mass="4" contype="0" conaffinity="0"/>
+      <site name="hook{of}"/>
+    </body>
+"""
+TENDON = """    <spatial name="cord{of}"><site site="anchor{of}"/><site site="hook{of}"/></spatial>
+"""
+ACTUATOR = """    <plugin name="{name}" plugin="{plugin}" instance="m" tendon="cord{of}"{actdim}{range}/>
+"""
+COMMANDER = """    <plugin name="{name}" plugin="{plugin}" instance="m" tendon="cord{of}" gear="0"{range}/>
+"""
 
 
 def act_size(part: Part) -> int:
@@ -89,8 +274,7 @@ class _AttachedPart:
         for name, k in zip(self.names[: self.count], ids, strict=False):
             if int(model.actuator_biastype[k]) != int(mujoco.mjtBias.mjBIAS_USER):
                 raise InputError(f"biastype of the actuator {name}", None, 'must be "user"')
-        ordered = sorted(self.part.muscles)
-        commands = sorted(self.part.commands)
+        ordered, commands = sorted(self.part.muscles), sorted(self.part.commands)
         commanded = [(k, role.command) for k, role in zip(ids, self.roles, strict=True) if role.command is not None]
         return _ModelPlaces(
             int(model.actuator_actadr[first]),
@@ -102,7 +286,6 @@ class _AttachedPart:
         )
 
     def inputs(self, model: Any, data: Any, at: _ModelPlaces) -> np.ndarray:
-        """Spans, rates and commands of a moment."""
         vector = np.zeros(2 * self.count + len(self.part.commands))
         outputs = model.actuator_outadr[at.muscles]
         vector[at.spans] = data.actuator_length[outputs] + at.offsets
@@ -171,7 +354,7 @@ class MuscleCallbacks:
 
     Args:
         model: the model. Copies of it, and models with the same names, are served too; other models are left alone.
-        parts: parts by the name of their actuator, or by a tuple of names, one for each muscle; see `actuators`.
+        parts: parts by the name of their actuator, or by a tuple of names, one for each; see `actuator_roles`.
 
     Raises:
         InputError: names what does not fit.
