@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mckibben.errors import InputError
-from mckibben.experiments.amounts import read_amount
+from mckibben.experiments.amounts import read_amount, read_until
 from mckibben.experiments.commands import Deferred, DirectionDependent
 from mckibben.experiments.read import (
     build_protocol,
@@ -24,7 +24,6 @@ from mckibben.experiments.read import (
     values_of,
     with_values,
 )
-from mckibben.experiments.until import read_until
 from mckibben.experiments.waveforms import Sine, Triangle
 from mckibben.quantities import from_si
 

@@ -50,15 +50,14 @@ from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..muscles.build import rest_length_of
 from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
+from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Branch, Circuit
-from ..pneumatics.sizes import put_value
 from ..pneumatics.volume import Reservoir
 from ..quantities import Quantity, parse
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
 from ..specimens import Specimen, specimen
-from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
-from .signal_table import read_points
+from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length, read_points
 
 if TYPE_CHECKING:
     from ..recordings import Recording

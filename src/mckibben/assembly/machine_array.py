@@ -21,8 +21,7 @@ from ..components.system import Coupling, IndependentPart, Moment, System
 from ..engine.native import call_compiled
 from ..engine.signals import Signal, Value
 from ..pneumatics.circuit import Circuit
-from ..pneumatics.heat import Inflow
-from ..pneumatics.volume import Chamber, Junction
+from ..pneumatics.volume import Chamber, Inflow, Junction
 from ..quantities import quantity
 from .loads import Load
 

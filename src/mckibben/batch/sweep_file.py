@@ -44,8 +44,8 @@ from typing import Any
 
 import numpy as np
 
+from ..bench.prepare import read_protocol
 from ..bench.rig_file import rig as rig_of
-from ..bench.software.waveform_import import read_protocol
 from ..documents import JsonValue, read_toml
 from ..engine import STEP
 from ..engine.native import ENGINES

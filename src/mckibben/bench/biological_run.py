@@ -31,10 +31,10 @@ from ..components.system import Moment, System, Value
 from ..documents import JsonValue
 from ..engine import held, integrate, ramped
 from ..errors import InputError
+from ..experiments.amounts import TEST_START, TESTS, advance_test
 from ..experiments.commands import Deferred
 from ..experiments.protocol import PlannedStep, Protocol
 from ..experiments.read import in_words, with_values
-from ..experiments.until import KINDS, START, advance
 from ..muscles import Muscle
 from ..muscles.biological import BiologicalMuscle
 from ..muscles.build import from_specimen
@@ -285,13 +285,13 @@ def _ends(step: PlannedStep, readings: dict[str, Any], rest: float, period: floa
     assert test is not None
     if test.channel not in readings:
         raise _unknown_condition(step)
-    kind, limit = KINDS.index(test.kind), test.amount.si(rest)
+    kind, limit = TESTS.index(test.kind), test.amount.si(rest)
 
     def one(state: Tree, x: Scalar) -> tuple[Tree, Tree]:
-        advanced: tuple[Tree, Tree] = advance(kind, state, x, limit, test.lasting, x, period)
+        advanced: tuple[Tree, Tree] = advance_test(kind, state, x, limit, test.lasting, x, period)
         return advanced
 
-    _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(readings[test.channel]))
+    _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in TEST_START), jnp.asarray(readings[test.channel]))
     samples = np.flatnonzero(np.asarray(holds)[: step.count])
     return max(int(samples[0]), 1) if samples.size else step.count
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from typing import Protocol as Interface
 
-from ..assembly.signal_table import read_points
+from ..assembly.circuit_parts import read_points
 from ..errors import InputError, not_found, shortened
 from ..experiments.amounts import CHANNELS
 from ..experiments.dry_run import check
@@ -25,12 +25,12 @@ from ..quantities import parse, with_unit
 from ..recordings import write
 from ..recordings.recording import Recording
 from ..specimens import Specimen, specimens
+from .prepare import read_protocol
 from .protocol_run import Progress
 from .rig import Rig
 from .rig_file import rig_names
 from .session import MachineSession, Status
-from .session.setup import ManualSetup
-from .software.waveform_import import read_protocol
+from .session.interface import ManualSetup
 
 FORMATS = (".nc", ".csv", ".mcap", ".mat", ".parquet", ".tdms")
 LISTS = ("protocols", "muscles", "rigs")

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from .._jax import jax, jnp
-from ..assembly.accounts import CLOSED, Accounts, accounts
+from ..assembly.accounts import CLOSED, Accounts, accounts, document
 from ..assembly.build import antagonist_pair, rig_unit
-from ..assembly.exergy_balance import document
 from ..assembly.loads import MomentArm
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
@@ -32,12 +31,12 @@ from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen, muscle_specimen
 from .channels import described
 from .hardware.computer import Timing, configure
-from .hardware.motor import Encoder
 from .hardware.plant import MOMENT, PRESSURES, RiggedJoint
+from .hardware.stand import Encoder
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .segment import CHUNK
-from .software.joint_control import JointControl, JointSoftware
+from .software.controllers import JointControl, JointSoftware
 
 AXIS = 1.0  # radius at which an encoder's metres are radians [m]
 ARM, SPAN = 0.02, 0.126  # of a pair of nylon muscles, whose stroke is 3 cm [m]

@@ -20,16 +20,13 @@ from ..experiments.dry_run import check
 from ..muscles.contradiction import volume_contradiction
 from ..recordings.recording import Recording
 from . import channels
-from .hardware.clock import Clock
 from .hardware.interface import Hardware
-from .hardware.simulated import SimulatedHardware
-from .metadata import ASKED, StepTable, run_metadata
+from .hardware.simulated import Clock, SimulatedHardware
 from .prepare import PreparedRun, RunSegment, with_friction_scale
-from .recorder import RunRecorder
+from .recorder import ASKED, RunRecorder, StepTable, run_metadata
 from .sample_loop import Lateness, SampledMachine, SampleLoop, played
 from .segment import AFTER_STOP, Chunk, SegmentMachine, simulated, software_of, timing_of
-from .software.emergency_stop import EmergencyStop, sentence
-from .software.interlocks import Trip
+from .software.interlocks import EmergencyStop, Trip, stop_sentence
 from .software.loop import BenchSoftware
 
 Progress = Callable[[float, float], None]  # time done and longest time [s]
@@ -310,7 +307,7 @@ class ProtocolRun:
         if self.state.result != "done":
             return
         if self._lost():
-            self.state.result, self.state.message = "stopped", sentence(self._lost, self.state.time)
+            self.state.result, self.state.message = "stopped", stop_sentence(self._lost, self.state.time)
             self._event(self.state.message, code="log")
             return
         total = self.prepared.plan.duration
@@ -345,7 +342,7 @@ class ProtocolRun:
         if code == Trip.EMERGENCY_STOP:
             stop = self._lost if self._lost() else self.stop
             name = "log" if stop is self._lost else "stop" if getattr(stop, "ordinary", False) else name
-            self.state.message = sentence(stop, when)
+            self.state.message = stop_sentence(stop, when)
         elif code > 0:
             watch = self.prepared.rig.watch(segment.layout, tension=not self.prepared.accepted)
             measured = {n: float(v[i]) for n, v in results.measured.items() if not n.endswith(".code")}

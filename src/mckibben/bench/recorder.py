@@ -1,24 +1,176 @@
-"""Recording of a run: samples in memory and, if a log is requested, in a crash-safe file."""
+"""Recording of a run or of manual operation: samples in memory, in a crash-safe file where asked for, and the metadata."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from .. import citations
 from .._jax import Scalar
+from ..analysis.channels import saturation
+from ..assembly.accounts import CLOSED, Accounts, document
+from ..assembly.machine import Machine
+from ..components.paths import resolved
 from ..documents import JsonValue
 from ..errors import InputError
+from ..experiments.protocol import PlannedStep
+from ..muscles.evidence import law_error
+from ..muscles.law import law_name
 from ..recordings.live_log import LiveLog
+from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from . import channels
-from .metadata import initial_metadata
+from .hardware.computer import Timing
 from .prepare import PreparedRun
+from .sample_loop import Lateness, SampledMachine
+
+ASKED = "asked to "  # begins the event of an operator's action
+
+
+class StepTable:
+    """Start and end times of the steps of a protocol, as a recording keeps them."""
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.steps: list[dict[str, Any]] = []
+        self._longest = 0.0
+
+    def add(self, times: np.ndarray, index: np.ndarray, steps: Sequence[PlannedStep]) -> None:
+        """Add samples at times [s], each in the step with an index into `steps`."""
+        for j in np.unique(index):
+            step, begins = steps[int(j)], float(times[np.argmax(index == j)])
+            if self.steps and self.steps[-1]["index"] == step.index:
+                continue
+            self.end(begins)
+            self._longest = step.count * self.period
+            case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
+            self.steps.append(
+                {
+                    "index": step.index,
+                    "path": step.path,
+                    "label": step.step.label,
+                    "case": case,
+                    "start": begins,
+                    "end": begins,
+                    "ended_by": "time",
+                    "recorded": step.record,
+                    "sentence": step.step.sentence(),
+                }
+            )
+
+    def end(self, time: float, by: str = "until") -> None:
+        """End the last step at a time [s]; if that is earlier than planned, `by` names the reason."""
+        if not self.steps or self.steps[-1]["end"] > self.steps[-1]["start"]:
+            return
+        last = self.steps[-1]
+        last["end"] = time
+        if time - last["start"] < self._longest - 0.5 * self.period:
+            last["ended_by"] = by
+
+
+def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
+    """Compose the metadata that are known before the run."""
+    protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
+    room = rig.environment
+    said = " ".join([rig.source, protocol.source])
+    return {
+        "title": protocol.title,
+        "sentence": protocol.sentence(),
+        "protocol": protocol.document(),
+        "digest": protocol.digest,
+        "rig": rig.name,
+        "rig_document": dict(rig.document),
+        "plumbing": bench.layout,
+        "specimen": None if spec is None else spec.id,
+        "rest_length": bench.plan.rest_length,
+        "mounting": {"muscle": bench.unit.mounting},
+        "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
+        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
+        "converters": _ends(bench),
+        **_calibrated(bench),
+        "seed": bench.seed,
+        "law_error": law_error(spec, law_name(bench.unit.law)),
+        "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
+        "citations": list(
+            dict.fromkeys(
+                [
+                    *bench.unit.law.cites,
+                    *(spec.sources if spec else ()),
+                    *(k for k in citations.known_keys() if k in said),
+                ]
+            )
+        ),
+        "versions": versions(),
+        "created": created(),
+    }
+
+
+def run_metadata(
+    bench: PreparedRun, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
+) -> dict[str, JsonValue]:
+    """Compose the metadata of a recording, without steps, events and result.
+
+    Args:
+        bench: the run.
+        machine: the last one, whose parameters are written down.
+        timing: timing of the loop.
+        inner: most steps of the physics per sample.
+        closed: the accounts of every part; none if the machine is real.
+        record: what was recorded, for its saturation.
+    """
+    return {
+        **initial_metadata(bench),
+        "parameters": resolved(machine),
+        "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED if closed},
+        "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
+        "energy": document(machine, [a.energy_parts for a in closed]) if closed else {},
+        "saturation": saturated(record, _true_ends(bench)),
+        "timing": {
+            "sample_rate": bench.protocol.sample_rate,
+            "control_rate": timing.sample_rate,
+            "latency": timing.latency,
+            "step": timing.period / inner,
+        },
+    }
+
+
+def _ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
+    return {
+        name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
+        for name, s in bench.rig.sensors.items()
+    }
+
+
+def _true_ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
+    """Return the values that the channels measure at the ends of their converters."""
+    true = bench.rig.true
+    return {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
+
+
+def _calibrated(bench: PreparedRun) -> dict[str, JsonValue]:
+    used = bench.rig.calibration
+    return {} if used is None else {"calibration": used.plain()}
+
+
+def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, JsonValue]:
+    """Describe every measured channel that saturated: share, longest time [s], and a sentence."""
+    saturations = {}
+    for name, ends in converters.items():
+        if name not in record or not np.isfinite(record[name]).all():
+            continue
+        # at the lower end of a range that begins at zero, zero is measured
+        low = ends["low"] if ends["low"] < 0.0 else None
+        one = saturation(record, name, ends=(low, ends["high"]))
+        if one:
+            saturations[name] = {"share": one.share, "longest": one.longest, "sentence": one.sentence}
+    return saturations
+
 
 LONGEST_GAP = 1.5  # samples; further apart are samples between which something was left out
 
@@ -185,3 +337,114 @@ class RunRecorder:
         """Close the log with the error that ended the block, if any."""
         if self.log is not None:
             self.log.__exit__(kind, error, trace)
+
+
+# ---- by hand
+
+
+LEAVES = "by hand"  # label of the only step
+ENDED = 2.0  # time within which a machine that is sampled comes to its next sample [s]
+
+
+class ManualRecording:
+    """A recording of a session from one sample to another, runs included.
+
+    Args:
+        prepared: the run, for the header of the log.
+        timing: timing of the loop.
+        machine: that is sampled.
+        log: a new ``.mcap`` file.
+    """
+
+    def __init__(
+        self, prepared: PreparedRun, timing: Timing, machine: SampledMachine, log: str | Path | None = None
+    ) -> None:
+        self.prepared, self.timing, self.machine = prepared, timing, machine
+        self.recorder = RunRecorder(prepared, timing.period, log)
+        self.first: int | None = None
+        self.last: int | None = None
+        self.taken = 0
+        self.events: list[dict[str, JsonValue]] = []
+        self._lateness: list[np.ndarray] = []
+        self._begun: np.ndarray | None = None
+        self._ended: np.ndarray | None = None
+
+    @property
+    def time(self) -> float:
+        """Recorded time [s]."""
+        return self.taken * self.timing.period
+
+    def complete(self) -> bool:
+        """Whether the last sample has been recorded."""
+        return self.last is not None and self.first is not None and self.taken >= self.last - self.first
+
+    def begin(self, number: int) -> None:
+        """Begin with a sample, which is the next one."""
+        self.first = number
+        self._begun = self._state()
+
+    def end(self, number: int) -> None:
+        """End before a sample, which is the next one."""
+        self.last = number
+        self._ended = self._state()
+
+    def take(self, numbers: np.ndarray, lateness: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
+        """Record the samples of a chunk that lie within; the time of a recording begins at 0."""
+        if self.first is None:
+            return
+        keep = (numbers >= self.first) & (numbers < (np.inf if self.last is None else self.last))
+        times = self.timing.period * (numbers - self.first)
+        self.recorder.take(times[keep], {n: v[keep] for n, v in arrays.items()}, np.ones(int(keep.sum()), bool))
+        self._lateness.append(lateness[keep])
+        self.taken += int(keep.sum())
+
+    def remark(self, text: str, time: float, **more: str) -> None:
+        """Add an event at a time of the session [s]."""
+        begun = 0 if self.first is None else self.first
+        own = max(0.0, time - begun * self.timing.period)
+        self.events.append({"time": own, "text": text, **more})
+        self.recorder.remark(text, own)
+
+    def close(
+        self, machine: Machine, closed: Callable[[np.ndarray | None, np.ndarray | None], Accounts | None], message: str
+    ) -> Recording:
+        """Close the log and return the recording.
+
+        Args:
+            machine: whose parameters are written down.
+            closed: the accounts between two states of a simulated machine.
+            message: how it ended.
+
+        Raises:
+            InputError: if nothing was recorded.
+        """
+        with self.recorder:
+            if not self.taken:
+                raise InputError("record", None, "is empty: it must hold one sample or more")
+            record = self.recorder.recording()
+            account = closed(self._begun, self._ended)
+            sums = [] if account is None else [account]
+            meta = run_metadata(
+                self.prepared, machine, self.timing, inner=self.timing.inner, closed=sums, record=record
+            )
+            late = Lateness.of(np.concatenate(self._lateness), self.timing.period)
+            encoder = self.prepared.rig.encoder
+            if encoder is not None:
+                mounted = [[0.0, next(self.prepared.segments()).start_span]]
+                meta["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
+            meta |= {"steps": self._step(), "events": self.events, "deadlines": late._asdict()}
+            self.recorder.close("done", message, meta)
+        return record.with_meta(meta, result="done", message=message)
+
+    def _state(self) -> np.ndarray | None:
+        return self.machine.hardware.state()
+
+    def _step(self) -> list[dict[str, JsonValue]]:
+        """Describe the whole recording as one step."""
+        sentence = self.prepared.protocol.sentence()
+        return [
+            {
+                "index": 1, "path": "steps.1", "label": LEAVES, "case": {}, "start": 0.0, "end": self.time,
+                "ended_by": "stop", "recorded": True, "sentence": sentence,
+            }
+        ]  # fmt: skip

@@ -33,20 +33,16 @@ from ..components import Environment, Module
 from ..components.flow import FlowElement
 from ..documents import JsonValue, parse_toml, read_toml, with_own_paths
 from ..errors import InputError
-from ..pneumatics.build import ELEMENTS, build_element
-from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
-from ..pneumatics.sizes import put_value
+from ..pneumatics.build import ELEMENTS, build_element, put_value
+from ..pneumatics.volume import HeatModel, Isothermal, WallHeat
 from ..quantities import Quantity, declared, parse
 from ..registry import load_reference, with_own_references
 from ..schema import FileTable, read_table
 from ..specimens import specimen
-from .faults import DRIFT, RigFaults
-from .hardware.analogue import AnalogOut, Converter, Sensor
 from .hardware.computer import Computer
-from .hardware.frame import Frame
-from .hardware.motor import Encoder, Motor
-from .hardware.pneumatics import Plumbing
-from .rig import OperatorAction, Rig
+from .hardware.converters import AnalogOut, Converter, Sensor
+from .hardware.stand import Encoder, Frame, Motor
+from .rig import DRIFT, OperatorAction, Plumbing, Rig, RigFaults
 from .sensors import SENSORS, SensorKind
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks

@@ -26,9 +26,8 @@ from .hardware.converters import SPAN, Converters
 from .hardware.interface import Hardware, WaitInterrupted
 from .segment import AFTER_STOP, Chunk
 from .software.loop import BenchSoftware
-from .software.manual import ROW
+from .software.sequencer import ROW, TENSION
 from .software.sequencer import SPAN as BY_SPAN
-from .software.sequencer import TENSION
 
 LATE = 0.1  # share of a period from which a sample counts as late
 LOOK = 0.02  # time between two looks at what was seen [s]
@@ -62,7 +61,7 @@ class Lateness(NamedTuple):
 
 
 class Setpoints:
-    """Set-points of manual operation, read by a loop at every sample, in the order of `manual.ROW`.
+    """Set-points of manual operation, read by a loop at every sample, in the order of `sequencer.ROW`.
 
     Pressure [Pa], open 1 or 0, the motor's mode and its value [m, m/s or N; NaN: stay], alone 1 or 0.
     """

@@ -165,7 +165,7 @@ def _run(
     gain: float,
 ) -> Characterisation:
     """Run the stages with the time left; Ctrl-C vents and keeps the stages so far."""
-    button, period = software.emergency_stop.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
+    button, period = software.interlocks.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
 
     def kept() -> str:
         stages = [name for name in intended.bounds.stages if characterisation.verb.place_of(out, name).exists()]

@@ -21,8 +21,18 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..registry import Registry
 from ..schema import FileTable, FrozenTable, Place, frozen, read_table, thawed
-from .amounts import COMMANDED, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
-from .until import Until, read_until
+from .amounts import (
+    COMMANDED,
+    Amount,
+    Until,
+    has_both,
+    in_metres,
+    in_si,
+    read_amount,
+    read_until,
+    relative_unit,
+    table_words,
+)
 from .waveforms import Constant, PointTable, Sine, Triangle, Waveform, read_waveform, time_words
 from .waveforms.waveform import JUMP, RELATIVE
 

@@ -17,7 +17,7 @@ from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FileTable, FrozenTable, Place, read_table, write_table
-from .amounts import read_amount
+from .amounts import Until, read_amount
 from .commands import (
     ANYWHERE,
     PARTS,
@@ -33,8 +33,7 @@ from .commands import (
     repeats,
     substituted,
 )
-from .until import Until
-from .waveforms.random import uniform
+from .waveforms.shapes import uniform
 from .waveforms.waveform import words
 
 if TYPE_CHECKING:
@@ -326,7 +325,7 @@ class Protocol:
         return tomlkit.dumps(self.document())
 
     def expand(self, *, rest_length: float, start_span: float | None = None) -> ProtocolPlan:
-        """The flat plan on the sample clock; see `plan.expand`."""
+        """The flat plan on the sample clock; see `expand`."""
         return expand(self, rest_length=rest_length, start_span=start_span)
 
     def varied(self) -> tuple[str, ...]:

@@ -219,7 +219,7 @@ def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
     """
     path = os.fspath(name)
     is_file = path.lower().endswith(".toml") or os.sep in path
-    base = implementation("bench.software.waveform_import:read_protocol")(path) if is_file else shipped(path)
+    base = implementation("bench.prepare:read_protocol")(path) if is_file else shipped(path)
     return with_values(base, in_words(base, values))
 
 

@@ -31,10 +31,9 @@ from ..components.module import flatten
 from ..components.system import Exchange, Moment, System, Value
 from ..errors import InputError
 from .gas import AIR, Gas
-from .heat import Inflow, VolumeState
-from .leak import Leak
+from .orifice import Leak
 from .tubes import TUBES
-from .volume import Chamber, Junction, MovingVolume, Reservoir, volume_of
+from .volume import Chamber, Inflow, Junction, MovingVolume, Reservoir, VolumeState, volume_of
 
 
 class Branch(NamedTuple):

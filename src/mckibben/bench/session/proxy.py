@@ -29,23 +29,21 @@ from ...documents import JsonValue
 from ...errors import InputError, LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...recordings import read_recording
-from ..hardware.connect import connected
+from ..hardware.interface import connected
 from ..prepare import PreparedRun
 from ..protocol_run import RunState
 from ..rig_file import rig as rig_of
 from ..sample_loop import Lateness
-from ..software.emergency_stop import EmergencyStop
-from .interface import MachineSession
+from ..software.interlocks import EmergencyStop
+from .interface import CLOSED, IDLE, LOST, MachineSession, ManualSetup, Message, Messages, Status, session_rate
 from .session import Session
-from .setup import ManualSetup, session_rate
-from .status import CLOSED, IDLE, LOST, Message, Messages, Status
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from ...recordings.recording import Recording
     from ...specimens import Specimen
-    from ..hardware.clock import Clock
+    from ..hardware.simulated import Clock
     from ..protocol_run import Display, Progress
     from ..rig import Rig
 
@@ -74,7 +72,7 @@ class SessionProxy(MachineSession):
     """A session in another process, which owns the machine and its clock.
 
     Args:
-        words: that name the machine, see `hardware.connect.connected`; None: a simulated one.
+        words: that name the machine, see `hardware.interface.connected`; None: a simulated one.
         rig: a rig, its name or file.
         muscle: a specimen, its id or file.
         lock_step: a simulated device waits for every command.

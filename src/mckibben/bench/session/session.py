@@ -30,23 +30,34 @@ from ...quantities import with_unit
 from ...recordings.recording import Recording
 from ...specimens import Specimen
 from .. import channels
-from ..hardware.clock import Clock
 from ..hardware.interface import Hardware
+from ..hardware.simulated import Clock
 from ..prepare import PreparedRun
 from ..protocol_run import Display, NewMachine, Progress, ProtocolRun, RunState, Stage, channels_of
+from ..recorder import ManualRecording
 from ..rig import Rig
 from ..rig_file import rig as rig_of
 from ..sample_loop import LOOK, Lateness, SampledMachine, SampleLoop, Setpoints
 from ..segment import AFTER_STOP, Chunk
-from ..software.emergency_stop import EmergencyStop, sentence
-from ..software.interlocks import Trip
-from ..software.manual import ABANDONED
-from ..software.sequencer import SPAN, TENSION, VELOCITY
-from ._recording import ManualRecording
+from ..software.interlocks import EmergencyStop, Trip, stop_sentence
+from ..software.sequencer import ABANDONED, SPAN, TENSION, VELOCITY
 from .continued import ContinuedMachine
-from .interface import MachineSession
-from .setup import HOLD, MODES, ManualSetup
-from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, SampleRing, Status
+from .interface import (
+    CLOSED,
+    HOLD,
+    IDLE,
+    LOST,
+    MANUAL,
+    MODES,
+    RUNNING,
+    STOPPED,
+    MachineSession,
+    ManualSetup,
+    Message,
+    Messages,
+    SampleRing,
+    Status,
+)
 
 VENTED = 2e3  # pressure below which nothing is left to vent [Pa]
 LONGEST = 3.0  # time for which the end of a session waits for that [s]
@@ -205,7 +216,7 @@ class Session(MachineSession):
         shown, when = chunk.results.shown, float(times[i])
         code = int(shown["code"][i])
         if code == Trip.EMERGENCY_STOP:
-            self._why = sentence(self.button, when)
+            self._why = stop_sentence(self.button, when)
         else:
             at = {n: float(v[i]) for n, v in chunk.results.measured.items() if not n.endswith(".code")}
             self._why = self._setup.watch.reason(code, at | {"velocity": float(shown["velocity"][i])}, when)
@@ -433,7 +444,7 @@ class Session(MachineSession):
         """Stop, vent and brake; see `MachineSession`."""
         self.button.press(reason)
         if not self.ready and self._run is None and not self._why:
-            self._why = sentence(self.button, 0.0)
+            self._why = stop_sentence(self.button, 0.0)
             self._messages.say(self.why, None, "stop")
         if not self.ready or self._aside:
             return

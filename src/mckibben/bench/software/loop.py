@@ -15,8 +15,7 @@ from ...components.sampled import Software
 from ...quantities import quantity
 from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks
-from .manual import Manual
-from .sequencer import SPAN, TENSION, VELOCITY, SampleSetpoints, Sequencer
+from .sequencer import SPAN, TENSION, VELOCITY, Manual, SampleSetpoints, Sequencer
 
 
 class BenchSoftware(Software):
@@ -57,7 +56,7 @@ class BenchSoftware(Software):
     ) -> tuple[Tree, dict[str, Scalar], dict[str, Scalar]]:
         """Compute one sample: commands ``valve`` [Pa], ``motor`` [N], ``open``; set-points, place and code are reported.
 
-        A row may have ``stop``, 1 while the emergency stop is pressed, and has what `manual.ROW` names in manual mode.
+        A row may have ``stop``, 1 while the emergency stop is pressed, and has what `sequencer.ROW` names in manual mode.
         """
         read = {name: value for name, value in measured.items() if not name.endswith(".code")}
         nothing = jnp.zeros(())

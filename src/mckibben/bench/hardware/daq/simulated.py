@@ -3,7 +3,7 @@
     with SimulatedDevice(machine, wiring) as device:
         hardware = DaqHardware(device.wiring)
 
-It answers the calls of the service `nidaqmx_grpc.NiDAQmx` that `_client` makes of the unmodified `nidaqmx`, one client at a
+It answers the calls of the service `nidaqmx_grpc.NiDAQmx` that `hardware` makes of the unmodified `nidaqmx`, one client at a
 time, and refuses what a card would: unknown devices and terminals, a counter that is not on the clock of the inputs, samples
 that were not read in time. It shows no noise, no settling and no time that a bus takes; what a real driver does beyond these
 calls is not in it.
@@ -22,7 +22,7 @@ from typing import Any, Protocol
 
 from ....errors import InputError
 from ..interface import CountedMachine
-from ._client import library
+from .hardware import library
 from .wiring import GRPC, Analog, CardWiring
 
 OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx

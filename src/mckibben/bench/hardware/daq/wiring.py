@@ -29,7 +29,7 @@ Each terminal has the scale of its counts, with levels in [V]:
 
     count = clip(floor((u - low)/q + 1/2), 0, 2^bits - 1),   u(count) = low + count q,   q = (high - low)/2^bits
 
-These counts are those of the rig's converters (`analogue.Scale`, here in plain floats for one level at a time), not those of
+These counts are those of the rig's converters (`Scale`, here in plain floats for one level at a time), not those of
 the card: a card of 16 bits over 20 V may stand for a converter of 12 bits over 5 V, and what it shows is rounded to the
 nearest count.
 """
@@ -47,8 +47,8 @@ from ....documents import JsonValue
 from ....errors import InputError
 from ....quantities import Quantity
 from ....schema import FileTable, read_table
-from ..analogue import BITS
-from ..motor import BITS as COUNTER_BITS
+from ..converters import BITS
+from ..stand import BITS as COUNTER_BITS
 
 LEVEL = Quantity("V", (-100.0, 100.0), "level at a terminal", "", (-10.0, 10.0))
 TERMINALS = ("default", "rse", "nrse", "differential", "pseudodifferential")
