@@ -134,7 +134,17 @@ class PairPoint(NamedTuple):
 
 
 class PairMap(Module):
-    """A table of points at rest: a row for each angle, of rising stiffness; straight between them."""
+    """A table of points at rest: a row for each angle, of rising stiffness; straight between them.
+
+        M(q, c + d, c - d) = 0,   K(q, c + d, c - d) = K*          c common to both muscles, d the difference
+
+    M is the static moment about the joint, with its springs and weight; K is `joint_stiffness` with the pressures held
+    and friction and creep relaxed, as a slow push finds it. For each of some angles the d is found that balances a
+    common pressure, which gives a curve K(c) that is then read backwards. Between the points all is straight. Range:
+    the angles asked for, both muscles taut, both pressures between the lowest and the highest; at each angle these
+    leave a range of stiffness, and what is beyond gets its end. Halfway between the points of 17 angles and 9 levels, a
+    pair of nylon muscles at 1.4 to 5 bar rests within 2 mrad of the angle. Bones that a muscle lies over are left out.
+    """
 
     angles: Array = quantity("rad", (-10.0, 10.0), "angles of the rows, rising evenly; shape (m,)", symbol="q")
     stiffness: Array = quantity("N*m", (0.0, 1e6), "stiffness per rad, rising along a row; shape (m, n)", symbol="K")
@@ -179,15 +189,6 @@ def pair_map(
     levels: int = LEVELS,
 ) -> PairMap:
     """The map of a pair whose muscles are called flexor and extensor.
-
-        M(q, c + d, c - d) = 0,   K(q, c + d, c - d) = K*          c common to both muscles, d the difference
-
-    M is the static moment about the joint, with its springs and weight; K is `joint_stiffness` with the pressures held
-    and friction and creep relaxed, as a slow push finds it. For each of some angles the d is found that balances a
-    common pressure, which gives a curve K(c) that is then read backwards. Between the points all is straight. Range:
-    the angles asked for, both muscles taut, both pressures between the lowest and the highest; at each angle these
-    leave a range of stiffness, and what is beyond gets its end. Halfway between the points of 17 angles and 9 levels, a
-    pair of nylon muscles at 1.4 to 5 bar rests within 2 mrad of the angle. Bones that a muscle lies over are left out.
 
     Args:
         machine: such as `build.antagonist_pair` makes; its signals count as zero.

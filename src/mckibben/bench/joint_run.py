@@ -134,7 +134,9 @@ def joint_stand(
         valve=on.pressure.replace(low=0.0, high=highest),
         **(gains or {}),
     )
-    encoder = dataclasses.replace(_counting(on), pulley_radius=AXIS)
+    if on.encoder is None:
+        raise InputError("rig", on.name, "must be one with an encoder")
+    encoder = dataclasses.replace(on.encoder, pulley_radius=AXIS)
     return JointStand(
         on, layout, machine, encoder, control, (_stated(flexor), _stated(flexor if extensor is None else extensor))
     )
@@ -145,12 +147,6 @@ def _stated(muscle: MuscleUnit | Specimen | str) -> Specimen | None:
     if isinstance(muscle, str):
         return muscle_specimen(muscle)
     return muscle if isinstance(muscle, Specimen) else None
-
-
-def _counting(rig: Rig) -> Encoder:
-    if rig.encoder is None:
-        raise InputError("rig", rig.name, "must be one with an encoder")
-    return rig.encoder
 
 
 def run_joint(
@@ -195,9 +191,15 @@ def run_joint(
     begin = {n: float(v[0]) for n, v in set_points.items()}
     plant = stand.plant(begin["angle"])
     software = JointSoftware(stand.control, jnp.asarray(begin["angle"]), jnp.asarray(begin["stiffness"]))
-    commands = _first(stand, begin)
+    point = stand.control.pair.at(begin["angle"], begin["stiffness"])
+    common, difference = float(point.common), float(point.difference)
+    commands = {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
     start = plant.at_rest(commands, {node: commands[n] for n in NAMES for node in (n, f"{n}.port")})
-    rows = _rows(set_points, np.random.default_rng(seed), len(time))
+    # rows of every sample up to the end of the last chunk, where the last set-points stay
+    whole, channels = CHUNK * math.ceil(len(time) / CHUNK), list(PRESSURES.values())
+    draws = np.random.default_rng(seed).standard_normal((len(channels), whole))
+    rows: Any = {n: np.concatenate([v, np.full(whole - len(time), v[-1])]) for n, v in set_points.items()}
+    rows |= {"draws": dict(zip(channels, draws, strict=True))}
     row = jax.tree.map(lambda v: v[0], rows)
     carry = call_compiled(sampled.begin, plant, software, start, commands, row, depth=timing.depth)
     first = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
@@ -212,10 +214,10 @@ def run_joint(
     last = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
     ended: Any = carry._replace(state=carry.state["machine"])
     closed = accounts(plant.machine, (start[0]["machine"], start[1]), ended, first, last)
-    whole = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)
+    results = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)
     about = _about(stand, plant, timing, closed, seed) | {"title": title}
     about["timing"]["step"] = timing.period / finest
-    return Recording(time, _channels(whole, len(time)), about)
+    return Recording(time, _channels(results, len(time)), about)
 
 
 def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -233,22 +235,6 @@ def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> t
             raise InputError(name, None, "must be a finite number for every sample")
         sampled[name] = np.broadcast_to(values, time.shape)
     return time, sampled
-
-
-def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
-    """Commands at rest at the first set-points."""
-    point = stand.control.pair.at(begin["angle"], begin["stiffness"])
-    common, difference = float(point.common), float(point.difference)
-    return {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
-
-
-def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, JsonValue]:
-    """External inputs of every sample up to the end of the last chunk, where the last set-points stay."""
-    whole = CHUNK * math.ceil(count / CHUNK)
-    names = list(PRESSURES.values())
-    draws = dict(zip(names, chance.standard_normal((len(names), whole)), strict=True))
-    more = {n: np.concatenate([v, np.full(whole - count, v[-1])]) for n, v in set_points.items()}
-    return {**more, "draws": draws}
 
 
 # unit and meaning of what a joint has and other test machines have not
@@ -297,10 +283,7 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
         "plumbing": stand.layout,
         "parameters": resolved(owners),
         **about_laws(
-            {
-                name: (spec, law_name(plant.machine.units[name].law))
-                for name, spec in zip(("flexor", "extensor"), stand.specimens, strict=True)
-            }
+            {n: (s, law_name(plant.machine.units[n].law)) for n, s in zip(NAMES, stand.specimens, strict=True)}
         ),
         "mounting": {name: unit.mounting for name, unit in stand.machine.units.items()},
         "inferred": list(rig.inferred),

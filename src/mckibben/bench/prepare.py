@@ -31,7 +31,6 @@ from ..experiments import read
 from ..experiments.amounts import COMMANDED
 from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.protocol import PlannedStep, Protocol, ProtocolPlan
-from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
@@ -280,9 +279,7 @@ def prepare(
         >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
         True
     """
-    wanted = read_named_protocol(protocol)
-    if values:
-        wanted = with_values(wanted, in_words(wanted, values))
+    wanted = read.protocol(protocol, **values)
     if "stimulator" in wanted.required():
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
@@ -397,11 +394,3 @@ def expected(unit: MuscleUnit) -> Estimate:
         return np.asarray(unit.law.tension(np.asarray(span, float), np.asarray(pressure, float)))
 
     return tension
-
-
-def read_named_protocol(wanted: Protocol | str | os.PathLike[str]) -> Protocol:
-    """Return a protocol, that of a file, or a shipped one by its name."""
-    if isinstance(wanted, Protocol):
-        return wanted
-    text = os.fspath(wanted)
-    return read_protocol(text) if text.lower().endswith(".toml") or os.sep in text else shipped(text)

@@ -49,20 +49,7 @@ class StepTable:
                 continue
             self.end(begins)
             self._longest = step.count * self.period
-            case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
-            self.steps.append(
-                {
-                    "index": step.index,
-                    "path": step.path,
-                    "label": step.step.label,
-                    "case": case,
-                    "start": begins,
-                    "end": begins,
-                    "ended_by": "time",
-                    "recorded": step.record,
-                    "sentence": step.step.sentence(),
-                }
-            )
+            self.steps.append(step.entry(begins, begins))
 
     def end(self, time: float, by: str = "until") -> None:
         """End the last step at a time [s]; if that is earlier than planned, `by` names the reason."""
@@ -78,7 +65,8 @@ def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
     """Compose the metadata that are known before the run."""
     protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
     room = rig.environment
-    said = " ".join([rig.source, protocol.source])
+    said, used = " ".join([rig.source, protocol.source]), rig.calibration
+    sources = [*(spec.sources if spec else ()), *(key for key in citations.known_keys() if key in said)]
     return {
         "title": protocol.title,
         "sentence": protocol.sentence(),
@@ -93,19 +81,11 @@ def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
         "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "converters": _ends(bench),
-        **_calibrated(bench),
+        **({} if used is None else {"calibration": used.plain()}),
         "seed": bench.seed,
         "law_error": law_error(spec, law_name(bench.unit.law)),
         "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
-        "citations": list(
-            dict.fromkeys(
-                [
-                    *bench.unit.law.cites,
-                    *(spec.sources if spec else ()),
-                    *(k for k in citations.known_keys() if k in said),
-                ]
-            )
-        ),
+        "citations": list(dict.fromkeys([*bench.unit.law.cites, *sources])),
         "versions": versions(),
         "created": created(),
     }
@@ -124,13 +104,15 @@ def run_metadata(
         closed: the accounts of every part; none if the machine is real.
         record: what was recorded, for its saturation.
     """
+    true = bench.rig.true  # what the channels measure at the ends of their converters
+    ends = {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
     return {
         **initial_metadata(bench),
         "parameters": resolved(machine),
         "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED if closed},
         "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
         "energy": document(machine, [a.energy_parts for a in closed]) if closed else {},
-        "saturation": saturated(record, _true_ends(bench)),
+        "saturation": saturated(record, ends),
         "timing": {
             "sample_rate": bench.protocol.sample_rate,
             "control_rate": timing.sample_rate,
@@ -145,17 +127,6 @@ def _ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
         name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
         for name, s in bench.rig.sensors.items()
     }
-
-
-def _true_ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
-    """Return the values that the channels measure at the ends of their converters."""
-    true = bench.rig.true
-    return {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
-
-
-def _calibrated(bench: PreparedRun) -> dict[str, JsonValue]:
-    used = bench.rig.calibration
-    return {} if used is None else {"calibration": used.plain()}
 
 
 def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, JsonValue]:
@@ -225,15 +196,13 @@ class Chunks:
                     f"channel {name}", None, f"must have the shape of the times, {t.shape}, got {column.shape}"
                 )
             chosen[name] = np.array(column[kept], np.float64)
-        if kept.any():
-            self._append(t[kept], chosen)
-
-    def _append(self, times: np.ndarray, chosen: dict[str, np.ndarray]) -> None:
-        before = self._times[-1][-1:] if self._times else times[:0]
-        steps = np.diff(np.concatenate([before, times]))
-        if not (np.isfinite(times).all() and np.all(steps > 0.0)):
-            raise InputError("times", None, f"must be finite and rise from chunk to chunk, got {times[0]:.6g} s")
-        self._times.append(times)
+        if not kept.any():
+            return
+        t = t[kept]
+        before = self._times[-1][-1:] if self._times else t[:0]
+        if not (np.isfinite(t).all() and np.all(np.diff(np.concatenate([before, t])) > 0.0)):
+            raise InputError("times", None, f"must be finite and rise from chunk to chunk, got {t[0]:.6g} s")
+        self._times.append(t)
         self._arrays.append(chosen)
 
     def recording(self, meta: Mapping[str, JsonValue] | None = None) -> Recording:
@@ -248,21 +217,14 @@ class Chunks:
             raise InputError("recording", None, "is empty: the run recorded no sample")
         time = np.concatenate(self._times)
         present = {name for chunk in self._arrays for name in chunk}
-        channels = {
-            name: Channel(np.concatenate(self._column(name)), *self.kinds[name])
-            for name in self.kinds
-            if name in present
-        }
-        gaps = self._gaps(time)
-        return Recording(time, channels, {**(meta or {}), **({"gaps": gaps} if gaps else {})})
-
-    def _column(self, name: str) -> list[np.ndarray]:
-        pairs = zip(self._times, self._arrays, strict=True)
-        return [chunk[name] if name in chunk else np.full(times.shape, np.nan) for times, chunk in pairs]
-
-    def _gaps(self, time: np.ndarray) -> list[list[float]]:
+        channels = {}
+        for name in (name for name in self.kinds if name in present):
+            pairs = zip(self._times, self._arrays, strict=True)
+            column = [chunk[name] if name in chunk else np.full(times.shape, np.nan) for times, chunk in pairs]
+            channels[name] = Channel(np.concatenate(column), *self.kinds[name])
         places = np.flatnonzero(np.diff(time) > LONGEST_GAP * self.period)
-        return [[float(time[i]), float(time[i + 1])] for i in places]
+        gaps = [[float(time[i]), float(time[i + 1])] for i in places]
+        return Recording(time, channels, {**(meta or {}), **({"gaps": gaps} if gaps else {})})
 
 
 class RunRecorder:
@@ -381,12 +343,12 @@ class ManualRecording:
     def begin(self, number: int) -> None:
         """Begin with a sample, which is the next one."""
         self.first = number
-        self._begun = self._state()
+        self._begun = self.machine.hardware.state()
 
     def end(self, number: int) -> None:
         """End before a sample, which is the next one."""
         self.last = number
-        self._ended = self._state()
+        self._ended = self.machine.hardware.state()
 
     def take(self, numbers: np.ndarray, lateness: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
         """Record the samples of a chunk that lie within; the time of a recording begins at 0."""
@@ -432,19 +394,10 @@ class ManualRecording:
             if encoder is not None:
                 mounted = [[0.0, next(self.prepared.segments()).start_span]]
                 meta["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
-            meta |= {"steps": self._step(), "events": self.events, "deadlines": late._asdict()}
+            step = {
+                "index": 1, "path": "steps.1", "label": LEAVES, "case": {}, "start": 0.0, "end": self.time,
+                "ended_by": "stop", "recorded": True, "sentence": self.prepared.protocol.sentence(),
+            }  # fmt: skip
+            meta |= {"steps": [step], "events": self.events, "deadlines": late._asdict()}
             self.recorder.close("done", message, meta)
         return record.with_meta(meta, result="done", message=message)
-
-    def _state(self) -> np.ndarray | None:
-        return self.machine.hardware.state()
-
-    def _step(self) -> list[dict[str, JsonValue]]:
-        """Describe the whole recording as one step."""
-        sentence = self.prepared.protocol.sentence()
-        return [
-            {
-                "index": 1, "path": "steps.1", "label": LEAVES, "case": {}, "start": 0.0, "end": self.time,
-                "ended_by": "stop", "recorded": True, "sentence": sentence,
-            }
-        ]  # fmt: skip

@@ -277,14 +277,9 @@ _PARTS = ("valve", "tube", "shut_off", "leak")
 def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     entry.only((*_PLUMBING, *_PARTS, "heat", "muscle", "about"))
     muscle = entry.flag("muscle", True)
-    parts = {
-        "valve": _element(entry.table("valve"), "pressure_regulator", _required_of_valve),
-        "tube": _element(entry.table("tube"), "lumped_tube", _required_of_tube),
-    }
-    if "shut_off" in entry.values:
-        parts["shut_off"] = _element(entry.table("shut_off"), "on_off_valve")
-    if "leak" in entry.values:
-        parts["leak"] = _element(entry.table("leak"), "leak")
+    usual = {"valve": "pressure_regulator", "tube": "lumped_tube", "shut_off": "on_off_valve", "leak": "leak"}
+    needed = ("valve", "tube")
+    parts = {n: _element(entry.table(n), kind) for n, kind in usual.items() if n in needed or n in entry.values}
     plain = entry.derived({k: v for k, v in entry.values.items() if k in _PLUMBING})
     made: Plumbing = read_table(Plumbing, plain, heat=_heat(entry, room), has_muscle=muscle, **parts)
     if not muscle and not float(made.muscle_accumulator) > 0.0:
@@ -292,27 +287,23 @@ def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     return made
 
 
-def _required_of_valve(kind: type[FlowElement]) -> str | None:
-    """What an element must be to be the valve of a rig; None where it is that."""
-    if len(kind.ports) == 3 and kind.command_unit == "Pa":
-        return None
-    return (
-        "an element with the ports supply, outlet and exhaust, whose command is a gauge pressure (command_unit = 'Pa')"
-    )
+# What another element than the usual must be to stand in its place, and whether it is that.
+VALVE = "an element with the ports supply, outlet and exhaust, whose command is a gauge pressure (command_unit = 'Pa')"
+REPLACEABLE: dict[str, tuple[str, Callable[[type[FlowElement]], bool]]] = {
+    "pressure_regulator": (VALVE, lambda kind: len(kind.ports) == 3 and kind.command_unit == "Pa"),
+    "lumped_tube": (
+        "an element with two ports and no command", lambda kind: len(kind.ports) == 2 and not kind.commanded
+    ),
+}  # fmt: skip
 
 
-def _required_of_tube(kind: type[FlowElement]) -> str | None:
-    """What an element must be to be the tube of a rig; None where it is that."""
-    return None if len(kind.ports) == 2 and not kind.commanded else "an element with two ports and no command"
-
-
-def _element(entry: FileTable, kind: str, accept: Callable[[type[FlowElement]], str | None] | None = None) -> Any:
-    """Read an element; where `accept` says what it must be, ``kind`` may name another one than the usual."""
+def _element(entry: FileTable, kind: str) -> Any:
+    """Read an element; where another may stand in its place, ``kind`` names that one."""
     spec = None
-    if accept is not None and "kind" in entry:
+    if kind in REPLACEABLE and "kind" in entry:
+        demand, fits = REPLACEABLE[kind]
         kind = entry.word("kind")
-        demand = accept(ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where))
-        if demand is not None:
+        if not fits(ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where)):
             raise entry.fail("kind", kind, f"must be {demand}")
         entry = entry.without("kind")
     if "specimen" in entry.values:

@@ -278,8 +278,9 @@ class SampleLoop:
         analog = hardware.counts
         counts = np.array([*analog, hardware.edges - self.zero] if self._encoder else analog, float)
         state = self.state
-        if state is None:
-            state = self._first(counts)
+        if state is None:  # at the first sample, and where it was asked to begin again
+            (state,) = self._begin(self._setup, counts)
+            state = state if self.before is None else self._carried(self.before, state)
         row = () if self._setpoints is None else (self._setpoints(),)
         pressed = self._pressed if self.stop() else self._released
         self.state, out, measured, self.held, self.shown = self._think(self._setup, state, counts, pressed, *row)
@@ -287,11 +288,6 @@ class SampleLoop:
         self._lateness[self.taken % REMEMBERED] = late
         self.taken += 1
         self.kept.append((number, late, hardware.look(), measured, self.held, self.shown))
-
-    def _first(self, counts: np.ndarray) -> np.ndarray:
-        """State of the software before the first sample, continued from the loop before."""
-        (state,) = self._begin(self._setup, counts)
-        return state if self.before is None else self._carried(self.before, state)
 
     # ---- what others see of it
 

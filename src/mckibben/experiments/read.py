@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..accessors import implementation
-from ..documents import JsonValue, parse_toml, read_text
+from ..documents import JsonValue, parse_toml
 from ..errors import InputError
 from ..quantities import split_values
 from ..registry import with_own_references
@@ -46,20 +46,6 @@ SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
 T = TypeVar("T")
 
 
-def read_protocol(path: str | os.PathLike[str]) -> Protocol:
-    """Read a protocol.
-
-    Args:
-        path: a TOML file.
-
-    Raises:
-        InputError: names the file, the dotted path, the value and what is allowed.
-    """
-    where = os.fspath(path)
-    document = parse_toml(read_text(path, field="protocol"), where=where, field="protocol")
-    return build_protocol(with_own_controllers(document, where), where=where)
-
-
 def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[str, JsonValue]:
     """The tables of a file with its controllers, such as ``my.py:MyController``, found from the folder of the file."""
     own = {"control": with_own_references(document["control"], where, "control")} if "control" in document else {}
@@ -67,12 +53,16 @@ def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[
 
 
 def parse_protocol(text: str, *, where: str) -> Protocol:
-    """The protocol of a file's text; raises as `read_protocol` does."""
+    """The protocol of a file's text; raises as `build_protocol` does."""
     return build_protocol(parse_toml(text, where=where, field="protocol"), where=where)
 
 
 def build_protocol(document: Mapping[str, JsonValue], *, where: str) -> Protocol:
-    """Read a protocol from tables of text; raises as `read_protocol` does."""
+    """Read a protocol from tables of text.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
     top = FileTable(document, "", where)
     if "schema" in document or "protocol" not in document:
         top.schema(SCHEMA)
@@ -202,11 +192,11 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
     return _shipped(name)
 
 
-def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
+def protocol(name: Protocol | str | os.PathLike[str], **values: object) -> Protocol:
     """Load a protocol with values of its parameters.
 
     Args:
-        name: of a shipped one, or the path of a ``.toml`` file.
+        name: of a shipped one, or the path of a ``.toml`` file; or a protocol.
         **values: of its parameters: numbers [SI], text with a unit, or lists of them for one case after another.
 
     Raises:
@@ -217,10 +207,13 @@ def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
         >>> mk.protocol("quasi-static", pressure=["2 bar", "5 bar"], cycles=1)
         Protocol('quasi-static': Quasi-static triangle at constant pressure; 2 cases)
     """
-    path = os.fspath(name)
-    is_file = path.lower().endswith(".toml") or os.sep in path
-    base = implementation("bench.prepare:read_protocol")(path) if is_file else shipped(path)
-    return with_values(base, in_words(base, values))
+    if isinstance(name, Protocol):
+        base = name
+    else:
+        path = os.fspath(name)
+        is_file = path.lower().endswith(".toml") or os.sep in path
+        base = implementation("bench.prepare:read_protocol")(path) if is_file else shipped(path)
+    return with_values(base, in_words(base, values)) if values else base
 
 
 def in_words(protocol: Protocol, values: Mapping[str, JsonValue]) -> dict[str, JsonValue]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, Unpack
+from typing import Any
 
 from ..components.flow import FlowElement
 from ..documents import JsonValue
@@ -21,7 +21,7 @@ from ..specimens import Specimen
 from ..specimens.parts import bore_of
 from .compressor import Compressor
 from .gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
-from .orifice import Leak, Orifice, OrificeOptions
+from .orifice import Leak, Orifice
 from .solenoid import PilotStage, Solenoid
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
 from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, SpoolValve, ThreeWayValve
@@ -67,39 +67,33 @@ class SizeStatement:
     make: Callable[..., Any]
 
 
-def _from_flow(flow_into_the_room: float, flow_pressure: float, **rest: Unpack[OrificeOptions]) -> Orifice:
-    return Orifice.from_flow(flow_into_the_room, pressure=flow_pressure, **rest)
-
-
-def _from_nominal_flow(nominal_flow: float, **rest: Unpack[OrificeOptions]) -> Orifice:
-    return Orifice.from_nominal_flow(nominal_flow, **rest)
-
-
-def _from_kv(Kv: float, **rest: Unpack[OrificeOptions]) -> Orifice:  # noqa: N803, the field's sign
-    return Orifice.from_kv(Kv, **rest)
-
-
-def _from_cv(Cv: float, **rest: Unpack[OrificeOptions]) -> Orifice:  # noqa: N803
-    return Orifice.from_cv(Cv, **rest)
-
-
-def _of_hole(hole_diameter: float, **rest: Unpack[OrificeOptions]) -> Orifice:
-    return Orifice.of_hole(hole_diameter, **rest)
-
-
-def _leak_from_flow(flow_into_the_room: float, flow_pressure: float) -> Leak:
-    return Leak.from_flow(flow_into_the_room, pressure=flow_pressure)
-
-
 ORIFICE_FIELDS = {name: q for name, q in declared(Orifice).items() if name != "conductance"}
 PASSAGE_WAYS = (
-    SizeStatement({"nominal_flow": NOMINAL_FLOW}, ORIFICE_FIELDS, _from_nominal_flow),
-    SizeStatement({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE}, ORIFICE_FIELDS, _from_flow),
-    SizeStatement({"Kv": KV}, ORIFICE_FIELDS, _from_kv),
-    SizeStatement({"Cv": CV}, ORIFICE_FIELDS, _from_cv),
-    SizeStatement({"hole_diameter": DIAMETER}, {**ORIFICE_FIELDS, "discharge": DISCHARGE}, _of_hole),
+    SizeStatement(
+        {"nominal_flow": NOMINAL_FLOW},
+        ORIFICE_FIELDS,
+        lambda nominal_flow, **rest: Orifice.from_nominal_flow(nominal_flow, **rest),
+    ),
+    SizeStatement(
+        {"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE},
+        ORIFICE_FIELDS,
+        lambda flow_into_the_room, flow_pressure, **rest: Orifice.from_flow(
+            flow_into_the_room, pressure=flow_pressure, **rest
+        ),
+    ),
+    SizeStatement({"Kv": KV}, ORIFICE_FIELDS, lambda Kv, **rest: Orifice.from_kv(Kv, **rest)),
+    SizeStatement({"Cv": CV}, ORIFICE_FIELDS, lambda Cv, **rest: Orifice.from_cv(Cv, **rest)),
+    SizeStatement(
+        {"hole_diameter": DIAMETER},
+        {**ORIFICE_FIELDS, "discharge": DISCHARGE},
+        lambda hole_diameter, **rest: Orifice.of_hole(hole_diameter, **rest),
+    ),
 )
-LEAK_WAY = SizeStatement({"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE}, {}, _leak_from_flow)
+LEAK_WAY = SizeStatement(
+    {"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE},
+    {},
+    lambda flow_into_the_room, flow_pressure: Leak.from_flow(flow_into_the_room, pressure=flow_pressure),
+)
 
 
 def canonical(key: str, prefixes: Iterable[str] = ()) -> str:
@@ -235,7 +229,13 @@ ENDS = Quantity("1", (0.0, 1e3), "loss of both ends in velocity heads", "K", (0.
 PRESSURE_ABS = Quantity("Pa", (1.0, 1e8), "absolute pressure at which the turbulent loss is taken", "p", (1e5, 1e6))
 
 
-def _pipe(length: float, diameter: float, friction: float, ends: float, at_pressure_abs: float) -> dict[str, Any]:
+def _pipe(
+    length: float,
+    diameter: float,
+    friction: float = 0.024,
+    ends: float = 1.5,
+    at_pressure_abs: float = REFERENCE_PRESSURE,
+) -> dict[str, Any]:
     """Constant coefficients of a pipe: laminar by Hagen and Poiseuille, turbulent at one density."""
     density = AIR.density(at_pressure_abs, REFERENCE_TEMPERATURE)
     return {
@@ -245,38 +245,20 @@ def _pipe(length: float, diameter: float, friction: float, ends: float, at_press
     }
 
 
-def _quadratic(
-    *,
-    length: float,
-    diameter: float,
-    friction: float = 0.024,
-    ends: float = 1.5,
-    at_pressure_abs: float = REFERENCE_PRESSURE,
-) -> QuadraticTube:
-    return QuadraticTube(**_pipe(length, diameter, friction, ends, at_pressure_abs))
-
-
-def _inertial(
-    *,
-    length: float,
-    diameter: float,
-    friction: float = 0.024,
-    ends: float = 1.5,
-    at_pressure_abs: float = REFERENCE_PRESSURE,
-) -> InertialTube:
-    return InertialTube(**_pipe(length, diameter, friction, ends, at_pressure_abs), length=length)
-
-
 _PIPE = SizeStatement(
     {"length": LENGTH, "diameter": DIAMETER},
     {"friction": FRICTION, "ends": ENDS, "at_pressure_abs": PRESSURE_ABS},
-    _quadratic,
+    lambda **stated: QuadraticTube(**_pipe(**stated)),
 )
 WAYS: dict[str, tuple[SizeStatement, ...]] = {
     "orifice": PASSAGE_WAYS,
     "leak": (LEAK_WAY, SizeStatement({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary)),
     "quadratic_tube": (_PIPE,),
-    "inertial_tube": (dataclasses.replace(_PIPE, make=_inertial),),
+    "inertial_tube": (
+        dataclasses.replace(
+            _PIPE, make=lambda length, **stated: InertialTube(**_pipe(length, **stated), length=length)
+        ),
+    ),
 }
 
 
@@ -498,7 +480,8 @@ def _one(
     fields = declared(owner)
     if owner is Orifice:
         one_size(stated, prefix, where)
-    make, needs, may = owner, _required(owner), fields
+    required = [f.name for f in dataclasses.fields(owner) if f.name in fields and f.default is dataclasses.MISSING]
+    make, needs, may = owner, required, fields
     for way in ways:  # a key that an element also has as a field, such as a tube's length, decides nothing
         if any(key in stated and key not in fields for key in way.needs):
             make, needs, may = way.make, list(way.needs), {**way.needs, **way.may}
@@ -517,8 +500,3 @@ def _one(
         return make(**stated, **(parts or {}))
     except InputError as error:
         raise (error.at(where) if where else error) from None
-
-
-def _required(owner: Any) -> list[str]:
-    missing = dataclasses.MISSING
-    return [f.name for f in dataclasses.fields(owner) if "quantity" in f.metadata and f.default is missing]

@@ -84,7 +84,8 @@ class Circuit(System):
             p = float(pressures[name])
             if not p > 0.0:
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="circuit")
-        return self.at_rest(pressures, _Fixed(inputs or {}), temperature)
+        fixed = {name: Value(jnp.asarray(x, float), jnp.zeros(())) for name, x in (inputs or {}).items()}
+        return self.at_rest(pressures, fixed, temperature)
 
     def at_rest(
         self, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value], temperature: Scalar = 293.15
@@ -94,13 +95,12 @@ class Circuit(System):
         masses = {
             name: self.gas.mass(p, self._volume(name, p, inputs).value, temperature) for name, p in values.items()
         }
-        elements = {name: element.settled(self._driven(name, inputs)) for name, element in self.elements.items()}
+        elements = {}
+        for name, element in self.elements.items():
+            signal = self.ends[name][1]
+            # of a command that nobody knows yet, the element keeps what it is set to by hand
+            elements[name] = element.settled(self._command(name, inputs) if signal in inputs else None)
         return {"mass": masses, "pressure": values, "elements": elements}
-
-    def _driven(self, name: str, inputs: Mapping[str, Value]) -> Scalar | None:
-        """The command of an element at the start, or None if it is not known."""
-        signal = self.ends[name][1]
-        return None if signal is None or signal not in inputs else self._command(name, inputs)
 
     def initial_memory(self, state: Tree, inputs: Mapping[str, Value] | None = None) -> Tree:
         """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
@@ -356,13 +356,6 @@ class Circuit(System):
             if power is not None:
                 enthalpy[b], total = enthalpy[b] + power, total + power
         return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
-
-
-class _Fixed(dict[str, Any]):
-    """Plain lengths as inputs at rest."""
-
-    def __getitem__(self, name: str) -> Value:
-        return Value(jnp.asarray(super().__getitem__(name), float), jnp.zeros(()))
 
 
 def _kept(memory: Tree, name: str) -> Any:

@@ -15,6 +15,13 @@ from .orifice import Orifice, conductance_flow, opening_flow, steepest_slope
 from .solenoid import EASED_SLOPE, PilotStage, Solenoid, between, eased, share
 
 
+def _choked_flow(edge: Orifice, a: GasState, b: GasState) -> Scalar:
+    """Mass flow of an open edge once it chokes [kg/s], what its opening can change at most."""
+    upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
+    choked = edge.conductance * REFERENCE_DENSITY * jnp.sqrt(REFERENCE_TEMPERATURE / upstream)
+    return choked * jnp.maximum(a.pressure_abs, b.pressure_abs)
+
+
 class CheckValve(TwoPort):
     """Opens from a to b only.
 
@@ -94,13 +101,8 @@ class QuickExhaust(FlowElement):
 
     def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes of the restrictions, and of their openings while the shuttle moves [kg/(s Pa)]."""
-        slopes = []
-        for edge, a, b in ((self.feed, gas[0], gas[1]), (self.vent, gas[1], gas[2])):
-            upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
-            choked = edge.conductance * REFERENCE_DENSITY * jnp.sqrt(REFERENCE_TEMPERATURE / upstream)
-            choked = choked * jnp.maximum(a.pressure_abs, b.pressure_abs)
-            slopes.append(steepest_slope(edge, a, b) + EASED_SLOPE * choked / self.band)
-        return tuple(slopes)
+        pairs = (self.feed, gas[0], gas[1]), (self.vent, gas[1], gas[2])
+        return tuple(steepest_slope(*pair) + EASED_SLOPE * _choked_flow(*pair) / self.band for pair in pairs)
 
     def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Opening of the vent [1]."""
@@ -385,13 +387,9 @@ class PressureRegulator(FlowElement):
 
     def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes of the restrictions, and of their openings by the outlet's pressure [kg/(s Pa)]."""
-        slopes = []
-        for edge, a, b in ((self.fill, gas[0], gas[1]), (self.relief, gas[1], gas[2])):
-            upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
-            choked = edge.conductance * REFERENCE_DENSITY * jnp.sqrt(REFERENCE_TEMPERATURE / upstream)
-            choked = choked * jnp.maximum(a.pressure_abs, b.pressure_abs)
-            slopes.append(steepest_slope(edge, a, b) + choked * (1.0 + self.supply_effect) / self.band)
-        return tuple(slopes)
+        pairs = (self.fill, gas[0], gas[1]), (self.relief, gas[1], gas[2])
+        growth = 1.0 + self.supply_effect
+        return tuple(steepest_slope(*pair) + _choked_flow(*pair) * growth / self.band for pair in pairs)
 
     def delay(self) -> Scalar:
         """Dead time of the command [s]."""

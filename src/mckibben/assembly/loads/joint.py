@@ -212,6 +212,16 @@ class ChainLink(Module):
 class LinkChain(Load):
     """Links by name, and for each muscle its moment arms by the names of the links at whose hinges it turns.
 
+        sum_j a_ij cos(t_i - t_j) t_j'' = Q_i - sum_j a_ij sin(t_i - t_j) t_j'^2 - g b_i sin(t_i)
+        t_i = q_1 + .. + q_i,  Q_i = M_i - M_(i+1),  M_i = sum r_i T - c_i w_i - k_i (q_i - q_i0) - stops + M_i,outside
+        a_ij = sum_k m_k d_ki d_kj, and the link's own inertia where i = j,   b_i = sum_k m_k d_ki
+
+    q_i is the angle of joint i, t_i the direction of link i from straight down, d_ki the length of link i for k > i,
+    the distance of its centre of mass for k = i, and zero for k < i. The mass matrix couples the links. A muscle's span
+    is its span at all angles zero less the integral of each of its moment arms. Source: the equations of Lagrange of a
+    plane multiple pendulum. Range: angles within the stops, which are one-sided springs; a moment arm depends on the
+    angle of its own joint.
+
     The hinge of a link is the one at its near end. All arms of a muscle that crosses several joints have the same span:
     its span where every angle is zero.
     """
@@ -414,18 +424,7 @@ def _running_sums(values: tuple[Scalar, ...]) -> list[Scalar]:
 
 
 def _solve_positive(matrix: list[list[Scalar]], loads: list[Scalar]) -> list[Scalar]:
-    """Solution of a positive definite system of some equations, by elimination, which needs no pivots there.
-
-        sum_j a_ij cos(t_i - t_j) t_j'' = Q_i - sum_j a_ij sin(t_i - t_j) t_j'^2 - g b_i sin(t_i)
-        t_i = q_1 + .. + q_i,  Q_i = M_i - M_(i+1),  M_i = sum r_i T - c_i w_i - k_i (q_i - q_i0) - stops + M_i,outside
-        a_ij = sum_k m_k d_ki d_kj, and the link's own inertia where i = j,   b_i = sum_k m_k d_ki
-
-    q_i is the angle of joint i, t_i the direction of link i from straight down, d_ki the length of link i for k > i,
-    the distance of its centre of mass for k = i, and zero for k < i. The mass matrix couples the links. A muscle's span
-    is its span at all angles zero less the integral of each of its moment arms. Source: the equations of Lagrange of a
-    plane multiple pendulum. Range: angles within the stops, which are one-sided springs; a moment arm depends on the
-    angle of its own joint.
-    """
+    """Solution of a positive definite system of some equations, by elimination, which needs no pivots there."""
     rows, right = [list(row) for row in matrix], list(loads)
     number = len(rows)
     for k in range(number):

@@ -416,7 +416,10 @@ def serve_machine(
     """Main function of the process: serve the machine named by `words` over a pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; the program that operates the machine releases it
     signal.signal(signal.SIGTERM, _leave)
-    _go_first()
+    with contextlib.suppress(OSError, AttributeError):  # go first, as far as the system allows
+        os.setsid()  # Linux shares the processors between sessions, and within them
+    with contextlib.suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     try:
         period = rig.computer.period(options.get("rate") or session_rate(rig))
         with connected(words, rig, period, lock_step=lock_step, silence=SILENCE) as hardware:
@@ -433,11 +436,3 @@ def serve_machine(
 
 def _leave(number: int, _: FrameType | None) -> None:
     raise SystemExit(1)
-
-
-def _go_first() -> None:
-    """Raise the scheduling priority of this process as far as the system allows."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.setsid()  # Linux shares the processors between sessions, and within them
-    with contextlib.suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))

@@ -277,7 +277,20 @@ class JointCommands(NamedTuple):
 
 
 class JointControl(Module):
-    """Control of a joint: feedforward by the map of the pair, PID on the angle, a trim of each pressure."""
+    """Control of a joint: feedforward by the map of the pair, PID on the angle, a trim of each pressure.
+
+        p = c +- d,   c = c(q*, K*),   d = d(q*, K*) + m/a(q*, K*)
+        m = J q*'' + kp (q* - q) + kd (q*' - q') + I,   dI/dt = ki (q* - q),   |I| <= trim limit
+
+    c and d are the common pressure and half the difference that hold the pair at angle and stiffness
+    (`assembly.pair_map`), a the moment per difference; so the gains are those of a joint and not of a muscle. The
+    set-points K* and q* are approached through two equal lags, and q*'' and q*' are of that approach: a step would ask
+    the valves for what they cannot. A valve that is at the end of its range takes no part while the other still does;
+    when both are, the integral stands still. Range: angles and stiffnesses of the map. The stiffness is that of the
+    muscles: who pushes slowly feels the feedback beside it, and in the end the integral moves the joint back. With the
+    loop off, or too quick for the valves, the muscles alone are felt. As a rule kd and the damping of the joint
+    together should exceed kp times the lag of the pressures.
+    """
 
     pair: PairMap
     motion: MotionEstimate
@@ -353,20 +366,7 @@ class JointControl(Module):
 
 
 def _approached(state: Approach, target: Any, lag: Any, dt: Scalar) -> tuple[Approach, Scalar]:
-    """Set-point at the next sample, and its second rate [per s^2]; exact for a constant target.
-
-        p = c +- d,   c = c(q*, K*),   d = d(q*, K*) + m/a(q*, K*)
-        m = J q*'' + kp (q* - q) + kd (q*' - q') + I,   dI/dt = ki (q* - q),   |I| <= trim limit
-
-    c and d are the common pressure and half the difference that hold the pair at angle and stiffness
-    (`assembly.pair_map`), a the moment per difference; so the gains are those of a joint and not of a muscle. The
-    set-points K* and q* are approached through two equal lags, and q*'' and q*' are of that approach: a step would ask
-    the valves for what they cannot. A valve that is at the end of its range takes no part while the other still does;
-    when both are, the integral stands still. Range: angles and stiffnesses of the map. The stiffness is that of the
-    muscles: who pushes slowly feels the feedback beside it, and in the end the integral moves the joint back. With the
-    loop off, or too quick for the valves, the muscles alone are felt. As a rule kd and the damping of the joint
-    together should exceed kp times the lag of the pressures.
-    """
+    """Set-point at the next sample, and its second rate [per s^2]; exact for a constant target."""
     away = state.value - target
     slope = state.rate + away / lag
     left = jnp.exp(-dt / lag)

@@ -259,18 +259,24 @@ class Interlocks(Module):
         trip = Trip(int(code))
         if trip is Trip.NOTHING:
             return ""
+        velocity, limit, patience = measured.get("velocity"), float(self.most_lag), with_unit(float(self.patience), "s")
+        velocity = None if velocity is None else abs(float(velocity))
+        span_reads = f"the span reads {_value(measured.get('span'), 'm')}"
         sentences: dict[Trip, Callable[[], str]] = {
             Trip.OVER_PRESSURE: lambda: _over("pressure", _pressure_of(measured), "Pa", self.burst_pressure),
             Trip.OVER_FORCE: lambda: _over("tension", measured.get("tension"), "N", self.most_tension),
             Trip.TOO_SHORT: lambda: _over("span", measured.get("span"), "m", self.shortest, "or more"),
             Trip.TOO_LONG: lambda: _over("span", measured.get("span"), "m", self.longest),
-            Trip.OVER_SPEED: lambda: _over("speed", _size(measured.get("velocity")), "m/s", self.most_speed),
+            Trip.OVER_SPEED: lambda: _over("speed", velocity, "m/s", self.most_speed),
             Trip.LOST_PRESSURE: lambda: self._lost_pressure(_pressure_of(measured)),
             Trip.LOST_TENSION: lambda: self._lost_tension(measured.get("tension")),
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
             Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
             Trip.OUT_OF_LIMITS: lambda: self._out_of_limits(measured),
-            Trip.SPAN_LAG: lambda: self._span_lag(measured.get("span")),
+            Trip.SPAN_LAG: lambda: (
+                f"{span_reads}, more than {with_unit(limit, 'm')} from its set-point for {patience}: "
+                "an encoder that stands still, a blocked motor, or too low gains"
+            ),
         }
         return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {sentences[trip]()}; {_DONE}"
 
@@ -300,12 +306,6 @@ class Interlocks(Module):
         said = _doubtful("tension", x, "N", self.tension_rail, self.tension_floor, self.patience)
         return said or f"the tension sensor reads {_value(x, 'N')}, which is doubtful"
 
-    def _span_lag(self, x: float | None) -> str:
-        return (
-            f"the span reads {_value(x, 'm')}, more than {with_unit(float(self.most_lag), 'm')} from its set-point for "
-            f"{with_unit(float(self.patience), 's')}: an encoder that stands still, a blocked motor, or too low gains"
-        )
-
     def _lost_span(self, x: float | None) -> str:
         if x is not None and not math.isfinite(x):
             return "the span sensor reads no number"
@@ -333,10 +333,6 @@ def _lasting(true: Scalar, held: Any, dt: Scalar, limit: Scalar) -> tuple[Tree, 
 
 def _value(x: Scalar | None, unit: str) -> str:
     return "unknown" if x is None else with_unit(float(x), unit)
-
-
-def _size(x: float | None) -> float | None:
-    return None if x is None else abs(float(x))
 
 
 def _over(label: str, x: Scalar | None, unit: str, limit: Scalar, side: str = "or less") -> str:

@@ -251,19 +251,8 @@ def assemble(
         _end_record(area, sign, recorded.faces[k], recorded.behind[k], recorded.ends[k])
         for k, sign in enumerate((-1.0, 1.0))
     )
-    pressure, velocity, temperature = (np.asarray(values) for values in recorded.cells)
-    return TubeResult(
-        times=times,
-        positions=centres,
-        pressure=pressure,
-        velocity=velocity,
-        temperature=temperature,
-        left=at_left,
-        right=at_right,
-        heat=np.asarray(recorded.heat),
-        balance=_balance(tube, ends, *states),
-        steps=steps,
-    )
+    cells, heat = map(np.asarray, recorded.cells), np.asarray(recorded.heat)
+    return TubeResult(times, centres, *cells, at_left, at_right, heat, _balance(tube, ends, *states), steps)
 
 
 def _end_record(area: float, sign: float, face: TubeFace, behind: Primitive, state: EndState) -> EndRecord:
@@ -374,8 +363,7 @@ def _start(
             raise InputError(name, value, "must be finite values")
     if tube.wall == "isothermal":
         values["temperature"] = tube.wall_temperature
-    full = (jnp.broadcast_to(jnp.asarray(value, float), (tube.cells,)) for value in values.values())
-    pressure, warmth, speed = full
+    pressure, warmth, speed = (jnp.broadcast_to(jnp.asarray(v, float), (tube.cells,)) for v in values.values())
     cells = tube.medium.conserved(Primitive(pressure, speed, warmth))
     zero = jnp.zeros(())
     return TubeState(cells, left.initial(tube.gas), right.initial(tube.gas), zero, (zero, zero))
@@ -407,18 +395,14 @@ def _integrate(
 
     def one_sample(carry: tuple[TubeState, Scalar], index: Scalar) -> tuple[tuple[TubeState, Scalar], Sample]:
         state, steps = carry
-        recorded = _sample(tube, left, right, state, index * period)
+        time = index * period
+        faces, gas = end_faces(tube, left, right, state, time)[:2], tube.gas
+        behind = (left.outside(gas, state.left, time), right.outside(gas, state.right, time))
+        ends = (state.left, state.right)
+        recorded = Sample(tube.medium.primitive(state.cells), faces, behind, ends, state.heat)
         wait = jnp.where(index < samples, period, 0.0)  # nothing follows the last sample
         inner: tuple[TubeState, Scalar, Scalar, Scalar] = state, (index + 1) * period, wait, steps
         state, _, _, steps = jax.lax.while_loop(going, advance, inner)
         return (state, steps), recorded
 
     return jax.lax.scan(one_sample, (start, jnp.zeros((), int)), jnp.arange(samples + 1))
-
-
-def _sample(tube: DistributedTube, left: End, right: End, state: TubeState, time: Scalar) -> Sample:
-    at_left, at_right, _, _ = end_faces(tube, left, right, state, time)
-    behind = (left.outside(tube.gas, state.left, time), right.outside(tube.gas, state.right, time))
-    return Sample(
-        tube.medium.primitive(state.cells), (at_left, at_right), behind, (state.left, state.right), state.heat
-    )
