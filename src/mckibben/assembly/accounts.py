@@ -27,29 +27,17 @@ SAME = 1e-9  # share by which a reservoir's pressure may be off the room's
 
 
 class StoredChange(NamedTuple):
-    """Change of stored energies between end states [J].
+    """Change of stored energies between end states [J]."""
 
-    Attributes:
-        gas: gain of internal energy of the gas.
-        gas_exergy: gain of exergy of the gas.
-        muscle: gain of elastic energy of bladder and braid.
-        tendon: gain of energy of end masses and tendons.
-        load: gain of energy of the load.
-        friction: work taken up by friction and creep.
-        dissipated: part of `friction` that became heat.
-        lifted: work on the atmosphere by muscles that swell.
-        swollen: work on the atmosphere by all volumes.
-    """
-
-    gas: float
-    gas_exergy: float
-    muscle: float
-    tendon: float
-    load: float
-    friction: float
-    dissipated: float
-    lifted: float
-    swollen: float
+    gas: float  # gain of internal energy of the gas
+    gas_exergy: float  # gain of exergy of the gas
+    muscle: float  # gain of elastic energy of bladder and braid
+    tendon: float  # gain of energy of end masses and tendons
+    load: float  # gain of energy of the load
+    friction: float  # work taken up by friction and creep
+    dissipated: float  # part of `friction` that became heat
+    lifted: float  # work on the atmosphere by muscles that swell
+    swollen: float  # work on the atmosphere by all volumes
 
 
 class ExergyLedger(NamedTuple):
@@ -104,13 +92,8 @@ class ExergyBalance:
     def plus(self, other: ExergyBalance) -> ExergyBalance:
         """Return the sum of both balances."""
         work = {k: v + other.compressor[k] for k, v in self.compressor.items()}
-        return ExergyBalance(
-            self.exergy.plus(other.exergy),
-            self.energy.plus(other.energy),
-            self.load.plus(other.load),
-            self.air + other.air,
-            work,
-        )
+        ledgers = (getattr(self, name).plus(getattr(other, name)) for name in ("exergy", "energy", "load"))
+        return ExergyBalance(*ledgers, self.air + other.air, work)
 
 
 def exergy_balance(machine: Machine, flow: Mapping[str, float], got: StoredChange) -> ExergyBalance:
@@ -125,20 +108,12 @@ def exergy_balance(machine: Machine, flow: Mapping[str, float], got: StoredChang
         "out": {"friction": got.dissipated, "viscous": flow["viscous"], "shaft_work": flow["delivered"]},
         "stored": {"muscle": got.muscle, "friction": got.friction - got.dissipated, "tendon": got.tendon},
     }
+    turnover, walls = flow["enthalpy_turnover"], {"other_walls": flow["work"] - flow["muscle_work"]}
     energy = ExergyLedger(
-        {
-            "enthalpy": 0.5 * (flow["enthalpy_turnover"] + flow["enthalpy"]),
-            "heat": flow["heat"],
-            "machines": flow["shaft"],
-        },
-        {
-            "enthalpy": 0.5 * (flow["enthalpy_turnover"] - flow["enthalpy"]),
-            "atmosphere": got.lifted,
-            "other_walls": flow["work"] - flow["muscle_work"],
-            **muscle["out"],
-        },
+        {"enthalpy": 0.5 * (turnover + flow["enthalpy"]), "heat": flow["heat"], "machines": flow["shaft"]},
+        {"enthalpy": 0.5 * (turnover - flow["enthalpy"]), "atmosphere": got.lifted, **walls, **muscle["out"]},
         {"gas": got.gas, **muscle["stored"]},
-        max(flow["enthalpy_turnover"], flow["exchanged"]),
+        max(turnover, flow["exchanged"]),
     )
     air, compressor = _supplies(machine, flow)
     return ExergyBalance(_exergy(machine, flow, got, muscle), energy, load, air, compressor)
@@ -336,29 +311,17 @@ def accounts(
 
 
 class _Held(NamedTuple):
-    """Contents of a machine in one state.
+    """Contents of a machine in one state."""
 
-    Attributes:
-        mass: mass of all gas [kg].
-        gas: its internal energy [J].
-        exergy: exergy of it [J].
-        tendon: energy of end masses and tendons [J].
-        load: energy of the load [J].
-        friction: work that friction and creep took until then [J].
-        dissipated: what they turned into heat of it [J].
-        room: volume of all gas [m^3].
-        muscles: volume of the braids [m^3].
-    """
-
-    mass: Any
-    gas: Any
-    exergy: Any
-    tendon: Any
-    load: Any
-    friction: Any
-    dissipated: Any
-    room: Any
-    muscles: Any
+    mass: Any  # mass of all gas [kg]
+    gas: Any  # its internal energy [J]
+    exergy: Any  # exergy of it [J]
+    tendon: Any  # energy of end masses and tendons [J]
+    load: Any  # energy of the load [J]
+    friction: Any  # work that friction and creep took until then [J]
+    dissipated: Any  # what they turned into heat of it [J]
+    room: Any  # volume of all gas [m^3]
+    muscles: Any  # volume of the braids [m^3]
 
 
 def _held(

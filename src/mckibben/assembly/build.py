@@ -385,19 +385,12 @@ def _line(options: Mapping[str, Any]) -> AirLine:
 
 
 class Assumption(NamedTuple):
-    """A number that was left at its default.
+    """A number that was left at its default."""
 
-    Attributes:
-        parameter: dotted path, or the name of the argument.
-        value: [unit].
-        unit: SI unit.
-        note: where it comes from, one phrase.
-    """
-
-    parameter: str
-    value: float
-    unit: str
-    note: str
+    parameter: str  # dotted path, or the name of the argument
+    value: float  # [unit]
+    unit: str  # SI unit
+    note: str  # where it comes from, one phrase
 
     def __str__(self) -> str:
         return f"{self.parameter} {with_unit(self.value, self.unit)}"

@@ -52,29 +52,17 @@ SMALLEST = declared(FixedVolume)["size"].bounds[0]  # [m^3], of a junction besid
 
 @dataclass(frozen=True)
 class PlannedNode:
-    """A node, and what belongs to it but not to the circuit.
+    """A node, and what belongs to it but not to the circuit."""
 
-    Attributes:
-        node: as the circuit takes it.
-        kind: as the file names it.
-        start: gauge pressure at the start [Pa].
-        signal: name of the signal that gives its gauge pressure, its length or its stroke.
-        unit: unit of that signal.
-        length: length of a muscle that does not move [m].
-        law: law of a muscle.
-        words: what a sentence says of it.
-        needs_volume: whether only its neighbours give it volume.
-    """
-
-    node: Reservoir | Chamber
-    kind: str
-    start: float = 0.0
-    signal: str | None = None
-    unit: str = "Pa"
-    length: float | None = None
-    law: TensionLaw | None = None
-    words: str = ""
-    needs_volume: bool = False
+    node: Reservoir | Chamber  # as the circuit takes it
+    kind: str  # as the file names it
+    start: float = 0.0  # gauge pressure at the start [Pa]
+    signal: str | None = None  # name of the signal that gives its gauge pressure, its length or its stroke
+    unit: str = "Pa"  # unit of that signal
+    length: float | None = None  # length of a muscle that does not move [m]
+    law: TensionLaw | None = None  # law of a muscle
+    words: str = ""  # what a sentence says of it
+    needs_volume: bool = False  # whether only its neighbours give it volume
 
 
 # ---- heat
@@ -346,12 +334,8 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
     """Refuse a length for which a law is not made."""
     low, high = (float(end) for end in law.length_range())
     if not low <= length <= high:
-        raise InputError(
-            field,
-            with_unit(length, "m"),
-            f"must be between {with_unit(low, 'm')} and {with_unit(high, 'm')}",
-            where=where,
-        )
+        allowed = f"must be between {with_unit(low, 'm')} and {with_unit(high, 'm')}"
+        raise InputError(field, with_unit(length, "m"), allowed, where=where)
 
 
 # ---- elements

@@ -116,7 +116,6 @@ class MachineArray(System):
         return with_line_volumes(self.circuit, volumes)
 
     def _inputs(self, g: int, state: Tree, inputs: Mapping[str, Any], gases: Mapping[str, Any]) -> dict[str, Tree]:
-        """Inputs of the cells of a group."""
         prefix = f"{g}."
         own = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
         nodes = self.groups[g].circuit.nodes
@@ -218,7 +217,6 @@ def _line_volume(node: str) -> str:
 
 
 def _effort(cell: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
-    """What the muscle of a cell does to the load."""
     return cell.load.effort(state["load"], cell.pulls(state, memory, inputs)[2])
 
 
@@ -230,19 +228,12 @@ def _added(sums: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Tree]:
 
 
 class Cell(NamedTuple):
-    """Names of a cell's parts in the machine, by their names in the cell.
+    """Names of a cell's parts in the machine, by their names in the cell."""
 
-    Attributes:
-        nodes: its chambers, the reservoirs and shared chambers at which its elements end.
-        elements: its elements.
-        signals: signals of its nodes and elements, and of the load.
-        shared: names of its shared chambers.
-    """
-
-    nodes: dict[str, str]
-    elements: dict[str, str]
-    signals: dict[str, str]
-    shared: frozenset[str]
+    nodes: dict[str, str]  # its chambers, the reservoirs and shared chambers at which its elements end
+    elements: dict[str, str]  # its elements
+    signals: dict[str, str]  # signals of its nodes and elements, and of the load
+    shared: frozenset[str]  # names of its shared chambers
 
 
 class MachineCoupling(Coupling):
@@ -415,7 +406,6 @@ def find_coupling(machine: Machine) -> MachineCoupling | None:
 
 
 def _components(circuit: Circuit, joined: Mapping[str, list[str]], nodes: frozenset[str]) -> list[frozenset[str]]:
-    """Sets of chambers that hang together by elements."""
     rest, components = set(nodes), []
     for first in circuit.nodes:
         if first not in rest:

@@ -150,19 +150,12 @@ class TiedState(NamedTuple):
 
 
 class BraidMotion(NamedTuple):
-    """Motion of a braid at a moment.
+    """Motion of a braid at a moment."""
 
-    Attributes:
-        length: length of the braid [m].
-        velocity: its rate [m/s].
-        inner: tension of law, friction and creep [N], signed.
-        tension: tension between braid and load, never negative [N].
-    """
-
-    length: Scalar
-    velocity: Scalar
-    inner: Scalar
-    tension: Scalar
+    length: Scalar  # length of the braid [m]
+    velocity: Scalar  # its rate [m/s]
+    inner: Scalar  # tension of law, friction and creep [N], signed
+    tension: Scalar  # tension between braid and load, never negative [N]
 
 
 class MuscleLedger(NamedTuple):

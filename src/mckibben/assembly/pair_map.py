@@ -153,7 +153,6 @@ class PairMap(Module):
     moment_per_difference: Array = quantity("m^3", (-1e3, 1e3), "moment of a difference in Pa; shape (m, n)")
 
     def _row(self, table: Array, angle: Scalar) -> Array:
-        """A row of a table at an angle, (n,)."""
         apart = self.angles[1:2] - self.angles[0:1]
         low, high = self.angles[:1], self.angles[-1:]
         inside = jnp.where(angle < low, low, jnp.where(angle > high, high, angle))

@@ -128,8 +128,6 @@ class FibreState(NamedTuple):
 
 
 class _Fibre(System):
-    """Common part of fibres whose end is held in two ways."""
-
     muscle: BiologicalMuscle
 
     def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:

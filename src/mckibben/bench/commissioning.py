@@ -257,8 +257,6 @@ def _sampled(
 
 
 class _Judged:
-    """Tests of the samples of a sequence."""
-
     def __init__(self, rig: Rig, samples: _Samples, period: float, pressure: float) -> None:
         self.rig, self.samples, self.period, self.pressure = rig, samples, period, pressure
         self.names = [n for n in samples.readings if n != SPAN]

@@ -77,7 +77,6 @@ COMMANDS = {
 
 
 def _files(start: str, endings: tuple[str, ...]) -> list[str]:
-    """List files and folders whose path begins with a text."""
     at = Path(start)
     folder = at if start.endswith("/") or not start else at.parent
     try:
@@ -494,7 +493,6 @@ def _columns(rows: list[tuple[str, str]]) -> str:
 
 
 def _told(recording: Recording) -> str:
-    """Summarise a recording, one line per measured channel."""
     rows = [("", f"{'lowest':>12}{'mean':>12}{'highest':>12}")]
     for name, one in recording.summary().items():
         if one["kind"] == "measured":

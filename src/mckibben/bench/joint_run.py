@@ -143,7 +143,6 @@ def joint_stand(
 
 
 def _stated(muscle: MuscleUnit | Specimen | str) -> Specimen | None:
-    """The specimen behind a muscle; None where there is none."""
     if isinstance(muscle, str):
         return muscle_specimen(muscle)
     return muscle if isinstance(muscle, Specimen) else None
@@ -221,7 +220,6 @@ def run_joint(
 
 
 def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Sample times, and every course at them."""
     if not (math.isfinite(duration) and duration >= period):
         raise InputError("duration", duration, f"must be a time of at least one sample, {period:g} s")
     check_memory(duration, period, bytes_per_sample=INTEGRATED)
@@ -262,7 +260,6 @@ RENAMED = {"load.angle": "joint.angle", "load.angular_velocity": "joint.velocity
 
 
 def _channels(results: Any, count: int) -> dict[str, Channel]:
-    """Convert the results to channels of a recording."""
     arrays = {n: v for n, v in results.measured.items() if not n.endswith(".code")} | dict(results.shown)
     arrays |= {f"{n}.command": v for n, v in results.commands.items()}
     arrays |= {RENAMED.get(n, n): v for n, v in results.outputs.items() if not n.startswith(CONSTANT)}

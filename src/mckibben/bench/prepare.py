@@ -109,21 +109,13 @@ class OpenWire:
 
 
 class RunSegment(NamedTuple):
-    """Steps of a plan between two operator actions, on one machine.
+    """Steps of a plan between two operator actions, on one machine."""
 
-    Attributes:
-        steps: in their order.
-        layout: name of the plumbing.
-        friction: over that of the untreated muscle.
-        asked: action of the operator before the segment.
-        motor_held: the muscle hangs at the motor, which holds it where another machine has a plate.
-    """
-
-    steps: tuple[PlannedStep, ...]
-    layout: str
-    friction: float
-    asked: str
-    motor_held: bool = False
+    steps: tuple[PlannedStep, ...]  # in their order
+    layout: str  # name of the plumbing
+    friction: float  # over that of the untreated muscle
+    asked: str  # action of the operator before the segment
+    motor_held: bool = False  # the muscle hangs at the motor, which holds it where another machine has a plate
 
     def __repr__(self) -> str:
         return brief(self)
@@ -366,7 +358,6 @@ def _not_built(rig: Rig, unit: MuscleUnit, plan: ProtocolPlan, layout: str) -> l
 
 
 def _finding_of(error: InputError) -> Finding:
-    """Return an error of the whole run as a finding of the dry run."""
     return Finding(0, "", "", error.field, str(error.value), error.problem, str(error))
 
 

@@ -270,7 +270,6 @@ class ProtocolRun:
         self.table.end(self.state.time, "until" if self.state.result == "done" else "stop")
 
     def _samples(self, source: Iterator[Chunk], segment: RunSegment) -> Iterator[Chunk]:
-        """Record the chunks of a source until the segment ends, and yield each."""
         left = round(AFTER_STOP / self.timing.period)
         try:
             for chunk in source:
@@ -316,7 +315,6 @@ class ProtocolRun:
         self._event("interrupted")
 
     def _keep(self, results: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
-        """Record the first samples of a chunk."""
         period, total = self.timing.period, self.prepared.plan.duration
         times = period * (self.samples + np.arange(used))
         arrays = channels_of(results, used)
@@ -335,7 +333,6 @@ class ProtocolRun:
             self.progress(min(self.state.time, total), total)
 
     def _stopped(self, results: sampled.SampleResult, at: int, segment: RunSegment) -> None:
-        """Set result and message for the stop at a sample of a chunk."""
         i = min(at, len(results.shown["code"]) - 1)
         when, code = self.state.time + i * self.timing.period, int(results.shown["code"][i])
         name = Trip(code).name.lower() if code else "missed"

@@ -106,11 +106,6 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
 
 
 def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]:
-    """Tables of a rig that is a shipped one with changes.
-
-    Raises:
-        InputError: there is no such rig, or a table stands beside the changes.
-    """
     top = FileTable.of(document, "", where)
     top.only(("schema", "base", "changes", "faults", *DERIVED))
     top.schema(SCHEMA)
@@ -208,7 +203,6 @@ def with_control(on: Rig, control: Mapping[str, JsonValue], *, where: str) -> Ri
 
 
 def _channel_part(kind: type[T], table: FileTable, unit: str, **parts: Any) -> T:
-    """Read a part of a channel, whose levels are in the unit of that channel."""
     return read_table(kind, table, units=dict.fromkeys(("low", "high", "offset", "noise"), unit), **parts)
 
 
@@ -263,7 +257,6 @@ def _sensor(table: FileTable, unit: str) -> Sensor:
 
 
 def _trips(table: FileTable, unit: str) -> tuple[float, float]:
-    """Return the readings of a sensor below and above which the machine is stopped [its unit]."""
     low, high = (table.number(key, unit, end) for key, end in zip(TRIPS, NEVER, strict=True))
     if not low < high:
         raise table.fail(TRIPS[1], table.values[TRIPS[1]], f"must be more than {TRIPS[0]}")
@@ -336,7 +329,6 @@ def _heat(entry: FileTable, room: Environment) -> HeatModel:
 
 
 def _hands(top: FileTable, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
-    """Read the actions that an operator can be asked for; plumbing that is connected then must be one of the file."""
     hands = []
     for table in top.listed("hands"):
         if "plumbing" in table:

@@ -37,19 +37,12 @@ OWN = "place"  # of a software's state, what belongs to its own set-points
 
 
 class Lateness(NamedTuple):
-    """Lateness of the samples of a loop.
+    """Lateness of the samples of a loop."""
 
-    Attributes:
-        samples: all of them; none is left out, a late one is made up for as fast as it goes.
-        late: those that began later than `LATE` of a period.
-        behind: those that began later than a whole period.
-        percentiles: percentiles of the lateness, 50, 99, 99.9 and 100 % [s].
-    """
-
-    samples: int
-    late: int
-    behind: int
-    percentiles: tuple[float, float, float, float]
+    samples: int  # all of them; none is left out, a late one is made up for as fast as it goes
+    late: int  # those that began later than `LATE` of a period
+    behind: int  # those that began later than a whole period
+    percentiles: tuple[float, float, float, float]  # percentiles of the lateness, 50, 99, 99.9 and 100 % [s]
 
     @classmethod
     def of(cls, lateness: np.ndarray, period: float) -> Lateness:
@@ -341,7 +334,6 @@ class SampleLoop:
     # ---- from loop to loop
 
     def _carried(self, before: SampleLoop, state: np.ndarray) -> np.ndarray:
-        """Take over the state of another loop, except for its set-points."""
         if before.state is None:
             return state
         carried = np.array(state)
@@ -411,7 +403,6 @@ class _Setup(NamedTuple):
 
 
 def _begin(inputs: tuple[str, ...], setup: _Setup, counts: Any) -> tuple[Any]:
-    """State of the software at the first sample, for counts of the inputs."""
     return (setup.software.initial(_measured(setup.converters, inputs, counts)),)
 
 
@@ -439,7 +430,6 @@ def _measured(converters: Converters, inputs: tuple[str, ...], counts: Any) -> d
 
 
 def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -> None:
-    """Refuse a machine that lacks a part of the rig."""
     has, needs = set(hardware.names), set(converters.names)
     if has != needs:
         odd = ", ".join(sorted(needs ^ has))

@@ -145,7 +145,6 @@ def _is_relative(text: str, unit: str) -> bool:
 
 
 def _rewritten(entry: object, write: Callable[[str], str]) -> JsonValue:
-    """Rewrite all texts of a table."""
     if isinstance(entry, Mapping):
         return {key: _rewritten(value, write) for key, value in entry.items()}
     if isinstance(entry, list | tuple):

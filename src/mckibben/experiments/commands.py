@@ -565,10 +565,6 @@ MOST_STEPS = 200_000
 PARTS = ("valve", "stimulator", "motor", "shut-off", "accumulators", "plate", "person")
 
 
-def _read_until(raw: object, place: Place) -> Until:
-    return read_until(raw, field=place.field, where=place.where)
-
-
 @dataclass(frozen=True, kw_only=True)
 class ProtocolStep:
     """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls.
@@ -588,7 +584,9 @@ class ProtocolStep:
     motor: Command | None = None
     duration: float | None = schema.number("s", OPEN, "longest time", key="for", default=None)
     cycles: float | None = schema.number("1", (1e-6, 1e6), "cycles of the waveform", default=None)
-    until: Until | None = schema.entry(_read_until, default=None)
+    until: Until | None = schema.entry(
+        lambda raw, place: read_until(raw, field=place.field, where=place.where), default=None
+    )
     otherwise: str = schema.word(among=("stop", "go on"), default="stop")
     record: bool = True
 

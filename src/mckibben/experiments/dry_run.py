@@ -194,7 +194,6 @@ def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> Non
 
 
 def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Violation]:
-    """Violations by the pressure of a step."""
     command = step.step.pressure
     if step.pressure is None or command is None:
         return  # what is kept was judged where it was set
@@ -266,7 +265,6 @@ def _rate(limits: Limits) -> str:
 def _check_motion(
     step: PlannedStep, limits: Limits, dt: float, estimate: Estimate | None, rest_length: float
 ) -> Iterator[Violation]:
-    """Violations by the span and the velocity of a step."""
     if step.mode == "tension" or (step.mode == "span" and step.step.motor is None and step.index > 1):
         return  # what is kept was judged where it was set
     low, high = limits.span
@@ -315,7 +313,6 @@ def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Esti
 
 
 def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
-    """Violations by the force that the motor shall hold."""
     if step.mode != "tension" or not isinstance(step.motor, np.ndarray):
         return
     reach = Reach(float(step.motor.min()), float(step.motor.max()))
@@ -418,7 +415,6 @@ def _fitting(estimate: Estimate, span: float, pressure: float, allowed: float) -
 def _check_until(
     step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estimate | None
 ) -> Iterator[Violation]:
-    """A test that the step can never pass."""
     test = step.until
     if test is None:
         return

@@ -465,8 +465,6 @@ def expand(protocol: Protocol, *, rest_length: float, start_span: float | None =
 
 
 class _State:
-    """Set-points between two steps."""
-
     def __init__(self, rest_length: float, dt: float, pressure: Reach, span: Reach) -> None:
         self.rest, self.dt = rest_length, dt
         self.pressure, self.span = pressure, span

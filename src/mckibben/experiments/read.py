@@ -154,7 +154,6 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
 
 
 def _check_choices(protocol: Protocol, where: str | None) -> None:
-    """Check that choices set parameters, to values that these allow."""
     parameters = {p.name: p for p in protocol.parameters}
     for c in protocol.choices:
         for option, sets in c.options:

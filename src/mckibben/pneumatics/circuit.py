@@ -288,7 +288,6 @@ class Circuit(System):
         return node
 
     def _at(self, name: str, gases: Mapping[str, GasState]) -> tuple[GasState, ...]:
-        """The gas at the ports of an element."""
         return tuple(gases[end] for end in self.ends[name][0])
 
     def _command(self, name: str, inputs: Mapping[str, Value]) -> Scalar:
@@ -330,7 +329,6 @@ class Circuit(System):
     def _streams(
         self, state: Tree, memory: Tree, gases: dict[str, GasState], inputs: Mapping[str, Value]
     ) -> dict[str, ExergyStream]:
-        """The gas on every path."""
         streams = {}
         for name, flows in self._flows(state, memory, gases, inputs).items():
             element, ends = self.elements[name], self.ends[name][0]
@@ -419,25 +417,15 @@ class ExergyStream(NamedTuple):
 
 
 class Passing(NamedTuple):
-    """A circuit at one moment.
+    """A circuit at one moment."""
 
-    Attributes:
-        gas: at every node.
-        volumes: volumes of every chamber.
-        streams: by path.
-        inflow: into every node.
-        added: by machines to the gas, all together [W].
-        pressure_rates: pressure rates of every chamber [Pa/s].
-        heat: into the gas of every chamber [W].
-    """
-
-    gas: dict[str, GasState]
-    volumes: dict[str, VolumeState]
-    streams: dict[str, ExergyStream]
-    inflow: dict[str, Inflow]
-    added: Scalar
-    pressure_rates: dict[str, Scalar]
-    heat: dict[str, Scalar]
+    gas: dict[str, GasState]  # at every node
+    volumes: dict[str, VolumeState]  # volumes of every chamber
+    streams: dict[str, ExergyStream]  # by path
+    inflow: dict[str, Inflow]  # into every node
+    added: Scalar  # by machines to the gas, all together [W]
+    pressure_rates: dict[str, Scalar]  # pressure rates of every chamber [Pa/s]
+    heat: dict[str, Scalar]  # into the gas of every chamber [W]
 
     def swelling(self, name: str) -> Scalar:
         """Rate at which a volume grows, by its motion and by its pressure [m^3/s]."""

@@ -48,19 +48,12 @@ HARMONICS = 12  # of the error of counts over its period, a count
 
 
 class ReferenceReading(NamedTuple):
-    """Samples of a channel at one point [unit of the channel].
+    """Samples of a channel at one point [unit of the channel]."""
 
-    Attributes:
-        mean: mean of all samples.
-        scatter: standard deviation of the samples.
-        error: standard uncertainty of the mean, from that of the blocks' means.
-        degrees: degrees of freedom of that.
-    """
-
-    mean: float
-    scatter: float
-    error: float
-    degrees: float
+    mean: float  # mean of all samples
+    scatter: float  # standard deviation of the samples
+    error: float  # standard uncertainty of the mean, from that of the blocks' means
+    degrees: float  # degrees of freedom of that
 
 
 class Point(NamedTuple):
@@ -72,39 +65,23 @@ class Point(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """A reference that readings are compared with.
+    """A reference that readings are compared with."""
 
-    Attributes:
-        name: for the file.
-        uncertainty: standard, of each of its values [their unit].
-        scale: standard, of all its values alike, as a share [1].
-        exact_nothing: whether nothing is nothing, as where no mass hangs.
-    """
-
-    name: str = ""
-    uncertainty: float = 0.0
-    scale: float = 0.0
-    exact_nothing: bool = False
+    name: str = ""  # for the file
+    uncertainty: float = 0.0  # standard, of each of its values [their unit]
+    scale: float = 0.0  # standard, of all its values alike, as a share [1]
+    exact_nothing: bool = False  # whether nothing is nothing, as where no mass hangs
 
 
 class CalibrationLine(NamedTuple):
-    """The line fitted to the points of a calibration, with the uncertainties of its gain and zero.
+    """The line fitted to the points of a calibration, with the uncertainties of its gain and zero."""
 
-    Attributes:
-        gain: true over indicated [1].
-        zero: reading at zero [unit].
-        correlation: correlation of the two [1].
-        residuals: residuals of each point, true value by the line less that by the reference [unit].
-        hysteresis: largest difference of the residuals at one value of the reference [unit].
-        misfit: chi^2 over its degrees of freedom, NaN for two points [1].
-    """
-
-    gain: CorrectionTerm
-    zero: CorrectionTerm
-    correlation: float
-    residuals: np.ndarray
-    hysteresis: float
-    misfit: float
+    gain: CorrectionTerm  # true over indicated [1]
+    zero: CorrectionTerm  # reading at zero [unit]
+    correlation: float  # correlation of the two [1]
+    residuals: np.ndarray  # residuals of each point, true value by the line less that by the reference [unit]
+    hysteresis: float  # largest difference of the residuals at one value of the reference [unit]
+    misfit: float  # chi^2 over its degrees of freedom, NaN for two points [1]
 
     @property
     def linearity(self) -> float:

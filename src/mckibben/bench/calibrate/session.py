@@ -98,13 +98,10 @@ def document(calibration: Calibration) -> dict[str, JsonValue]:
     for table in channels.values():
         for term in TERMS:
             if term in table and "valid_for" in table[term]:
-                table[term]["valid_for"] = _in_days(table[term]["valid_for"])
+                days = float(table[term]["valid_for"].removesuffix(" s")) / DAY
+                if days == round(days):
+                    table[term]["valid_for"] = f"{days:.0f} day"
     return {**calibration.plain(), "channels": channels}
-
-
-def _in_days(words: str) -> str:
-    days = float(words.removesuffix(" s")) / DAY
-    return f"{days:.0f} day" if days == round(days) else words
 
 
 # ---- sessions
@@ -249,7 +246,6 @@ class CalibrationSession:
         return grids[channel]
 
     def _points(self, asked: Mapping[float, OperatorTask], channels: Sequence[str]) -> dict[str, list[Point]]:
-        """Take readings at all settings of the reference, upwards and downwards."""
         for name in channels:
             self._grid(name)
         points: dict[str, list[Point]] = {name: [] for name in channels}
@@ -264,7 +260,6 @@ class CalibrationSession:
     def _read(
         self, task: OperatorTask, channels: Sequence[str], before: Mapping[str, Point]
     ) -> tuple[dict[str, ReferenceReading], float | None]:
-        """Valid readings of a point, and the value shown by the reference."""
         while True:
             shown = self.ask(task)
             try:

@@ -32,23 +32,14 @@ LEAD = 0.5  # time for which a filter has seen a waveform before the first sampl
 
 
 class ChannelScale(NamedTuple):
-    """Nominal scale of a channel [unit].
+    """Nominal scale of a channel [unit]."""
 
-    Attributes:
-        low: lowest value that its converter shows; minus infinity for an encoder.
-        high: highest.
-        resolution: one count.
-        unit: SI unit.
-        least: lowest true value that its transducer sees.
-        most: highest.
-    """
-
-    low: float
-    high: float
-    resolution: float
-    unit: str
-    least: float = -math.inf
-    most: float = math.inf
+    low: float  # lowest value that its converter shows; minus infinity for an encoder
+    high: float  # highest
+    resolution: float  # one count
+    unit: str  # SI unit
+    least: float = -math.inf  # lowest true value that its transducer sees
+    most: float = math.inf  # highest
 
     @property
     def range(self) -> float:
@@ -57,19 +48,12 @@ class ChannelScale(NamedTuple):
 
 
 class OperatorTask(NamedTuple):
-    """A task for the operator during a calibration.
+    """A task for the operator during a calibration."""
 
-    Attributes:
-        sentence: as text.
-        values: true values to bring about, by channel [unit]; empty if a waveform is requested.
-        gauge: whether the reference shows a value that the person may answer with.
-        wave: wave of unit amplitude, for all channels at once.
-    """
-
-    sentence: str
-    values: Mapping[str, float]
-    gauge: bool = False
-    wave: Waveform | None = None
+    sentence: str  # as text
+    values: Mapping[str, float]  # true values to bring about, by channel [unit]; empty if a waveform is requested
+    gauge: bool = False  # whether the reference shows a value that the person may answer with
+    wave: Waveform | None = None  # wave of unit amplitude, for all channels at once
 
 
 # Brings a task about; gives what the reference shows [unit], or None where that is what was asked for.
@@ -132,18 +116,16 @@ class SimulatedSensors:
         """Return the next samples; of a waveform from its start."""
         draws = {n: self._draw.standard_normal(samples) for n in self._sensors}
         rest = {n: np.float64(self.true[n]) for n in self._sensors}
-        y, x = (None, rest) if self.wave is None else self._waved(self.wave, samples)
+        y, x = None, rest
+        if self.wave is not None:  # filtered once, since they are always the same
+            if (self.wave, samples) not in self._waves:
+                self._waves = {(self.wave, samples): self._filtered(self.wave, samples)}
+            y, x = self._waves[self.wave, samples]
         readings = {n: np.asarray(v) for n, v in _readings(self._sensors, y, x, draws).items()}
         if self._encoder is not None and self._nominal is not None:
             count = self._encoder.count(self.true[SPAN], self._zeroed)
             readings[SPAN] = np.full(samples, float(self._nominal.span(count, 0.0)))
         return readings
-
-    def _waved(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Filtered signals and true values at the samples; cached, since they are always the same."""
-        if (wave, samples) not in self._waves:
-            self._waves = {(wave, samples): self._filtered(wave, samples)}
-        return self._waves[wave, samples]
 
     def _filtered(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
         lead = round(LEAD / self.period)
@@ -185,8 +167,6 @@ class SimulatedPerson:
 
 
 class _Filters(System):
-    """Sensors with input signals, for their filters."""
-
     sensors: dict[str, Sensor]
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:

@@ -175,21 +175,13 @@ USAGE = {
 
 
 class HardwareRequest(NamedTuple):
-    """The request to a backend to open a machine.
+    """The request to a backend to open a machine."""
 
-    Attributes:
-        place: what stands behind the colon, such as a port; empty without one.
-        rig: whose channels and outputs the machine must have.
-        period: period of the samples [s].
-        lock_step: the machine waits for every command, as only a simulated device can.
-        silence: time without a command after which the machine vents by itself [s].
-    """
-
-    place: str
-    rig: Rig
-    period: float
-    lock_step: bool = False
-    silence: float = SILENCE
+    place: str  # what stands behind the colon, such as a port; empty without one
+    rig: Rig  # whose channels and outputs the machine must have
+    period: float  # period of the samples [s]
+    lock_step: bool = False  # the machine waits for every command, as only a simulated device can
+    silence: float = SILENCE  # time without a command after which the machine vents by itself [s]
 
 
 Backend = Callable[[HardwareRequest], Hardware]
@@ -216,7 +208,10 @@ def connected(
         yield None
         return
     name, place = _split(words)
-    hardware = _backend(name)(HardwareRequest(place, rig, period, lock_step, silence))
+    backend: Backend | None = OURS.get(name)
+    if backend is None:  # that of an installed package, which `_split` has found
+        backend = next(e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name).load()
+    hardware = backend(HardwareRequest(place, rig, period, lock_step, silence))
     try:
         yield hardware
     finally:
@@ -243,7 +238,6 @@ def check_connection(words: str | None) -> None:
 
 
 def _split(words: str) -> tuple[str, str]:
-    """Split a spec into the name of a backend and its argument."""
     name, colon, place = words.partition(":")
     others = sorted({e.name for e in importlib.metadata.entry_points(group=GROUP)} - USAGE.keys())
     well_formed = bool(place) == (name == "serial") if name in USAGE else name in others
@@ -253,31 +247,17 @@ def _split(words: str) -> tuple[str, str]:
     return name, place
 
 
-def _backend(name: str) -> Backend:
-    if name in OURS:
-        return OURS[name]
-    (entry_point,) = [e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name][:1]
-    backend: Backend = entry_point.load()
-    return backend
-
-
-def _port_and_speed(place: str) -> tuple[str, dict[str, int]]:
-    """Split ``/dev/ttyUSB0@3000000`` into the port and its bits per second, if these are stated."""
-    port, _, speed = place.rpartition("@")
-    if not (port and speed.isascii() and speed.isdigit() and len(speed) < 10):
-        return place, {}
-    if int(speed) == 0:
-        raise InputError("--on", f"serial:{place}", "must state 1 bit per second or more after @")
-    return port, {"baud": int(speed)}
-
-
 def _open_serial(request: HardwareRequest) -> Hardware:
     from .serial_line import SerialHardware
 
-    port, speed = _port_and_speed(request.place)
+    # such as ``/dev/ttyUSB0@3000000``, with bits per second; the name of a port may have an @ of its own
+    port, _, stated = request.place.rpartition("@")
+    speed = {"baud": int(stated)} if port and stated.isascii() and stated.isdigit() and len(stated) < 10 else {}
+    if speed == {"baud": 0}:
+        raise InputError("--on", f"serial:{request.place}", "must state 1 bit per second or more after @")
     converters = request.rig.converters(0.0)
     return SerialHardware(
-        port,
+        port if speed else request.place,
         converters.names,
         bits={n: c.bits for n, c in converters.analog.items()},
         encoder=converters.encoder is not None,

@@ -148,7 +148,6 @@ class ContinuedMachine:
         raise InputError(name, measured, f"the protocol begins at {goal}, which was not reached")
 
     def _count_at(self, span: float) -> int:
-        """Return the count of the encoder at a span [m], to the nearest count."""
         converters = self.session.setup.converters
         if converters.encoder is None:
             return 0

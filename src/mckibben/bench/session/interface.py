@@ -50,19 +50,12 @@ SHOWN = ("pressure", "tension", "span")  # of the measured channels, in a line
 
 
 class Message(NamedTuple):
-    """A message of a session.
+    """A message of a session."""
 
-    Attributes:
-        number: counted from 1.
-        time: time of the session or of a run [s]; None if it has none.
-        kind: ``note``, ``done``, ``caution`` or ``stop``.
-        text: a sentence.
-    """
-
-    number: int
-    time: float | None
-    kind: str
-    text: str
+    number: int  # counted from 1
+    time: float | None  # time of the session or of a run [s]; None if it has none
+    kind: str  # ``note``, ``done``, ``caution`` or ``stop``
+    text: str  # a sentence
 
 
 class Messages:
@@ -313,7 +306,6 @@ class ManualSetup:
 
 
 def _manual_operation(span: str, rate: float) -> dict[str, JsonValue]:
-    """Return the protocol document of manual operation, vented at a span."""
     return {
         "schema": 1, "name": "manual", "title": "Manual operation", "sample_rate": f"{rate!r} Hz",
         "note": "Set-points were given by hand; the events tell which, and when.",

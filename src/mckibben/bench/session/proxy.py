@@ -385,7 +385,6 @@ class SessionServer:
             self.say(number, "refused", MckibbenError(f"{type(error).__name__}: {str(error)[:200]}"))
 
     def _run(self, number: int, prepared: PreparedRun, kinds: list[str], **options: Any) -> None:
-        """Run a protocol, and say what the client wants to be told, each with the state of the run."""
         states = [RunState()]
 
         def begun(state: RunState) -> None:

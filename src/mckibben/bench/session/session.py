@@ -224,7 +224,6 @@ class Session(MachineSession):
         self._say(self._why, "stop", when, code=Trip(code).name.lower())
 
     def _collect(self) -> None:
-        """Collect the samples of the manual loop, after those of a run before it."""
         with self._lock:
             run_loop = self._run_loop
             if self.ready and not (run_loop is not None and run_loop.pending) and self._loop.kept:
@@ -286,7 +285,6 @@ class Session(MachineSession):
             self._lose(error)
 
     def _lose(self, error: BaseException) -> None:
-        """Note that the machine is lost; called by the loop that sampled it."""
         with self._lock:
             if self._gone:
                 return
@@ -337,7 +335,6 @@ class Session(MachineSession):
             self._collect()
 
     def _until(self, true: Callable[[], bool], longest: float) -> None:
-        """Wait for a condition in real time, at most for a time [s]."""
         end = time.monotonic() + longest
         self._collect()
         while not true() and time.monotonic() < end:
@@ -376,7 +373,6 @@ class Session(MachineSession):
         return self.machine.number * self.period if self.ready else 0.0
 
     def _remark(self, text: str, time: float | None = None, **more: Any) -> None:
-        """Add an event to the recording, if there is one."""
         with self._lock:
             if self._recording is not None:
                 self._recording.remark(text, self._now if time is None else time, **more)

@@ -31,51 +31,29 @@ CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look a
 
 
 class SequencePlace(NamedTuple):
-    """Position of the sequencer in its protocol.
+    """Position of the sequencer in its protocol."""
 
-    Attributes:
-        step: its index, as large as the count of steps when all is done.
-        sample: within the step.
-        test: state of the step's test.
-        pressure: set-point at the step's beginning [Pa].
-        motor: the same of the motor [unit of its mode].
-        missed: whether a test did not come true in a step that then has to stop.
-    """
-
-    step: Any
-    sample: Any
-    test: Any
-    pressure: Any
-    motor: Any
-    missed: Any
+    step: Any  # its index, as large as the count of steps when all is done
+    sample: Any  # within the step
+    test: Any  # state of the step's test
+    pressure: Any  # set-point at the step's beginning [Pa]
+    motor: Any  # the same of the motor [unit of its mode]
+    missed: Any  # whether a test did not come true in a step that then has to stop
 
 
 class SampleSetpoints(NamedTuple):
-    """Set-points of a sample.
+    """Set-points of a sample."""
 
-    Attributes:
-        pressure: [Pa]; as it was while the muscle is shut off.
-        open: 0 while the muscle is shut off, else 1.
-        mode: mode of the motor, see `MODES`.
-        motor: [m, m/s or N].
-        velocity: rate of a set-point of the span [m/s].
-        acceleration: acceleration of it [m/s^2].
-        step: index of the step.
-        record: whether the sample is kept (bool).
-        running: whether the protocol still goes on (bool).
-        fresh: whether it is the first sample of a step (bool).
-    """
-
-    pressure: Any
-    open: Any
-    mode: Any
-    motor: Any
-    velocity: Any
-    acceleration: Any
-    step: Any
-    record: Any
-    running: Any
-    fresh: Any
+    pressure: Any  # [Pa]; as it was while the muscle is shut off
+    open: Any  # 0 while the muscle is shut off, else 1
+    mode: Any  # mode of the motor, see `MODES`
+    motor: Any  # [m, m/s or N]
+    velocity: Any  # rate of a set-point of the span [m/s]
+    acceleration: Any  # acceleration of it [m/s^2]
+    step: Any  # index of the step
+    record: Any  # whether the sample is kept (bool)
+    running: Any  # whether the protocol still goes on (bool)
+    fresh: Any  # whether it is the first sample of a step (bool)
 
 
 class Tests(NamedTuple):
@@ -228,7 +206,6 @@ class Sequencer(Module):
 
 
 def _fresh() -> tuple[Tree, Tree]:
-    """State of a test before its first sample."""
     place, held = TEST_START
     return jnp.asarray(place), jnp.asarray(held)
 
@@ -288,33 +265,19 @@ class ManualRow(NamedTuple):
 
 
 class ManualPlace(NamedTuple):
-    """Present manual set-points.
+    """Present manual set-points."""
 
-    Attributes:
-        step: `MANUAL`, or `ABANDONED` once it vented since nobody was in control.
-        missed: False; a manual mode waits for nothing.
-        pressure: [Pa].
-        open: 0 while the muscle is shut off, else 1.
-        mode: mode of the motor.
-        span: [m]; the measured one while the tension is controlled.
-        velocity: velocity of it [m/s].
-        acceleration: acceleration of it [m/s^2].
-        tension: [N].
-        alone: for how long nobody has been in control [s].
-        asked: request of this sample.
-    """
-
-    step: Any
-    missed: Any
-    pressure: Any
-    open: Any
-    mode: Any
-    span: Any
-    velocity: Any
-    acceleration: Any
-    tension: Any
-    alone: Any
-    asked: ManualRow
+    step: Any  # `MANUAL`, or `ABANDONED` once it vented since nobody was in control
+    missed: Any  # False; a manual mode waits for nothing
+    pressure: Any  # [Pa]
+    open: Any  # 0 while the muscle is shut off, else 1
+    mode: Any  # mode of the motor
+    span: Any  # [m]; the measured one while the tension is controlled
+    velocity: Any  # velocity of it [m/s]
+    acceleration: Any  # acceleration of it [m/s^2]
+    tension: Any  # [N]
+    alone: Any  # for how long nobody has been in control [s]
+    asked: ManualRow  # request of this sample
 
 
 class Manual(Module):

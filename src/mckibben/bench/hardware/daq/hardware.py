@@ -50,6 +50,13 @@ MISNAMED = (
 )  # fmt: skip
 
 
+SILENT_SERVER = {
+    "UNAVAILABLE": "the device server does not answer any more",
+    "DEADLINE_EXCEEDED": "the device server did not answer in time",
+    "CANCELLED": "the device server does not answer any more",
+}
+
+
 class OverrunError(LineLostError):
     """Samples were overwritten on the card, or in transfer, before they were read."""
 
@@ -83,7 +90,9 @@ class Complaints:
                 f"or name a device server: connection = '{GRPC}host:port'"
             ) from None
         except errors.RpcError as error:
-            raise LineLostError(f"{self.place}: {_rpc(error)}") from None
+            name = getattr(error.rpc_code, "name", str(error.rpc_code))
+            said = f"the device server says {name}: {_line(str(error.description))}"
+            raise LineLostError(f"{self.place}: {SILENT_SERVER.get(name, said)}") from None
         except errors.DaqError as error:
             text, name = _line(str(error)), error.error_type.name
             code = f"(NI-DAQmx {error.error_code})"
@@ -107,17 +116,6 @@ def _line(message: str) -> str:
     kept = [p for p in parts if p and not p.startswith(("Task Name:", "Status Code:"))]
     closed = [p if p.endswith((".", ":", ",")) else f"{p}," for p in kept]
     return " ".join(closed).rstrip(".,")
-
-
-def _rpc(error: Any) -> str:
-    """Describe a failed connection to a device server."""
-    name = getattr(error.rpc_code, "name", str(error.rpc_code))
-    known = {
-        "UNAVAILABLE": "the device server does not answer any more",
-        "DEADLINE_EXCEEDED": "the device server did not answer in time",
-        "CANCELLED": "the device server does not answer any more",
-    }
-    return known.get(name, f"the device server says {name}: {_line(str(error.description))}")
 
 
 RATE_TOLERANCE = 1e-4  # between the rate that is asked for and the one that the card can make
@@ -195,25 +193,17 @@ class Tasks:
             with self._complaints.told("shut_off.line", wiring.shut_off.line):
                 self._line.do_channels.add_do_chan(wiring.shut_off.line)
         if wiring.encoder is not None:
-            self._counter = self._task()
-            self._add_encoder()
-        self._writers()
-
-    def _add_encoder(self) -> None:
-        entry, ni = self.wiring.encoder, self._constants
-        assert entry is not None and self._counter is not None
-        decodings = {"X1": ni.EncoderType.X_1, "X2": ni.EncoderType.X_2, "X4": ni.EncoderType.X_4}
-        with self._complaints.told("encoder.counter", entry.counter):
-            channel = self._counter.ci_channels.add_ci_ang_encoder_chan(
-                entry.counter, decoding_type=decodings[entry.decoding], units=ni.AngleUnits.TICKS, initial_angle=0.0
-            )
-            if entry.a:
-                channel.ci_encoder_a_input_term = entry.a
-            if entry.b:
-                channel.ci_encoder_b_input_term = entry.b
-
-    def _writers(self) -> None:
-        """Prepare readers and writers without further calls of the card; the outputs are reserved."""
+            self._counter, wheel = self._task(), wiring.encoder
+            decodings = {"X1": ni.EncoderType.X_1, "X2": ni.EncoderType.X_2, "X4": ni.EncoderType.X_4}
+            with self._complaints.told("encoder.counter", wheel.counter):
+                channel = self._counter.ci_channels.add_ci_ang_encoder_chan(
+                    wheel.counter, decoding_type=decodings[wheel.decoding], units=ni.AngleUnits.TICKS, initial_angle=0.0
+                )
+                if wheel.a:
+                    channel.ci_encoder_a_input_term = wheel.a
+                if wheel.b:
+                    channel.ci_encoder_b_input_term = wheel.b
+        # readers and writers now, so that a sample makes no further calls of the card; the outputs are reserved
         readers, writers = library("nidaqmx.stream_readers"), library("nidaqmx.stream_writers")
         self._analog = readers.AnalogMultiChannelReader(self._inputs.in_stream)
         self._edges = None if self._counter is None else readers.CounterReader(self._counter.in_stream)
@@ -257,28 +247,17 @@ class Tasks:
         self._deadline[0] = 2.0 * self._wait
         size = max(math.ceil(buffer / period), 2 * block)
         self._read = np.zeros((len(self.wiring.inputs), block)), np.zeros(block)
-        clocked = (
-            [(self._inputs, "")]
-            if self._counter is None
-            else [(self._counter, self.wiring.sample_clock), (self._inputs, "")]
-        )
+        counted = [] if self._counter is None else [(self._counter, self.wiring.sample_clock)]
+        clocked = [*counted, (self._inputs, "")]  # the counter waits for the clock that the inputs start
         with self._complaints.told("clock", self.wiring.sample_clock):
             for task, source in clocked:
-                task.timing.cfg_samp_clk_timing(
-                    1.0 / period,
-                    source=source,
-                    sample_mode=self._constants.AcquisitionType.CONTINUOUS,
-                    samps_per_chan=size,
-                )
+                mode = self._constants.AcquisitionType.CONTINUOUS
+                task.timing.cfg_samp_clk_timing(1.0 / period, source=source, sample_mode=mode, samps_per_chan=size)
                 task.in_stream.input_buf_size = size
             rate = float(self._inputs.timing.samp_clk_rate)
         if abs(rate * period - 1.0) > RATE_TOLERANCE:
-            raise InputError(
-                "period",
-                None,
-                f"of {period:g} s is not one of the card, which samples at {rate:.6g} Hz instead",
-                where=self.place,
-            )
+            problem = f"of {period:g} s is not one of the card, which samples at {rate:.6g} Hz instead"
+            raise InputError("period", None, problem, where=self.place)
         with self._complaints.told("clock", self.wiring.sample_clock):
             for task, _ in clocked:
                 self._sampling.append(task)
@@ -362,17 +341,11 @@ LOOKS = 4.0  # at the software per time of its silence
 
 
 class DaqStatistics(NamedTuple):
-    """Counts of the samples since the start.
+    """Counts of the samples since the start."""
 
-    Attributes:
-        reads: samples that were given to the software, none left out.
-        late: those that came more than a period late: the next one was there already.
-        overruns: losses of samples; the first one ends the run.
-    """
-
-    reads: int
-    late: int
-    overruns: int
+    reads: int  # samples that were given to the software, none left out
+    late: int  # those that came more than a period late: the next one was there already
+    overruns: int  # losses of samples; the first one ends the run
 
 
 class DaqHardware(Hardware):
@@ -405,12 +378,8 @@ class DaqHardware(Hardware):
         self.wiring = wiring
         self._block, self._buffer, self._silence = block, buffer, silence
         self._tasks = Tasks(wiring, patience)
-        super().__init__(
-            tuple(wiring.inputs),
-            encoder=wiring.encoder is not None,
-            motor=wiring.motor is not None,
-            motor_rest=UNWRITTEN,
-        )
+        encoder, motor = wiring.encoder is not None, wiring.motor is not None
+        super().__init__(tuple(wiring.inputs), encoder=encoder, motor=motor, motor_rest=UNWRITTEN)
         self._alarm = threading.Event()
         self._lock = threading.RLock()  # of the outputs
         self._waiting: deque[tuple[list[int], int]] = deque()

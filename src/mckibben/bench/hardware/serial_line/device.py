@@ -49,21 +49,13 @@ class DeviceMachine(CountedMachine, Protocol):
 
 
 class About(NamedTuple):
-    """Identification of a device.
+    """Identification of a device."""
 
-    Attributes:
-        firmware: name and version of the firmware.
-        shortest: period it can sample with [ns].
-        encoder: whether there is one.
-        motor: whether there is one.
-        motor_rest: count at which the motor does nothing.
-    """
-
-    firmware: str = "mckibben reference 1"
-    shortest: int = 100_000
-    encoder: bool = True
-    motor: bool = True
-    motor_rest: int = 0
+    firmware: str = "mckibben reference 1"  # name and version of the firmware
+    shortest: int = 100_000  # period it can sample with [ns]
+    encoder: bool = True  # whether there is one
+    motor: bool = True  # whether there is one
+    motor_rest: int = 0  # count at which the motor does nothing
 
 
 class Board:

@@ -75,7 +75,6 @@ def open_port(port: str, baud: int) -> Any:
 
 
 def _closed_because(port: str, error: OSError | ValueError) -> str:
-    """Say why a port could not be opened, and what to do."""
     import serial.tools.list_ports
 
     number = getattr(error, "errno", None)
@@ -111,9 +110,11 @@ class Wire:
         Raises:
             OSError, EOFError: if nothing can come any more.
         """
-        if self._descriptor is None:
-            return self._slow_read(seconds)
         until = time.perf_counter() + seconds
+        while self._descriptor is None:  # a port that cannot be asked whether there is something waits a little itself
+            came: bytes = self._port.read(max(getattr(self._port, "in_waiting", 1), 1))
+            if came or time.perf_counter() >= until:
+                return came or b""
         while not self._readable.poll(max(int(seconds * 1e3), 0)):
             seconds = until - time.perf_counter()
             if seconds <= 0.0:
@@ -152,17 +153,9 @@ class Wire:
         with contextlib.suppress(OSError):
             self._port.close()
 
-    def _slow_read(self, seconds: float) -> bytes:
-        until = time.perf_counter() + seconds
-        while True:
-            data: bytes = self._port.read(max(getattr(self._port, "in_waiting", 1), 1))
-            if data or time.perf_counter() >= until:
-                return data or b""
 
-
-GREETING = (
-    0.25  # time between two greetings of a device that does not answer; many restart when their port is opened [s]
-)
+# Time between two greetings of a device that does not answer; many restart when their port is opened [s].
+GREETING = 0.25
 WRITING = 0.1  # longest time for which a message may wait to be written [s]
 
 
@@ -238,7 +231,14 @@ def greet(line: SerialLine, seconds: float) -> Welcome:
             while (ahead := again - time.perf_counter()) > 0.0:
                 for message in line.read(ahead):
                     if isinstance(message, Welcome) and message.sequence == ours:
-                        return _checked(line, message)
+                        if message.version != VERSION:
+                            allowed = f"must be {VERSION}; install the firmware that belongs to this package"
+                            field = "protocol of the device"
+                            raise InputError(field, message.version, allowed, where=line.name)
+                        if len(set(message.names)) != len(message.names):
+                            field, names = "channels of the device", ", ".join(message.names)
+                            raise InputError(field, names, "each may be there once", where=line.name)
+                        return message
     except (OSError, EOFError) as error:
         raise LineLostError(f"{line.name}: unplugged: {reason(error)}") from None
     came = (
@@ -280,15 +280,6 @@ def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...
 def reason(error: BaseException) -> str:
     """Describe an error of the system in one line."""
     return " ".join(str(error).split())
-
-
-def _checked(line: SerialLine, welcome: Welcome) -> Welcome:
-    if welcome.version != VERSION:
-        allowed = f"must be {VERSION}; install the firmware that belongs to this package"
-        raise InputError("protocol of the device", welcome.version, allowed, where=line.name)
-    if len(set(welcome.names)) != len(welcome.names):
-        raise InputError("channels of the device", ", ".join(welcome.names), "each may be there once", where=line.name)
-    return welcome
 
 
 DRIFT = 1e-4  # of the clocks of host and device, as a share of the time
@@ -427,27 +418,16 @@ LONGEST = 2**32 - 1  # period [ns]
 
 
 class SerialStatistics(NamedTuple):
-    """Counts of received, lost and damaged frames of a run.
+    """Counts of received, lost and damaged frames of a run."""
 
-    Attributes:
-        samples: that were taken.
-        lost: number of these whose frame did not come, or damaged.
-        repeated: frames of samples that had been there, dropped.
-        late: frames that came more than a period late; dropped where their sample had been given up.
-        bad_checksum: frames with a wrong checksum.
-        undecodable: other bytes that are no frame, or none that is known.
-        answers_late: samples that the device had no answer to when it took the next one.
-        answers_damaged: samples between which the device got damaged frames.
-    """
-
-    samples: int
-    lost: int
-    repeated: int
-    late: int
-    bad_checksum: int
-    undecodable: int
-    answers_late: int
-    answers_damaged: int
+    samples: int  # that were taken
+    lost: int  # number of these whose frame did not come, or damaged
+    repeated: int  # frames of samples that had been there, dropped
+    late: int  # frames that came more than a period late; dropped where their sample had been given up
+    bad_checksum: int  # frames with a wrong checksum
+    undecodable: int  # other bytes that are no frame, or none that is known
+    answers_late: int  # samples that the device had no answer to when it took the next one
+    answers_damaged: int  # samples between which the device got damaged frames
 
 
 class SerialHardware(Hardware):
@@ -602,7 +582,6 @@ class SerialHardware(Hardware):
         return taken
 
     def _receive(self, seconds: float) -> None:
-        """Process the messages that have arrived, or that arrive within a time [s]."""
         before = self._line.dropped
         try:
             arrived = self._line.read(seconds)
@@ -621,7 +600,6 @@ class SerialHardware(Hardware):
             self._arrivals.damage(now)
 
     def _forget(self, period: float) -> None:
-        """Clear the state of the last run; the next run has a period [s]."""
         self._arrivals = Arrivals(period, self.lock_step, self.patience)
         self._before = (self._line.frames.bad_checksum, self._line.undecodable)
         self._taken = self._strange = 0  # samples; frames with another number of channels
@@ -633,14 +611,12 @@ class SerialHardware(Hardware):
             raise LineLostError(self._lost_by or f"{self.name}: it was closed")
 
     def _lose(self, problem: str) -> LineLostError:
-        """Vent if possible, and return the error of the lost connection."""
         if self._lost_by is None:
             action = "it was told to vent" if self._vent_now() else "it could not be told to vent, and must by itself"
             self._lost_by = f"{self.name}: {problem}; {action}"
         return LineLostError(self._lost_by)
 
     def _vent_now(self) -> bool:
-        """Tell the machine to vent, if it can be reached."""
         with contextlib.suppress(OSError):
             if not self._closed:
                 self._line.write(Vent(), before=b"\0")

@@ -279,7 +279,6 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
 
 
 def _begun(line: Connection) -> str:
-    """Return the port of a started process."""
     with contextlib.suppress(OSError, EOFError):
         if line.poll(BEGINNING):
             said: str | LineLostError = line.recv()
