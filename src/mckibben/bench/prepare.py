@@ -305,20 +305,8 @@ def prepare(
         plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
     findings += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in findings) else []
     spared = [f for f in findings if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
-    return PreparedRun(
-        wanted,
-        on,
-        unit,
-        plan,
-        layout,
-        spec,
-        every,
-        step,
-        seed,
-        tuple(faults),
-        tuple(f for f in findings if f not in spared),
-        tuple(spared),
-    )
+    kept = tuple(f for f in findings if f not in spared)
+    return PreparedRun(wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults), kept, tuple(spared))
 
 
 def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float, **options: JsonValue) -> PreparedRun:

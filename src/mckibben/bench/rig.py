@@ -327,7 +327,7 @@ class Rig:
         names |= {"span sensor"} if self.encoder is not None else set()
         return frozenset(names)
 
-    def limits(self, layout: str, *, burst_pressure: float = float("inf")) -> Limits:
+    def limits(self, layout: str) -> Limits:
         """Return the limits of the rig, for the dry run."""
         plumbing = self.plumbing[layout]
         motor, cell = self.motor, self.sensors.get("tension")
@@ -336,7 +336,7 @@ class Rig:
         return Limits(
             pressure=(max(0.0, float(self.valve_out.low)), top),
             pressure_rate=self._pressure_rate(plumbing),
-            burst_pressure=min(burst_pressure, float(self.interlocks.burst_pressure)),
+            burst_pressure=float(self.interlocks.burst_pressure),
             tension=float("inf") if cell is None else float(cell.high),
             motor_force=float("inf") if motor is None else float(motor.largest_force),
             span=(self.shortest, self.longest),

@@ -111,7 +111,7 @@ def _read(
     return values
 
 
-def values_of(name: str, words: str, *, field: str, where: str | None = None) -> str | list[str]:
+def values_of(name: str, words: str, *, field: str) -> str | list[str]:
     """Values of a parameter, choice or setting from text: a list if there are several.
 
     Raises:
@@ -119,7 +119,7 @@ def values_of(name: str, words: str, *, field: str, where: str | None = None) ->
     """
     if name in TEXTS:
         return words.strip()
-    values = split_values(words, field=field, where=where)
+    values = split_values(words, field=field)
     return values if len(values) > 1 else words.strip()
 
 

@@ -94,8 +94,8 @@ class SimulatedSensors:
     gain; it was zeroed anywhere within a count.
     """
 
-    def __init__(self, rig: Rig, seed: int = 0, *, period: float = PERIOD) -> None:
-        self.period, self.grids = period, grids(rig)
+    def __init__(self, rig: Rig, seed: int = 0) -> None:
+        self.period, self.grids = PERIOD, grids(rig)
         self._sensors = dict(rig.sensors)
         self._nominal = rig.encoder
         self._draw = np.random.default_rng([seed, 1])
@@ -204,7 +204,6 @@ class HardwareReadings:
         hardware: Hardware,
         converters: Converters,
         *,
-        period: float = PERIOD,
         scales: Mapping[str, ChannelScale] | None = None,
     ) -> None:
         """Prepare the readings of a machine that is not started yet, with the scales of its counts.
@@ -212,10 +211,9 @@ class HardwareReadings:
         Args:
             hardware: the machine.
             converters: as `Rig.converters` has them; a calibration in there is not looked at.
-            period: period of the samples [s].
             scales: as `grids` of the rig has them, with what the transducers see; else only the converters' ends are known.
         """
-        self.period, self._hardware = period, hardware
+        self.period, self._hardware = PERIOD, hardware
         self._scales = dict(converters.analog)
         self._encoder = converters.encoder if hardware.has_encoder else None
         self._rest = 0 if converters.motor is None else int(converters.motor.count(0.0))

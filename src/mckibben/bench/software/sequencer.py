@@ -337,18 +337,10 @@ class Manual(Module):
         by_span = place.mode == SPAN
         values = jnp.stack([place.span, place.velocity, place.tension])
         always = jnp.asarray(True)
-        return SampleSetpoints(
-            pressure=place.pressure,
-            open=place.open,
-            mode=place.mode,
-            motor=values[place.mode],
-            velocity=jnp.where(by_span, place.velocity, 0.0),
-            acceleration=jnp.where(place.mode == TENSION, 0.0, place.acceleration),
-            step=place.step,
-            record=always,
-            running=always,
-            fresh=~always,
-        )
+        velocity = jnp.where(by_span, place.velocity, 0.0)
+        acceleration = jnp.where(place.mode == TENSION, 0.0, place.acceleration)
+        goes = place.mode, values[place.mode], velocity, acceleration
+        return SampleSetpoints(place.pressure, place.open, *goes, place.step, always, always, ~always)
 
     def advance(
         self,
@@ -358,14 +350,7 @@ class Manual(Module):
         motor_at: Sequence[Scalar],
         dt: Scalar,
     ) -> ManualPlace:
-        """Advance to the next sample.
-
-        Args:
-            place: place of this sample.
-            measured: channels by name, with ``velocity`` [SI].
-            motor_at: where the motor's channel is in each mode, for a change of mode [m, m/s, N].
-            dt: period of the samples [s].
-        """
+        """Advance to the next sample; see `Sequencer.advance`."""
         asked = place.asked
         alone = jnp.where(asked.alone > 0.5, place.alone + dt, 0.0)
         left = alone > self.hold - 0.5 * dt
@@ -379,19 +364,10 @@ class Manual(Module):
         tension = jnp.where(place.mode == TENSION, place.tension, motor_at[TENSION])
         aim = jnp.where(jnp.isfinite(to), to, tension)
         pulling = mode == TENSION
-        return ManualPlace(
-            step=jnp.where(left, ABANDONED, MANUAL),
-            missed=place.missed,
-            pressure=pressure,
-            open=jnp.where(left, 1.0, asked.open),
-            mode=mode,
-            span=jnp.where(pulling, motor_at[SPAN], span),
-            velocity=jnp.where(pulling, 0.0, velocity),
-            acceleration=jnp.where(pulling, 0.0, acceleration),
-            tension=jnp.where(pulling, tension + _within(aim - tension, self.tension_rate * dt), tension),
-            alone=alone,
-            asked=asked,
-        )
+        pulled = jnp.where(pulling, tension + _within(aim - tension, self.tension_rate * dt), tension)
+        held = (jnp.where(pulling, x, y) for x, y in ((motor_at[SPAN], span), (0.0, velocity), (0.0, acceleration)))
+        step, opened = jnp.where(left, ABANDONED, MANUAL), jnp.where(left, 1.0, asked.open)
+        return ManualPlace(step, place.missed, pressure, opened, mode, *held, pulled, alone, asked)
 
     def _span(
         self, place: ManualPlace, mode: Any, to: Any, motor_at: Sequence[Scalar], dt: Scalar

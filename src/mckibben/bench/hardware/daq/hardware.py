@@ -399,12 +399,7 @@ class DaqHardware(Hardware):
         return DaqStatistics(self._next, self._late, self._overruns)
 
     def start(self, period: float) -> None:
-        """Vent, set the motor to rest, zero the encoder and begin to sample.
-
-        Raises:
-            InputError: the card has no such rate.
-            LineLostError: it does not start.
-        """
+        """Vent, set the motor to rest, zero the encoder and begin to sample; refuses a rate that the card has not."""
         if not 1e-6 <= period <= 10.0:
             raise InputError("period", None, f"must be between 1 us and 10 s, got {period:g} s")
         self._not_closed()
@@ -420,12 +415,7 @@ class DaqHardware(Hardware):
             self._tasks.start(period, self._block, self._buffer)
 
     def wait(self, sample: int) -> float:
-        """Wait until a sample has arrived; return its lateness [s].
-
-        Raises:
-            InputError: it is not the next one.
-            LineLostError: it will not come any more; the machine was vented, if it could be.
-        """
+        """Wait until the next sample has arrived; return its lateness [s]; a lost machine was vented, if it could be."""
         self._alive()
         if not self.period:
             raise InputError("sample", str(sample), "none comes before the start")
@@ -449,11 +439,7 @@ class DaqHardware(Hardware):
         return begun - self._origin
 
     def send(self) -> None:
-        """Write the pending output levels; after a `vent`, an open shut-off and count 0.
-
-        Raises:
-            LineLostError: the card does not take them, or the machine was vented since nothing was sent for too long.
-        """
+        """Write the pending output levels; after a `vent`, or where nothing was sent for too long, those of rest."""
         self._alive()
         try:
             with self._lock:

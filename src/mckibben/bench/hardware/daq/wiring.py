@@ -272,18 +272,17 @@ class CardWiring:
         return self.clock or f"/{chassis(next(iter(self.inputs.values())).channel)}/ai/SampleClock"
 
 
-def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring", path: str = "daq") -> CardWiring:
+def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring") -> CardWiring:
     """Read a wiring from its table, which is described at the top of this file.
 
     Args:
         table: content of the TOML table ``[daq]``.
         where: file, for error messages.
-        path: path of the table, for error messages.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
-    top = FileTable.of(table, path, where)
+    top = FileTable.of(table, "daq", where)
     top.only(("connection", "clock", "inputs", "valve", "motor", "shut_off", "encoder"))
     for key in ("inputs", "valve"):
         if key not in top:
@@ -296,6 +295,6 @@ def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring", path: str =
             parts[key] = read_table(kind, top.table(key), **output)
     words: dict[str, Any] = {key: top.word(key) for key in ("connection", "clock") if key in top}
     try:
-        return CardWiring(**parts, **words, where=f"{where} [{path}]")
+        return CardWiring(**parts, **words, where=f"{where} [daq]")
     except InputError as error:
         raise error.changed(field=top.field(error.field), where=where) from None

@@ -30,24 +30,6 @@ from ....errors import InputError, LineLostError
 from ....extras import library
 from ..interface import Hardware
 from . import messages
-from .messages import (
-    BY_ITSELF,
-    DAMAGED,
-    FREE,
-    LOCK_STEP,
-    UNANSWERED,
-    VERSION,
-    CommandMessage,
-    Fault,
-    Frames,
-    Hello,
-    Message,
-    SampleMessage,
-    Start,
-    Stop,
-    Vent,
-    Welcome,
-)
 
 BITS_PER_SECOND = 1_000_000  # what a port is opened with; a USB port or a pseudo-terminal does not look at it
 _CHUNK = 4096  # [B]
@@ -176,7 +158,7 @@ class SerialLine:
         self.name = port if isinstance(port, str) else str(getattr(port, "name", "port"))
         self._wire = Wire(open_port(port, baud) if isinstance(port, str) else port)
         self._writing = threading.RLock()  # a signal may write in the middle of another message
-        self.frames, self.unknown, self.received, self.speed = Frames(), 0, 0, baud
+        self.frames, self.unknown, self.received, self.speed = messages.Frames(), 0, 0, baud
 
     @property
     def undecodable(self) -> int:
@@ -188,7 +170,7 @@ class SerialLine:
         """Number of dropped frames."""
         return self.undecodable + self.frames.bad_checksum
 
-    def read(self, seconds: float) -> list[Message]:
+    def read(self, seconds: float) -> list[messages.Message]:
         """Return the messages that have arrived, or wait a limited time for the first [s].
 
         Raises:
@@ -200,7 +182,7 @@ class SerialLine:
         self.unknown += arrived.count(None)
         return [message for message in arrived if message is not None]
 
-    def write(self, message: Message, *, before: bytes = b"") -> None:
+    def write(self, message: messages.Message, *, before: bytes = b"") -> None:
         """Write a message; with `before`, a zero first, so that it is read after a truncated one.
 
         Raises:
@@ -215,7 +197,7 @@ class SerialLine:
         self._wire.close()
 
 
-def greet(line: SerialLine, seconds: float) -> Welcome:
+def greet(line: SerialLine, seconds: float) -> messages.Welcome:
     """Request the identification of the device.
 
     Raises:
@@ -226,13 +208,13 @@ def greet(line: SerialLine, seconds: float) -> Welcome:
     until = time.perf_counter() + seconds
     try:
         while (now := time.perf_counter()) < until:
-            line.write(Hello(ours, VERSION), before=b"\0")
+            line.write(messages.Hello(ours, messages.VERSION), before=b"\0")
             again = min(now + GREETING, until)
             while (ahead := again - time.perf_counter()) > 0.0:
                 for message in line.read(ahead):
-                    if isinstance(message, Welcome) and message.sequence == ours:
-                        if message.version != VERSION:
-                            allowed = f"must be {VERSION}; install the firmware that belongs to this package"
+                    if isinstance(message, messages.Welcome) and message.sequence == ours:
+                        if message.version != messages.VERSION:
+                            allowed = f"must be {messages.VERSION}; install the firmware that belongs to this package"
                             field = "protocol of the device"
                             raise InputError(field, message.version, allowed, where=line.name)
                         if len(set(message.names)) != len(message.names):
@@ -249,7 +231,7 @@ def greet(line: SerialLine, seconds: float) -> Welcome:
     raise LineLostError(f"{line.name}: no device answered within {seconds:g} s; {came}")
 
 
-def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool, motor: bool) -> None:
+def fit(welcome: messages.Welcome, where: str, *, bits: Mapping[str, int], encoder: bool, motor: bool) -> None:
     """Refuse a device whose converters or outputs differ from the required ones.
 
     Raises:
@@ -263,7 +245,7 @@ def fit(welcome: Welcome, where: str, *, bits: Mapping[str, int], encoder: bool,
             raise InputError(part, None, "is missing on the device: the rig has one", where=where)
 
 
-def places(welcome: Welcome, names: Sequence[str], where: str) -> tuple[int, ...]:
+def places(welcome: messages.Welcome, names: Sequence[str], where: str) -> tuple[int, ...]:
     """Indices of channels among those of the device.
 
     Raises:
@@ -294,7 +276,7 @@ class EndedError(Exception):
 class ReceivedSample(NamedTuple):
     """Sample of a device, or its absence: its message, None where it is missing, and how late it came [s]."""
 
-    message: SampleMessage | None
+    message: messages.SampleMessage | None
     lateness: float
 
 
@@ -317,13 +299,13 @@ class Arrivals:
     def __init__(self, period: float, lock_step: bool, patience: int) -> None:
         self.period, self.lock_step, self.patience = period, lock_step, patience
         self.lost = self.repeated = self.late = self.answers_late = self.answers_damaged = 0
-        self._queue: deque[tuple[float, SampleMessage | Fault]] = deque()
+        self._queue: deque[tuple[float, messages.SampleMessage | messages.Fault]] = deque()
         self._damaged: float | None = None  # when damage was seen that no sample is known to miss
         self._newest, self._missing = -1, 0
         self._origin = 0.0  # when sample 0 was there, or should have been
         self._first_at = self._newest_at = 0.0  # when sample 0 and the newest one were there
 
-    def put(self, at: float, message: SampleMessage | Fault) -> None:
+    def put(self, at: float, message: messages.SampleMessage | messages.Fault) -> None:
         """Add a message with its time of arrival [s]."""
         self._queue.append((at, message))
 
@@ -339,7 +321,7 @@ class Arrivals:
         """
         while self._queue:
             at, message = self._queue[0]
-            if isinstance(message, Fault):
+            if isinstance(message, messages.Fault):
                 raise EndedError(f"the device has stopped: {message.text or 'fault'} (code {message.code})")
             ahead = message.sequence - sample
             if ahead > 0:
@@ -385,12 +367,12 @@ class Arrivals:
         self._damaged = None  # this was it
         return ReceivedSample(None, 0.0 if self.lock_step else max(at - self._origin - sample * self.period, 0.0))
 
-    def _with(self, message: SampleMessage, at: float) -> ReceivedSample:
-        if message.flags & BY_ITSELF:
+    def _with(self, message: messages.SampleMessage, at: float) -> ReceivedSample:
+        if message.flags & messages.BY_ITSELF:
             raise EndedError("the device vented by itself, for it had no command for too many samples")
         if message.flags:
-            self.answers_late += bool(message.flags & UNANSWERED)
-            self.answers_damaged += bool(message.flags & DAMAGED)
+            self.answers_late += bool(message.flags & messages.UNANSWERED)
+            self.answers_damaged += bool(message.flags & messages.DAMAGED)
         self._missing, self._newest = 0, message.sequence
         self._first_at, self._newest_at = at if self._newest == 0 else self._first_at, at
         if self._damaged is not None and at > self._damaged:
@@ -478,7 +460,7 @@ class SerialHardware(Hardware):
         self._line = SerialLine(port, baud)
         self.name = self._line.name
         try:
-            self.welcome: Welcome = greet(self._line, greeting)
+            self.welcome: messages.Welcome = greet(self._line, greeting)
             fit(self.welcome, self.name, bits=bits or {}, encoder=encoder, motor=motor)
             names = self.welcome.names if channels is None else tuple(channels)
             self._places = places(self.welcome, names, self.name)
@@ -497,24 +479,12 @@ class SerialHardware(Hardware):
     def statistics(self) -> SerialStatistics:
         """Statistics of the latest run."""
         line, of, (bad, other) = self._line, self._arrivals, self._before
-        return SerialStatistics(
-            self._taken,
-            of.lost,
-            of.repeated,
-            of.late,
-            line.frames.bad_checksum - bad,
-            line.undecodable - other + self._strange,
-            of.answers_late,
-            of.answers_damaged,
-        )
+        damaged = line.frames.bad_checksum - bad, line.undecodable - other + self._strange
+        counts = self._taken, of.lost, of.repeated, of.late
+        return SerialStatistics(*counts, *damaged, of.answers_late, of.answers_damaged)
 
     def start(self, period: float) -> None:
-        """Zero the encoder and begin to sample with a period [s]; sample 0 is the next one.
-
-        Raises:
-            InputError: if the device cannot sample with this period.
-            LineLostError: if nobody is there.
-        """
+        """Zero the encoder and begin to sample with a period [s]; refuses one that the device cannot do."""
         self._alive()
         nanoseconds = round(period * 1e9) if 0.0 < period * 1e9 <= LONGEST else 0
         if nanoseconds < max(self.welcome.shortest, 1):
@@ -523,14 +493,11 @@ class SerialHardware(Hardware):
         self._forget(nanoseconds * 1e-9)
         self._run = (self._run + 1) % 2**16
         self.venting = False
-        self._write(Start(self._run, nanoseconds, LOCK_STEP if self.lock_step else FREE, self.watchdog))
+        mode = messages.LOCK_STEP if self.lock_step else messages.FREE
+        self._write(messages.Start(self._run, nanoseconds, mode, self.watchdog))
 
     def wait(self, sample: int) -> float:
-        """Wait until a sample has arrived, counted from 0; return its lateness [s].
-
-        Raises:
-            LineLostError: if it will not come any more; says why.
-        """
+        """Wait until a sample has arrived, counted from 0; return its lateness [s]."""
         self._alive()
         try:
             taken = self._wait(sample)
@@ -549,21 +516,17 @@ class SerialHardware(Hardware):
         return taken.lateness
 
     def send(self) -> None:
-        """Make the outputs written since the sample take effect.
-
-        Raises:
-            LineLostError: if nobody is there to take it.
-        """
+        """Make the outputs written since the sample take effect."""
         self._alive()
         count, opened = (0, True) if self.venting else (self.valve, self.opened)
-        self._write(CommandMessage(self._sample, count, self.motor, opened))
+        self._write(messages.CommandMessage(self._sample, count, self.motor, opened))
 
     def close(self) -> None:
         """Vent, and release the machine; may be called twice."""
         if not self._closed:
             self.vent()
             with contextlib.suppress(OSError):
-                self._line.write(Stop())
+                self._line.write(messages.Stop())
             self._closed = True
             self._line.close()
 
@@ -589,9 +552,11 @@ class SerialHardware(Hardware):
             raise EndedError(f"unplugged: {reason(error)}") from None
         now, channels, strange = time.perf_counter(), len(self.welcome.names), self._strange
         for message in arrived:
-            if isinstance(message, Fault):
+            if isinstance(message, messages.Fault):
                 self._arrivals.put(now, message)
-            elif isinstance(message, SampleMessage) and message.run == self._run:  # others are of an earlier run
+            elif (
+                isinstance(message, messages.SampleMessage) and message.run == self._run
+            ):  # others are of an earlier one
                 if len(message.counts) == channels:
                     self._arrivals.put(now, message)
                 else:
@@ -619,11 +584,11 @@ class SerialHardware(Hardware):
     def _vent_now(self) -> bool:
         with contextlib.suppress(OSError):
             if not self._closed:
-                self._line.write(Vent(), before=b"\0")
+                self._line.write(messages.Vent(), before=b"\0")
                 return True
         return False
 
-    def _write(self, message: Start | CommandMessage) -> None:
+    def _write(self, message: messages.Start | messages.CommandMessage) -> None:
         try:
             self._line.write(message)
         except OSError as error:
