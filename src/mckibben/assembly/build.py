@@ -349,10 +349,8 @@ def antagonist_pair(
     for name, arm, sign in (("flexor", flexor_arm, 1.0), ("extensor", extensor_arm, -1.0)):
         at = float(arm.arm(0.0))
         if not sign * at > 0.0:
-            words = "a positive" if sign > 0.0 else "a negative"
-            raise InputError(
-                f"{name}_arm", at, f"must be {words} moment arm at angle zero [m]", where="antagonist pair"
-            )
+            demand = f"must be {'a positive' if sign > 0.0 else 'a negative'} moment arm at angle zero [m]"
+            raise InputError(f"{name}_arm", at, demand, where="antagonist pair")
     load = JointLoad(arms={"flexor": flexor_arm, "extensor": extensor_arm}, inertia=inertia, **dict(joint or {}))
     units = {"flexor": flexor, "extensor": extensor}
     return several(units, load, supply=supply, line=_line(line), environment=environment)

@@ -110,20 +110,12 @@ def joint_stand(
     parts = on.plumbing[layout]
     bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
     stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
+    muscles = flexor, flexor if extensor is None else extensor
+    line = {"valve": parts.valve, "tube": parts.tube, "port_volume": float(parts.port_volume), "heat": parts.heat}
     machine = antagonist_pair(
-        rig_unit(flexor),
-        rig_unit(flexor if extensor is None else extensor),
-        supply=float(parts.supply_pressure),
-        flexor_arm=bends,
-        extensor_arm=stretches,
-        inertia=inertia,
-        joint={"damping": 0.01, "signal": MOMENT, **(joint or {})},
-        environment=on.environment,
-        valve=parts.valve,
-        tube=parts.tube,
-        port_volume=float(parts.port_volume),
-        heat=parts.heat,
-    )
+        *map(rig_unit, muscles), supply=float(parts.supply_pressure), flexor_arm=bends, extensor_arm=stretches,
+        inertia=inertia, joint={"damping": 0.01, "signal": MOMENT, **(joint or {})}, environment=on.environment, **line,
+    )  # fmt: skip
     lowest, highest = pressures
     top = min(float(on.valve_out.top), float(parts.supply_pressure))
     if not highest <= top:
@@ -137,15 +129,9 @@ def joint_stand(
     if on.encoder is None:
         raise InputError("rig", on.name, "must be one with an encoder")
     encoder = dataclasses.replace(on.encoder, pulley_radius=AXIS)
-    return JointStand(
-        on, layout, machine, encoder, control, (_stated(flexor), _stated(flexor if extensor is None else extensor))
-    )
-
-
-def _stated(muscle: MuscleUnit | Specimen | str) -> Specimen | None:
-    if isinstance(muscle, str):
-        return muscle_specimen(muscle)
-    return muscle if isinstance(muscle, Specimen) else None
+    named = (muscle_specimen(muscle) if isinstance(muscle, str) else muscle for muscle in muscles)
+    first, second = (one if isinstance(one, Specimen) else None for one in named)  # a unit may be of no specimen
+    return JointStand(on, layout, machine, encoder, control, (first, second))
 
 
 def run_joint(

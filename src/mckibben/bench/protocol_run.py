@@ -131,14 +131,9 @@ def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True
             return
         own = SegmentMachine(prepared, number, segment, timing)
         machine, software = own.at_interface(), software_of(prepared, segment, timing)
-        SampleLoop(
-            SampledMachine(SimulatedHardware(machine), timing.period),
-            prepared.rig.converters(segment.start_span),
-            software,
-            outputs=own.machine.signals(),
-            longest=1,
-            stop=lambda: False,
-        )
+        sampled_machine = SampledMachine(SimulatedHardware(machine), timing.period)
+        converters, outputs = prepared.rig.converters(segment.start_span), own.machine.signals()
+        SampleLoop(sampled_machine, converters, software, outputs=outputs, longest=1, stop=lambda: False)
 
 
 class ProtocolRun:
@@ -277,12 +272,10 @@ class ProtocolRun:
                 if not bool(results.sound.all()):
                     assert self.machine is not None
                     if bool(np.any(self.machine.broken(results.outputs))):
-                        raise ConvergenceError(
-                            unsound_sentence(Soundness.BROKEN, 0.0, self.timing.period / self.finest)
-                        )
-                    raise ConvergenceError(
-                        "A state became infinite or impossible with the fixed steps of a run in real time."
-                    )
+                        step = self.timing.period / self.finest
+                        raise ConvergenceError(unsound_sentence(Soundness.BROKEN, 0.0, step))
+                    said = "A state became infinite or impossible with the fixed steps of a run in real time."
+                    raise ConvergenceError(said)
                 used = int(results.shown["running"].sum())
                 # a machine that is computed in whole chunks goes on after its protocol; nothing there stops the run
                 tripped = used < count and bool(results.shown["code"][used] > 0 or results.shown["missed"][used])
@@ -348,9 +341,8 @@ class ProtocolRun:
             step = segment.steps[int(results.shown["step"][i])]
             test = "" if step.until is None else step.until.sentence()
             waited = step.count * self.timing.period
-            self.state.message = (
-                f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
-            )
+            failed = f"{test} did not come true within {waited:.4g} s"
+            self.state.message = f"{step.sentence()}: {failed}; stopped and vented"
         self.state.result = "stopped"
         self.state.events.append({"time": when, "text": self.state.message, "code": name})
         self.recorder.remark(self.state.message, when)

@@ -155,11 +155,8 @@ def _resolved(step: PlannedStep, rate: float) -> Iterator[Violation]:
     for channel, command in (("pressure", step.step.pressure), (step.mode, step.step.motor)):
         if isinstance(command, Follow) and command.waveform.fastest > 0.5 * rate * (1.0 + 1e-9):
             need = time_words(0.5 / command.waveform.fastest)
-            yield Violation(
-                f"{channel}.{command.waveform.kind}",
-                f"sampled every {time_words(1.0 / rate)}",
-                f"its {command.waveform.fastest:g} Hz need {need} or less",
-            )
+            now, field = f"sampled every {time_words(1.0 / rate)}", f"{channel}.{command.waveform.kind}"
+            yield Violation(field, now, f"its {command.waveform.fastest:g} Hz need {need} or less")
 
 
 def _finding(step: PlannedStep | None, violation: Violation, varied: tuple[str, ...] = ()) -> Finding:
@@ -217,23 +214,15 @@ def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Vi
 
 def _slopes(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]:
     """Check that a waveform of straight lines is within the permitted rate, since the pressure shall follow it."""
-    change = np.abs(np.diff(values))
+    change, follows = np.abs(np.diff(values)), f"the valve follows {_bar(limits.pressure_rate)}/s"
     if change[0] > limits.pressure_rate * dt * SLACK:
         ends = f"{_bar(values[0])} to {_bar(values[1])}"
-        yield Violation(
-            "pressure",
-            f"a jump from {ends}",
-            f"the valve follows {_rate(limits)}; begin at {_bar(values[0])}",
-            f"the set-point jumps from {ends} where the waveform begins; the valve follows {_rate(limits)}",
-        )
+        said = f"the set-point jumps from {ends} where the waveform begins; {follows}"
+        yield Violation("pressure", f"a jump from {ends}", f"{follows}; begin at {_bar(values[0])}", said)
     steepest = float(change[1:].max(initial=0.0)) / dt
     if steepest > limits.pressure_rate * SLACK:
-        yield Violation(
-            "pressure",
-            f"{_bar(steepest)}/s steep",
-            f"the valve follows {_rate(limits)}",
-            f"the set-point changes by {_bar(steepest)}/s; the valve follows {_rate(limits)}",
-        )
+        said = f"the set-point changes by {_bar(steepest)}/s; {follows}"
+        yield Violation("pressure", f"{_bar(steepest)}/s steep", follows, said)
 
 
 def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]:
@@ -243,23 +232,14 @@ def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]
     for i, following in zip(at, at[1:], strict=False):
         need, lasts = abs(change[i]) / limits.pressure_rate, (following - i) * dt
         if need > lasts * SLACK:
-            need = float(f"{need:.3g}")
-            ends = f"{_bar(values[i])} to {_bar(values[i + 1])}"
-            yield Violation(
-                "pressure",
-                f"a jump from {ends} for {time_words(lasts)}",
-                f"the valve needs {time_words(need)}",
-                f"the set-point jumps from {ends} for {time_words(lasts)}; the valve needs {time_words(need)}",
-            )
+            needs = f"the valve needs {time_words(float(f'{need:.3g}'))}"
+            ends = f"from {_bar(values[i])} to {_bar(values[i + 1])} for {time_words(lasts)}"
+            yield Violation("pressure", f"a jump {ends}", needs, f"the set-point jumps {ends}; {needs}")
             return
 
 
 def _bar(value: float) -> str:
     return words(value, "Pa")
-
-
-def _rate(limits: Limits) -> str:
-    return f"{_bar(limits.pressure_rate)}/s"
 
 
 def _check_motion(
@@ -384,13 +364,8 @@ def _check_tension(
     place = f"{words(span[worst], 'm')} and {words(pressure[worst], 'Pa')}"
     fits = _fitting(estimate, float(span[worst]), float(pressure[worst]), allowed)
     cure = "" if fits is None else f". Up to {words(fits, 'Pa')} fits{_to_lower(step, protocol, fits)}"
-    value, most = words(float(force[worst]), "N"), words(allowed, "N")
-    yield Violation(
-        "tension",
-        value,
-        f"{who} up to {most}{cure}",
-        f"tension would reach {value} near {place}; {who} up to {most}{cure}",
-    )
+    value, most = words(float(force[worst]), "N"), f"{who} up to {words(allowed, 'N')}{cure}"
+    yield Violation("tension", value, most, f"tension would reach {value} near {place}; {most}")
 
 
 def _to_lower(step: PlannedStep, protocol: Protocol, fits: float) -> str:

@@ -94,17 +94,47 @@ class Load(Module):
         """Recorded outputs of the load [SI]."""
 
 
-class PlateLoad(Load):
-    """Holds each of its muscles at one span, constant or by a signal."""
+class HeldMuscles(Load):
+    """A load that states which muscles it holds."""
 
     held: tuple[str, ...] = field(static=True, kw_only=True)
+
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles that it holds."""
+        return self.held
+
+
+class PrescribedMotion(HeldMuscles):
+    """A load whose motion is given: it has no state, stores nothing and loses nothing."""
+
+    def initial(self) -> Tree:
+        """Return no state."""
+        return ()
+
+    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
+        """Return no rates."""
+        return ()
+
+    def stored_energy(self, state: Tree) -> Scalar:
+        """Stored energy, zero [J]."""
+        return jnp.zeros(())
+
+    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
+        """Power of what moves it against the tensions; the loss is zero [W]."""
+        spans = self.spans(state, inputs)
+        return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
+
+    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Return no outputs beside the spans."""
+        return {}
+
+
+class PlateLoad(PrescribedMotion):
+    """Holds each of its muscles at one span, constant or by a signal."""
+
     span: Scalar = quantity("m", (1e-3, 100.0), "span, where no signal gives it", symbol="X", default=0.14)
     # Name of the signal that gives the span [m].
     signal: str | None = field(static=True, kw_only=True, default=None)
-
-    def muscles(self) -> tuple[str, ...]:
-        """Names of the muscles that the plate holds."""
-        return self.held
 
     def alone(self, muscle: str, name: str) -> Load:
         """Return the same plate, since its position is prescribed."""
@@ -122,31 +152,10 @@ class PlateLoad(Load):
         """Sum of the tensions [N]."""
         return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 
-    def initial(self) -> Tree:
-        """Return no state."""
-        return ()
-
     def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Equal spans of all muscles."""
         at = (self.span, jnp.zeros(())) if self.signal is None else inputs[self.signal]
         return {name: SpanState(*at) for name in self.held}
-
-    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
-        """Return no rates."""
-        return ()
-
-    def stored_energy(self, state: Tree) -> Scalar:
-        """Stored energy, zero [J]."""
-        return jnp.zeros(())
-
-    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
-        """Power that moves the plate against the tensions; the loss is zero [W]."""
-        spans = self.spans(state, inputs)
-        return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
-
-    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
-        """Return no outputs beside the spans."""
-        return {}
 
 
 class BodyState(NamedTuple):
@@ -156,7 +165,7 @@ class BodyState(NamedTuple):
     velocity: Scalar
 
 
-class Body(Load):
+class Body(HeldMuscles):
     """A mass with weight, spring and damper; all but the mass are optional.
 
         m dv/dt = W + f - k (X - X0) - c v - sum T,   dX/dt = v
@@ -165,7 +174,6 @@ class Body(Load):
     but those of the muscle.
     """
 
-    held: tuple[str, ...] = field(static=True, kw_only=True)
     start: Scalar = quantity("m", (1e-3, 100.0), "span at the start", symbol="X")
     mass: Scalar = quantity("kg", (1e-4, 1e4), "inertia", symbol="m", typical=(0.1, 100.0))
     weight: Scalar = quantity("N", (-1e5, 1e5), "constant force that lengthens", symbol="W", default=0.0)
@@ -174,10 +182,6 @@ class Body(Load):
     damping: Scalar = quantity("N*s/m", (0.0, 1e6), "damper", symbol="c", default=0.0)
     # Name of the signal of a further force that lengthens [N].
     signal: str | None = field(static=True, kw_only=True, default=None)
-
-    def muscles(self) -> tuple[str, ...]:
-        """Names of the muscles that carry it."""
-        return self.held
 
     def one_of(self, muscle: str, name: str) -> Load:
         """Return the load with one muscle."""
@@ -231,46 +235,19 @@ class Body(Load):
         return {"position": state.position, "velocity": state.velocity}
 
 
-class HostLoad(Load):
+class HostLoad(PrescribedMotion):
     """Muscles whose spans another program gives, each by its own signal ``<muscle>.span`` [m]."""
-
-    held: tuple[str, ...] = field(static=True, kw_only=True)
-
-    def muscles(self) -> tuple[str, ...]:
-        """Names of the muscles that the other program holds."""
-        return self.held
 
     def signals(self) -> tuple[str, ...]:
         """Names of the signals of the spans."""
         return tuple(f"{name}.span" for name in self.held)
 
-    def initial(self) -> Tree:
-        """Return no state."""
-        return ()
-
     def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Span of every muscle from its signal."""
         return {name: SpanState(*inputs[f"{name}.span"]) for name in self.held}
-
-    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
-        """Return no rates."""
-        return ()
-
-    def stored_energy(self, state: Tree) -> Scalar:
-        """Stored energy, zero [J]."""
-        return jnp.zeros(())
-
-    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
-        """Power of the other program against the tensions; the loss is zero [W]."""
-        spans = self.spans(state, inputs)
-        return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
 
     def accounts(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Tension [N], whose integral is the impulse, and power [W] at the end of each muscle."""
         spans = self.spans(state, inputs)
         impulses = {f"{n}.impulse": tensions[n] + jnp.zeros(()) for n in self.held}
         return impulses | {f"{n}.work": tensions[n] * spans[n].velocity for n in self.held}
-
-    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
-        """Return no outputs beside the spans."""
-        return {}

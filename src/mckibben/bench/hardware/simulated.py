@@ -20,6 +20,7 @@ from ...components.module import flatten, map_leaves
 from ...engine import sampled
 from ...engine.packed import compile_once, pack
 from ...errors import LineLostError
+from .computer import Timing
 from .converters import SPAN
 from .interface import Hardware, WaitInterrupted
 from .plant import InstrumentedPlant
@@ -189,9 +190,7 @@ class SimulatedMachine:
         plant: the machine.
         carry: where it begins; its software is not looked at.
         rows: external inputs of the samples.
-        period: period of the samples [s].
-        inner: steps of the physics per sample.
-        latency: from a sample to the action of its commands [s].
+        timing: of the samples, of the physics between them, and of the commands.
         ahead: for so long [s] nothing is drawn while it goes.
     """
 
@@ -200,12 +199,11 @@ class SimulatedMachine:
         plant: InstrumentedPlant,
         carry: sampled.Carry,
         rows: SampleRows,
+        timing: Timing,
         *,
-        period: float,
-        inner: int,
-        latency: float,
         ahead: float = 0.0,
     ) -> None:
+        period = timing.period
         self.names = plant.converters.names
         self.bits = tuple(plant.converters.analog[n].bits for n in self.names)
         self._period = period
@@ -214,7 +212,7 @@ class SimulatedMachine:
         self._drawn: deque[np.ndarray] = deque()
         physics, row = carry._replace(software=()), map_leaves(lambda x: x[0], self._draw())
         # Arguments, as those of a simulation: as constants of the program some would be folded, to another last bit.
-        setup = _Setup(plant, np.float64(period), np.int64(inner), np.float64(latency))
+        setup = _Setup(plant, np.float64(period), np.int64(timing.inner), np.float64(timing.latency))
         self._observe = compile_once(_observe, (), setup, physics, row)
         self._act = compile_once(_act, (), setup, physics, np.zeros(3))
         self._setup, self._physics = pack(setup), pack(physics)

@@ -249,9 +249,8 @@ class ManualSetup:
         self.manual = Manual.of(self.limits, hold=hold)
         self.watch = rig.watch(self.prepared.layout)
         self.converters = rig.converters(self.segment.start_span)
-        self.machine = rig.machine(
-            self.segment.layout, self.prepared.unit, start=self.segment.start_span, moves=self.segment.moves
-        )
+        part = self.segment
+        self.machine = rig.machine(part.layout, self.prepared.unit, start=part.start_span, moves=part.moves)
         self._own: SegmentMachine | None = None
         self._simulated: SimulatedHardware | None = None
 
@@ -273,11 +272,8 @@ class ManualSetup:
             InputError: names what is allowed.
         """
         unit = CHANNELS[name]
-        si = (
-            read_amount(value, unit, field=name).si(self.prepared.plan.rest_length)
-            if isinstance(value, str)
-            else float(value)
-        )
+        rest = self.prepared.plan.rest_length
+        si = read_amount(value, unit, field=name).si(rest) if isinstance(value, str) else float(value)
         if name != "pressure" and self.rig.motor is None:
             raise InputError(name, with_unit(si, unit), f"the rig {self.rig.name} has no motor")
         low, high = self.allowed(name)

@@ -25,6 +25,7 @@ import numpy as np
 from ...assembly.muscle_unit import MuscleUnit
 from ...engine import STEP
 from ...errors import InputError, LineLostError, MckibbenError
+from ...experiments.amounts import CHANNELS
 from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ...recordings.recording import Recording
@@ -127,9 +128,8 @@ class Session(MachineSession):
         self._alone, self._since_alone = False, 0.0
         self._first_news = 0  # number of the first sample whose stops are news
         self._used = False  # whether anything was asked for since it was last vented
-        self.ready = self._aside = (
-            False  # whether the machine that is operated by hand stands still during a run on a new machine
-        )
+        # aside: the machine that is operated by hand stands still during a run on a new machine
+        self.ready = self._aside = False
         if by_hand:
             self.make_ready()
 
@@ -413,9 +413,8 @@ class Session(MachineSession):
                 raise InputError("set-point", name, known=("pressure", *MODES))
         motors = [n for n in wanted if n in MODES]
         if len(motors) > 1:
-            raise InputError(
-                motors[1], str(wanted[motors[1]]), f"the motor controls one thing, and that is {motors[0]}"
-            )
+            problem = f"the motor controls one thing, and that is {motors[0]}"
+            raise InputError(motors[1], str(wanted[motors[1]]), problem)
         amounts = {name: self.setup.amount(name, value) for name, value in wanted.items()}
         self._alone = False
         change = {"alone": 0.0} | ({"pressure": amounts["pressure"]} if "pressure" in amounts else {})
@@ -423,8 +422,7 @@ class Session(MachineSession):
             change |= {"mode": float(MODES[motors[0]]), "motor": amounts[motors[0]]}
         self._setpoints.change(**change)
         self._used = True
-        units = {"pressure": "Pa", "span": "m", "velocity": "m/s", "tension": "N"}
-        self._remark(", ".join(f"{n} {with_unit(v, units[n])}" for n, v in amounts.items()))
+        self._remark(", ".join(f"{n} {with_unit(v, CHANNELS[n])}" for n, v in amounts.items()))
         self._wake()
 
     def vent(self) -> None:
@@ -499,9 +497,8 @@ class Session(MachineSession):
             if stop is None:
                 self._require_no_stop("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
-            stage: Stage = (
-                NewMachine(self._given, clock) if new_machine else ContinuedMachine(self, prepared, ask is not None)
-            )
+            attended = ask is not None
+            stage: Stage = NewMachine(self._given, clock) if new_machine else ContinuedMachine(self, prepared, attended)
             run = ProtocolRun(
                 prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
                 stop=self.button if stop is None else stop,

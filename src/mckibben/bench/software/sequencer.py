@@ -23,10 +23,7 @@ from ...quantities import quantity
 
 SPAN, VELOCITY, TENSION = range(3)
 assert MODES == ("span", "velocity", "tension")
-LEAST_STEPS, LEAST_SAMPLES = (
-    64,
-    2**16,
-)  # tables are padded to these, or 16 times as much, so that few sizes are compiled
+LEAST_STEPS, LEAST_SAMPLES = 64, 2**16  # tables are padded to these, or 16 times as much: few sizes are compiled
 CHANNELS = ("pressure", "span", "velocity", "tension")  # that a test can look at, and the sensors that are tested
 
 
@@ -284,8 +281,9 @@ class Manual(Module):
     """Generator of manual set-points in place of a `Sequencer`: their rates, and their hold time without an operator.
 
         pressure and tension     x' = x + clip(to - x, -r dt, r dt)
-        span                   v' = v + clip(w - v, -a dt, a dt), x' = x + v' dt, w = sign(to - x) min(u, V(|to - x|))
-                                 V(e) = e/(m dt) + a dt (m - 1)/2,  m = ceil(sqrt(1/4 + 2 e/(a dt^2)) - 1/2), at least 1
+        span                     v' = v + clip(w - v, -a dt, a dt),  x' = x + v' dt
+                                 w = sign(to - x) min(u, V(|to - x|)),  V(e) = e/(m dt) + a dt (m - 1)/2
+                                 m = ceil(sqrt(1/4 + 2 e/(a dt^2)) - 1/2), at least 1
         velocity                 the same with w the set velocity, and V of the way that is left to the end of the span
 
     V is the speed from which m samples, each slower by a dt, make exactly the way e: the set-point arrives without

@@ -144,15 +144,8 @@ def rates(tube: DistributedTube, left: End, right: End, state: TubeState, time: 
 
 
 def _wall(tube: DistributedTube, state: Primitive) -> WallRates:
-    return wall_rates(
-        tube.gas,
-        state,
-        diameter=tube.diameter,
-        roughness=tube.roughness,
-        wall_temperature=tube.wall_temperature,
-        friction_scale=tube.friction_scale,
-        heat=tube.wall == "wall_heat",
-    )
+    own = {name: getattr(tube, name) for name in ("diameter", "roughness", "wall_temperature", "friction_scale")}
+    return wall_rates(tube.gas, state, **own, heat=tube.wall == "wall_heat")
 
 
 def hold_temperature(tube: DistributedTube, state: TubeState) -> TubeState:
@@ -251,22 +244,15 @@ def assemble(
         _end_record(area, sign, recorded.faces[k], recorded.behind[k], recorded.ends[k])
         for k, sign in enumerate((-1.0, 1.0))
     )
-    cells, heat = map(np.asarray, recorded.cells), np.asarray(recorded.heat)
-    return TubeResult(times, centres, *cells, at_left, at_right, heat, _balance(tube, ends, *states), steps)
+    (pressure, velocity, temperature), heat = map(np.asarray, recorded.cells), np.asarray(recorded.heat)
+    cells, balance = (pressure, velocity, temperature), _balance(tube, ends, *states)
+    return TubeResult(times, centres, *cells, at_left, at_right, heat, balance, steps)
 
 
 def _end_record(area: float, sign: float, face: TubeFace, behind: Primitive, state: EndState) -> EndRecord:
-    columns = (
-        face.state.pressure,
-        face.state.temperature,
-        sign * face.state.velocity,
-        sign * area * face.mass,
-        sign * area * face.energy,
-        behind.pressure,
-        behind.temperature,
-        *state,
-    )
-    return EndRecord(*(np.asarray(column) for column in columns))
+    at, flows = face.state, (sign * area * face.mass, sign * area * face.energy)
+    columns = at.pressure, at.temperature, sign * at.velocity, *flows, behind.pressure, behind.temperature, *state
+    return EndRecord(*map(np.asarray, columns))
 
 
 def _balance(tube: DistributedTube, ends: tuple[End, End], start: TubeState, end: TubeState) -> TubeBalance:
