@@ -115,20 +115,16 @@ class MachineArray(System):
                 volumes[name] = volumes.get(name, 0.0) + volume
         return with_line_volumes(self.circuit, volumes)
 
-    def _inputs(self, g: int, state: Tree, inputs: Mapping[str, Any], gases: Mapping[str, Any]) -> dict[str, Tree]:
-        prefix = f"{g}."
-        own = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
-        nodes = self.groups[g].circuit.nodes
-        ends = {str(n.signal): gases[name] for name, n in nodes.items() if isinstance(n, Junction)}
-        return {**own, **ends}
-
     def _cells(self, state: Tree, inputs: Mapping[str, Value], circuit: Circuit) -> list[Any]:
         """States and inputs of the cells of each group; the load's state is part of every cell's."""
         gases = circuit.gas_states(state["circuit"], inputs)
-        return [
-            ({**own, "load": state["load"]}, self._inputs(g, state, inputs, gases))
-            for g, own in enumerate(state["groups"])
-        ]
+        cells = []
+        for g, own in enumerate(state["groups"]):
+            prefix, nodes = f"{g}.", self.groups[g].circuit.nodes
+            signals = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
+            ends = {str(n.signal): gases[name] for name, n in nodes.items() if isinstance(n, Junction)}
+            cells.append(({**own, "load": state["load"]}, {**signals, **ends}))
+        return cells
 
     def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of the shared gas, the load and all cells."""

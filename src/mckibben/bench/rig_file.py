@@ -142,6 +142,12 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
     layouts = top.table("plumbing")
     if not layouts.values:
         raise top.fail("plumbing", None, "is missing: one table for each way to join the pneumatic parts")
+    hands = top.listed("hands")
+    for table in hands:  # plumbing that an operator is asked to connect must be one of the file
+        if "plumbing" in table:
+            table.word("plumbing", among=tuple(layouts.values))
+    interlocks = top.table("interlocks")  # but for the limits that follow from other parts
+    interlocks.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
     if not bounds[0] < bounds[1]:
         raise frame.fail("longest", frame.values["longest"], f"must be more than {frame.values['shortest']}")
     if motor is not None and "motor" not in outputs.values:
@@ -165,10 +171,10 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
         motion=read_table(MotionEstimate, control.table("motion")),
         **{name: _controller(control.table(name), kind) for name, kind in CONTROLLERS.items()},
-        interlocks=_interlocks(top.table("interlocks"), bounds),
+        interlocks=read_table(Interlocks, interlocks, shortest=bounds[0], longest=bounds[1]),
         environment=room,
         faults=_faults(top.table("faults"), [*sensors.values, *(["span"] if "encoder" in document else [])]),
-        hands=_hands(top, tuple(layouts.values)),
+        hands=tuple(read_table(OperatorAction, table, owner="a hand has") for table in hands),
         document=document,
         where=where,
     )
@@ -232,12 +238,6 @@ def _controller(table: FileTable, usual: type[T]) -> T:
         raise InputError(table.field("controller"), reference, f"must be {demand}", where=table.where, sentence=said)
     made: Any = read_table(kind, table.without("controller"))
     return cast(T, made)
-
-
-def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
-    """Read the limits of the interlocks; those that follow from other parts are not stated again."""
-    entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
-    return read_table(Interlocks, entry, shortest=bounds[0], longest=bounds[1])
 
 
 def _faults(table: FileTable, channels: Sequence[str]) -> RigFaults:
@@ -326,15 +326,6 @@ def _heat(entry: FileTable, room: Environment) -> HeatModel:
         raise entry.fail("heat", word, "must be isothermal, adiabatic, or a conductance such as '0.2 W/K'") from None
     q.check(entry.field("heat"), value, where=entry.where)
     return WallHeat(conductance=value, wall_temperature=room.temperature)
-
-
-def _hands(top: FileTable, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
-    hands = []
-    for table in top.listed("hands"):
-        if "plumbing" in table:
-            table.word("plumbing", among=layouts)
-        hands.append(read_table(OperatorAction, table, owner="a hand has"))
-    return tuple(hands)
 
 
 def _words(entry: FileTable, key: str) -> tuple[str, ...]:

@@ -337,11 +337,11 @@ class SampleLoop:
         if before.state is None:
             return state
         carried = np.array(state)
-        carried[self._shared()] = before.state[before._shared()]
+        mine, theirs = (
+            [int(i) for i in flatten({k: v for k, v in loop.places.items() if k != OWN})[0]] for loop in (self, before)
+        )
+        carried[mine] = before.state[theirs]
         return carried
-
-    def _shared(self) -> list[int]:
-        return [int(i) for i in flatten({k: v for k, v in self.places.items() if k != OWN})[0]]
 
     def _following(self, after: SampleLoop) -> np.ndarray:
         """State after a protocol: its last set-points are held; after a velocity, the reached span."""

@@ -630,18 +630,15 @@ class ProtocolStep:
         said += [command.sentence(channel) for channel, command in self.commands()]
         if self.until is not None:
             said.append(f"until {self.until.sentence()}")
-        time = self._time()
+        time = time_words(self.duration) if self.duration is not None else ""
+        if self.cycles is not None:
+            time = f"{self.cycles:g} cycle{'' if self.cycles == 1 else 's'}"
         if time:
             said.append(f"at most {time}, then {self.otherwise}" if self.until is not None else f"for {time}")
         if not self.record:
             said.append("not recorded")
         text = ", ".join(said)
         return f"{self.label}: {text}" if self.label else text
-
-    def _time(self) -> str:
-        if self.cycles is not None:
-            return f"{self.cycles:g} cycle{'' if self.cycles == 1 else 's'}"
-        return time_words(self.duration) if self.duration is not None else ""
 
 
 def bind(

@@ -363,16 +363,14 @@ def _check_tension(
         return
     place = f"{words(span[worst], 'm')} and {words(pressure[worst], 'Pa')}"
     fits = _fitting(estimate, float(span[worst]), float(pressure[worst]), allowed)
-    cure = "" if fits is None else f". Up to {words(fits, 'Pa')} fits{_to_lower(step, protocol, fits)}"
+    cure = ""
+    if fits is not None:  # say which parameters of the protocol ask for more
+        stated = {p.name: step.case[p.name] for p in protocol.parameters if p.unit == "Pa" and p.name in step.case}
+        higher = [name for name, value in stated.items() if read_amount(value, "Pa", field=name).value > fits]
+        lower = f": lower {' and '.join(higher)}" if higher else ""
+        cure = f". Up to {words(fits, 'Pa')} fits{lower}"
     value, most = words(float(force[worst]), "N"), f"{who} up to {words(allowed, 'N')}{cure}"
     yield Violation("tension", value, most, f"tension would reach {value} near {place}; {most}")
-
-
-def _to_lower(step: PlannedStep, protocol: Protocol, fits: float) -> str:
-    """The parameters of a protocol that state a higher pressure [Pa] than fits, as the end of a sentence."""
-    stated = {p.name: step.case[p.name] for p in protocol.parameters if p.unit == "Pa" and p.name in step.case}
-    higher = [name for name, value in stated.items() if read_amount(value, "Pa", field=name).value > fits]
-    return f": lower {' and '.join(higher)}" if higher else ""
 
 
 def _fitting(estimate: Estimate, span: float, pressure: float, allowed: float) -> float | None:

@@ -398,7 +398,11 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
     numbers: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
-            raise InputError(f"{kind}.{key}", None, _unknown(kind, key), known=known, where=where)
+            said = f"{kind} has"
+            if kind.endswith("_tube") and canonical(key) in SIZES:
+                part = f"a part that a catalogue states by {key} is an orifice"
+                said = f"a tube is stated by its length and bore; {part}; {said}"
+            raise InputError(f"{kind}.{key}", None, said, known=known, where=where)
         q, field, target = known[key], f"{kind}.{key}", canonical(key, passages)
         if target in numbers:
             raise InputError(
@@ -411,16 +415,6 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
         numbers[target] = parse(words, q.unit, field=field, where=where)
         q.check(field, numbers[target], where=where)
     return numbers
-
-
-def _unknown(kind: str, key: str) -> str:
-    """The words that begin the list of the keys of a kind."""
-    if kind.endswith("_tube") and canonical(key) in SIZES:
-        return (
-            f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; "
-            f"{kind} has"
-        )
-    return f"{kind} has"
 
 
 def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) -> str:

@@ -155,15 +155,15 @@ class SimulatedPerson:
     def __call__(self, task: OperatorTask) -> None:
         """Set the sensors to the true value of the reference; equal settings have equal errors."""
         self.asked.append(task.sentence)
-        self.sensors.put({n: self._true(value) for n, value in task.values.items()})
+        true = dict.fromkeys(task.values, 0.0)
+        for name, value in task.values.items():
+            if value == 0.0 and self.reference.exact_nothing:
+                continue
+            if value not in self._errors:
+                self._errors[value] = self.reference.uncertainty * float(self._draw.standard_normal())
+            true[name] = value * (1.0 + self._common) + self._errors[value]
+        self.sensors.put(true)
         self.sensors.wave = task.wave
-
-    def _true(self, value: float) -> float:
-        if value == 0.0 and self.reference.exact_nothing:
-            return 0.0
-        if value not in self._errors:
-            self._errors[value] = self.reference.uncertainty * float(self._draw.standard_normal())
-        return value * (1.0 + self._common) + self._errors[value]
 
 
 class _Filters(System):

@@ -136,7 +136,10 @@ class Clock:
             self._reached += period
             if self._halted:
                 return 0.0
-            self._follow_viewer(period)
+            if not self._near():  # wait until the viewer has seen enough; while it is silent, a period of real time
+                until = max(self._heard + PATIENCE, self._before + period)
+                self._changed.wait_for(self._near, max(until - perf_counter(), 0.0))
+            self._before = perf_counter()
             speed, due = self._speed, self._due
         if speed is None:
             if self._grain and self._count % BREATH == 0:
@@ -154,13 +157,6 @@ class Clock:
             time.sleep(max(due - now, self._grain))
             return 0.0
         return now - due if now - due > self._grain + 1e-3 else 0.0
-
-    def _follow_viewer(self, period: float) -> None:
-        """Wait until the viewer has seen enough, or if it is silent, for a period of real time."""
-        if not self._near():
-            until = max(self._heard + PATIENCE, self._before + period)
-            self._changed.wait_for(self._near, max(until - perf_counter(), 0.0))
-        self._before = perf_counter()
 
     def _near(self) -> bool:
         return self._viewed is None or self._halted or self._interrupted or self._reached - self._viewed < LEAD

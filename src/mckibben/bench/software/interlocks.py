@@ -261,6 +261,7 @@ class Interlocks(Module):
             return ""
         velocity, limit, patience = measured.get("velocity"), float(self.most_lag), with_unit(float(self.patience), "s")
         velocity = None if velocity is None else abs(float(velocity))
+        tension = measured.get("tension")
         span_reads = f"the span reads {_value(measured.get('span'), 'm')}"
         sentences: dict[Trip, Callable[[], str]] = {
             Trip.OVER_PRESSURE: lambda: _over("pressure", _pressure_of(measured), "Pa", self.burst_pressure),
@@ -269,7 +270,10 @@ class Interlocks(Module):
             Trip.TOO_LONG: lambda: _over("span", measured.get("span"), "m", self.longest),
             Trip.OVER_SPEED: lambda: _over("speed", velocity, "m/s", self.most_speed),
             Trip.LOST_PRESSURE: lambda: self._lost_pressure(_pressure_of(measured)),
-            Trip.LOST_TENSION: lambda: self._lost_tension(measured.get("tension")),
+            Trip.LOST_TENSION: lambda: (
+                _doubtful("tension", tension, "N", self.tension_rail, self.tension_floor, self.patience)
+                or f"the tension sensor reads {_value(tension, 'N')}, which is doubtful"
+            ),
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
             Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
             Trip.OUT_OF_LIMITS: lambda: self._out_of_limits(measured),
@@ -301,10 +305,6 @@ class Interlocks(Module):
             f"the pressure sensor reads {reads} though the valve was asked for more than {asked} for "
             f"{with_unit(float(self.implausible_after), 's')}: no sensor, no supply or a muscle that is cut off"
         )
-
-    def _lost_tension(self, x: float | None) -> str:
-        said = _doubtful("tension", x, "N", self.tension_rail, self.tension_floor, self.patience)
-        return said or f"the tension sensor reads {_value(x, 'N')}, which is doubtful"
 
     def _lost_span(self, x: float | None) -> str:
         if x is not None and not math.isfinite(x):

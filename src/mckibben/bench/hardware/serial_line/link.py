@@ -377,19 +377,15 @@ class Arrivals:
         self._first_at, self._newest_at = at if self._newest == 0 else self._first_at, at
         if self._damaged is not None and at > self._damaged:
             self._damaged = None
-        return ReceivedSample(message, 0.0 if self.lock_step else self._late(message.sequence, at))
-
-    def _late(self, sample: int, at: float) -> float:
-        """Lateness of a sample [s]; the expected time of later ones follows the device's clock."""
-        if sample == 0:
+        if self.lock_step:
+            return ReceivedSample(message, 0.0)
+        if message.sequence == 0:
             self._origin = at
-        late = at - self._origin - sample * self.period
-        if late < 0.0:
-            self._origin += late
-            return 0.0
-        self._origin += min(late, DRIFT * self.period)
+        late = at - self._origin - message.sequence * self.period
+        # the expected time of later samples follows the device's clock: at once where one is early, else slowly
+        self._origin += late if late < 0.0 else min(late, DRIFT * self.period)
         self.late += late > self.period
-        return late
+        return ReceivedSample(message, max(late, 0.0))
 
 
 # ---- the machine

@@ -264,7 +264,13 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
     process.start()
     theirs.close()
     try:
-        hosted = Hosted(_begun(ours))
+        said: str | LineLostError = LineLostError("simulated microcontroller: it did not start")
+        with contextlib.suppress(OSError, EOFError):
+            if ours.poll(BEGINNING):
+                said = ours.recv()
+        if not isinstance(said, str):
+            raise said
+        hosted = Hosted(said)
         yield hosted
         with contextlib.suppress(OSError, EOFError):  # it may have ended by itself
             with contextlib.suppress(OSError):
@@ -276,16 +282,6 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
         if process.is_alive():
             process.kill()
             process.join()
-
-
-def _begun(line: Connection) -> str:
-    with contextlib.suppress(OSError, EOFError):
-        if line.poll(BEGINNING):
-            said: str | LineLostError = line.recv()
-            if isinstance(said, str):
-                return said
-            raise said
-    raise LineLostError("simulated microcontroller: it did not start")
 
 
 def _serve(
