@@ -92,7 +92,7 @@ class ExergyBalance:
     def plus(self, other: ExergyBalance) -> ExergyBalance:
         """Return the sum of both balances."""
         work = {k: v + other.compressor[k] for k, v in self.compressor.items()}
-        ledgers = (getattr(self, name).plus(getattr(other, name)) for name in ("exergy", "energy", "load"))
+        ledgers = self.exergy.plus(other.exergy), self.energy.plus(other.energy), self.load.plus(other.load)
         return ExergyBalance(*ledgers, self.air + other.air, work)
 
 

@@ -77,7 +77,7 @@ def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = N
     at, message = 0, "The run reached its end."
     try:
         for first, last in zip(edges, edges[1:], strict=False):
-            windows = {n: Window(s.values[first : last + 1], s, first) for n, s in signals.items()}
+            windows: Any = {n: Window(s.values[first : last + 1], s, first) for n, s in signals.items()}
             try:
                 run = integrate(
                     plan.circuit, state, windows,

@@ -363,9 +363,11 @@ class Manual(Module):
         aim = jnp.where(jnp.isfinite(to), to, tension)
         pulling = mode == TENSION
         pulled = jnp.where(pulling, tension + _within(aim - tension, self.tension_rate * dt), tension)
-        held = (jnp.where(pulling, x, y) for x, y in ((motor_at[SPAN], span), (0.0, velocity), (0.0, acceleration)))
+        span = jnp.where(pulling, motor_at[SPAN], span)
+        velocity, acceleration = (jnp.where(pulling, 0.0, x) for x in (velocity, acceleration))
         step, opened = jnp.where(left, ABANDONED, MANUAL), jnp.where(left, 1.0, asked.open)
-        return ManualPlace(step, place.missed, pressure, opened, mode, *held, pulled, alone, asked)
+        path = span, velocity, acceleration, pulled
+        return ManualPlace(step, place.missed, pressure, opened, mode, *path, alone, asked)
 
     def _span(
         self, place: ManualPlace, mode: Any, to: Any, motor_at: Sequence[Scalar], dt: Scalar
