@@ -233,13 +233,7 @@ class Cell(NamedTuple):
 
 
 class MachineCoupling(Coupling):
-    """A machine cut into cells.
-
-    Args:
-        cells: cells by muscle.
-        nodes: nodes of the shared circuit.
-        elements: elements of the shared circuit.
-    """
+    """A machine cut into cells."""
 
     def __init__(self, cells: Mapping[str, Cell], nodes: list[str], elements: list[str]) -> None:
         self._cells, self._nodes, self._elements = dict(cells), nodes, elements

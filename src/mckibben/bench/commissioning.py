@@ -528,15 +528,7 @@ class _Judged:
 
 
 def simulated_machine(rig: Rig, muscle: Any, *, period: float = 4e-3, motor: bool = False, seed: int = 0) -> Hardware:
-    """Return a simulated machine with a muscle at rest, as hardware to check.
-
-    Args:
-        rig: the rig.
-        muscle: a specimen, or its name.
-        period: period of the samples [s].
-        motor: whether the muscle hangs at the motor instead of a fixed plate.
-        seed: of the sensors' noise.
-    """
+    """Return a simulated machine with a muscle at rest, as hardware to check."""
     rate = f"{1.0 / period:g} Hz"
     bench = prepare("isometric-step", muscle=muscle, rig=rig, seed=seed, sample_rate=rate)
     bench = dataclasses.replace(bench, motor_held=motor and rig.motor is not None)

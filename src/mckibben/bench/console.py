@@ -111,10 +111,6 @@ PROTOCOL = ".toml"
 def loaded(name: str, channel: str | None = None) -> Protocol:
     """Load a protocol by name, or from a file of a protocol or a waveform.
 
-    Args:
-        name: name of a shipped protocol, or the path of a ``.toml`` file or of a table with a time and one other column.
-        channel: what follows the table; by its unit by default.
-
     Raises:
         InputError: names what is unknown or cannot be read.
     """

@@ -76,9 +76,8 @@ class Stage(Protocol):
 class NewMachine:
     """A stage whose machine is set up for every segment, at rest where the segment begins.
 
-    Args:
-        hardware: a real machine, which is started again and stays open; None: a simulated one, which is made again.
-        clock: clock of a simulated machine; None: whole chunks at once, with steps that the machine's own rates allow.
+    A real machine is started again and stays open; a simulated one is made again, and without a clock whole chunks are
+    computed at once, with steps that the machine's own rates allow.
     """
 
     def __init__(self, hardware: Hardware | None = None, clock: Clock | None = None) -> None:
@@ -119,12 +118,7 @@ class NewMachine:
 
 
 def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True) -> None:
-    """Compile what a real-time run of a simulated machine needs, so that it begins at once.
-
-    Args:
-        prepared: the run.
-        wanted: asked before each segment whether it is still wanted.
-    """
+    """Compile what a real-time run of a simulated machine needs, so that it begins at once, while that is still wanted."""
     timing = timing_of(prepared)
     for number, segment in enumerate(prepared.segments()):
         if not wanted():
@@ -137,17 +131,10 @@ def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True
 
 
 class ProtocolRun:
-    """A prepared run on a stage, from its first sample to its recording.
+    """A prepared run on a stage, from its first sample to its recording; its dry run has passed.
 
-    Args:
-        prepared: the run; its dry run has passed.
-        stage: where.
-        progress: told how far it is, with every chunk.
-        display: shown every chunk.
-        stop: asked at every sample by a clock, else once per chunk, whether to end the run.
-        ask: told what a person has to do on a real machine; returns when it is done.
-        log: a new ``.mcap`` file.
-        begun: given the state of the run once the machine is where the first segment begins.
+    Options are those of `run.run`, and ``begun``, which is given the state of the run once the machine is where the first
+    segment begins.
 
     Attributes:
         state: how far it is, and how it ended.

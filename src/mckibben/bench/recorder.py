@@ -147,11 +147,7 @@ LONGEST_GAP = 1.5  # samples; further apart are samples between which something 
 
 
 class Chunks:
-    """Samples kept in memory, chunk by chunk; a channel may be missing in some chunks.
-
-    Args:
-        period: period of the samples [s].
-        kinds: kinds of every channel that may come: SI unit, kind (``"true"``, ``"measured"``, ``"command"``) and meaning.
+    """Samples kept in memory, chunk by chunk, of channels whose unit, kind and meaning are known; some may lack in a chunk.
 
     Raises:
         InputError: if the period is no time above zero.
@@ -230,11 +226,6 @@ class Chunks:
 class RunRecorder:
     """Recorder of a run: samples in memory and, if a log is given, in a crash-safe file.
 
-    Args:
-        bench: the run, for the header of the log.
-        period: between two samples that are kept [s].
-        log: path of a new ``.mcap`` file.
-
     Attributes:
         failure: why the log has no more samples, such as a full disk; empty while it takes them.
     """
@@ -305,18 +296,10 @@ class RunRecorder:
 
 
 LEAVES = "by hand"  # label of the only step
-ENDED = 2.0  # time within which a machine that is sampled comes to its next sample [s]
 
 
 class ManualRecording:
-    """A recording of a session from one sample to another, runs included.
-
-    Args:
-        prepared: the run, for the header of the log.
-        timing: timing of the loop.
-        machine: that is sampled.
-        log: a new ``.mcap`` file.
-    """
+    """A recording of a session from one sample to another, runs included, with a log where a file is named for it."""
 
     def __init__(
         self, prepared: PreparedRun, timing: Timing, machine: SampledMachine, log: str | Path | None = None
@@ -370,12 +353,7 @@ class ManualRecording:
     def close(
         self, machine: Machine, closed: Callable[[np.ndarray | None, np.ndarray | None], Accounts | None], message: str
     ) -> Recording:
-        """Close the log and return the recording.
-
-        Args:
-            machine: whose parameters are written down.
-            closed: the accounts between two states of a simulated machine.
-            message: how it ended.
+        """Close the log and return the recording, with the parameters of a machine and the accounts between two states.
 
         Raises:
             InputError: if nothing was recorded.

@@ -342,12 +342,6 @@ def _words(entry: FileTable, key: str) -> tuple[str, ...]:
 def put_rig_value(document: dict[str, JsonValue], path: str, value: str, where: str) -> None:
     """Replace a value in the tables of a rig's file; whole numbers and truth values may be written as text.
 
-    Args:
-        document: tables of the file; changed in place.
-        path: dotted path of the value.
-        value: new value as text.
-        where: the file, for error messages.
-
     Raises:
         InputError: the path leads through a value that is no table.
     """

@@ -80,15 +80,7 @@ def software_of(bench: PreparedRun, part: RunSegment, timing: Timing) -> BenchSo
 
 
 class SegmentMachine:
-    """The simulated machine of a segment.
-
-    Args:
-        bench: the run.
-        number: number of the part; each has noise of its own.
-        part: the segment.
-        timing: timing of the loop.
-        begin: time at which the part begins [s].
-    """
+    """The simulated machine of a segment."""
 
     def __init__(self, bench: PreparedRun, number: int, part: RunSegment, timing: Timing, begin: float = 0.0) -> None:
         rig, self.timing = bench.rig, timing

@@ -150,11 +150,6 @@ def put_value(values: Mapping[str, JsonValue], key: str, value: JsonValue) -> di
 
     A key that the file has under its other name keeps that name. A size takes the place of one that is stated in another
     way, with what goes with that.
-
-    Args:
-        values: by key.
-        key: that is set.
-        value: as text.
     """
     prefix, target = _prefix(key, PREFIXES), canonical(key, PREFIXES)
     base, gone = target.removeprefix(prefix), set()

@@ -206,13 +206,7 @@ class HardwareReadings:
         *,
         scales: Mapping[str, ChannelScale] | None = None,
     ) -> None:
-        """Prepare the readings of a machine that is not started yet, with the scales of its counts.
-
-        Args:
-            hardware: the machine.
-            converters: as `Rig.converters` has them; a calibration in there is not looked at.
-            scales: as `grids` of the rig has them, with what the transducers see; else only the converters' ends are known.
-        """
+        """Prepare the readings of a machine that is not started yet, with the scales of its counts."""
         self.period, self._hardware = PERIOD, hardware
         self._scales = dict(converters.analog)
         self._encoder = converters.encoder if hardware.has_encoder else None

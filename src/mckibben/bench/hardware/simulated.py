@@ -297,12 +297,7 @@ def _act(setup: _Setup, carry: sampled.Carry, counts: Any) -> tuple[sampled.Carr
 
 
 class SimulatedHardware(Hardware):
-    """A simulated machine in the same process, as the hardware of a sample loop.
-
-    Args:
-        machine: behind its converters.
-        clock: clock of its time; None: every sample is there when it is requested.
-    """
+    """A simulated machine in the same process, as the hardware of a sample loop."""
 
     def __init__(self, machine: SimulatedMachine, clock: Clock | None = None) -> None:
         super().__init__(machine.names, encoder=True, motor=True)

@@ -66,11 +66,6 @@ class Arrival:
 class ContinuedMachine:
     """A stage with the machine of a session, which is sampled before, during and after the run.
 
-    Args:
-        session: that has the machine.
-        prepared: what is done.
-        attended: whether an operator carries out the tasks of the protocol.
-
     Raises:
         InputError: if a segment cannot be played on this machine.
     """

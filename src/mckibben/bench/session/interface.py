@@ -85,11 +85,7 @@ class Messages:
 
 
 class SampleRing:
-    """A ring buffer of the newest samples for displays; used under the lock of its owner.
-
-    Args:
-        size: samples.
-    """
+    """A ring buffer of the newest samples for displays; used under the lock of its owner."""
 
     def __init__(self, size: int) -> None:
         self.size, self.count = size, 0
@@ -207,11 +203,6 @@ def session_rate(rig: Rig) -> float:
 
 def prepare_for_session(protocol: Protocol, rig: Rig, **options: object) -> PreparedRun:
     """Make the dry run of a protocol for a session that is not open yet, as `Session.prepare` will.
-
-    Args:
-        protocol: the protocol.
-        rig: whose machine the session will have.
-        **options: of `prepare`: muscle, unit.
 
     Raises:
         InputError: names what cannot be read.
@@ -476,9 +467,6 @@ class MachineSession(abc.ABC):
 
     def require_manual(self, action: str) -> None:
         """Raise an error unless set-points may be given by hand: the machine is ready, and no run or stop holds it.
-
-        Args:
-            action: the action, with which the sentence begins.
 
         Raises:
             InputError: says what keeps the machine from it, and what would help.

@@ -249,13 +249,7 @@ class Interlocks(Module):
         return {Trip.OUT_OF_LIMITS: ~jnp.stack(within).all()} if within else {}
 
     def reason(self, code: int, measured: Mapping[str, float], time: float) -> str:
-        """Describe a violation: value, limit and action, in one sentence; empty for code 0.
-
-        Args:
-            code: code of `step`.
-            measured: channels of the sample that stopped the machine [SI]; may hold velocity [m/s].
-            time: time of that sample [s].
-        """
+        """Describe a violation: value, limit and action, in one sentence; empty for code 0."""
         trip = Trip(int(code))
         if trip is Trip.NOTHING:
             return ""

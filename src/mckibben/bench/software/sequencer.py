@@ -88,13 +88,7 @@ class Sequencer(Module):
 
     @classmethod
     def of(cls, steps: Sequence[PlannedStep], *, rest_length: float, period: float) -> Sequencer:
-        """Build the program of consecutive steps.
-
-        Args:
-            steps: steps of a plan.
-            rest_length: rest length of the muscle [m].
-            period: period of the samples [s].
-        """
+        """Build the program of consecutive steps."""
         size = _padded(len(steps), LEAST_STEPS)
         offset = np.concatenate([[0], np.cumsum([s.count for s in steps])])
         samples = _padded(int(offset[-1]), LEAST_SAMPLES)
@@ -301,12 +295,7 @@ class Manual(Module):
 
     @classmethod
     def of(cls, limits: Limits, *, hold: float = 5.0) -> Manual:
-        """Rates for a rig.
-
-        Args:
-            limits: limits of the rig.
-            hold: time for which set-points are held while nobody is in control [s].
-        """
+        """Rates for a rig."""
         speed = SLOW * limits.speed if limits.speed > 0.0 else 1e-6
         return cls(
             pressure_rate=min(limits.pressure[1] / FILL, SHARE * limits.pressure_rate),

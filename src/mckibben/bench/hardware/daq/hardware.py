@@ -228,11 +228,6 @@ class Tasks:
     def start(self, period: float, block: int, buffer: float) -> None:
         """Zero the counter and begin to sample.
 
-        Args:
-            period: period of the samples [s].
-            block: samples of one read.
-            buffer: time for which samples may stay unread on their way [s].
-
         Raises:
             InputError: the card has no such rate.
             LineLostError: it does not start.

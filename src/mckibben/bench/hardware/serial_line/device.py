@@ -105,12 +105,7 @@ class Board:
 
 
 class Device:
-    """The state machine in Python.
-
-    Args:
-        board: hardware of the device.
-        send: takes the bytes of one frame.
-    """
+    """The state machine in Python."""
 
     def __init__(self, board: Board, send: Callable[[bytes], None]) -> None:
         self.board, self._send = board, send
@@ -242,11 +237,6 @@ class _Calls(ctypes.Structure):
 
 class CompiledDevice:
     """The state machine in C; behaves as `device.Device`.
-
-    Args:
-        board: hardware of the device.
-        send: takes the bytes of one frame.
-        library: the compiled firmware.
 
     Raises:
         InputError: if that is none.
