@@ -232,8 +232,6 @@ class CommandInterpreter(abc.ABC):
             raise InputError("command", name, self.elsewhere[name])
         if name not in self.commands:
             raise InputError("command", words[0], known=self.commands)
-        if name in CHANNELS:
-            return self._amount(name, rest)
         answer: str | None = getattr(self, f"_{name}")(rest)
         return answer or ""
 
@@ -271,6 +269,18 @@ class CommandInterpreter(abc.ABC):
         }  # fmt: skip
         rate, unit, per = rates[name]
         return f"{name} to {' '.join(words)}, at {with_unit(float(rate), unit, 3)}{per} at most"
+
+    def _pressure(self, words: list[str]) -> str:
+        return self._amount("pressure", words)
+
+    def _span(self, words: list[str]) -> str:
+        return self._amount("span", words)
+
+    def _velocity(self, words: list[str]) -> str:
+        return self._amount("velocity", words)
+
+    def _tension(self, words: list[str]) -> str:
+        return self._amount("tension", words)
 
     def _vent(self, words: list[str]) -> str | None:
         _none("vent", words)
