@@ -1,4 +1,4 @@
-"""Loads of muscles, one file each: a prescribed motion, a body on a line, a joint, a chain of links, another program."""
+"""Loads of muscles: a prescribed motion, a body on a line, a joint, a chain of links, another program."""
 
 from .joint import ChainLink, JointLoad, LinkChain, MomentArm
 from .load import Body, HostLoad, Load, PlateLoad, SpanState

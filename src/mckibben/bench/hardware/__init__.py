@@ -1,4 +1,4 @@
-"""Parts of a test machine, one file each: computer, converters and sensors, motor and encoder, frame."""
+"""Parts of a test machine: computer, converters and sensors, the stand with its motor, and the machine as a whole."""
 
 from typing import TYPE_CHECKING
 
