@@ -69,50 +69,52 @@ class PlannedNode:
 
 
 @dataclass(frozen=True)
-class IsothermalTable:
+class _IsothermalTable:
     """The gas keeps its temperature."""
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         return Isothermal(), "isothermal"
 
 
 @dataclass(frozen=True)
-class AdiabaticTable:
+class _AdiabaticTable:
     """No heat passes."""
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         return adiabatic(), "adiabatic"
 
 
 @dataclass(frozen=True)
-class PolytropicTable:
+class _PolytropicTable:
     """A polytropic change."""
 
     exponent: float = schema.like(Polytropic, "exponent")
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         return Polytropic(exponent=self.exponent), f"polytropic with n = {self.exponent:g}"
 
 
 @dataclass(frozen=True)
-class WallTable:
+class _WallTable:
     """A wall that takes heat, at the temperature of the surroundings unless stated."""
 
     conductance: float = schema.like(WallHeat, "conductance")
     wall_temperature: float | None = schema.like(WallHeat, "wall_temperature", default=None)
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         wall = float(room.temperature) if self.wall_temperature is None else self.wall_temperature
         model = WallHeat(conductance=self.conductance, wall_temperature=wall)
         return model, f"wall of {self.conductance:g} W/K at {with_unit(wall, 'K')}"
 
 
-HeatTable = IsothermalTable | AdiabaticTable | PolytropicTable | WallTable
-HEATS = {"isothermal": IsothermalTable, "adiabatic": AdiabaticTable, "polytropic": PolytropicTable, "wall": WallTable}
+# Each states the heat transfer of a gas, as a model and in words, in its surroundings.
+HeatTable = _IsothermalTable | _AdiabaticTable | _PolytropicTable | _WallTable
+HEATS = {
+    "isothermal": _IsothermalTable,
+    "adiabatic": _AdiabaticTable,
+    "polytropic": _PolytropicTable,
+    "wall": _WallTable,
+}
 
 
 def _read_heat(raw: Any, place: Place) -> HeatTable:
@@ -134,20 +136,19 @@ class NodeTable(abc.ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtmosphereTable(NodeTable):
+class _AtmosphereTable(NodeTable):
     """The surroundings."""
 
     temperature: float | None = schema.like(Reservoir, "temperature", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A reservoir at the pressure of the surroundings."""
         absolute = float(room.pressure_abs)
         node = Reservoir(pressure_abs=absolute, temperature=_first(self.temperature, room.temperature))
         return PlannedNode(node, "atmosphere", words=f"{with_unit(absolute, 'Pa')} absolute")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReservoirTable(NodeTable):
+class _ReservoirTable(NodeTable):
     """A node of given pressure."""
 
     pressure: float | None = schema.number("Pa", doc="gauge pressure", default=None)
@@ -155,7 +156,6 @@ class ReservoirTable(NodeTable):
     temperature: float | None = schema.like(Reservoir, "temperature", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A reservoir with a pressure or a signal."""
         warm = _first(self.temperature, room.temperature)
         if self.signal is not None:
             if self.pressure is not None:
@@ -171,11 +171,11 @@ class ReservoirTable(NodeTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChamberTable(NodeTable):
+class _ChamberTable(NodeTable):
     """A node that stores gas."""
 
     start_pressure: float = schema.number("Pa", doc="gauge pressure at the start", default=0.0)
-    heat: HeatTable = schema.entry(_read_heat, "heat transfer of the gas", default=IsothermalTable())
+    heat: HeatTable = schema.entry(_read_heat, "heat transfer of the gas", default=_IsothermalTable())
 
     def start(self, place: Place, room: Environment) -> float:
         """The gauge pressure at the start [Pa], which must be above vacuum."""
@@ -183,14 +183,13 @@ class ChamberTable(NodeTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VolumeTable(ChamberTable):
+class _VolumeTable(_ChamberTable):
     """A rigid volume; a junction if its neighbours may give it all of it."""
 
     kind: ClassVar[str] = "volume"
     volume: float | None = schema.like(FixedVolume, "size", key="volume", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A rigid vessel."""
         needs = self.kind == "junction" and self.volume is None
         if self.volume is None and not needs:
             raise place.below("volume").fail(None, "is missing")
@@ -202,14 +201,14 @@ class VolumeTable(ChamberTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class JunctionTable(VolumeTable):
+class _JunctionTable(_VolumeTable):
     """A place where elements join."""
 
     kind: ClassVar[str] = "junction"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompliantTable(ChamberTable):
+class _CompliantTable(_ChamberTable):
     """A volume that gives way to pressure, and may be moved by a signal."""
 
     volume: float = schema.like(CompliantVolume, "size", key="volume")
@@ -219,7 +218,6 @@ class CompliantTable(ChamberTable):
     signal: str | None = None
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A compliant volume."""
         heat, words = self.heat.model(room)
         if (self.swept is None) != (self.signal is None):
             problem = "goes together with the signal of the stroke: a volume that moves needs both"
@@ -239,7 +237,7 @@ class CompliantTable(ChamberTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MuscleNodeTable(ChamberTable):
+class _MuscleNodeTable(_ChamberTable):
     """A muscle of a length, or of one that a signal gives."""
 
     specimen: str
@@ -250,7 +248,6 @@ class MuscleNodeTable(ChamberTable):
     dead_volume: float = schema.like(MovingVolume, "dead", key="dead_volume", default=0.0)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """The volume of a muscle, with its law."""
         law, title = self._law(place)
         if (self.length is None) == (self.signal is None):
             problem = "is missing: a muscle needs a length, or the signal that gives it, and not both"
@@ -291,12 +288,12 @@ class MuscleNodeTable(ChamberTable):
 
 
 NODES = {
-    "reservoir": ReservoirTable,
-    "atmosphere": AtmosphereTable,
-    "volume": VolumeTable,
-    "compliant": CompliantTable,
-    "muscle": MuscleNodeTable,
-    "junction": JunctionTable,
+    "reservoir": _ReservoirTable,
+    "atmosphere": _AtmosphereTable,
+    "volume": _VolumeTable,
+    "compliant": _CompliantTable,
+    "muscle": _MuscleNodeTable,
+    "junction": _JunctionTable,
 }
 
 
