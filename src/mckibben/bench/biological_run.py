@@ -89,7 +89,7 @@ def run_biological(
     Raises:
         InputError: names what is unknown, or what only a test machine has.
     """
-    wanted = read.protocol(protocol, **values)
+    wanted = read.named_protocol(protocol, values)
     spec = subject.specimen
     record = fibre_run(subject.muscle, wanted, full_pressure=full_pressure, name="" if spec is None else spec.id)
     sources = [*subject.muscle.cites, *(spec.sources if spec else ())]

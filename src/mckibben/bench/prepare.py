@@ -271,7 +271,7 @@ def prepare(
         >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
         True
     """
-    wanted = read.protocol(protocol, **values)
+    wanted = read.named_protocol(protocol, values)
     if "stimulator" in wanted.required():
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"

@@ -191,11 +191,11 @@ def shipped(name: str, *, where: str | None = None) -> Protocol:
     return _shipped(name)
 
 
-def protocol(name: Protocol | str | os.PathLike[str], **values: object) -> Protocol:
+def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
     """Load a protocol with values of its parameters.
 
     Args:
-        name: of a shipped one, or the path of a ``.toml`` file; or a protocol.
+        name: of a shipped one, or the path of a ``.toml`` file.
         **values: of its parameters: numbers [SI], text with a unit, or lists of them for one case after another.
 
     Raises:
@@ -206,6 +206,11 @@ def protocol(name: Protocol | str | os.PathLike[str], **values: object) -> Proto
         >>> mk.protocol("quasi-static", pressure=["2 bar", "5 bar"], cycles=1)
         Protocol('quasi-static': Quasi-static triangle at constant pressure; 2 cases)
     """
+    return named_protocol(name, values)
+
+
+def named_protocol(name: Protocol | str | os.PathLike[str], values: Mapping[str, JsonValue]) -> Protocol:
+    """A protocol, that of a file, or a shipped one by its name, with other values as `protocol` has them."""
     if isinstance(name, Protocol):
         base = name
     else:
