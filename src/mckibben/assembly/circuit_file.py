@@ -273,6 +273,7 @@ class CircuitPlan:
         """Fastest rate at the start [1/s], and the method that a run begins with."""
         state, memory = self.initial()
         first = {name: s.at(0, 0.0, self.period) for name, s in self.inputs().items()}
+        # `fastest_rate` looks at many states at once, and here is one of them
         lead = map_leaves(lambda x: np.asarray(x)[None], (state, memory, first))
         rate = fastest_rate(self.circuit, *lead)
         return rate, self.method if self.method != "auto" else "ros2" if rate * self.inner_step > RK4_LIMIT else "rk4"

@@ -378,6 +378,7 @@ def find_coupling(machine: Machine) -> MachineCoupling | None:
         together = todo.pop()
         muscles = [name for name in together if name in machine.units]
         if len(muscles) > 1:
+            # what muscles share is where most elements meet; cut there, and look again at what still hangs together
             hub = max((n for n in together if n not in machine.units), key=lambda n: (len(joined[n]), n), default=None)
             if hub is None:
                 return None

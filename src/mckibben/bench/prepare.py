@@ -295,6 +295,7 @@ def prepare(
     for fault in faults:
         if fault.channel not in known:
             raise InputError("fault", fault.channel, f"the rig has sensors of {', '.join(known)}")
+    # the gains of span and force want a fast loop: where a protocol is slower, several of its samples make one
     every = 1
     if not findings and RunSegment(plan.steps, "", 1.0, "").moves:
         try:
@@ -328,6 +329,7 @@ def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float,
         raise InputError("sample_rate", None, allowed)
     if prepared.findings or abs(prepared.plan.sample_rate - rate) < 1e-6 * rate:
         return dataclasses.replace(prepared, motor_held=motor_held)
+    # once more at the rate of the machine; the recording keeps the samples of the protocol's own rate
     faster = prepare(dataclasses.replace(prepared.protocol, sample_rate=rate), **options)
     return dataclasses.replace(faster, protocol=prepared.protocol, every=every, motor_held=motor_held)
 

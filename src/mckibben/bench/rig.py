@@ -315,6 +315,7 @@ class Rig:
             return name
         needed = set(protocol.required())
         sorts = [(n, p.parts()) for n, p in self.plumbing.items() if p.has_muscle]
+        # a part that nobody asked for would change what is measured, so that an exact match comes first
         exact = [n for n, parts in sorts if needed & CHOICES == parts & CHOICES]
         enough = [n for n, parts in sorts if needed & CHOICES <= parts]
         return (exact or enough or list(self.plumbing))[0]

@@ -280,6 +280,7 @@ class Protocol:
                 case |= choice.sets(case[choice.name])
         cases = [dict(case) for _ in range(self.repeat) for case in listed]
         if self.order == "random":
+            # by numbers that are the same on every machine, for the order is part of the hash
             chance = uniform(self.seed, np.arange(len(cases)))
             cases = [cases[i] for i in np.argsort(chance, kind="stable")]
         return cases

@@ -250,7 +250,7 @@ class CalibrationSession:
             self._grid(name)
         points: dict[str, list[Point]] = {name: [] for name in channels}
         up = sorted(asked)
-        for setting in (*up, *up[-2::-1]):
+        for setting in (*up, *up[-2::-1]):  # down again, for hysteresis shows between the two ways
             task = asked[setting]
             readings, shown = self._read(task, channels, {n: p[-1] for n, p in points.items() if p})
             for name in channels:

@@ -459,7 +459,7 @@ class Session(MachineSession):
                 if self.ready:
                     self._rest()
                     self._loop.renew()
-                    self._first_news = self.machine.number + 1
+                    self._first_news = self.machine.number + 1  # samples on their way still show the old stop
             self.note("reset")
             if self.ready:
                 self.wait(2.0 * self.period)
