@@ -41,10 +41,9 @@ def parameters(_: Path) -> str:
     from mckibben.muscles.hysteresis import HYSTERESES, FrictionLimit, PlayMap
     from mckibben.pneumatics.build import ELEMENTS
     from mckibben.pneumatics.gas import Gas
-    from mckibben.pneumatics.heat import Polytropic, WallHeat
     from mckibben.pneumatics.orifice import Orifice
-    from mckibben.pneumatics.valves import PilotStage, Solenoid
-    from mckibben.pneumatics.volume import CompliantVolume, FixedVolume
+    from mckibben.pneumatics.solenoid import PilotStage, Solenoid
+    from mckibben.pneumatics.volume import CompliantVolume, FixedVolume, Polytropic, WallHeat
 
     parts = []
     for heading, owners in {
@@ -257,9 +256,8 @@ def _names(part: Any) -> str:
 
 def rigs(_: Path) -> str:
     """Return the tables of all keys of a rig file, with the values of the rigs that ship with the package."""
-    from mckibben.bench.faults import RigFaults
     from mckibben.bench.hardware import AnalogOut, Computer, Converter, Encoder, Frame, Motor, Sensor
-    from mckibben.bench.hardware.pneumatics import Plumbing
+    from mckibben.bench.rig import Plumbing, RigFaults
     from mckibben.bench.rig_file import LENGTH, shipped_rigs
     from mckibben.bench.software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
     from mckibben.bench.software.interlocks import Interlocks

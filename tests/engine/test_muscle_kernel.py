@@ -20,9 +20,8 @@ from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import Dahl
 from mckibben.muscles.hysteresis.slip import FrictionLimit
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.volume import MovingVolume, Reservoir
+from mckibben.pneumatics.volume import MovingVolume, Reservoir, WallHeat
 
 ROOM, TEMPERATURE = 101325.0, 293.15
 

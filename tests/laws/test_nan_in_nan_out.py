@@ -20,8 +20,7 @@ from mckibben.muscles.hysteresis import (
     PrandtlIshlinskii,
 )
 from mckibben.pneumatics.compressor import Compressor
-from mckibben.pneumatics.leak import Leak
-from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.orifice import Leak, Orifice
 from mckibben.pneumatics.tubes import LumpedTube
 from mckibben.pneumatics.valves import CheckValve, PressureRegulator, QuickExhaust, SpoolValve
 

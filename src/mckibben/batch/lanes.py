@@ -21,9 +21,9 @@ import numpy as np
 from .._jax import Scalar, Tree, jax, jit, jnp
 from ..assembly.machine import Machine
 from ..bench.hardware.computer import Timing
-from ..bench.hardware.pneumatics import MUSCLE
 from ..bench.prepare import PreparedRun, RunSegment, with_friction_scale
 from ..bench.segment import software_of, timing_of
+from ..bench.sensors import MUSCLE
 from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.dry_run import check, states

@@ -12,8 +12,8 @@ import numpy as np
 from .._jax import Tree, jax
 from ..answers import Answer, Caution, collect
 from ..assembly.accounts import accounts
-from ..bench.hardware.pneumatics import MUSCLE
 from ..bench.segment import AFTER_STOP, SensorNoise
+from ..bench.sensors import MUSCLE
 from ..engine import sampled
 from ..engine.native import ENGINES, call_compiled
 from ..errors import InputError

@@ -49,9 +49,9 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar
+from ..bench.prepare import read_protocol
 from ..bench.rig_file import rig as rig_of
 from ..bench.segment import CHUNK
-from ..bench.software.waveform_import import read_protocol
 from ..documents import JsonValue, read_toml
 from ..engine import STEP
 from ..engine.native import ENGINES

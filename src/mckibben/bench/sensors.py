@@ -7,7 +7,8 @@ from typing import Any
 from .._jax import jnp
 from ..components import Scalar
 from ..components.system import SENSORS, SensorKind, sensor_units
-from .hardware.pneumatics import PORT
+
+MUSCLE, VESSEL, PORT, LINE = "muscle", "accumulator", "port", "line"  # names of nodes of a rig's circuit
 
 __all__ = ["PRESSURE", "SENSORS", "TENSION", "VALVE_PRESSURE", "SensorKind", "sensor_units"]
 

@@ -19,10 +19,10 @@ from ..analysis import segments
 from ..assembly import build
 from ..batch import run_template
 from ..bench import biological_run, calibrate, rig_file, software
-from ..bench import faults as rig_faults
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import run as protocol_run
+from ..bench.rig import FAULTS
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
@@ -192,7 +192,7 @@ def _check_machine(machine: str | None, log: Path | None, *, lock_step: bool) ->
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
-    hardware_package.connect.check_connection(machine)
+    hardware_package.interface.check_connection(machine)
 
 
 def _check_biological(muscle: str, **options: object) -> None:
@@ -321,8 +321,8 @@ def _faults(words: list[str] | None, machine: str | None) -> list[str]:
         raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
     named = pairs(words, "--fault", "leak='0.2 l/min/bar'")
     for name in named:
-        if name not in rig_faults.NAMES:
-            raise InputError("--fault", name, known=rig_faults.NAMES)
+        if name not in FAULTS:
+            raise InputError("--fault", name, known=FAULTS)
     return [f"rig.faults.{name}={value}" for name, value in named.items()]
 
 
@@ -413,10 +413,10 @@ def _recorded(
 ) -> Recording:
     """Run a prepared protocol with a progress bar; Ctrl-C vents and keeps the samples so far."""
     caution(*bench.cautions)
-    button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
+    button, period = software.interlocks.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
         progress("running", bench.plan.duration, guarded=False) as bar,
-        hardware_package.connect.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
+        hardware_package.interface.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
         try:

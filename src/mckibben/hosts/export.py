@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.assumptions import table
+from ..assembly.build import assumption_table
 from ..documents import JsonValue, write_text
 from ..engine.soundness import SENTENCE
 from ..errors import InputError
@@ -70,7 +70,7 @@ def describe(source: PartSource) -> dict[str, JsonValue]:
         "muscles": list(part.muscles),
         "commands": list(part.commands),
         "mounting": part.mounting,
-        "assumptions": table(part.assumptions),
+        "assumptions": assumption_table(part.assumptions),
         "warnings": [str(one) for one in part.cautions],
         "smallest_mass_kg": {f"{h:g} s": mass for h, mass in part.smallest_masses().items()},
         **{group: [_described(v) for v in source.of(group)] for group in ("parameters", "state", "inputs", "outputs")},

@@ -24,8 +24,7 @@ import numpy as np
 
 from .._jax import jax
 from ..answers import Caution, collect, warn
-from ..assembly.assumptions import Assumption, of_unit
-from ..assembly.build import unit_from_specimen
+from ..assembly.build import Assumption, unit_assumptions, unit_from_specimen
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
@@ -185,7 +184,9 @@ class Part:
         for name, muscle in named.items():
             if not isinstance(muscle, MuscleUnit):
                 cord = tendons.get(name)
-                made += of_unit(name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon))
+                made += unit_assumptions(
+                    name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon)
+                )
             if name not in stated:
                 made.append(Assumption(f"span of {name}", self.span[name], "m", USUAL_SPAN))
         self.assumptions = tuple(made)

@@ -8,7 +8,7 @@ import math
 from ..analysis.characteristics import circle_area
 from ..components import Environment
 from ..pneumatics import AIR
-from ..pneumatics.tubes.inertial import inertance
+from ..pneumatics.tubes import inertance
 from ..specimens import specimen
 from ..studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, TubeModelResult, capacity
 from ..studies.tube_study import PAPERS, QUICK_SEEDS, QUICK_THERMALS, TubeStudy, tube_study

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from ...bench.hardware.analogue import AnalogOut, Sensor
+from ...bench.hardware.converters import AnalogOut, Sensor
 from ...bench.rig import Rig
 from ...bench.sensors import SENSORS
 from ...engine import STEP

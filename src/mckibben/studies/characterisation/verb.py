@@ -22,7 +22,7 @@ from ...bench.prepare import PreparedRun, prepare, prepare_on_machine
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.session import Session
-from ...bench.session.setup import session_rate
+from ...bench.session.interface import session_rate
 from ...documents import JsonValue, parse_json, read_text, write_text
 from ...engine import STEP
 from ...errors import EmptyRunError, InputError, StageError

@@ -2,7 +2,7 @@
 
     r = measured - sound prediction,   L_k = max over the fault's value v of  (|r|^2 - |r - d_k(v)|^2)/(s^2 w^2)
 
-Each fault of `bench.faults` is fitted alone; d_k(v) is its effect on the readings. Readings are averaged over blocks, in
+Each fault of `RigFaults` is fitted alone; d_k(v) is its effect on the readings. Readings are averaged over blocks, in
 units of the standard deviation s that the residual of all faults together has, widened by w for neighbouring blocks that
 are alike. L_k is twice the logarithm of the likelihood ratio against the sound rig. The largest one beyond `THRESHOLD`
 names the fault; others within `TELLING` of it explain the record nearly as well.
@@ -25,10 +25,8 @@ from scipy.ndimage import maximum_filter1d
 from ...answers import Answer, Caution, Column, Table
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
-from ...bench.faults import DRIFT, RigFaults
-from ...bench.hardware.pneumatics import Plumbing
-from ...bench.metadata import ASKED
-from ...bench.rig import Rig
+from ...bench.recorder import ASKED
+from ...bench.rig import DRIFT, Plumbing, Rig, RigFaults
 from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
 from ...documents import JsonValue

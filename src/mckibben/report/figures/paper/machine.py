@@ -11,7 +11,7 @@ from ....bench.rig_file import rig
 from ....muscles.braid import BraidShape, braid_of
 from ....muscles.build import law_from_specimen
 from ....muscles.laws.thick_wall import ThickWall
-from ....pneumatics.tubes.inertial import inertance
+from ....pneumatics.tubes import inertance
 from ....quantities import from_si
 from ....reproduction import part2
 from ....specimens import specimen
