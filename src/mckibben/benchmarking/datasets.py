@@ -62,20 +62,15 @@ class BenchmarkData:
                 raise MissingDataError(
                     f"{path} is not there; it does not ship ({self.source}; licence: {self.licence})"
                 )
-        digest = content_digest(self.files, paths)
+        whole = hashlib.sha256()
+        for name, path in zip(self.files, paths, strict=True):
+            one = hashlib.sha256(unpacked(path)).hexdigest()
+            whole.update(f"{name.removesuffix('.gz')} {one}\n".encode())
+        digest = whole.hexdigest()
         if digest != self.digest:
             said = f"{paths[0].parent}: the content has the hash {digest[:12]}, must be {self.digest[:12]}"
             raise InputError("data", str(paths[0].parent), "must be unchanged", sentence=said)
         return paths
-
-
-def content_digest(names: tuple[str, ...], paths: tuple[Path, ...]) -> str:
-    """SHA-256 of the names and contents of files, compressed ones unpacked."""
-    whole = hashlib.sha256()
-    for name, path in zip(names, paths, strict=True):
-        one = hashlib.sha256(unpacked(path)).hexdigest()
-        whole.update(f"{name.removesuffix('.gz')} {one}\n".encode())
-    return whole.hexdigest()
 
 
 def unpacked(path: Path) -> bytes:

@@ -120,7 +120,14 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
             f"`{name}`: {one.predicts}. Left out: {one.split}. Data: {sources}.",
             markdown_table(COLUMNS, [[f"`{cells[0]}`", *cells[1:]] for cells in rows(result, name)]),
         ]
-        phased = phase_rows(result, name)
+        phased = [
+            [
+                f"`{score.model}`",
+                *(percent(f(p), sign=f == score.bias) for p in PHASES for f in (score.rms, score.bias)),
+            ]
+            for score in result.of(name)
+            if set(PHASES) <= set(score.phases)
+        ]
         if phased:
             parts += ["Filling and venting apart:", markdown_table(PHASE_COLUMNS, phased)]
         parts += refusals(result, name)
@@ -163,15 +170,6 @@ def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:
     place += ", the other within its interval" if within else "" if ahead else ", the other outside its interval"
     one = [f"`{name}`", f"`{best.model}`", percent(best.rms()), interval(best)]
     return [*one, f"`{other.model}`", percent(other.rms()), interval(other), place]
-
-
-def phase_rows(result: BenchmarkResult, name: str) -> list[list[str]]:
-    """Cells of the table of filling and venting of one task, in the order of `PHASE_COLUMNS`; none without phases."""
-    return [
-        [f"`{score.model}`", *(percent(f(p), sign=f == score.bias) for p in PHASES for f in (score.rms, score.bias))]
-        for score in result.of(name)
-        if set(PHASES) <= set(score.phases)
-    ]
 
 
 def refusals(result: BenchmarkResult, name: str) -> list[str]:

@@ -112,20 +112,16 @@ def run_task(
     except Exception as error:
         if model is None and not is_reference(name):
             raise  # a model of this package has a bug
-        reason = _failure(name, error)
+        # What went wrong in a model that someone else wrote, and the last of its own lines, in one sentence
+        package = str(Path(__file__).parents[1])
+        frames = traceback.extract_tb(error.__traceback__)
+        own = [frame for frame in frames if not frame.filename.startswith((package, sys.prefix, sys.base_prefix))]
+        place = f" in {own[-1].name}, line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
+        words = (str(error).strip().splitlines() or [""])[0].rstrip(".")
+        reason = f"{name} raised {type(error).__name__}{place}" + (f": {words}" if words else "")
     else:
         return TaskScore(chosen.name, name, tuple(scored), time.process_time() - began, date=date)
     return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=reason, date=date)
-
-
-def _failure(name: str, error: Exception) -> str:
-    """What went wrong in a model that someone else wrote, and the last of its own lines, in one sentence."""
-    package = str(Path(__file__).parents[1])
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if not frame.filename.startswith((package, sys.prefix, sys.base_prefix))]
-    place = f" in {own[-1].name}, line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
-    words = (str(error).strip().splitlines() or [""])[0].rstrip(".")
-    return f"{name} raised {type(error).__name__}{place}" + (f": {words}" if words else "")
 
 
 def benchmark(

@@ -94,7 +94,6 @@ def _dimensions(name: str) -> dict[str, float]:
 
 
 def _table(path: Path, name: str) -> BenchmarkRecord:
-    """The static points of a muscle like a specimen of the package."""
     known = _dimensions(name)
     return _static_record(read_force_map(path, rest_length=known["rest_length"]), name, known)
 
@@ -159,7 +158,6 @@ def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
 def _muscle_out(
     records: Sequence[BenchmarkRecord], scored: Callable[[BenchmarkRecord], np.ndarray]
 ) -> tuple[DataSplit, ...]:
-    """A fold for each muscle: all its records are left out."""
     folds = []
     for muscle in dict.fromkeys(record.muscle for record in records):
         train = tuple(record for record in records if record.muscle != muscle)

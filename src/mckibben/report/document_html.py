@@ -293,7 +293,6 @@ def _folds(table: ReportTable) -> bool:
 
 
 def _kinds(table: ReportTable) -> Iterator[Markup]:
-    """CSS class of the cells of each column."""
     before = ""
     for column in table.columns:
         words = ["n"] * column.number + ["w"] * column.wide + ["g"] * (column.group not in ("", before))

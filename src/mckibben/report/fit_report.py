@@ -112,10 +112,15 @@ def fit_document(studies: Iterable[Ranking]) -> Document:
     these = "this muscle" if len(shown) == 1 else "these muscles"
     lead = f"Which law describes {these}, how well it predicts what it was not shown, and what its parameters are."
     versions_said = f"{versions_text()}. Fits are deterministic: the same table and versions give this file again."
+    keys: dict[str, None] = {}
+    for study in shown:
+        keys |= dict.fromkeys(study.specimen.sources if study.specimen else ())
+        for fit in study.fits:
+            keys |= dict.fromkeys(law_type(fit.law).cites)
     sections = (
         *(Section(study.title, tuple(_study(study, f"s{i}")), f"s{i}") for i, study in enumerate(shown, 1)),
         Section("How to read this", (KeyValues(READING),), "reading"),
-        Section("Papers this rests on", (References(tuple(_cited(shown))),), "papers"),
+        Section("Papers this rests on", (References(tuple(list(keys))),), "papers"),
         Section("Versions", (Paragraph(versions_said),), "versions"),
     )
     return Document("Tension laws fitted to measured force", sections, lead)
@@ -129,11 +134,19 @@ def _study(study: Ranking, mark: str) -> list[Block]:
     facts: list[tuple[str, Text]] = [*_facts(study)]
     sources = _sources(study)
     facts += [("Source", f"Data: {'; '.join(sources)}")] if sources else []
+    held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     blocks: list[Block] = [
         Paragraph(_summary(study), "lead"),
         KeyValues(tuple(facts)),
         Heading("Ranking"),
-        _ranking(study),
+        Figure(
+            fit_figures.ranking(study),
+            "Filled triangle: root mean square error of points whose pressure the fit was not shown; "
+            "the bar ends at the largest. "
+            + (f"Open triangle, dashed: points above, {held_out}. " if held_out else "")
+            + "A black mark on the frame: outside of it.",
+            f"Ranking of the laws for {study.title}; the table below has its numbers.",
+        ),
         *_table(study, mark),
     ]
     for fit in study.fits:
@@ -145,18 +158,6 @@ def _study(study: Ranking, mark: str) -> list[Block]:
         if fit is best and len(study.fits) > 1:
             blocks.append(Heading("Other laws"))
     return blocks
-
-
-def _ranking(study: Ranking) -> Figure:
-    held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
-    return Figure(
-        fit_figures.ranking(study),
-        "Filled triangle: root mean square error of points whose pressure the fit was not shown; "
-        "the bar ends at the largest. "
-        + (f"Open triangle, dashed: points above, {held_out}. " if held_out else "")
-        + "A black mark on the frame: outside of it.",
-        f"Ranking of the laws for {study.title}; the table below has its numbers.",
-    )
 
 
 def _summary(study: Ranking) -> str:
@@ -300,7 +301,6 @@ def _cell(value: float | None, best: float, column: int, size: float, converged:
 
 
 def _state(fit: Fit, size: float) -> TableCell:
-    """Cell with a mark and a few words: whether a fit converged, and cautions."""
     if not fit.converged:
         return TableCell("did not converge", "stop")
     words = []
@@ -471,15 +471,6 @@ def cautions_of(fit: Fit, size: float) -> list[str]:
 
 
 # ---- words
-
-
-def _cited(studies: list[Ranking]) -> list[str]:
-    keys: dict[str, None] = {}
-    for study in studies:
-        keys |= dict.fromkeys(study.specimen.sources if study.specimen else ())
-        for fit in study.fits:
-            keys |= dict.fromkeys(law_type(fit.law).cites)
-    return list(keys)
 
 
 def _newton(value: float, digits: int | None = None) -> str:

@@ -198,8 +198,6 @@ def figure(identifier: str) -> PaperFigure:
 
 
 def _static() -> tuple[PaperFigure, ...]:
-    """Figures of Part I."""
-
     def one(
         key: str, title: str, caption: str, rows: tuple[str, ...], at: tuple[str, ...], *, recordings: bool = False
     ) -> PaperFigure:
@@ -274,8 +272,6 @@ def _static() -> tuple[PaperFigure, ...]:
 
 
 def _circuits() -> tuple[PaperFigure, ...]:
-    """Figures of Part II."""
-
     def one(key: str, title: str, caption: str, rows: tuple[str, ...]) -> PaperFigure:
         return PaperFigure(key, JOURNAL, "II", title, caption, rows, later("machine", f"figure_{key}"))
 
@@ -329,7 +325,6 @@ def _circuits() -> tuple[PaperFigure, ...]:
 
 
 def _shortening() -> tuple[PaperFigure, ...]:
-    """Figures of Part III."""
     isometric = (
         "valve_delay",
         "pressure_to_tension",
@@ -375,8 +370,6 @@ def _shortening() -> tuple[PaperFigure, ...]:
 
 
 def _energy() -> tuple[PaperFigure, ...]:
-    """Figures of Part IV."""
-
     def one(key: str, title: str, caption: str, rows: tuple[str, ...]) -> PaperFigure:
         names = tuple(f"energy.{name}" for name in rows)
         return PaperFigure(key, JOURNAL, "IV", title, caption, names, later("statics", f"figure_{key}"))

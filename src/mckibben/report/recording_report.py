@@ -362,7 +362,6 @@ def _word(name: str) -> str:
 
 
 def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) -> list[Block]:
-    """Show width, height, work and stiffness of the mean loop of each part."""
     rows: list[TableRow] = []
     cautions: list[Caution] = []
     for part in parts:
@@ -404,18 +403,6 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
             else []
         ),
     ]
-
-
-def stimulation_blocks(record: Recording) -> list[Block]:
-    """Tables of the contractions and work loops of a stimulated muscle, and tension against the rate of stimulation."""
-    blocks: list[Block] = []
-    for title, listed_rows in stimulation_tables(record).items():
-        blocks += [Heading(title), listed_rows]
-    drawn = force_frequency_figure(record)
-    if drawn is not None:
-        caption = "Largest and mean active tension over the rate of stimulation."
-        blocks.append(Figure(as_written(drawn), caption, caption))
-    return blocks
 
 
 def stimulation_tables(record: Recording) -> dict[str, ReportTable]:
@@ -464,7 +451,6 @@ def _number(value: float, scale: float) -> str:
 
 
 def _told_apart(record: Recording) -> list[str]:
-    """Names of what varies among the steps."""
     return [*varied(record)] if record.meta.get("steps") else []
 
 
@@ -551,7 +537,13 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
         add("Rest length", amount(meta["rest_length"], "m"))
     rig = mapping(meta.get("rig_document"))
     add("Test machine", rig.get("title"), f"rig {meta['rig']}" if meta.get("rig") else "")
-    add("Air", f"plumbing “{meta['plumbing']}”" if meta.get("plumbing") else "", *_room(meta))
+    room = mapping(meta.get("environment"))
+    lines = []
+    if is_number(room.get("pressure_abs")):
+        lines.append(f"room at {amount(room['pressure_abs'], 'Pa', 5)} absolute")
+    if is_number(room.get("temperature")):
+        lines.append(tied(significant(room["temperature"]), "K"))
+    add("Air", f"plumbing “{meta['plumbing']}”" if meta.get("plumbing") else "", *lines)
     add("Protocol", mapping(meta.get("protocol")).get("name"), mapping(meta.get("protocol")).get("source"))
     add("Recorded", meta.get("created"))
     add("Time", *clock(record))
@@ -565,16 +557,6 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
     if meta.get("digest"):
         facts.append(("Protocol's hash", Span(str(meta["digest"]), "code")))
     return facts
-
-
-def _room(meta: Mapping[str, JsonValue]) -> list[str]:
-    room = mapping(meta.get("environment"))
-    lines = []
-    if is_number(room.get("pressure_abs")):
-        lines.append(f"room at {amount(room['pressure_abs'], 'Pa', 5)} absolute")
-    if is_number(room.get("temperature")):
-        lines.append(tied(significant(room["temperature"]), "K"))
-    return lines
 
 
 # ---- what was recorded
@@ -593,7 +575,14 @@ def _figures(record: Recording) -> list[Block]:
     words += ["commands dashed"] * ("command" in kinds)
     caption = f"{listed(words)}. A line ends where samples are missing."
     over = Figure(as_written(time_figure(record)), caption[0].upper() + caption[1:], f"Over time: {listed(shown)}.")
-    return [over, *stimulation_blocks(record), *loop_blocks(record), Heading("Channels"), channels(record)]
+    blocks: list[Block] = []
+    for title, listed_rows in stimulation_tables(record).items():
+        blocks += [Heading(title), listed_rows]
+    drawn = force_frequency_figure(record)
+    if drawn is not None:
+        caption = "Largest and mean active tension over the rate of stimulation."
+        blocks.append(Figure(as_written(drawn), caption, caption))
+    return [over, *blocks, *loop_blocks(record), Heading("Channels"), channels(record)]
 
 
 # ---- the rest
@@ -642,7 +631,6 @@ def _parameters(meta: Mapping[str, JsonValue]) -> list[Block]:
 
 
 def _rests(meta: Mapping[str, JsonValue]) -> list[Section]:
-    """Papers and versions."""
     cited = meta.get("citations")
     keys = dict.fromkeys(str(k) for k in cited) if isinstance(cited, list) else {}
     spec = known_specimen(meta)

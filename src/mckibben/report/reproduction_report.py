@@ -230,7 +230,6 @@ def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: s
 
 
 def _range(tally: Tally) -> str:
-    """Smallest and largest difference of a kind, in per cent."""
     if tally.lowest is None or tally.highest is None:
         return ""
     ends = dict.fromkeys(percent(end, 1) for end in (tally.lowest, tally.highest))

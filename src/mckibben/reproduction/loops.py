@@ -244,15 +244,10 @@ def recorded_sines(frequency: float) -> Recording:
             frequency=words,
             amplitude=f"{asked:.5f} L0",
             cycles=SINE_CYCLES,
-            precondition=_precondition(frequency),
+            precondition=max(2, math.ceil(frequency)),
         )
         record = step_of(again, "sines")
     raise ConvergenceError(f"no sine of {words} had an amplitude of {AMPLITUDE:g} L0 within {OFF:g} of it")
-
-
-def _precondition(frequency: float) -> int:
-    """Number of cycles before the recorded ones, a second or more, in which the mean pressure settles."""
-    return max(2, math.ceil(frequency))
 
 
 def _rest_length() -> float:

@@ -159,7 +159,10 @@ def reproduce_row(row: PrintedRow) -> RowOutcome:
     way = _WAYS[row.id]
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
-    ours = from_si(value, way.si_unit, _plain_unit(row.unit))
+    plain = row.unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
+    ours = from_si(
+        value, way.si_unit, plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
+    )
     note = "; ".join(filter(None, (_again(row), row.note, way.note, remark, _reasoned(row), _based(row))))
     return RowOutcome(row, ours, judge(row, ours), note)
 
@@ -240,12 +243,6 @@ def _row(entry: dict[str, Any]) -> PrintedRow:
     paper = entry["paper"]
     value = tuple(float(v) for v in paper) if isinstance(paper, list) else float(paper)
     return PrintedRow(**(entry | {"paper": value}))
-
-
-def _plain_unit(unit: str) -> str:
-    """Unit of a row without the muscle's rest length L0, by which the computing function has divided."""
-    plain = unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
-    return plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
 
 
 class VerdictKind(NamedTuple):

@@ -203,7 +203,6 @@ def printed_peak_power_density() -> float:
 
 
 def _printed(name: str) -> float:
-    """Value that the paper prints for a row of these experiments, in SI."""
     value = next(row.paper for row in all_rows() if row.id == f"isotonic.{name}")
     assert isinstance(value, float)
     return value

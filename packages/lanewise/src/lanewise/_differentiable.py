@@ -248,10 +248,6 @@ _PULL = _primitive(
 )
 
 
-def _zero(value: Any) -> Any:
-    return ad.Zero(jax.typeof(value).to_tangent_aval())
-
-
 def _jvp_of_run(primals: Any, changes: Any, *, kernels: Derivatives, depth: int) -> tuple[Any, Any]:
     results = _RUN.bind(*primals, kernels=kernels, depth=depth)
     places = tuple(
@@ -263,7 +259,7 @@ def _jvp_of_run(primals: Any, changes: Any, *, kernels: Derivatives, depth: int)
     if places:
         moved = iter(_PUSH.bind(*primals, *(changes[p] for p in places), kernels=kernels, depth=depth, places=places))
     return results, [
-        next(moved) if leaf.kind == "real" and places else _zero(x)
+        next(moved) if leaf.kind == "real" and places else ad.Zero(jax.typeof(x).to_tangent_aval())
         for x, leaf in zip(results, kernels.results, strict=True)
     ]
 

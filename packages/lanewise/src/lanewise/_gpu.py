@@ -276,23 +276,20 @@ class GpuKernel(Kernel):
         ):
             for k, first in enumerate(range(0, n, size)):
                 last = min(first + size, n)
-                self._put(arrays, memory, stride, first, last, fixed=k == 0)
+                fixed = k == 0
+                for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
+                    if slot.role != "argument":
+                        continue
+                    if slot.differs:
+                        part = np.zeros((*slot.shape, stride), array.dtype)
+                        part[..., : last - first] = array[..., first:last]
+                        _gpu_driver.copy_to_device(memory + a + b * stride, part)
+                    elif fixed:
+                        _gpu_driver.copy_to_device(memory + a, array)
                 blocks = -(-(last - first) // BLOCK)
                 self.seconds += _gpu_driver.launch(self.function, blocks, BLOCK, memory, scratch, stride, last - first)
                 self._get(arrays, memory, stride, first, last)
         return outputs
-
-    def _put(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int, *, fixed: bool) -> None:
-        """Copy the arguments of a chunk of lanes."""
-        for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
-            if slot.role != "argument":
-                continue
-            if slot.differs:
-                part = np.zeros((*slot.shape, stride), array.dtype)
-                part[..., : last - first] = array[..., first:last]
-                _gpu_driver.copy_to_device(memory + a + b * stride, part)
-            elif fixed:
-                _gpu_driver.copy_to_device(memory + a, array)
 
     def _get(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int) -> None:
         """Copy the results of a chunk of lanes."""

@@ -74,10 +74,6 @@ def _library(name: str | None) -> Any:
     raise UnavailableError(f"No GPU: no NVIDIA driver was found ({', '.join((name,) if name else NAMES)}).")
 
 
-def _driver() -> Any:
-    return _library(os.environ.get(VARIABLE) or None)
-
-
 def _error_text(library: Any, code: int) -> str:
     text = c_char_p()
     library.cuGetErrorString(code, byref(text))
@@ -91,7 +87,7 @@ def call(name: str, *values: object) -> None:
         UnavailableError: if there is no driver, or it finds no GPU.
         DriverError: if the call fails; says why in the driver's words.
     """
-    library = _driver()
+    library = _library(os.environ.get(VARIABLE) or None)
     code = getattr(library, name)(*values)
     if code != 0:
         raise DriverError(f"The GPU's driver refused {name}: {_error_text(library, code)}.")

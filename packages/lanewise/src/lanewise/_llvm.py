@@ -43,7 +43,12 @@ class Body(Memory):
     def entries(self, entries: list[Entry], root: bool = False) -> None:
         """Write a block."""
         for entry in entries:
-            self._divide()
+            # a branch that is never taken parts a block that has become too long
+            if len(self.lines) - self.begun > LONGEST:
+                self.count += 1
+                self.label = f"more{self.count}"
+                self.lines += [f"  br i1 %never, label %out, label %{self.label}", f"{self.label}:"]
+                self.begun = len(self.lines)
             if isinstance(entry, Store):
                 self.store(entry)
             elif isinstance(entry, Loop):
@@ -55,14 +60,6 @@ class Body(Memory):
                 self.lines = kept
             else:
                 self.node(entry)
-
-    def _divide(self) -> None:
-        """Begin another block where this one has become too long; a branch that is never taken keeps the two apart."""
-        if len(self.lines) - self.begun > LONGEST:
-            self.count += 1
-            self.label = f"more{self.count}"
-            self.lines += [f"  br i1 %never, label %out, label %{self.label}", f"{self.label}:"]
-            self.begun = len(self.lines)
 
     def _once(self, node: Node) -> bool:
         """Whether a node of the outermost block can be made once for all lanes."""
@@ -169,7 +166,12 @@ def emit(
     head: list[str] = []
     _memory(body, head)
     body.entries(plan.root, root=True)
-    once, entry = _divided([*head, *body.before])
+    # what stands outside of loops is parted in the same way; the block that loops back to names the last part
+    lines = [*head, *body.before]
+    once, entry = lines[:LONGEST], "entry"
+    for k in range(LONGEST, len(lines), LONGEST):
+        entry = f"once{k}"
+        once += [f"  br i1 %never, label %out, label %{entry}", f"{entry}:", *lines[k : k + LONGEST]]
     text = [
         *body.globals,
         f"define void @kernel(ptr noalias %pointers, i64 %stride, i64 %first, i64 %last) {features}{{",
@@ -180,7 +182,11 @@ def emit(
         "block:",
         f"  %number = phi i64 [ %first, %{entry} ], [ %more, %{body.label} ]",
         f"  %lane = mul i64 %number, {width}",
-        *_lanes(body),
+        *[
+            f"  %lanes{k} = getelementptr {body.memory(b.kind)}, ptr %base{k}, i64 %lane"
+            for k, b in enumerate(body.external)
+            if body.differs(b)
+        ],
         *body.lines,
         "  %more = add i64 %number, 1",
         "  %again = icmp slt i64 %more, %last",
@@ -192,15 +198,6 @@ def emit(
         '!0 = !{!"branch_weights", i32 1, i32 100000}',
     ]
     return "\n".join(text) + "\n", Layout(body.external, body.scratch, width)
-
-
-def _divided(lines: list[str]) -> tuple[list[str], str]:
-    """Divide the code outside loops into blocks of limited length; also return the name of the last one."""
-    text, label = lines[:LONGEST], "entry"
-    for k in range(LONGEST, len(lines), LONGEST):
-        label = f"once{k}"
-        text += [f"  br i1 %never, label %out, label %{label}", f"{label}:", *lines[k : k + LONGEST]]
-    return text, label
 
 
 def _memory(body: Body, head: list[str]) -> None:
@@ -231,12 +228,3 @@ def _memory(body: Body, head: list[str]) -> None:
             values = ", ".join(f"{kind} {show(v)}" for v in buffer.data)
             body.globals.append(f"@c{buffer.serial} = private constant [{buffer.size} x {kind}] [{values}], align 64")
             body.bases[buffer] = f"@c{buffer.serial}"
-
-
-def _lanes(body: Body) -> list[str]:
-    """Addresses of this block's lanes."""
-    return [
-        f"  %lanes{k} = getelementptr {body.memory(b.kind)}, ptr %base{k}, i64 %lane"
-        for k, b in enumerate(body.external)
-        if body.differs(b)
-    ]

@@ -43,7 +43,8 @@ class RecordColumns:
         raw = np.concatenate([_inputs(record, lags, step)[::step] for record in train])
         targets = np.concatenate([_targets(record, outputs)[::step] for record in train])
         size, target_size = _spread(raw), _spread(targets)
-        first = _first_value(train[0])
+        record = train[0]
+        first = len(record.inputs) + bool(record.dimensions.get("rest_length"))
         # First values differ little from record to record: they are measured by what the outputs do.
         size[first : first + len(train[0].initial)] = target_size[: len(train[0].initial)]
         return cls(outputs, step, lags, raw.mean(axis=0), size, np.nanmean(targets, axis=0), target_size)
@@ -69,11 +70,6 @@ class RecordColumns:
         """Predictions by name [SI] of output columns (n, outputs)."""
         plain = values * self.target_size + self.target_centre
         return {name: plain[:, i] for i, name in enumerate(self.outputs)}
-
-
-def _first_value(record: BenchmarkRecord) -> int:
-    """Column of the first output's first value, behind the inputs and the rest length."""
-    return len(record.inputs) + bool(record.dimensions.get("rest_length"))
 
 
 def _spread(values: np.ndarray) -> np.ndarray:

@@ -41,7 +41,10 @@ class LawModel:
         """
         train = thinned(train)
         self.points = joined(train)
-        self.known = _known(train)
+        shared = dict(train[0].dimensions)
+        for record in train[1:]:
+            shared = {k: v for k, v in shared.items() if record.dimensions.get(k) == v}
+        self.known = {k: v for k, v in shared.items() if k != "rest_length"}
         rest = self.points.rest_length
         errors = self.length_error if rest is not None and np.ptp(rest) > SAME_LENGTH else 0.0
         problem = Problem.of(self.law, self.points, known=self.known, length_error=errors)
@@ -95,11 +98,3 @@ def joined(train: Sequence[BenchmarkRecord]) -> ForceMap:
         tension=np.concatenate([record.outputs["tension"] for record in train]),
         rest_length=whole if np.isfinite(whole).all() else None,
     )
-
-
-def _known(train: Sequence[BenchmarkRecord]) -> dict[str, float]:
-    """Dimensions that all records share, but for the rest length, which each point has of its own."""
-    shared = dict(train[0].dimensions)
-    for record in train[1:]:
-        shared = {k: v for k, v in shared.items() if record.dimensions.get(k) == v}
-    return {k: v for k, v in shared.items() if k != "rest_length"}

@@ -44,8 +44,9 @@ class FrictionModel:
         measured = path.outputs[self.moved]
         shown = np.isfinite(measured)
         bridged = np.interp(np.arange(len(path)), np.flatnonzero(shown), measured[shown])  # only its range is read
+        drive = path.inputs[DRIVES[self.moved]]
         self.fitted = fit_loops(
-            self._path(path, bridged),
+            PathRecord(drive if self.moved == "stroke" else drive / AREA, bridged, path.name, path.time),
             models=SMOOTH,
             train=shown,
             creeps=(0.0, float("nan")),
@@ -68,10 +69,6 @@ class FrictionModel:
         at, every = np.arange(0, len(record), self.step), np.arange(len(record))
         moved = np.interp(every, at, path)
         return {self.moved: moved} | {name: np.polyval(line, moved) for name, line in self.lines.items()}
-
-    def _path(self, record: BenchmarkRecord, moved: np.ndarray) -> PathRecord:
-        drive = record.inputs[DRIVES[self.moved]]
-        return PathRecord(drive if self.moved == "stroke" else drive / AREA, moved, record.name, record.time)
 
 
 class FrictionDiscrepancy:

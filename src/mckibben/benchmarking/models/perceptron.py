@@ -62,7 +62,6 @@ def _member(weights: Mapping[str, Any], i: int) -> dict[str, Any]:
 
 
 def _weights(draw: np.random.Generator, inputs: int, outputs: int) -> dict[str, np.ndarray]:
-    """Weights of a network, of the size that keeps the variance of each layer."""
     shapes = {"in": (inputs, WIDTH), "mid": (WIDTH, WIDTH), "out": (WIDTH, outputs)}
     weights = {name: _single(draw.standard_normal(s) / np.sqrt(s[0])) for name, s in shapes.items()}
     return weights | {f"{name}_bias": np.zeros(s[1], np.float32) for name, s in shapes.items()}

@@ -62,7 +62,6 @@ class _Recurrent:
         self.weights, _ = learn(start, *data, _shares(shown), _shares(shown), until)
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
-        """Outputs at all samples of a record."""
         step, count = self.columns.step, len(record)
         length = -(-count // step)
         # Sample i of run k is sample i step + k of the record.
@@ -109,7 +108,6 @@ class NeuralODE(_Recurrent):
 
 
 def _filled(values: np.ndarray, length: int, fill: float | None = None) -> np.ndarray:
-    """Values with rows added at the end: the last one again, or a number."""
     added = length - len(values)
     if fill is None:
         return np.concatenate([values, np.repeat(values[-1:], added, axis=0)])

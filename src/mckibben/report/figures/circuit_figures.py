@@ -218,7 +218,16 @@ def overview(fit: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figure:
         upper.set_ylim(*levels)
         lower.set_ylim(from_si(-limit, "Pa", unit), from_si(limit, "Pa", unit))
         _titles(upper, lower, unit, first=column == 0)
-        _heading(upper, trial, fit, int(column_width / LETTER))
+        letters = int(column_width / LETTER)
+        name = Path(trial.name).name
+        name = name if len(name) <= letters else "…" + name[1 - letters :]
+        style.heading(upper, name, above=31.0)
+        errors = [e for e in fit.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
+        rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
+        largest = max(e.largest for e in errors)
+        word = "fitted" if _fitted(fit, trial) else "predicted"
+        text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
+        style.note(upper, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
         if i == columns - 1:
             _key(upper, channels, grey=not all(_fitted(fit, t) for t in shown))
     y = 1.0 - 0.14 / height
@@ -257,18 +266,6 @@ def _titles(upper: Axes, lower: Axes, unit: str, *, first: bool) -> None:
         ax.tick_params(labelleft=first)
 
 
-def _heading(ax: Axes, trial: Trial, fit: CircuitFit, letters: int) -> None:
-    name = Path(trial.name).name
-    name = name if len(name) <= letters else "…" + name[1 - letters :]
-    style.heading(ax, name, above=31.0)
-    errors = [e for e in fit.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
-    rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
-    largest = max(e.largest for e in errors)
-    word = "fitted" if _fitted(fit, trial) else "predicted"
-    text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
-    style.note(ax, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
-
-
 def _told(pressure: float) -> str:
     unit = "mbar" if pressure < FINE else "bar"
     rounded = float(f"{from_si(pressure, 'Pa', unit):.2g}")
@@ -276,7 +273,6 @@ def _told(pressure: float) -> str:
 
 
 def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
-    """Draw a key of the channels, right of the axes."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -69,7 +69,6 @@ def symbol_of(element: FlowElement, driven: bool) -> tuple[Symbol, str]:
 
 
 def _suits(symbol: str, ports: Sequence[str]) -> bool:
-    """Whether a symbol has these ports."""
     role = roles(ports)
     if symbol in ("on_off_valve", "proportional_valve"):
         return role.count("in") == 1 and 1 <= role.count("out") <= 2 and role.count("exhaust") <= 2
@@ -365,7 +364,9 @@ def arrange(wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell]) -
     """Place all cells and route all lines."""
     column = columns(wires)
     row = rows(wires, column, cells)
-    y = _heights(row, cells)
+    y = {0: 0.0}
+    for r in range(1, max(row.values()) + 1):
+        y[r] = y[r - 1] - _most(cells, row, r - 1, -1) - GAP - _most(cells, row, r, 1)
     buses = _buses(wires, cells, {key: y[r] for key, r in row.items()})
     tracks = _tracks(buses, column)
     x, channels = _widths(column, cells, tracks)
@@ -388,17 +389,8 @@ def arrange(wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell]) -
 def _most(
     cells: Mapping[tuple[str, str], SymbolCell], row: Mapping[tuple[str, str], int], which: int, sign: int
 ) -> float:
-    """Largest extent of the cells of a row above (1) or below (-1) its line."""
     boxes = [cells[key].box for key, r in row.items() if r == which]
     return max(b.y1 if sign > 0 else -b.y0 for b in boxes)
-
-
-def _heights(row: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]) -> dict[int, float]:
-    """Height of each row's line, the first at 0."""
-    heights = {0: 0.0}
-    for r in range(1, max(row.values()) + 1):
-        heights[r] = heights[r - 1] - _most(cells, row, r - 1, -1) - GAP - _most(cells, row, r, 1)
-    return heights
 
 
 def _buses(
@@ -441,7 +433,6 @@ def _widths(
     cells: Mapping[tuple[str, str], SymbolCell],
     tracks: Mapping[tuple[str, int], tuple[int, int]],
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """Position of each column's origin, and of the first track right of it."""
     x: dict[int, float] = {}
     channels: dict[int, float] = {}
     at = 0.0

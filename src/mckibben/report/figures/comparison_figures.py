@@ -210,7 +210,6 @@ def _nothing(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> Non
 
 
 def _lengths(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
-    """Draw the driven curves, and thin passive ones."""
     for one, line in zip(muscles, lines, strict=True):
         ax.plot(*one.curves["passive"], **{**line.style, "lw": 0.8, "alpha": 0.7})
     ax.set_xlim(0.55, 1.5)
@@ -249,7 +248,6 @@ def _twitch(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None
 
 
 def _step(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
-    """Draw rise and fall, both from their command on."""
     for one, line in zip(muscles, lines, strict=True):
         if "fall" in one.curves:
             time, pull = one.curves["fall"]

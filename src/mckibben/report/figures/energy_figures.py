@@ -282,14 +282,12 @@ def _key(loop: CycleLoops) -> tuple[str, bool]:
 
 
 def _word(path: CyclePath) -> str:
-    """Name of the path by its corners."""
     return "".join(path.corners).replace("'", "′")
 
 
 def _corners(
     ax: Axes, paths: Sequence[CyclePath], scale: tuple[float, float], beside: Mapping[str, tuple[int, int]]
 ) -> None:
-    """Draw a dot and a letter at each corner."""
     drawn: list[str] = []
     for path in paths:
         for letter, i in path.corners.items():
@@ -349,7 +347,6 @@ def _wasted(ax: Axes, isotonic: CyclePath, valve: CycleLoops, ml: float, bar: fl
 
 
 def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: bool = False) -> None:
-    """List areas: ours, and the printed one in brackets."""
     for i, (word, ours, paper) in enumerate(said):
         text = f"{word}  {number(ours, 2)} J" + (f"  (printed {number(paper, 2)})" if paper is not None else "")
         style.note(

@@ -222,7 +222,9 @@ def residuals(fit: Fit) -> Figure:
         values, title = _over(fit.points, over)
         _draw_errors(ax, values, error, limit, filled=i == 0)
         style.quantity_axes(ax, x=(title, over), y=("Law less measured, N", "tension"))
-        ax.set_xlim(*_padded(values, zero=over == "pressure"))
+        low, high = float(values.min()), float(values.max())
+        margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+        ax.set_xlim(*((0.0 if (over == "pressure") and low >= 0.0 else low - margin), high + margin))
         style.heading(ax, head, remark, above=24.0)
         _band(ax, 0.01 * fit.points.largest, label=i == len(panels) - 1)
     return fig
@@ -232,12 +234,6 @@ def _over(points: ForceMap, what: str) -> tuple[np.ndarray, str]:
     if what == "pressure":
         return np.array([from_si(float(p), "Pa", "bar") for p in points.pressure]), "Pressure, bar"
     return points.length * from_si(1.0, "m", "cm"), "Length, cm"
-
-
-def _padded(values: np.ndarray, *, zero: bool = False) -> tuple[float, float]:
-    low, high = float(values.min()), float(values.max())
-    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
-    return (0.0 if zero and low >= 0.0 else low - margin), high + margin
 
 
 def _draw_errors(ax: Axes, values: np.ndarray, error: np.ndarray, limit: float, *, filled: bool) -> None:
@@ -416,7 +412,7 @@ def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False)
         style.note(ax, "▲ ▷ rms\N{EM SPACE}┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
     else:
         style.note(ax, "parameters", dx=-8, dy=9, ha="right", va="bottom")
-    _columns(ax, rows, _trained(study), brief, below=0.2 if narrow else 0.0)
+    _columns(ax, rows, next((f.holdout.what for f in study.fits if f.holdout), ""), brief, below=0.2 if narrow else 0.0)
 
 
 def _share(ax: Axes, row: float) -> float:
@@ -445,10 +441,6 @@ def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float
         ax.plot([high], [y], ">", color=INK, ms=5, mew=0, zorder=3, clip_on=False)
     if math.isfinite(rms) and rms <= high:
         ax.plot([rms], [y], marker, mfc=face, mec=shade, mew=1.0, ms=5.4, zorder=4)
-
-
-def _trained(study: Ranking) -> str:
-    return next((f.holdout.what for f in study.fits if f.holdout), "")
 
 
 def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool, *, below: float) -> None:
@@ -511,6 +503,8 @@ def correlation(fit: Fit) -> Figure | None:
     Returns:
         None for a single parameter.
     """
+    from matplotlib.patches import Rectangle
+
     names = list(fit.parameters)
     n = len(names)
     fields = declared(law_type(fit.law))
@@ -530,30 +524,25 @@ def correlation(fit: Fit) -> Figure | None:
         style.note(ax, symbols[i + 1], y=1.0 - middle, dx=-6, ha="right", color=INK, fontsize=style.NORMAL)
         style.note(ax, symbols[i], x=middle, y=0.0, dy=-9, ha="center", color=INK, fontsize=style.NORMAL)
         for j in range(i + 1):
-            _cell(ax, i, j, float(matrix[i + 1, j]), side)
+            value = float(matrix[i + 1, j])
+            there = math.isfinite(value)
+            strength = min(abs(value), 1.0) if there else 0.0
+            # Cubed, so that what is harmless stays light and only what is near one turns dark.
+            ax.add_patch(Rectangle((j, i), 1, 1, fc=INK, ec="none", lw=0, alpha=0.05 + 0.85 * strength**3))
+            ax.add_patch(Rectangle((j, i), 1, 1, fc="none", ec=PANEL, lw=1.5))
+            text = number(value, 4 if strength > 0.9985 else 3 if strength > 0.985 else 2, sign=True)
+            size = min(style.SMALL, 0.88 * 72.0 * side / (0.62 * len(text)))
+            ax.text(
+                j + 0.5,
+                i + 0.5,
+                text,
+                ha="center",
+                va="center_baseline",
+                fontsize=size,
+                color=PANEL if strength > 0.75 else INK,
+            )
     style.heading(ax, "Correlation", "of the estimates, \N{MINUS SIGN}1 to +1", above=14.0)
     return fig
-
-
-def _cell(ax: Axes, i: int, j: int, value: float, side: float) -> None:
-    from matplotlib.patches import Rectangle
-
-    there = math.isfinite(value)
-    strength = min(abs(value), 1.0) if there else 0.0
-    # Cubed, so that what is harmless stays light and only what is near one turns dark.
-    ax.add_patch(Rectangle((j, i), 1, 1, fc=INK, ec="none", lw=0, alpha=0.05 + 0.85 * strength**3))
-    ax.add_patch(Rectangle((j, i), 1, 1, fc="none", ec=PANEL, lw=1.5))
-    text = number(value, 4 if strength > 0.9985 else 3 if strength > 0.985 else 2, sign=True)
-    size = min(style.SMALL, 0.88 * 72.0 * side / (0.62 * len(text)))
-    ax.text(
-        j + 0.5,
-        i + 0.5,
-        text,
-        ha="center",
-        va="center_baseline",
-        fontsize=size,
-        color=PANEL if strength > 0.75 else INK,
-    )
 
 
 # ---- 5 beyond the training
@@ -606,7 +595,14 @@ def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: n
     ax.set_ylim(0.0, top)
     style.quantity_axes(ax, x=("Pressure, bar", "pressure"), y=("Tension, N", "tension"))
     ends = []
-    series = _series(points)
+    rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
+    keys = np.unique(np.round(np.stack([points.length, rest], axis=1), 6), axis=0)
+    most = MOST_LABELS if len(points) < 30 * MOST_LABELS else 4
+    chosen = keys[np.unique(np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int))]
+    series = [
+        (float(length), np.flatnonzero(np.isclose(points.length, length, atol=1e-6) & np.isclose(rest, r, atol=1e-6)))
+        for length, r in chosen
+    ]
     shade = COLOURS["tension"]
     for opacity, (length, member) in zip(style.graded(len(series), 0.6), series, strict=True):
         order = member[np.argsort(pressure[member], kind="stable")]
@@ -636,18 +632,6 @@ def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: n
     if ends:
         ends[-1] = (*ends[-1][:2], ends[-1][2] + "\N{NO-BREAK SPACE}cm")
     style.end_labels(ax, ends, quantity="length")
-
-
-def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
-    """Points of common length [m], at most `MOST_LABELS` lengths, in order of length."""
-    rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
-    keys = np.unique(np.round(np.stack([points.length, rest], axis=1), 6), axis=0)
-    most = MOST_LABELS if len(points) < 30 * MOST_LABELS else 4
-    chosen = keys[np.unique(np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int))]
-    return [
-        (float(length), np.flatnonzero(np.isclose(points.length, length, atol=1e-6) & np.isclose(rest, r, atol=1e-6)))
-        for length, r in chosen
-    ]
 
 
 # ---- all at a glance

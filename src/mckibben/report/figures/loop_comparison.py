@@ -67,7 +67,22 @@ def measured_loop_figure(
     upper = fig.add_axes((wide[0], (FOOT + LOWER + GAP) / HEIGHT, wide[1], 1.0 - (FOOT + LOWER + GAP + TOP) / HEIGHT))
     lower = fig.add_axes((wide[0], FOOT / HEIGHT, wide[1], LOWER / HEIGHT), sharex=upper)
     draw_measured_loop(upper, simulated, measured, x, y)
-    _draw_residuals(lower, residuals, x, y)
+    colour = style.colour(y.quantity)
+    lower.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
+    for up, words, dash in ((True, "rising", "-"), (False, "falling", style.RECORDING_DASHES[1])):
+        some = residuals.rising == up
+        if not some.any():
+            continue
+        at, error = residuals.at[some] * x.scale(), residuals.error[some] * y.scale()
+        if np.all(residuals.rising):  # static points
+            lower.plot(at, error, ls="none", marker="o", ms=3.0, mfc=PANEL, mec=colour, mew=0.8)
+        else:
+            lower.plot(at, error, color=colour, lw=style.LINE, ls=dash, label=words)
+    if lower.get_legend_handles_labels()[0]:
+        lower.legend(
+            frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="upper left", bbox_to_anchor=(1.005, 1.06),
+            borderpad=0.2,
+        )  # fmt: skip
     style.quantity_axes(upper, x=("", x.quantity), y=(y.heading, y.quantity))
     unit = y.heading.partition(",")[2]
     style.quantity_axes(lower, x=(x.heading, x.quantity), y=(f"Simulated less measured,{unit}", y.quantity))
@@ -106,25 +121,6 @@ def draw_measured_loop(
     look: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.0, "mfc": PANEL, "mec": INK, "mew": 0.7}
     ax.plot(values[0][::step], values[1][::step], label="measured", zorder=3, **look)
     ax.legend(frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="best", borderpad=0.2)
-
-
-def _draw_residuals(ax: Axes, residuals: LoopResiduals, x: ChannelPanel, y: ChannelPanel) -> None:
-    colour = style.colour(y.quantity)
-    ax.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
-    for up, words, dash in ((True, "rising", "-"), (False, "falling", style.RECORDING_DASHES[1])):
-        some = residuals.rising == up
-        if not some.any():
-            continue
-        at, error = residuals.at[some] * x.scale(), residuals.error[some] * y.scale()
-        if np.all(residuals.rising):  # static points
-            ax.plot(at, error, ls="none", marker="o", ms=3.0, mfc=PANEL, mec=colour, mew=0.8)
-        else:
-            ax.plot(at, error, color=colour, lw=style.LINE, ls=dash, label=words)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(
-            frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="upper left", bbox_to_anchor=(1.005, 1.06),
-            borderpad=0.2,
-        )  # fmt: skip
 
 
 # ---- over a swept parameter

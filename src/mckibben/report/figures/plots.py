@@ -557,7 +557,6 @@ def _picture(ax: Axes) -> str:
 
 
 def _value(value: Any, unit: str) -> tuple[str, str]:
-    """A number, or a list of them, as a person reads it, and its unit."""
     numbers = [from_si(float(one), unit, shown_unit(unit)) for one in np.ravel(value)]
     return ", ".join(f"{one:.4g}" for one in numbers), _unit(unit)
 

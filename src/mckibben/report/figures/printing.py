@@ -37,11 +37,13 @@ MARKS = 9  # markers along a line
 
 def restyle(fig: Figure, style: FigureStyle) -> None:
     """Give a finished figure the lines and colours of a style, in place."""
+    from matplotlib.text import Text
+
     if style.printed:
         for ax in fig.axes:
             distinguish(ax)
         _recolour(fig, style)
-        for text in _texts(fig):
+        for text in [artist for artist in fig.findobj(Text) if artist.get_text()]:
             text.set_fontsize(max(text.get_fontsize(), LEAST_TYPE))
         for line in _lines(fig):
             line.set_linewidth(max(line.get_linewidth(), min(LEAST_STROKE, HAIR)))
@@ -104,7 +106,6 @@ def _bundle(line: Line2D) -> tuple[Any, ...]:
 
 
 def _looks(first: tuple[Any, str]) -> Iterator[tuple[Any, str]]:
-    """Appearances to choose from: dashes with a line's own marker, then markers."""
     dashes = ["-" if d == "-" else tuple(float(v) for v in d[1]) for d in PRINT_DASHES]
     yield from ((dash, first[1]) for dash in dashes)
     yield from ((dash, marker) for marker in PRINT_MARKERS[1:] for dash in dashes)
@@ -125,7 +126,6 @@ def _put(line: Line2D, look: tuple[Any, str]) -> None:
 
 
 def _follow(ax: Axes) -> None:
-    """Give the samples in the keys the dashes and markers of their lines."""
     from matplotlib.legend import Legend
     from matplotlib.lines import Line2D
 
@@ -186,7 +186,6 @@ def _printed(colour: Any, style: FigureStyle) -> Any:
 
 
 def _parts(fig: Figure) -> Iterator[Any]:
-    """Every artist of a figure, those that belong to texts too."""
     from matplotlib.text import Annotation, Text
 
     for artist in fig.findobj():
@@ -195,12 +194,6 @@ def _parts(fig: Figure) -> Iterator[Any]:
             yield artist.get_bbox_patch()
         if isinstance(artist, Annotation) and artist.arrow_patch is not None:
             yield artist.arrow_patch
-
-
-def _texts(fig: Figure) -> list[Any]:
-    from matplotlib.text import Text
-
-    return [artist for artist in fig.findobj(Text) if artist.get_text()]
 
 
 def _lines(fig: Figure) -> list[Any]:

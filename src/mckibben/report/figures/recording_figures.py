@@ -214,7 +214,6 @@ def _extremes(t: np.ndarray, v: np.ndarray, begins: np.ndarray, columns: int) ->
 
 
 def _axes(name: str, unit: str) -> tuple[str, str | None, str, str]:
-    """Title, quantity, displayed unit and SI unit of the axes of a channel."""
     if unit == "Pa" and name.endswith("_abs"):
         return "Absolute pressure", "pressure", "bar", unit
     if unit in _KNOWN:
@@ -267,7 +266,8 @@ def time_figure(
     heights = [0.75 * each if p.quantity == "valve" else each for p in drawn]
     height = top + sum(heights) + gap * (len(drawn) - 1) + foot
     fig = style.figure(WIDTH, height)
-    limits = _time_limits(parts)
+    low, high = float(parts[0].time[0]), float(parts[-1].time[-1])
+    limits = (low, high) if high > low else (low - 0.5, high + 0.5)
     y = height - top
     for i, (panel, own) in enumerate(zip(drawn, heights, strict=True)):
         ax = fig.add_axes((0.065, (y - own) / height, 0.715, own / height))
@@ -398,12 +398,6 @@ def _key_words(record: Recording, name: str) -> str:
     return _cut(words, MOST_LETTERS)
 
 
-def _time_limits(parts: Sequence[Recording]) -> tuple[float, float]:
-    """Limits of the time axis [s]; one second wide around a single sample."""
-    low, high = float(parts[0].time[0]), float(parts[-1].time[-1])
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
-
-
 def _lane(ax: Axes, steps: Sequence[tuple[float, float, list[str]]], limits: tuple[float, float]) -> None:
     """Draw the steps as bars above the axes, with labels where these fit."""
     box = ax.get_window_extent()
@@ -485,7 +479,6 @@ def _name_families(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPa
 
 
 def _right_end(family: ChannelFamily, panel: ChannelPanel, x: ChannelPanel) -> tuple[float, float] | None:
-    """Right end of the first line of a family, in the units of the axes."""
     part = family.parts[-1]
     across, up = part[x.names[0]], part[panel.names[0]]
     both = np.isfinite(across) & np.isfinite(up)
@@ -511,7 +504,6 @@ def _cut(text: str, most: int) -> str:
 
 
 def _note(record: Recording) -> str:
-    """Compose a note: muscle and rig, an unusual end, and saturated sensors."""
     meta = record.meta
     words = {"specimen": "", "rig": "rig "}
     said = [f"{before}{meta[key]}" for key, before in words.items() if isinstance(meta.get(key), str)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...quantities import from_si
 from ...studies.design import Design, DesignStudy
-from ...studies.sizing import Judged, LineResult, Sizing
+from ...studies.sizing import Judged, Sizing
 from ...studies.sizing.braid import frontier
 from ...studies.sizing.candidate import VERDICTS, LawAtPressure
 from . import style
@@ -48,7 +48,6 @@ def design_map(sizing: Sizing, *, law: str = "linear_threshold") -> Figure:
 
 
 def _shown(sizing: Sizing) -> list[Judged]:
-    """Select the best of each kind first, then further sufficient ones."""
     order = list(sizing.muscles)
     first = [next((m for m in order if m.muscle.kind == k), None) for k in ("braid", "specimen", "size")]
     chosen = [m for m in first if m is not None]
@@ -209,18 +208,7 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
             mec=COLOURS["valve"],
             mew=0.9,
         )
-    _first(ax, able[0])
-    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the required force, ms", None))
-
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
-        axis.set_minor_formatter(NullFormatter())
-    style.heading(ax, f"Lines for {sizing.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
-    style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
-
-
-def _first(ax: Axes, line: LineResult) -> None:
+    line = able[0]
     ax.annotate(
         f"{line.valve}, {line.tube}",
         (1e3 * line.mass, 1e3 * (line.to_force or np.nan)),
@@ -232,6 +220,14 @@ def _first(ax: Axes, line: LineResult) -> None:
         arrowprops={"arrowstyle": "-", "color": INK_3, "lw": 0.5, "shrinkA": 0, "shrinkB": 3},
         bbox={"boxstyle": "round,pad=0.1", "fc": PANEL, "ec": "none", "alpha": 0.8},
     )
+    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the required force, ms", None))
+
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
+        axis.set_minor_formatter(NullFormatter())
+    style.heading(ax, f"Lines for {sizing.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
+    style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
 
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -241,6 +237,8 @@ LISTED, ROWS = 12, 4  # designs of the front that are told, from the fastest on;
 @style.styled()
 def design_front(study: DesignStudy) -> Figure:
     """Draw air per cycle and efficiency over response time; filled are the Pareto-optimal designs."""
+    from matplotlib.lines import Line2D
+
     fig = style.figure(style.WIDE, 5.2)
     grid = fig.add_gridspec(1, 2, left=0.07, right=0.975, bottom=0.29, top=0.80, wspace=0.24)
     done = [d for d in study.designs if np.isfinite(d.response)]
@@ -254,7 +252,25 @@ def design_front(study: DesignStudy) -> Figure:
         style.quantity_axes(ax, x=("Response to a step of pressure, ms", None), y=(quantity, None))
         style.heading(ax, title, note, above=46.0)
         if number == 0:
-            _front_key(ax, study)
+            muscles = list(dict.fromkeys(d.muscle for d in study.designs))
+            handles = [
+                Line2D([], [], marker=MARKERS[i % len(MARKERS)], ls="", mfc=PANEL, mec=COLOURS["valve"], ms=6.0)
+                for i in range(len(muscles))
+            ]
+            handles.append(Line2D([], [], marker="o", ls="", mfc=COLOURS["valve"], mec=COLOURS["valve"], ms=6.0))
+            ax.legend(
+                handles,
+                [*muscles, "filled: beaten by none"],
+                loc="lower left",
+                bbox_to_anchor=(-0.02, 1.085),
+                ncols=len(handles),
+                fontsize=style.SMALL,
+                frameon=False,
+                labelcolor=INK_2,
+                borderaxespad=0.0,
+                columnspacing=1.2,
+                handletextpad=0.3,
+            )
     listed = []
     for i, design in enumerate(study.front[:LISTED]):
         x, y = 0.07 + 0.305 * (i // ROWS), 0.145 - 0.035 * (i % ROWS)
@@ -307,27 +323,3 @@ def _words(design: Design) -> str:
     bore, length = from_si(design.tube_diameter, "m", "mm"), from_si(design.tube_length, "m", "cm")
     said = f"{design.muscle}: {from_si(design.valve_flow, 'm^3/s', 'l/min'):.3g} l/min, {bore:.3g} mm, {length:.3g} cm"
     return said if design.settled else f"{said}, not settled"
-
-
-def _front_key(ax: Axes, study: DesignStudy) -> None:
-    from matplotlib.lines import Line2D
-
-    muscles = list(dict.fromkeys(d.muscle for d in study.designs))
-    handles = [
-        Line2D([], [], marker=MARKERS[i % len(MARKERS)], ls="", mfc=PANEL, mec=COLOURS["valve"], ms=6.0)
-        for i in range(len(muscles))
-    ]
-    handles.append(Line2D([], [], marker="o", ls="", mfc=COLOURS["valve"], mec=COLOURS["valve"], ms=6.0))
-    ax.legend(
-        handles,
-        [*muscles, "filled: beaten by none"],
-        loc="lower left",
-        bbox_to_anchor=(-0.02, 1.085),
-        ncols=len(handles),
-        fontsize=style.SMALL,
-        frameon=False,
-        labelcolor=INK_2,
-        borderaxespad=0.0,
-        columnspacing=1.2,
-        handletextpad=0.3,
-    )

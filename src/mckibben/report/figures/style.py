@@ -374,7 +374,6 @@ def to_svg(fig: Figure) -> str:
 
 
 def _gathered(match: re.Match[str]) -> str:
-    """Markers that share a style, in a group that states it once."""
     uses = re.findall(r"<use ([^>]*?)\s*/>", match[0])
     styles = {style[1] if (style := re.search(r' style="([^"]*)"', use)) else "" for use in uses}
     if len(styles) > 1 or len(uses) < 3:

@@ -36,13 +36,18 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
         study: with the paper's three models and the improved one.
         accumulator: which one the pressures are shown for; on the small one nothing is refitted.
     """
+    from matplotlib.lines import Line2D
+
     thermal = study.thermals[-1]
     fig = style.figure(style.WIDE, HEIGHT, rows=True, least=6.5)
     cases = study.cases[thermal, accumulator]
     noise = next(i for i, c in enumerate(cases) if c.record.kind == "noise")
     steps = next(i for i, c in enumerate(cases) if c.record.kind == "steps")
     kept = "parameters of 10 in³" if accumulator == SMALL else "fitted"
-    windows = ((noise, 0.0, NOISE_SHOWN), (steps, *_highest(cases[steps])))
+    case = cases[steps]
+    rise = int(np.argmax(case.supply == case.supply.max()))
+    start = rise * PERIOD - BEFORE
+    windows = ((noise, 0.0, NOISE_SHOWN), (steps, *(start, start + AFTER)))
     left = LEFT
     limit = _limit(study, thermal, accumulator, windows)
     for column, ((index, begin, end), width) in enumerate(zip(windows, ACROSS, strict=True)):
@@ -59,7 +64,22 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
         if column == 0:
             style.note(axes[1], "Model less reference, bar", y=1.0, dy=8, color=COLOURS["pressure"], fontweight="bold")
         left += width + BETWEEN
-    _key(axes[0])
+    lines = [
+        Line2D([], [], color=INK_3, lw=0.8, label="in front of the tube"),
+        Line2D([], [], color=COLOURS["pressure"], lw=3.2, alpha=0.45, label="behind it: reference"),
+        *(Line2D([], [], color=INK, ls=DASHES[m], lw=0.9, label=models()[m].title) for m in SHOWN),
+    ]
+    axes[0].legend(
+        handles=lines,
+        loc="center",
+        bbox_to_anchor=(0.52, 0.46),
+        frameon=False,
+        handlelength=2.4,
+        handletextpad=0.7,
+        labelspacing=0.55,
+        fontsize=style.SMALL,
+        labelcolor=INK_2,
+    )
     _rms(fig, study, left + 0.75)
     return fig
 
@@ -77,13 +97,6 @@ def _column(fig: Figure, left: float, width: float) -> list[Axes]:
 
 def _axes(fig: Figure, left: float, foot: float, width: float, height: float) -> Axes:
     return fig.add_axes((left / style.WIDE, foot / HEIGHT, width / style.WIDE, height / HEIGHT))
-
-
-def _highest(case: Case) -> tuple[float, float]:
-    """Time range of the highest step [s]."""
-    rise = int(np.argmax(case.supply == case.supply.max()))
-    start = rise * PERIOD - BEFORE
-    return start, start + AFTER
 
 
 def _part(case: Case, window: tuple[float, float]) -> tuple[slice, np.ndarray]:
@@ -106,28 +119,6 @@ def _pressures(
     ax.set_ylim(-0.15, 5.3)
     style.quantity_axes(ax, x=("", None), y=("Pressure, bar", "pressure"))
     ax.tick_params(labelbottom=False)
-
-
-def _key(ax: Axes) -> None:
-    """Draw a key of the lines where the step leaves room."""
-    from matplotlib.lines import Line2D
-
-    lines = [
-        Line2D([], [], color=INK_3, lw=0.8, label="in front of the tube"),
-        Line2D([], [], color=COLOURS["pressure"], lw=3.2, alpha=0.45, label="behind it: reference"),
-        *(Line2D([], [], color=INK, ls=DASHES[m], lw=0.9, label=models()[m].title) for m in SHOWN),
-    ]
-    ax.legend(
-        handles=lines,
-        loc="center",
-        bbox_to_anchor=(0.52, 0.46),
-        frameon=False,
-        handlelength=2.4,
-        handletextpad=0.7,
-        labelspacing=0.55,
-        fontsize=style.SMALL,
-        labelcolor=INK_2,
-    )
 
 
 def _limit(study: TubeStudy, thermal: str, accumulator: str, windows: tuple[tuple[int, float, float], ...]) -> float:

@@ -44,8 +44,24 @@ def errors_figure(validation: Validation) -> Figure:
         )
         _panel(ax, one, laws)
         if i == 0:
-            _names(ax, laws)
-            _key(ax, validation.static)
+            for y, law in enumerate(laws):
+                at = 1.0 - (y + 0.5) / len(laws)
+                style.note(ax, law_type(law).title, y=at, dx=ACROSS, color=INK, fontsize=style.NORMAL - 0.5)
+            parts = [
+                "▲ rms, one pressure left out",
+                "▷ rms, above 4 bar from below",
+                "┃ largest of these",
+                "◇ rms, not fitted to these data",
+            ]
+            title = "Error of prediction, % of the largest tension"
+            style.note(ax, title, dx=ACROSS, dy=53, color=INK, fontweight="bold", fontsize=style.NORMAL)
+            style.note(ax, "\N{EM SPACE}".join(parts), dx=ACROSS, dy=38, color=INK_2)
+            if any(one.apart for one in validation.static):
+                words = "grey: below half the gap of the two branches"
+                if formats.current_style().width is None:
+                    style.note(ax, words, dx=ACROSS + 470.0, dy=38, color=INK_3)
+                else:
+                    style.note(ax, words, dx=ACROSS, dy=26, color=INK_3)
     return fig
 
 
@@ -100,28 +116,3 @@ def _pair(ax: Axes, y: float, pair: Sequence[float], *, beyond: bool) -> None:
     if rms <= HIGH:
         marker, face = (">", PANEL) if beyond else ("^", SHADE)
         ax.plot([rms], [y], marker, mfc=face, mec=SHADE, mew=1.0, ms=4.8, zorder=4)
-
-
-def _names(ax: Axes, laws: Sequence[str]) -> None:
-    for y, law in enumerate(laws):
-        at = 1.0 - (y + 0.5) / len(laws)
-        style.note(ax, law_type(law).title, y=at, dx=ACROSS, color=INK, fontsize=style.NORMAL - 0.5)
-
-
-def _key(ax: Axes, static: Sequence[StaticResult]) -> None:
-    """Draw a key of the marks, above the panels."""
-    parts = [
-        "▲ rms, one pressure left out",
-        "▷ rms, above 4 bar from below",
-        "┃ largest of these",
-        "◇ rms, not fitted to these data",
-    ]
-    title = "Error of prediction, % of the largest tension"
-    style.note(ax, title, dx=ACROSS, dy=53, color=INK, fontweight="bold", fontsize=style.NORMAL)
-    style.note(ax, "\N{EM SPACE}".join(parts), dx=ACROSS, dy=38, color=INK_2)
-    if any(one.apart for one in static):
-        words = "grey: below half the gap of the two branches"
-        if formats.current_style().width is None:
-            style.note(ax, words, dx=ACROSS + 470.0, dy=38, color=INK_3)
-        else:
-            style.note(ax, words, dx=ACROSS, dy=26, color=INK_3)

@@ -151,7 +151,6 @@ def figure_7c() -> Figure:
 
 
 def _ladder(figure: str, words: str, *, inertia: bool) -> Figure:
-    """The lumped model in the notation of electrical circuits."""
     from matplotlib.patches import Circle
 
     fig, (ax,) = stack([1.0], 3.1)
@@ -302,7 +301,6 @@ REMARKS = (
 
 
 def _resistances(figure: str, shows: Pressures) -> list[NumberEntry]:
-    """Entries of R1, R2 and L as fitted, or those of the large accumulator."""
     fitted = shows if shows.refitted or shows.accumulator == LARGE else shows._replace(accumulator=LARGE)
     result = fitted.result()
     r1 = from_si(result.value("viscous"), "Pa*s/m", "bar*s/cm")

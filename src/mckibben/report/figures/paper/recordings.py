@@ -96,7 +96,11 @@ def rest_length(muscle: str) -> float:
 def figure_3a() -> Figure:
     """Nylon muscle, large range."""
     fig, ax, other = _quasi_static("3a", NYLON, "Nylon muscle, 1 Hz, large range")
-    _printed_lines(ax, NYLON)
+    law = law_from_specimen(specimen(NYLON.muscle))
+    span = np.linspace(0.75, 1.1, 2) * rest_length(NYLON.muscle)
+    for pressure in (2e5, 3e5, 4e5, 5e5):
+        at = np.array([max(span[0], float(np.asarray(law.free_length(pressure)))), span[1]])
+        ax.plot((at - rest_length(NYLON.muscle)) * CM, np.asarray(law.tension(at, pressure)), **PRINTED, zorder=5)
     numbers(
         ax,
         [
@@ -228,7 +232,6 @@ def _quasi_static(
 
 
 def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -> None:
-    """Label the loop with its pressure, near its right end."""
     x, y = _curve(record, subject)
     near = x > np.quantile(x, 0.9)
     if y[near].max() < 1.0:
@@ -246,15 +249,6 @@ def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -
         zorder=7,
         bbox=HALO,
     )
-
-
-def _printed_lines(ax: Axes, subject: RecordedMuscle) -> None:
-    """Draw the linear law with its printed numbers, above the rounded threshold."""
-    law = law_from_specimen(specimen(subject.muscle))
-    span = np.linspace(0.75, 1.1, 2) * rest_length(subject.muscle)
-    for pressure in (2e5, 3e5, 4e5, 5e5):
-        at = np.array([max(span[0], float(np.asarray(law.free_length(pressure)))), span[1]])
-        ax.plot((at - rest_length(subject.muscle)) * CM, np.asarray(law.tension(at, pressure)), **PRINTED, zorder=5)
 
 
 def _key(ax: Axes, more: Sequence[Any] = (), *, marks: bool = True, words: str = "tension") -> None:
