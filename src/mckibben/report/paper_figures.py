@@ -171,7 +171,7 @@ def second_paper() -> tuple[PaperFigure, ...]:
             "McKibben and biological muscles",
             TABLE,
             table_rows(),
-            ("table", "table"),
+            ("statics", "table"),
             recordings=True,
             part="discussion",
         ),
@@ -425,7 +425,7 @@ def _energy() -> tuple[PaperFigure, ...]:
 
 
 def _table() -> PaperFigure:
-    draw = later("table", "table", "table1")
+    draw = later("statics", "table", "table1")
     return PaperFigure(
         "table1", JOURNAL, "discussion", "McKibben and biological muscles", TABLE, table_rows(), draw, True
     )

@@ -17,8 +17,8 @@ from ...engine import STEP
 from ...experiments.waveforms import time_words
 from ...quantities import with_unit
 from . import style
+from .circuit_cells import Text, Words, stacked
 from .circuit_diagram import draw_mark, draw_text
-from .circuit_labels import Text, Words, stacked
 from .circuit_symbols import Point, Stroke, arrow, dot, line, muscle, rectangle, source, tube
 from .style import COLOURS, INK, INK_3, NORMAL, PANEL, SMALL, SUNKEN
 

@@ -15,7 +15,7 @@ from ...experiments.amounts import read_amount
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
 from . import formats, style
-from .provenance import describe, recording_source
+from .places import describe, recording_source
 from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 
 if TYPE_CHECKING:

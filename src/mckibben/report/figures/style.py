@@ -25,7 +25,7 @@ import numpy as np
 
 from ...documents import ErrorKeepingFile, write_text, write_whole
 from ...errors import InputError
-from . import formats, layout, printing, provenance
+from . import formats, layout, places
 from .colours import LIGHT
 from .places import ArtistPlace, Sheet, set_place, set_sheet, sheet_of
 from .places import shift as shift
@@ -128,10 +128,10 @@ def finish(result: Any) -> None:
     sheet, style = sheet_of(fig), formats.current_style()
     if sheet is None:
         if isinstance(result, Axes) and style.printed:
-            printing.distinguish(result)
+            formats.distinguish(result)
         return
     set_sheet(fig, None)
-    printing.restyle(fig, style)
+    formats.restyle(fig, style)
     if style.width is None:
         return
     if sheet.drawing:
@@ -427,19 +427,19 @@ def save(fig: Figure, path: str | Path, *, dpi: float | None = None) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in formats.SUFFIXES:
         raise InputError("path", str(path), f"must be a name that ends in {' or '.join(formats.SUFFIXES)}")
-    origin = provenance.of(fig)
+    origin = places.provenance_of(fig)
     if suffix == ".svg":
-        write_text(path, provenance.in_svg(to_svg(fig), origin))
+        write_text(path, places.in_svg(to_svg(fig), origin))
         return
     resolution = dpi or formats.current_style().dpi
     with styled():
         write_whole(path, lambda part: _write(fig, part, suffix, resolution, origin))
 
 
-def _write(fig: Figure, file: Path, suffix: str, dpi: float, origin: provenance.Provenance) -> None:
+def _write(fig: Figure, file: Path, suffix: str, dpi: float, origin: places.Provenance) -> None:
     stream: Any
     with ErrorKeepingFile(file) as stream:
-        words = provenance.entries(origin, suffix)
+        words = places.file_entries(origin, suffix)
         fig.savefig(stream, format=suffix[1:], dpi=dpi, facecolor=fig.get_facecolor(), metadata=words)
 
 
