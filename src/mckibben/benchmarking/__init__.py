@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_submodules
+from .datasets import BenchmarkRecord, DataSplit
 from .model import MODELS, BenchmarkModel, model_names, new_model
-from .records import BenchmarkRecord, DataSplit
-from .run import BenchmarkResult, benchmark, run_task
-from .scores import TaskScore
+from .run import BenchmarkResult, TaskScore, benchmark, run_task
 from .tasks import TASKS, BenchmarkTask, task
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS
 from ..registry import Registry, is_reference, load_reference, named_by_person
-from .records import BenchmarkRecord
+from .datasets import BenchmarkRecord
 
 
 @runtime_checkable
@@ -53,22 +53,21 @@ def required_of_model(kind: object) -> str | None:
     return f"complete; missing: {', '.join(missing)}" if missing else None
 
 
-_MODELS = f"{__package__}.models"
 # Models beside the tension laws, each in a module that is loaded on first use.
 MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
     "mckibben.models",
     "model",
     {
-        "friction": f"{_MODELS}.memory:FrictionModel",
-        "friction_discrepancy": f"{_MODELS}.memory:FrictionDiscrepancy",
-        "seated_braid_memory": f"{_MODELS}.seated_memory:SeatedBraidMemory",
-        "creep": f"{_MODELS}.memory:CreepModel",
-        "robot_circuit": f"{_MODELS}.circuit:RobotCircuit",
-        "gaussian_process": f"{_MODELS}.gaussian_process:GaussianProcess",
-        "perceptron": f"{_MODELS}.perceptron:Perceptron",
-        "gru": f"{_MODELS}.recurrent:GatedRecurrentUnit",
-        "neural_ode": f"{_MODELS}.recurrent:NeuralODE",
-        "koopman": f"{_MODELS}.koopman:ExtendedDMD",
+        "friction": f"{__package__}.physics:FrictionModel",
+        "friction_discrepancy": f"{__package__}.physics:FrictionDiscrepancy",
+        "seated_braid_memory": f"{__package__}.physics:SeatedBraidMemory",
+        "creep": f"{__package__}.physics:CreepModel",
+        "robot_circuit": f"{__package__}.physics:RobotCircuit",
+        "gaussian_process": f"{__package__}.regression:GaussianProcess",
+        "perceptron": f"{__package__}.networks:Perceptron",
+        "gru": f"{__package__}.networks:GatedRecurrentUnit",
+        "neural_ode": f"{__package__}.networks:NeuralODE",
+        "koopman": f"{__package__}.regression:ExtendedDMD",
     },
     accept=required_of_model,
 )
@@ -97,7 +96,7 @@ def new_model(name: str) -> BenchmarkModel:
     Raises:
         InputError: there is none of that name, or it has not what the benchmark needs.
     """
-    from .models.law import LawModel
+    from .physics import LawModel
 
     named_by_person(name)
     if is_reference(name):

@@ -9,10 +9,9 @@ from ..muscles.laws import LAWS
 from ..studies.validation import VARIABLE
 from ..studies.validation_page import DASH, FRONT
 from ..studies.validation_page import table as markdown_table
+from .datasets import FILLING, VENTING
 from .model import COMPETITORS, PHYSICS
-from .moving import FILLING, VENTING
-from .run import BenchmarkResult
-from .scores import TaskScore
+from .run import BenchmarkResult, TaskScore
 from .tasks import task
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"

@@ -34,11 +34,11 @@ from .blocks import (
     TableCell,
     TableRow,
     Text,
+    gauge_svg,
     pieces,
     plain,
     printable,
 )
-from .document_html import gauge_svg
 from .figures.style import PANEL, to_svg
 
 if TYPE_CHECKING:

@@ -1,28 +1,152 @@
-"""Models with a memory: a gated recurrent unit, and a neural ordinary differential equation.
+"""Networks: a perceptron, a gated recurrent unit, and a neural ordinary differential equation, all trained by Adam.
 
-Both read inputs on a thinned clock and begin in a state that depends on the first outputs. How long they learn is chosen on
-what is held back; then they learn so long from all training samples. Predictions at all samples are those of several runs
-on thinned clocks that begin one sample after the other.
+The recurrent ones read inputs on a thinned clock and begin in a state that depends on the first outputs. How long they learn
+is chosen on what is held back; then they learn so long from all training samples. Predictions at all samples are those of
+several runs on thinned clocks that begin one sample after the other.
 Sources: K. Cho et al., Learning phrase representations using RNN encoder-decoder, EMNLP 2014; R. T. Q. Chen et al., Neural
 ordinary differential equations, NeurIPS 2018.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..._jax import jax, jnp
-from ...errors import InputError
-from ..records import BenchmarkRecord
-from .columns import RecordColumns, held_back
-from .training import adam
+from .._jax import jax, jnp
+from ..errors import InputError
+from .datasets import BenchmarkRecord
+from .regression import LAGS, Points, RecordColumns, held_back
+
+DECAY_FIRST, DECAY_SECOND, SMALL, CLIP = 0.9, 0.999, 1e-8, 1.0
+
+
+def adam(value_and_slope: Callable[[Any], Any], start: Any, *, steps: int, rate: float, until: Any = None) -> Any:
+    """Descend with a rate that falls to zero by a cosine, and gradients clipped to a norm of one.
+
+    Args:
+        value_and_slope: of the weights; the value is what is returned for each step.
+        start: weights, a dict of arrays.
+        steps: number of steps.
+        rate: first rate.
+        until: step from which the weights stay as they are; `steps` by default.
+
+    Returns:
+        The weights, and the value before each step.
+
+    Source: D. P. Kingma and J. Ba, Adam: a method for stochastic optimization, ICLR 2015.
+    """
+    last = steps if until is None else until
+    tree = jax.tree_util.tree_map
+
+    def step(carry: Any, i: Any) -> Any:
+        weights, first, second = carry
+        value, slope = value_and_slope(weights)
+        norm = jnp.sqrt(sum(jnp.sum(g * g) for g in jax.tree_util.tree_leaves(slope)))
+        slope = tree(lambda g: jnp.nan_to_num(g * jnp.minimum(1.0, CLIP / (norm + SMALL))), slope)
+        first = tree(lambda m, g: DECAY_FIRST * m + (1.0 - DECAY_FIRST) * g, first, slope)
+        second = tree(lambda v, g: DECAY_SECOND * v + (1.0 - DECAY_SECOND) * g * g, second, slope)
+        count = i + 1.0
+        pace = jnp.where(i < last, rate * 0.5 * (1.0 + jnp.cos(jnp.pi * i / steps)), 0.0)
+
+        def moved(w: Any, m: Any, v: Any) -> Any:
+            size = jnp.sqrt(v / (1.0 - DECAY_SECOND**count)) + SMALL
+            return (w - pace * (m / (1.0 - DECAY_FIRST**count)) / size).astype(w.dtype)
+
+        return (tree(moved, weights, first, second), first, second), value
+
+    zero = tree(jnp.zeros_like, start)
+    carry, values = jax.lax.scan(step, (start, zero, zero), jnp.arange(steps, dtype=jnp.float32))
+    return carry[0], values
+
+
+LAYER, DESCENT, RATE = 32, 1000, 1e-2
+DECAYS = (1e-5, 1e-4, 1e-3, 1e-2)
+MEMBERS = 3
+MOST_POINTS, PADDED = (
+    1500,
+    64,
+)  # points, and what their number is filled up to a multiple of, so that few programs are compiled
+
+
+class Perceptron:
+    """Perceptron with two hidden layers; records in time give earlier inputs and the time as further inputs."""
+
+    def fit(self, train: Sequence[BenchmarkRecord]) -> None:
+        """Choose the weight decay on what is held back, then learn from all training samples."""
+        self.columns = RecordColumns.of(train, most=MOST_POINTS, lags=LAGS)
+        points = Points.of(self.columns, train, most=MOST_POINTS)
+        shapes = points.inputs.shape[1], points.targets.shape[1]
+        start = _weights(np.random.default_rng(0), *shapes)
+        # The same start for each decay, and all decays in one program.
+        starts = {name: np.stack([value] * len(DECAYS)) for name, value in start.items()}
+        kept = _learn_all(starts, *_padded(points, ~points.held), np.array(DECAYS, np.float32))
+        errors = [
+            np.mean((np.asarray(_run(_member(kept, i), _single(points.inputs))) - points.targets)[points.held] ** 2)
+            for i in range(len(DECAYS))
+        ]
+        decay = DECAYS[int(np.argmin(errors))] if points.held.any() else DECAYS[1]
+        many = [_weights(np.random.default_rng(1 + i), *shapes) for i in range(MEMBERS)]
+        starts = {name: np.stack([one[name] for one in many]) for name in start}
+        self.members = _learn_all(
+            starts, *_padded(points, np.ones(len(points.held), bool)), np.full(MEMBERS, decay, np.float32)
+        )
+
+    def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
+        """Mean of the networks at the samples of a record."""
+        inputs = _single(self.columns.inputs(record))
+        return self.columns.predicted(
+            np.mean([np.asarray(_run(_member(self.members, i), inputs), float) for i in range(MEMBERS)], axis=0)
+        )
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    return np.asarray(values, np.float32)
+
+
+def _member(weights: Mapping[str, Any], i: int) -> dict[str, Any]:
+    return {name: value[i] for name, value in weights.items()}
+
+
+def _weights(draw: np.random.Generator, inputs: int, outputs: int) -> dict[str, np.ndarray]:
+    shapes = {"in": (inputs, LAYER), "mid": (LAYER, LAYER), "out": (LAYER, outputs)}
+    weights = {name: _single(draw.standard_normal(s) / np.sqrt(s[0])) for name, s in shapes.items()}
+    return weights | {f"{name}_bias": np.zeros(s[1], np.float32) for name, s in shapes.items()}
+
+
+def _run(weights: Mapping[str, Any], inputs: Any) -> Any:
+    hidden = jnp.tanh(inputs @ weights["in"] + weights["in_bias"])
+    hidden = jnp.tanh(hidden @ weights["mid"] + weights["mid_bias"])
+    return hidden @ weights["out"] + weights["out_bias"]
+
+
+def _padded(points: Points, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inputs, outputs and weights of samples, filled up with samples of no weight."""
+    count = -(-len(used) // PADDED) * PADDED - len(used)
+
+    def fill(values: np.ndarray) -> np.ndarray:
+        return np.pad(_single(values), [(0, count), *[(0, 0)] * (values.ndim - 1)])
+
+    return fill(points.inputs), fill(points.targets), fill(used / max(used.sum(), 1))
+
+
+def _learn_all(starts: Mapping[str, np.ndarray], inputs: Any, targets: Any, shares: Any, decays: np.ndarray) -> Any:
+    return jax.jit(jax.vmap(_descent, in_axes=(0, None, None, None, 0)))(starts, inputs, targets, shares, decays)
+
+
+def _descent(start: Any, inputs: Any, targets: Any, shares: Any, decay: Any) -> Any:
+    def loss(weights: Any) -> Any:
+        error = jnp.sum(shares[:, None] * (_run(weights, inputs) - targets) ** 2)
+        return error + decay * sum(jnp.sum(weights[name] ** 2) for name in ("in", "mid", "out"))
+
+    return adam(functools.partial(jax.value_and_grad(loss)), start, steps=DESCENT, rate=RATE)[0]
+
 
 MOST = 750  # samples of a record that are learned from
 HIDDEN, WIDTH, LATENT = 24, 32, 6
-STEPS, RATE = 300, 1e-2
+STEPS = 300
 PACE = 0.1  # of the differential equation, per sample of the thinned clock
 
 Weights = Mapping[str, Any]
