@@ -102,23 +102,11 @@ def _friction(record: Recording, on: str = "paper") -> ComputedValue:
     )
 
 
-@reproduces("friction.nylon", "N")
-def friction_nylon() -> ComputedValue:
-    """Friction of the nylon muscle: half the loop's height."""
-    return _friction(triangle())
-
-
-@reproduces("loop.width_fiberglass", "m")
-def width_fiberglass() -> float:
-    """Width of the fiberglass muscle's loop, 0.85 to 1.1 L0."""
-    return measured_loop("fiberglass", stroke="fiberglass").width
-
-
-@reproduces("friction.fiberglass", "N")
-def friction_fiberglass() -> ComputedValue:
-    """Friction of the fiberglass muscle: half the loop's height."""
-    return _friction(triangle("fiberglass", stroke="fiberglass"))
-
+reproduces("friction.nylon", "N")(lambda: _friction(triangle()))
+reproduces("friction.fiberglass", "N")(lambda: _friction(triangle("fiberglass", stroke="fiberglass")))
+reproduces("loop.width_fiberglass", "m")(
+    lambda: measured_loop("fiberglass", stroke="fiberglass").width
+)  # 0.85 to 1.1 L0
 
 MODERN = "modern"  # the rig whose cell reaches as far as the Bridgestone muscle pulls
 
@@ -380,29 +368,10 @@ def _found(which: str, unit: str, scale: float, digits: int) -> ComputedValue:
     )
 
 
-@reproduces("static.fit_Kg", "m")
-def fit_kg() -> ComputedValue:
-    """Kg of the fit."""
-    return _found("stiffness_per_pressure", "cm", 1e-2, 3)
-
-
-@reproduces("static.fit_Pa", "Pa")
-def fit_pa() -> ComputedValue:
-    """Offset pressure Pa of the fit."""
-    return _found("offset_pressure", "bar", 1e5, 3)
-
-
-@reproduces("static.fit_Lmin", "m")
-def fit_lmin() -> ComputedValue:
-    """Shortest length Lmin of the fit."""
-    return _found("shortest_length", "cm", 1e-2, 2)
-
-
-@reproduces("static.fit_Fa", "N")
-def fit_fa() -> ComputedValue:
-    """Fa of the fit."""
-    return _found("offset_tension", "N", 1.0, 1)
-
+reproduces("static.fit_Kg", "m")(lambda: _found("stiffness_per_pressure", "cm", 1e-2, 3))
+reproduces("static.fit_Pa", "Pa")(lambda: _found("offset_pressure", "bar", 1e5, 3))
+reproduces("static.fit_Lmin", "m")(lambda: _found("shortest_length", "cm", 1e-2, 2))
+reproduces("static.fit_Fa", "N")(lambda: _found("offset_tension", "N", 1.0, 1))
 
 LUBRICANT_CYCLES = {"precondition": 2, "cycles": 3}
 

@@ -59,9 +59,8 @@ def zero_force_angle() -> float:
 @reproduces("static.stiffness_per_pressure", "m")
 def kg() -> float:
     """Kg of the law with wall thickness."""
-    return stiffness_per_pressure(
-        law_from_specimen(specimen("nylon"), "thick_wall"), lengths=LENGTHS, pressure=PRESSURE
-    )
+    law = law_from_specimen(specimen("nylon"), "thick_wall")
+    return stiffness_per_pressure(law, lengths=LENGTHS, pressure=PRESSURE)
 
 
 @reproduces("static.threshold_pressure", "Pa", "from eq. 13 and L0, as the paper does")
@@ -82,51 +81,17 @@ def stiffness() -> float:
     return float(_nylon().stiffness(0.13, PRESSURE))
 
 
-@reproduces("static.stiffness_5bar_per_length", "N")
-def stiffness_per_rest_length() -> float:
-    """Stiffness of the nylon muscle with respect to strain [N]."""
-    return stiffness() * float(_nylon().rest_length)
-
-
-@reproduces("static.max_tension", "N")
-def max_tension() -> float:
-    """Tension at 1.1 L0."""
-    return float(_nylon().tension(1.1 * _nylon().rest_length, PRESSURE))
-
-
-@reproduces("static.zero_tension_length", "1")
-def zero_tension_length() -> float:
-    """Free length over resting length."""
-    return float(_nylon().free_length(PRESSURE) / _nylon().rest_length)
-
-
 @reproduces("static.work_per_cycle", "N")
 def work_per_cycle() -> float:
     """Work from 1.1 to 0.75 L0 over L0; none below the free length, where the muscle is slack."""
     rest = float(_nylon().rest_length)
-    return work_of_shortening(_nylon(), pressure=PRESSURE, longest=1.1 * rest, shortest=_shorter_end(rest)) / rest
+    shortest = float(np.maximum(0.75 * rest, _nylon().free_length(PRESSURE)))
+    return work_of_shortening(_nylon(), pressure=PRESSURE, longest=1.1 * rest, shortest=shortest) / rest
 
 
-def _shorter_end(rest: float) -> float:
-    return float(np.maximum(0.75 * rest, _nylon().free_length(PRESSURE)))
-
-
-_TABLE1 = {
-    "section_area": ("section_area", "m^2"),
-    "dynamic_range": ("dynamic_range", "1"),
-    "max_tension": ("maximum_tension", "N"),
-    "stiffness": ("stiffness", "N"),
-    "work": ("work", "N"),
-    "tension_intensity": ("tension_intensity", "N/m^2"),
-    "stiffness_intensity": ("stiffness_intensity", "N/m^2"),
-    "work_density": ("work_density", "J/m^3"),
-}
-
-
-def _register_table1() -> None:
-    for name in ("nylon", "fiberglass", "bridgestone"):
-        for row, (field, unit) in _TABLE1.items():
-            reproduces(f"table1.{name}.{row}", unit)(functools.partial(_table1_entry, name, field))
+reproduces("static.stiffness_5bar_per_length", "N")(lambda: stiffness() * float(_nylon().rest_length))
+reproduces("static.max_tension", "N")(lambda: float(_nylon().tension(1.1 * _nylon().rest_length, PRESSURE)))
+reproduces("static.zero_tension_length", "1")(lambda: float(_nylon().free_length(PRESSURE) / _nylon().rest_length))
 
 
 def _table1_entry(name: str, field: str) -> float:
@@ -134,7 +99,18 @@ def _table1_entry(name: str, field: str) -> float:
     return value
 
 
-_register_table1()
+for _name in ("nylon", "fiberglass", "bridgestone"):
+    for _row, _field, _unit in (
+        ("section_area", "section_area", "m^2"),
+        ("dynamic_range", "dynamic_range", "1"),
+        ("max_tension", "maximum_tension", "N"),
+        ("stiffness", "stiffness", "N"),
+        ("work", "work", "N"),
+        ("tension_intensity", "tension_intensity", "N/m^2"),
+        ("stiffness_intensity", "stiffness_intensity", "N/m^2"),
+        ("work_density", "work_density", "J/m^3"),
+    ):
+        reproduces(f"table1.{_name}.{_row}", _unit)(functools.partial(_table1_entry, _name, _field))
 
 
 INTENSITY = 35e4  # maximum tension intensity that the paper takes from Guyton 1986 [N/m^2]
@@ -148,31 +124,19 @@ def muscle() -> BiologicalMuscle:
     )
 
 
-@reproduces("biology.stiffness_intensity", "N/m^2", "with the ends of the range as printed, 0.64 and 1.12")
-def stiffness_intensity() -> float:
-    """Largest stiffness intensity over the dynamic range."""
-    return characteristics.stiffness_intensity(
-        INTENSITY, characteristics.dynamic_range(muscle().active_curve).rounded()
-    )
+def _range() -> characteristics.DynamicRange:
+    """The part of the active curve whose slope is not negative."""
+    return characteristics.dynamic_range(muscle().active_curve)
 
 
-@reproduces(
-    "biology.work_density",
-    "J/m^3",
-    "0.126 with Gordon's nodes; the ends rounded to 0.64 and 1.12 first would give 0.1245",
+GORDON = "0.126 with Gordon's nodes; the ends rounded to 0.64 and 1.12 first would give 0.1245"
+NODES = "0.49 between Gordon's nodes, 0.48 between the rounded ends that are printed"
+reproduces("biology.stiffness_intensity", "N/m^2", "with the ends of the range as printed, 0.64 and 1.12")(
+    lambda: characteristics.stiffness_intensity(INTENSITY, _range().rounded())
 )
-def work_density() -> float:
-    """Integral of the active curve over the dynamic range."""
-    return characteristics.work_density(muscle().active_curve, INTENSITY)
-
-
-@reproduces("biology.dynamic_range", "1", "0.49 between Gordon's nodes, 0.48 between the rounded ends that are printed")
-def dynamic_range() -> float:
-    """Width of the part of the active curve whose slope is not negative."""
-    return characteristics.dynamic_range(muscle().active_curve).rounded().width
-
-
-@reproduces("biology.peak_power_density", "W/m^3")
-def peak_power_density() -> float:
-    """Peak power density: a tenth of maximum intensity times maximum velocity."""
-    return characteristics.peak_power_density(muscle(), fraction=0.1)
+reproduces("biology.work_density", "J/m^3", GORDON)(
+    lambda: characteristics.work_density(muscle().active_curve, INTENSITY)
+)
+reproduces("biology.dynamic_range", "1", NODES)(lambda: _range().rounded().width)
+# A tenth of the largest intensity times the largest velocity.
+reproduces("biology.peak_power_density", "W/m^3")(lambda: characteristics.peak_power_density(muscle(), fraction=0.1))

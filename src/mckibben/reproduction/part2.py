@@ -22,34 +22,9 @@ def capacitance(volume: float) -> float:
     return float(AIR.mass(1.0, volume, Environment.of_the_papers().temperature))
 
 
-@reproduces("tube.capacitance_10in3", "kg/Pa", "at 300 K, which both printed values imply")
-def capacitance_10in3() -> float:
-    """Capacitance of the large accumulator."""
-    return capacitance(ACCUMULATORS[LARGE])
-
-
-@reproduces("tube.capacitance_3in3", "kg/Pa", "at 300 K, which both printed values imply")
-def capacitance_3in3() -> float:
-    """Capacitance of the small accumulator."""
-    return capacitance(ACCUMULATORS[SMALL])
-
-
-@reproduces("tube.inertance", "1/m")
 def tube_inertance() -> float:
-    """Inertance l/A of the tube; 1/m is Pa s2/kg."""
+    """Inertance l/A of the tube [1/m], which is Pa s2/kg."""
     return float(inertance(length=LENGTH, area=circle_area(DIAMETER)))
-
-
-@reproduces("tube.inertance_per_cm", "1/m", "l/A is 1260 1/cm: a factor of ten is missing in print")
-def tube_inertance_per_cm() -> float:
-    """Inertance l/A of the tube, which is printed in 1/cm."""
-    return tube_inertance()
-
-
-@reproduces("tube.flow_work_sign", "1")
-def flow_work_sign() -> float:
-    """Sign of div(Pv): gas carries cp T into a vessel that keeps cv T of it, the difference is the work of the flow."""
-    return -math.copysign(1.0, float(AIR.cp - AIR.cv))
 
 
 @functools.cache
@@ -62,77 +37,32 @@ def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> Tub
     return tube_fits().result(QUICK_THERMALS[0], model, accumulator, refitted=refitted)
 
 
-@reproduces("tube.linear_cutoff", "rad/s", SYNTHETIC)
-def linear_cutoff() -> float:
-    """Cut-off frequency of the linear model, 1/(R C)."""
-    return 1.0 / (_fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
-
-
-@reproduces("tube.linear_rms", "Pa", SYNTHETIC)
-def linear_rms() -> float:
-    """Error of the linear model on the large accumulator."""
-    return _fit("linear").rms
-
-
-@reproduces("tube.quadratic_rms_10in3", "Pa", SYNTHETIC)
-def quadratic_rms_10in3() -> float:
-    """Error of the quadratic model on the large accumulator."""
-    return _fit("quadratic").rms
-
-
-@reproduces("tube.quadratic_rms_3in3", "Pa", SYNTHETIC)
-def quadratic_rms_3in3() -> float:
-    """Error of the quadratic model on the small accumulator, refitted."""
-    return _fit("quadratic", SMALL, refitted=True).rms
-
-
-@reproduces("tube.inertial_rms_10in3", "Pa", SYNTHETIC)
-def inertial_rms_10in3() -> float:
-    """Error of the inertial model on the large accumulator."""
-    return _fit("inertial").rms
-
-
-@reproduces("tube.inertial_rms_3in3", "Pa", SYNTHETIC)
-def inertial_rms_3in3() -> float:
-    """Error of the inertial model on the small accumulator, its parameters kept."""
-    return _fit("inertial", SMALL).rms
-
-
-@reproduces("tube.quadratic_lead", "s", SYNTHETIC)
-def quadratic_lead() -> float:
-    """Mean lead of the quadratic model."""
-    return _fit("quadratic").lead
-
-
-@reproduces(
-    "tube.R1",
-    "Pa*s/m",
-    f"the data hardly determine it, and it stays near the first guess, the printed value; {SYNTHETIC}",
-)
-def viscous_coefficient() -> float:
-    """R1 of the quadratic model."""
-    return _fit("quadratic").value("viscous")
-
-
-@reproduces("tube.R2", "Pa*s^2/m^2", SYNTHETIC)
-def turbulent_coefficient() -> float:
-    """R2 of the quadratic model."""
-    return _fit("quadratic").value("turbulent")
-
-
 def electrical_power(valve: str) -> float:
     """Electrical power of a valve [W]."""
     spec = specimen(valve)
     return spec.property_si("current", "A") * spec.property_si("voltage", "V")
 
 
-@reproduces("valve.festo_power", "W")
-def festo_power() -> float:
-    """Electrical power of the Festo MPP-3-1/8."""
-    return electrical_power("MPP-3-1-8")
-
-
-@reproduces("valve.sarcos_power", "W")
-def sarcos_power() -> float:
-    """Electrical power of the SARCOS C100P/80."""
-    return electrical_power("C100P-80")
+AT_300_K = "at 300 K, which both printed values imply"
+LACKS_TEN = "l/A is 1260 1/cm: a factor of ten is missing in print"
+HARDLY = f"the data hardly determine it, and it stays near the first guess, the printed value; {SYNTHETIC}"
+reproduces("tube.capacitance_10in3", "kg/Pa", AT_300_K)(lambda: capacitance(ACCUMULATORS[LARGE]))
+reproduces("tube.capacitance_3in3", "kg/Pa", AT_300_K)(lambda: capacitance(ACCUMULATORS[SMALL]))
+reproduces("tube.inertance", "1/m")(tube_inertance)
+reproduces("tube.inertance_per_cm", "1/m", LACKS_TEN)(tube_inertance)
+# The sign of div(Pv): gas carries cp T into a vessel that keeps cv T of it, the difference is the work of the flow.
+reproduces("tube.flow_work_sign", "1")(lambda: -math.copysign(1.0, float(AIR.cp - AIR.cv)))
+reproduces("tube.linear_cutoff", "rad/s", SYNTHETIC)(
+    lambda: 1.0 / (_fit("linear").value("resistance") * capacity(ACCUMULATORS[LARGE]))
+)
+reproduces("tube.linear_rms", "Pa", SYNTHETIC)(lambda: _fit("linear").rms)
+reproduces("tube.quadratic_rms_10in3", "Pa", SYNTHETIC)(lambda: _fit("quadratic").rms)
+# On the small accumulator the paper refits the quadratic model, and keeps the parameters of the inertial one.
+reproduces("tube.quadratic_rms_3in3", "Pa", SYNTHETIC)(lambda: _fit("quadratic", SMALL, refitted=True).rms)
+reproduces("tube.inertial_rms_10in3", "Pa", SYNTHETIC)(lambda: _fit("inertial").rms)
+reproduces("tube.inertial_rms_3in3", "Pa", SYNTHETIC)(lambda: _fit("inertial", SMALL).rms)
+reproduces("tube.quadratic_lead", "s", SYNTHETIC)(lambda: _fit("quadratic").lead)
+reproduces("tube.R1", "Pa*s/m", HARDLY)(lambda: _fit("quadratic").value("viscous"))
+reproduces("tube.R2", "Pa*s^2/m^2", SYNTHETIC)(lambda: _fit("quadratic").value("turbulent"))
+reproduces("valve.festo_power", "W")(lambda: electrical_power("MPP-3-1-8"))
+reproduces("valve.sarcos_power", "W")(lambda: electrical_power("C100P-80"))

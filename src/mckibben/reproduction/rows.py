@@ -136,6 +136,13 @@ def all_rows() -> tuple[PrintedRow, ...]:
     return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
 
 
+def printed(identifier: str) -> float:
+    """Value that the paper prints for a row, in the row's unit."""
+    value = next(row.paper for row in all_rows() if row.id == identifier)
+    assert isinstance(value, float)
+    return value
+
+
 def select(part: str | None = None, identifiers: list[str] | None = None) -> list[PrintedRow]:
     """Rows of one part (``I`` to ``IV``, ``discussion``) or whose identifier begins with one of the given texts."""
     rows = list(all_rows())

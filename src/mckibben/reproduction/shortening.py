@@ -17,7 +17,7 @@ from ..documents import JsonValue
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import SPAN, TENSION, recording, reproduces, step_of
-from .rows import ComputedValue, all_rows
+from .rows import ComputedValue, printed
 
 ISOTHERMAL = {"rig": "paper-isothermal"}
 RIGID = {"rigid": True}
@@ -49,47 +49,14 @@ def mean_of(what: str, *, stroke: str = "full", rising: bool = True) -> Computed
     )
 
 
-@reproduces("isometric.valve_delay", "s")
-def valve_delay() -> ComputedValue:
-    """Delay from the command to the pressure at the muscle."""
-    return mean_of("valve_delay")
-
-
-@reproduces("isometric.pressure_to_tension", "s")
-def pressure_to_tension() -> ComputedValue:
-    """Delay from the pressure to the tension."""
-    return mean_of("pressure_to_tension")
-
-
-@reproduces("isometric.total_delay", "s")
-def total_delay() -> ComputedValue:
-    """Delay from the command to the tension."""
-    return mean_of("total_delay")
-
-
-@reproduces("isometric.rise_full", "s")
-def rise_full() -> ComputedValue:
-    """Rise of the tension to 90 %, 5 bar."""
-    return mean_of("transition")
-
-
-@reproduces("isometric.rise_half", "s")
-def rise_half() -> ComputedValue:
-    """Rise of the tension over half the range, to 90 %."""
-    return mean_of("transition", stroke="half")
-
-
-@reproduces("isometric.fall_full", "s")
-def fall_full() -> ComputedValue:
-    """Fall of the tension to 10 %, from 5 bar."""
-    return mean_of("transition", rising=False)
-
-
-@reproduces("isometric.fall_half", "s")
-def fall_half() -> ComputedValue:
-    """Fall of the tension over half the range, to 10 %."""
-    return mean_of("transition", stroke="half", rising=False)
-
+reproduces("isometric.valve_delay", "s")(lambda: mean_of("valve_delay"))
+reproduces("isometric.pressure_to_tension", "s")(lambda: mean_of("pressure_to_tension"))
+reproduces("isometric.total_delay", "s")(lambda: mean_of("total_delay"))
+# The tension's rise to 90 % and fall to 10 % of the full range, and of half of it.
+rise_full = reproduces("isometric.rise_full", "s")(lambda: mean_of("transition"))
+rise_half = reproduces("isometric.rise_half", "s")(lambda: mean_of("transition", stroke="half"))
+fall_full = reproduces("isometric.fall_full", "s")(lambda: mean_of("transition", rising=False))
+fall_half = reproduces("isometric.fall_half", "s")(lambda: mean_of("transition", stroke="half", rising=False))
 
 LIGHT, FAST = ("10 N", "1 Hz"), ("50 N", "5 Hz")
 LOADS = {LIGHT: 10.0, FAST: 50.0}  # [N]
@@ -135,42 +102,6 @@ def _peak(case: tuple[str, str]) -> ComputedValue:
     )
 
 
-@reproduces("isotonic.work_10N_1Hz", "J")
-def work_light() -> ComputedValue:
-    """Work of a shortening at 10 N, 1 Hz."""
-    return _work(LIGHT)
-
-
-@reproduces("isotonic.mean_power_10N_1Hz", "W")
-def mean_power_light() -> float:
-    """Mean power of a shortening at 10 N, 1 Hz."""
-    return power(LIGHT).mean_power
-
-
-@reproduces("isotonic.peak_power_10N_1Hz", "W")
-def peak_power_light() -> ComputedValue:
-    """Peak power of a shortening at 10 N, 1 Hz."""
-    return _peak(LIGHT)
-
-
-@reproduces("isotonic.work_50N_5Hz", "J")
-def work_fast() -> ComputedValue:
-    """Work of a shortening at 50 N, 5 Hz."""
-    return _work(FAST)
-
-
-@reproduces("isotonic.mean_power_50N_5Hz", "W")
-def mean_power_fast() -> float:
-    """Mean power of a shortening at 50 N, 5 Hz."""
-    return power(FAST).mean_power
-
-
-@reproduces("isotonic.peak_power_50N_5Hz", "W")
-def peak_power_fast() -> ComputedValue:
-    """Peak power of a shortening at 50 N, 5 Hz."""
-    return _peak(FAST)
-
-
 def density(watts: float) -> float:
     """Power over the muscle's volume, its shortened section times its rest length [W/m^3]."""
     spec = specimen("nylon")
@@ -178,34 +109,21 @@ def density(watts: float) -> float:
     return power_density(watts, section_area=area, rest_length=spec.property_si("rest_length", "m"))
 
 
-@reproduces("isotonic.mean_power_density", "W/m^3")
-def mean_power_density() -> float:
-    """Mean power at 50 N, 5 Hz, over the muscle's volume."""
-    return density(power(FAST).mean_power)
-
-
-@reproduces("isotonic.peak_power_density", "W/m^3", "goes with the peak power, whose note says why it differs")
-def peak_power_density() -> float:
-    """Peak power at 50 N, 5 Hz, over the muscle's volume."""
-    return density(power(FAST).peak_power)
-
-
-@reproduces("isotonic.frequency_50N", "1/s")
-def printed_frequency() -> float:
-    """Cycles per second that the printed work and mean power of a shortening at 50 N leave: it takes half a cycle."""
-    return _printed("mean_power_50N_5Hz") / (2.0 * _printed("work_50N_5Hz"))
-
-
-@reproduces("isotonic.printed_peak_power_density", "W/m^3")
-def printed_peak_power_density() -> float:
-    """The printed peak power over the printed section area and rest length."""
-    return density(_printed("peak_power_50N_5Hz"))
-
-
-def _printed(name: str) -> float:
-    value = next(row.paper for row in all_rows() if row.id == f"isotonic.{name}")
-    assert isinstance(value, float)
-    return value
+work_light = reproduces("isotonic.work_10N_1Hz", "J")(lambda: _work(LIGHT))
+mean_power_light = reproduces("isotonic.mean_power_10N_1Hz", "W")(lambda: power(LIGHT).mean_power)
+peak_power_light = reproduces("isotonic.peak_power_10N_1Hz", "W")(lambda: _peak(LIGHT))
+reproduces("isotonic.work_50N_5Hz", "J")(lambda: _work(FAST))
+reproduces("isotonic.mean_power_50N_5Hz", "W")(lambda: power(FAST).mean_power)
+reproduces("isotonic.peak_power_50N_5Hz", "W")(lambda: _peak(FAST))
+reproduces("isotonic.mean_power_density", "W/m^3")(lambda: density(power(FAST).mean_power))
+reproduces("isotonic.peak_power_density", "W/m^3", "goes with the peak power, whose note says why it differs")(
+    lambda: density(power(FAST).peak_power)
+)
+# Cycles per second that the printed work and mean power leave: a shortening takes half a cycle.
+reproduces("isotonic.frequency_50N", "1/s")(
+    lambda: printed("isotonic.mean_power_50N_5Hz") / (2.0 * printed("isotonic.work_50N_5Hz"))
+)
+reproduces("isotonic.printed_peak_power_density", "W/m^3")(lambda: density(printed("isotonic.peak_power_50N_5Hz")))
 
 
 @reproduces("isotonic.tension_error", "1")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from .... import reproduction
 from ....documents import JsonValue
 from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
+from ....reproduction.rows import printed as printed
 from .. import style
 from ..places import ArtistPlace, set_place
 from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
@@ -115,20 +116,8 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 @functools.cache
 def outcome(identifier: str) -> RowOutcome:
     """A row with our value."""
-    assert reproduction
-    return reproduce_row(row(identifier))
-
-
-def row(identifier: str) -> PrintedRow:
-    """Find a row by its name."""
-    return next(r for r in all_rows() if r.id == identifier)
-
-
-def printed(identifier: str) -> float:
-    """Value that the paper prints for a row, in the row's unit."""
-    value = row(identifier).paper
-    assert isinstance(value, float)
-    return value
+    assert reproduction  # whose import registers how the rows are computed
+    return reproduce_row(next(row for row in all_rows() if row.id == identifier))
 
 
 class NumberEntry(NamedTuple):
