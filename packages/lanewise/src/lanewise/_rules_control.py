@@ -17,16 +17,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._graph import DOUBLE, Graph, Loop, Node
-from ._jaxpr import ClosedJaxpr, Literal, jaxpr_as_fun
 from ._rules_arrays import make_array
 from ._trace import (
     RULES,
     SMALL,
     AccumulatedArray,
     BufferArray,
+    ClosedJaxpr,
     ConcatenatedArray,
     ConstantArray,
     LazyArray,
+    Literal,
     Refusal,
     Tracer,
     add_index,
@@ -36,6 +37,7 @@ from ._trace import (
     flat_index,
     is_long,
     is_zero,
+    jaxpr_as_fun,
     materialise,
     rule,
     scale_index,
