@@ -82,10 +82,7 @@ def measured_loop_figure(
         else:
             lower.plot(at, error, color=colour, lw=style.LINE, ls=dash, label=words)
     if lower.get_legend_handles_labels()[0]:
-        lower.legend(
-            frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="upper left", bbox_to_anchor=(1.005, 1.06),
-            borderpad=0.2,
-        )  # fmt: skip
+        style.key(lower, loc="upper left", bbox_to_anchor=(1.005, 1.06))
     style.quantity_axes(upper, x=("", x.quantity), y=(y.heading, y.quantity))
     unit = y.heading.partition(",")[2]
     style.quantity_axes(lower, x=(x.heading, x.quantity), y=(f"Simulated less measured,{unit}", y.quantity))
@@ -123,7 +120,7 @@ def draw_measured_loop(
     step = max(len(values[0]) // MOST_POINTS, 1)
     look: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.0, "mfc": PANEL, "mec": INK, "mew": 0.7}
     ax.plot(values[0][::step], values[1][::step], label="measured", zorder=3, **look)
-    ax.legend(frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="best", borderpad=0.2)
+    style.key(ax, loc="best")
 
 
 # ---- over a swept parameter
@@ -154,14 +151,13 @@ def swept_loops_figure(
     style.quantity_axes(ax, x=(x.heading, x.quantity), y=(y.heading, y.quantity))
     style.heading(ax, title, note, above=24.0)
     for one, curve, (i, sides) in zip(loops, curves, _apart(ax, curves), strict=True):
-        ax.annotate(
+        style.beside(
+            ax,
             one.words,
             curve[i],
             (5 * sides[0], 4 * sides[1]),
-            textcoords="offset points",
             ha="left" if sides[0] > 0 else "right",
             va="bottom" if sides[1] > 0 else "top",
-            fontsize=style.SMALL,
             color=INK,
             annotation_clip=False,
             zorder=5,
@@ -283,14 +279,13 @@ def bode_figure(response: FrequencyResponse, titles: BodeTitles, *, cutoff: floa
     if np.isfinite(cutoff):
         for ax in axes[:2]:
             ax.axvline(cutoff, color=INK_3, lw=0.9, ls=(0, (4, 2.3)))
-        axes[0].annotate(
+        style.beside(
+            axes[0],
             f"\N{MINUS SIGN}3 dB at {cutoff:.3g} Hz",
             (cutoff, 0.04),
+            (-4, 0),
             xycoords=("data", "axes fraction"),
-            xytext=(-4, 0),
-            textcoords="offset points",
             ha="right",
-            fontsize=style.SMALL,
             color=INK_3,
         )
     for ax in axes[:-1]:

@@ -166,14 +166,13 @@ def _letters(ax: Axes, ends: Sequence[tuple[np.ndarray, np.ndarray, _Line]]) -> 
     for across, up, letters, biological in marks:
         if len(marks) == 1 and len(ends) > 1:  # all lines end here: letters would tell nothing
             return
-        ax.annotate(
+        style.beside(
+            ax,
             letters,
             (across, up),
+            (4, 0),
             xycoords="axes fraction",
-            xytext=(4, 0),
-            textcoords="offset points",
             va="center",
-            fontsize=style.SMALL,
             fontweight="bold",
             color=style.colour(None if biological else "tension"),
             annotation_clip=False,
@@ -313,12 +312,12 @@ def _matched(ax: Axes, match: Match, name: str) -> None:
     ax.set_ylim(0.0, top)
     if name == "twitch":  # its legend has all lines; there is room for it beside the steepest curve
         others = ax.figure.axes[-2]
-        others.legend(
+        style.key(
+            others,
             *ax.get_legend_handles_labels(),
             loc="center right",
             bbox_to_anchor=(1.02, 0.56),
             fontsize=style.SMALL - 1.0,
-            frameon=False,
             handlelength=2.0,
             labelcolor=INK_2,
         )

@@ -262,12 +262,11 @@ def draw_efficiency(
             {"marker": "x", "mec": CAUTION} if mark.misprint else {"marker": "o", "mec": INK, "mfc": PANEL}
         )
         ax.plot([at], [share], ls="none", ms=6.5, mew=1.4, zorder=5, **look)
-        ax.annotate(
+        style.beside(
+            ax,
             mark.words,
             (at, share),
             (7, 6 if mark.misprint else -13),
-            textcoords="offset points",
-            fontsize=SMALL,
             color=CAUTION if mark.misprint else INK,
             zorder=6,
         )
@@ -296,11 +295,11 @@ def _corners(
             drawn.append(letter)
             at = float(path.x[i]) * scale[0], float(path.y[i]) * scale[1]
             ax.plot(*at, "o", ms=4.0, mfc=INK, mec=PANEL, mew=0.6, zorder=6, clip_on=False)
-            ax.annotate(
+            style.beside(
+                ax,
                 letter.replace("'", "′"),
                 at,
                 beside.get(letter, beside[letter[0]]),
-                textcoords="offset points",
                 ha="center",
                 va="center",
                 fontsize=SMALL + 0.5,

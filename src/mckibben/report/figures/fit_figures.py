@@ -281,13 +281,12 @@ def _band(ax: Axes, half: float, *, label: bool, percent: str = "1") -> None:
     for edge, sign in ((half, "+"), (-half, "\N{MINUS SIGN}")):
         ax.axhline(edge, color=INK_3, lw=0.6, ls=(0, (5, 3)), zorder=1)
         if label:
-            ax.annotate(
+            style.beside(
+                ax,
                 f"{sign}{percent}\N{NO-BREAK SPACE}%",
-                xy=(1.0, edge),
+                (1.0, edge),
+                (4, 0),
                 xycoords=("axes fraction", "data"),
-                xytext=(4, 0),
-                textcoords="offset points",
-                fontsize=style.SMALL,
                 color=INK_2,
                 va="center",
                 annotation_clip=False,

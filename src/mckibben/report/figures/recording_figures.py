@@ -327,7 +327,7 @@ def against_figure(
             _head(ax, record, title, above=24.0)
         _name_families(ax, families, panel, x)
         if len(panel.names) > 1:
-            _key(ax, loc="best", bbox_to_anchor=None)
+            style.key(ax, loc="best", bbox_to_anchor=None)
     describe(fig, recording_source(record))
     return fig
 
@@ -351,7 +351,7 @@ def draw_panel(ax: Axes, parts: Sequence[Recording], panel: ChannelPanel) -> Non
         )
     _set_range(ax, panel)
     # A key beside the axes and not labels at the ends: command, true and measured mostly end in one point.
-    _key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=style.colour(panel.quantity))
+    style.key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=style.colour(panel.quantity))
 
 
 def _set_range(ax: Axes, panel: ChannelPanel) -> None:
@@ -380,11 +380,6 @@ def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[st
         return {"lw": style.HEAVY + 0.6, "linestyle": "-", "alpha": 0.4, "zorder": 2.3}
     dash = RECORDING_DASHES[rank % 3] if "command" not in held and kind == "true" else "-"
     return {"lw": style.LINE + 0.2, "linestyle": dash, "alpha": opacity, "zorder": 2.4 - 0.01 * rank}
-
-
-def _key(ax: Axes, **options: object) -> None:
-    look = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
-    ax.legend(**look | options)
 
 
 def _key_words(record: Recording, name: str) -> str:
@@ -462,18 +457,8 @@ def _name_families(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPa
         return
     lines = {line.get_gid(): line for line in ax.get_lines() if line.get_gid()}
     shown = [f.words for f in some[::-1]]
-    key = ax.legend(
-        [lines[w] for w in shown],
-        shown,
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.02),
-        frameon=False,
-        fontsize=SMALL,
-        handlelength=2.6,
-        labelspacing=0.35,
-        borderpad=0.2,
-        labelcolor=style.colour(quantity),
-    )
+    handles, colour = [lines[w] for w in shown], style.colour(quantity)
+    key = style.key(ax, handles, shown, loc="upper left", bbox_to_anchor=(1.01, 1.02), labelcolor=colour)
     if len(panel.names) > 1:
         ax.add_artist(key)  # the key of the channels would take its place
 

@@ -140,15 +140,8 @@ def _draw_circuit(ax: Axes, recording: Recording, panel: CircuitPanel, *, last: 
     if not last:
         ax.tick_params(labelbottom=False)
     # A key and not labels at the ends: pressures that were different have become equal there.
-    ax.legend(
-        loc="upper left",
-        bbox_to_anchor=(1.005, 1.06),
-        frameon=False,
-        fontsize=style.SMALL,
-        handlelength=2.8,
-        labelcolor=style.colour(panel.quantity),
-        labelspacing=0.35,
-        borderpad=0.2,
+    style.key(
+        ax, loc="upper left", bbox_to_anchor=(1.005, 1.06), handlelength=2.8, labelcolor=style.colour(panel.quantity)
     )
 
 
@@ -285,16 +278,13 @@ def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
     colours = [INK, *[COLOURS["pressure"]] * len(channels), INK_2]
     if grey:
         handles.append(Patch(fc=SUNKEN, ec=RULE, lw=style.HAIR, label="not seen by the fit"))
-    ax.legend(
+    style.key(
+        ax,
         handles=handles,
         loc="upper left",
         bbox_to_anchor=(1.01, 1.03),
-        frameon=False,
-        fontsize=SMALL,
         handlelength=2.8,
         labelcolor=colours[: len(handles)],
-        labelspacing=0.35,
-        borderpad=0.2,
     )
 
 
@@ -416,16 +406,7 @@ def _draw_joint(ax: Axes, record: Recording, panel: _JointPanel) -> None:
         if panel.lines is ANGLE:
             where = ax.get_xaxis_transform()
             ax.text(start, 0.02, " loop off", transform=where, fontsize=SMALL, color=style.INK_2, va="bottom")
-    ax.legend(
-        frameon=False,
-        fontsize=SMALL,
-        handlelength=2.6,
-        labelspacing=0.35,
-        borderpad=0.2,
-        loc="upper left",
-        bbox_to_anchor=(1.005, 1.1),
-        labelcolor=colour,
-    )
+    style.key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=colour)
 
 
 def _off(record: Recording) -> list[tuple[float, float]]:

@@ -113,13 +113,12 @@ def draw_force_over_stroke(ax: Axes, sizing: Sizing, law: str) -> None:
         over = np.flatnonzero(np.isfinite(most) & (most <= 0.72 * top))
         if over.size:
             i = int(over[0])
-            ax.annotate(
+            style.beside(
+                ax,
                 "most that a braid\nin the space promises",
                 (some[i] * cm, most[i]),
-                xytext=(-5, 0),
+                (-5, 0),
                 ha="right",
-                textcoords="offset points",
-                fontsize=style.SMALL,
                 color=INK_2,
                 va="center",
                 zorder=4,
@@ -147,14 +146,13 @@ def _margin(ax: Axes, sizing: Sizing, cm: float) -> None:
         ax.annotate("", (one.stroke * cm, y), (x, y), arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.9})
     ax.plot([x], [y], "o", mfc=INK, mec=PANEL, mew=1.2, ms=8.0, zorder=5)
     said = f"required: {wish.force:.4g} N, {x:.3g} cm"
-    ax.annotate(
+    style.beside(
+        ax,
         said,
         (x, y),
-        xytext=(-8, -12),
-        textcoords="offset points",
+        (-8, -12),
         ha="right",
         va="top",
-        fontsize=style.SMALL,
         fontweight="bold",
         color=INK,
         zorder=6,
@@ -170,15 +168,14 @@ def _keyed(ax: Axes, shown: list[Judged], sizing: Sizing) -> None:
         for one, dash in zip(shown, _DASHES, strict=False)
     ]
     labels = [f"{m.muscle.id}: {m.verdict}" + (f", {m.worst[0]}" if m.verdict == VERDICTS[2] else "") for m in shown]
-    ax.legend(
+    style.key(
+        ax,
         handles,
         labels,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.055),
         ncols=3,
         fontsize=style.SMALL - 0.5,
-        frameon=False,
-        handlelength=2.6,
         labelcolor=INK_2,
         borderaxespad=0.0,
         columnspacing=1.4,
@@ -209,12 +206,11 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
             mew=0.9,
         )
     line = able[0]
-    ax.annotate(
+    style.beside(
+        ax,
         f"{line.valve}, {line.tube}",
         (1e3 * line.mass, 1e3 * (line.to_force or np.nan)),
-        xytext=(-4, 16),
-        textcoords="offset points",
-        fontsize=style.SMALL,
+        (-4, 16),
         color=INK,
         va="bottom",
         arrowprops={"arrowstyle": "-", "color": INK_3, "lw": 0.5, "shrinkA": 0, "shrinkB": 3},
@@ -258,14 +254,13 @@ def design_front(study: DesignStudy) -> Figure:
                 for i in range(len(muscles))
             ]
             handles.append(Line2D([], [], marker="o", ls="", mfc=COLOURS["valve"], mec=COLOURS["valve"], ms=6.0))
-            ax.legend(
+            style.key(
+                ax,
                 handles,
                 [*muscles, "filled: beaten by none"],
                 loc="lower left",
                 bbox_to_anchor=(-0.02, 1.085),
                 ncols=len(handles),
-                fontsize=style.SMALL,
-                frameon=False,
                 labelcolor=INK_2,
                 borderaxespad=0.0,
                 columnspacing=1.2,
@@ -301,17 +296,8 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         )
     best = sorted((d.response, y) for d, y in zip(done, values, strict=True) if d.best)[:LISTED]
     for i, (x, y) in enumerate(best, 1):
-        ax.annotate(
-            str(i),
-            (1e3 * x, y),
-            xytext=(-9, 0),
-            textcoords="offset points",
-            fontsize=style.SMALL,
-            color=INK,
-            fontweight="bold",
-            ha="center",
-            va="center",
-            zorder=4,
+        style.beside(
+            ax, str(i), (1e3 * x, y), (-9, 0), color=INK, fontweight="bold", ha="center", va="center", zorder=4
         )
     ax.margins(x=0.18, y=0.16)
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

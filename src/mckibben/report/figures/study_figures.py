@@ -75,15 +75,14 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
         Line2D([], [], color=COLOURS["pressure"], lw=3.2, alpha=0.45, label="behind it: reference"),
         *(Line2D([], [], color=INK, ls=DASHES[m], lw=0.9, label=models()[m].title) for m in SHOWN),
     ]
-    axes[0].legend(
+    style.key(
+        axes[0],
         handles=lines,
         loc="center",
         bbox_to_anchor=(0.52, 0.46),
-        frameon=False,
         handlelength=2.4,
         handletextpad=0.7,
         labelspacing=0.55,
-        fontsize=style.SMALL,
         labelcolor=INK_2,
     )
     _rms(fig, study, left + 0.75)
@@ -188,11 +187,11 @@ def _rms(fig: Figure, study: TubeStudy, left: float) -> None:
                     linewidth=0.8,
                     zorder=3,
                 )
-                ax.annotate(
+                style.beside(
+                    ax,
                     number(rms, 3),
                     (rms, at + up),
                     (3, 0),
-                    textcoords="offset points",
                     va="center_baseline",
                     fontsize=style.SMALL - 1.0,
                     color=INK_2,
@@ -265,14 +264,13 @@ def _study_loop(ax: Axes, study: LoopStudy) -> None:
     for way, words, share, shift in ((1, "rising", 0.55, (8, -4)), (-1, "falling", 0.4, (-8, 4))):
         some = np.flatnonzero(record.branch == way)
         i = some[np.argmin(np.abs(record.pressure[some] - record.pressure.min() - share * np.ptp(record.pressure)))]
-        ax.annotate(
+        style.beside(
+            ax,
             words,
             (record.pressure[i] * bar, record.stroke[i] * mm),
             shift,
-            textcoords="offset points",
             va="center",
             ha="left" if way > 0 else "right",
-            fontsize=style.SMALL,
             color=INK_2,
         )
 
@@ -324,16 +322,7 @@ def _creep(ax: Axes, step: StepCreep) -> None:
         ax.plot(
             [late.time], [late.measured * mm], zorder=4, ls="none", marker="o", ms=5.5, mfc="none", mec=INK, mew=1.2
         )
-        ax.annotate(
-            "end of hold",
-            (late.time, late.measured * mm),
-            (-8, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=style.SMALL,
-            color=INK,
-        )
+        style.beside(ax, "end of hold", (late.time, late.measured * mm), (-8, 0), ha="right", va="center", color=INK)
     style.quantity_axes(ax, x=(f"Time since {number(step.start)} s, s", None), y=("Stroke, mm", "length"))
     ax.xaxis.set_major_locator(LogLocator(10, subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
@@ -346,15 +335,7 @@ def _creep(ax: Axes, step: StepCreep) -> None:
 
 
 def _key(ax: Axes, where: Literal["upper left", "lower left"]) -> None:
-    ax.legend(
-        loc=where,
-        frameon=False,
-        fontsize=style.SMALL,
-        labelcolor=INK_2,
-        handlelength=2.0,
-        labelspacing=0.35,
-        borderpad=0.3,
-    )
+    style.key(ax, loc=where, labelcolor=INK_2, handlelength=2.0, borderpad=0.3)
 
 
 FINE = 61

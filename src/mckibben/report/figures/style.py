@@ -33,7 +33,8 @@ from .places import shift as shift
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.text import Text
+    from matplotlib.legend import Legend
+    from matplotlib.text import Annotation, Text
 
 
 INK, INK_2, INK_3 = LIGHT["ink"], LIGHT["ink-2"], LIGHT["ink-3"]
@@ -214,17 +215,7 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
     head = ax.text(0.0, 1.0, text, transform=anchor, fontsize=NORMAL, fontweight="bold", va="bottom", color=INK)
     quiet = None
     if note:
-        quiet = ax.annotate(
-            note,
-            xy=(1.0, 0.0),
-            xycoords=head,
-            xytext=(7, 0),
-            textcoords="offset points",
-            annotation_clip=False,
-            fontsize=SMALL,
-            color=INK_3,
-            va="bottom",
-        )
+        quiet = beside(ax, note, (1.0, 0.0), (7, 0), xycoords=head, annotation_clip=False, color=INK_3, va="bottom")
     set_place(head, ArtistPlace(ax, "heading", dy=above, note=quiet))
 
 
@@ -312,21 +303,10 @@ def end_labels(
     for (x, y, text), at, place in zip(labels, points, places, strict=True):
         moved = abs(place - at[1]) > 2.0
         offset = (right - at[0] + (13 if moved else 5), place - at[1])
-        label = ax.annotate(
-            text,
-            xy=(x, y),
-            xytext=offset,
-            textcoords="offset points",
-            va="center_baseline",
-            ha="left",
-            fontsize=SMALL,
-            fontweight="bold" if bold else "normal",
-            color=colour(quantity),
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1}
-            if moved
-            else None,
-        )
+        pointer = {"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1} if moved else None
+        look = {"va": "center_baseline", "ha": "left", "fontweight": "bold" if bold else "normal"}
+        look |= {"color": colour(quantity), "annotation_clip": False, "arrowprops": pointer}
+        label = beside(ax, text, (x, y), offset, **look)
         set_place(label, ArtistPlace(ax, "end", x, y, 13.0 if moved else 5.0))
 
 
@@ -343,6 +323,17 @@ def note(
     written = ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
     set_place(written, ArtistPlace(ax, "note", x, y, dx, dy))
     return written
+
+
+def beside(ax: Axes, text: str, at: Any, by: tuple[float, float], **look: Any) -> Annotation:
+    """Write small text `by` points from a place, which is one of the data unless `xycoords` says of what."""
+    return ax.annotate(text, at, by, **{"fontsize": SMALL, "textcoords": "offset points"} | look)
+
+
+def key(owner: Axes | Figure, *entries: Any, **look: Any) -> Legend:
+    """Add a key of small, close lines without a frame; `entries` and `look` are those of a legend of matplotlib."""
+    usual = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
+    return owner.legend(*entries, **usual | look)
 
 
 def rule(ax: Axes, start: float, end: float, above: float) -> None:

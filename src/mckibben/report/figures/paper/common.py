@@ -209,15 +209,13 @@ def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remar
 def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float | None = None) -> None:
     """Draw a key of the lines, right of the axes: at their foot, or a distance below their top [pt]."""
     y, drop = (0.0, 0.0) if below is None else (1.0, below)
-    legend = ax.figure.legend(
+    legend = style.key(
+        ax.figure,
         handles=list(handles),
         loc="lower left" if below is None else "upper left",
         bbox_to_anchor=(1.0, y),
         bbox_transform=ax.transAxes + style.shift(ax, dx - 3.0, -drop),
-        frameon=False,
-        fontsize=SMALL,
         labelcolor=INK_2,
-        handlelength=2.6,
         labelspacing=0.4,
         borderpad=0.0,
         borderaxespad=0.0,

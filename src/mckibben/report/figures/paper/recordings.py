@@ -237,12 +237,11 @@ def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -
     if y[near].max() < 1.0:
         return
     at = float(x[near].mean())
-    ax.annotate(
+    style.beside(
+        ax,
         pressure,
         (at, float(y[near].max())),
         (-10, 3),
-        textcoords="offset points",
-        fontsize=style.SMALL,
         ha="right",
         fontweight="bold",
         color=COLOURS["pressure"],

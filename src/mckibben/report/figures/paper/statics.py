@@ -560,13 +560,6 @@ def _write(ax: Axes, x: float, y: float, cell: TableEntry) -> None:
         return
     first = ax.text(x, y, cell.ours + cell.mark.replace("†", ""), color=INK, fontweight="bold", **look)
     colour = CAUTION if cell.mark == "†" else INK_2
-    ax.annotate(
-        paper + ("†" if cell.mark == "†" else ""),
-        (1.0, 0.0),
-        xycoords=first,
-        xytext=(6, 0),
-        textcoords="offset points",
-        va="bottom",
-        fontsize=SMALL,
-        color=colour,
+    style.beside(
+        ax, paper + ("†" if cell.mark == "†" else ""), (1.0, 0.0), (6, 0), xycoords=first, va="bottom", color=colour
     )
