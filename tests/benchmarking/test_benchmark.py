@@ -21,8 +21,8 @@ from mckibben.benchmarking import (
     task,
 )
 from mckibben.benchmarking.datasets import VENTING
+from mckibben.benchmarking.learned import RecordColumns, held_back, likelihood
 from mckibben.benchmarking.page import page
-from mckibben.benchmarking.regression import RecordColumns, held_back, likelihood
 from mckibben.benchmarking.run import RecordScore, TaskScore, scales, score_record
 from mckibben.cli.app import app
 from mckibben.errors import InputError, MissingDataError

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from .._lazy import lazy_submodules
 from .datasets import BenchmarkRecord, DataSplit
-from .model import MODELS, BenchmarkModel, model_names, new_model
-from .run import BenchmarkResult, TaskScore, benchmark, run_task
+from .run import MODELS, BenchmarkModel, BenchmarkResult, TaskScore, benchmark, model_names, new_model, run_task
 from .tasks import TASKS, BenchmarkTask, task
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from ..studies.validation import VARIABLE
 from ..studies.validation_page import DASH, FRONT
 from ..studies.validation_page import table as markdown_table
 from .datasets import FILLING, VENTING
-from .model import COMPETITORS, PHYSICS
-from .run import BenchmarkResult, TaskScore
+from .run import COMPETITORS, PHYSICS, BenchmarkResult, TaskScore
 from .tasks import task
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"

@@ -33,7 +33,7 @@ from ..quantities import declared, to_si
 from ..recordings import Channel, ForceMap, Recording
 from ..studies.jumping_robot import MUSCLES, robot_plan, trial_of_recording
 from .datasets import BenchmarkRecord
-from .regression import held_back
+from .learned import held_back
 
 RULER = 3e-4  # standard deviation of a length set to the half millimetre: 0.5 mm over the square root of three [m]
 

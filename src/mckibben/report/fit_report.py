@@ -39,12 +39,16 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
+    listed,
+    power_text,
+    unit_text,
+    versions,
+    versions_text,
 )
 from .document import Document
 from .figures import fit_figures
 from .figures.fit_figures import law_title
 from .figures.style import number, symbol_text
-from .words import listed, power_text, unit_text, versions, versions_text
 
 __all__ = ["fit_document", "fit_report", "versions", "write_fit_report"]
 

@@ -13,7 +13,7 @@ from ..assembly.build import INFERRED
 from ..documents import JsonValue
 from ..errors import InputError
 from ..specimens import Specimen, SpecimenNumber, specimen
-from .words import amount, flat, is_number, mapping, minus, significant, tied, unit_text
+from .blocks import amount, flat, is_number, mapping, minus, significant, tied, unit_text
 
 # Values that no file states and the assembly infers, by what follows the unit's name in a path.
 _USUAL = {

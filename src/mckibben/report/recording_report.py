@@ -39,11 +39,6 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
-)
-from .document import Document, checked_place
-from .figures.recording_figures import against_figure, force_frequency_figure, time_figure, usual_channels
-from .origins import inferred_inputs, known_specimen, parameters
-from .words import (
     amount,
     flat,
     is_number,
@@ -56,6 +51,9 @@ from .words import (
     unit_text,
     versions_text,
 )
+from .document import Document, checked_place
+from .figures.recording_figures import against_figure, force_frequency_figure, time_figure, usual_channels
+from .origins import inferred_inputs, known_specimen, parameters
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing

@@ -39,10 +39,13 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
+    minus,
+    significant,
+    unit_text,
+    versions_text,
 )
 from .document import Document
 from .paper_figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
-from .words import minus, significant, unit_text, versions_text
 
 PARTS = {
     "I": "Part I. Static and dynamic tension-length relationships",

@@ -32,11 +32,15 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
+    amount,
+    minus,
+    significant,
+    unit_text,
+    versions_text,
 )
 from .document import Document
 from .figures import energy_figures, study_figures
 from .figures.comparison_figures import table_figure
-from .words import amount, minus, significant, unit_text, versions_text
 
 __all__ = ["characterisation_document", "write_characterisation_report"]
 

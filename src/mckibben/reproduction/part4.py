@@ -24,7 +24,7 @@ from ..components import Environment
 from ..muscles.build import law_from_specimen
 from ..quantities import parse
 from ..specimens import specimen
-from . import part1, rows
+from . import computed, rows
 from .rows import ComputedValue, reproduces
 
 MUSCLE = "nylon"
@@ -36,10 +36,10 @@ def muscle(volume: str = "paper") -> CycleMuscle:
     """Muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
     law = law_from_specimen(specimen(MUSCLE))
     line = {
-        "stiffness_per_pressure": part1.KG,
-        "shortest_length": part1.LMIN,
-        "passive_stiffness": part1.passive_stiffness(),
-        "threshold_pressure": part1.threshold_pressure(),
+        "stiffness_per_pressure": computed.KG,
+        "shortest_length": computed.LMIN,
+        "passive_stiffness": computed.passive_stiffness(),
+        "threshold_pressure": computed.threshold_pressure(),
     }
     return cycle_muscle(law.replace(**line), volume)
 

@@ -6,7 +6,7 @@
 is called like `Program`; a run without lanes is the processor's. Arguments are copied there and results back for every
 call, in chunks that fit the GPU's memory; `GpuKernel.seconds` is what the GPU itself took for the last one.
 
-The text is that of `_llvm` for blocks of a single lane; only an entry is put before it, that finds a thread's lane:
+The text is that of `_kernel` for blocks of a single lane; only an entry is put before it, that finds a thread's lane:
 
     lanes(ptr memory, ptr scratch, i64 stride, i64 last)
 
@@ -41,8 +41,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ._analysis import find_divergence
-from ._kernel import Kernel, Slot, cache_key, llvm
-from ._llvm import emit
+from ._kernel import Kernel, Slot, cache_key, emit, llvm
 from ._program import Program
 from .cache import load_or_make
 from .errors import ArgumentError, DriverError, UnavailableError

@@ -11,13 +11,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .... import reproduction
-from ....documents import JsonValue
-from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
-from ....reproduction.rows import printed as printed
-from .. import style
-from ..places import ArtistPlace, set_place
-from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
+from ... import reproduction
+from ...documents import JsonValue
+from ...reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
+from ...reproduction.rows import printed as printed
+from . import style
+from .places import ArtistPlace, set_place
+from .style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

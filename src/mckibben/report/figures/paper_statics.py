@@ -9,22 +9,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ....analysis import characteristics
-from ....analysis.energy import CycleLoops, cycle_loops, energy_curve
-from ....documents import JsonValue
-from ....muscles import braid
-from ....muscles.build import law_from_specimen
-from ....muscles.laws.ideal import Ideal
-from ....muscles.laws.linear_threshold import LinearThreshold
-from ....muscles.laws.thick_wall import ThickWall
-from ....muscles.stop import stop_tension
-from ....quantities import from_si
-from ....reproduction import loops, part1, part4
-from ....specimens import specimen
-from .. import style
-from ..energy_figures import EfficiencyLine, draw_efficiency, draw_piston, draw_tendon, printed_marks
-from ..style import CAUTION, COLOURS, HAIR, INK, INK_2, INK_3, NORMAL, RECORDING_DASHES, RULE, SMALL, WIDE, number
-from .common import (
+from ...analysis import characteristics
+from ...analysis.energy import CycleLoops, cycle_loops, energy_curve
+from ...documents import JsonValue
+from ...muscles import braid
+from ...muscles.build import law_from_specimen
+from ...muscles.laws.ideal import Ideal
+from ...muscles.laws.linear_threshold import LinearThreshold
+from ...muscles.laws.thick_wall import ThickWall
+from ...muscles.stop import stop_tension
+from ...quantities import from_si
+from ...reproduction import computed, measured, part4
+from ...specimens import specimen
+from . import style
+from .energy_figures import EfficiencyLine, draw_efficiency, draw_piston, draw_tendon, printed_marks
+from .paper_common import (
     MARK,
     PRINTED,
     NumberEntry,
@@ -44,6 +43,7 @@ from .common import (
     shown,
     title,
 )
+from .style import CAUTION, COLOURS, HAIR, INK, INK_2, INK_3, NORMAL, RECORDING_DASHES, RULE, SMALL, WIDE, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -169,14 +169,14 @@ def figure_5c() -> Figure:
 def figure_5d() -> Figure:
     """Tension per pressure over length."""
     per_bar, at = from_si(1.0, "N/Pa", "N/bar"), lengths()
-    curves = [np.asarray(law.active_tension(at, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
+    curves = [np.asarray(law.active_tension(at, computed.PRESSURE)) / computed.PRESSURE * per_bar for law in laws()]
     fig, ax, handles = _over_length(
         "5d", "Nylon muscle: tension per pressure", ("Tension per pressure, N/bar", "tension"), *curves
     )
     ax.axhline(0.0, color=INK_3, lw=style.HAIR)
     rest = specimen("nylon").property_si("rest_length", "m")
-    ends = [np.asarray(law.active_tension(rest, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
-    free = [float(np.asarray(law.free_length(part1.PRESSURE))) / rest for law in laws()]
+    ends = [np.asarray(law.active_tension(rest, computed.PRESSURE)) / computed.PRESSURE * per_bar for law in laws()]
+    free = [float(np.asarray(law.free_length(computed.PRESSURE))) / rest for law in laws()]
     numbers(
         ax,
         [
@@ -195,8 +195,8 @@ def figure_5d() -> Figure:
 @style.styled()
 def figure_5e() -> Figure:
     """Stiffness per pressure over length."""
-    at, low, high = lengths(), min(part1.LENGTHS), max(part1.LENGTHS)
-    curves = [np.asarray(law.braid_stiffness(at, part1.PRESSURE)) / part1.PRESSURE for law in laws()]
+    at, low, high = lengths(), min(computed.LENGTHS), max(computed.LENGTHS)
+    curves = [np.asarray(law.braid_stiffness(at, computed.PRESSURE)) / computed.PRESSURE for law in laws()]
     curves[1] = np.where(at < laws()[1].upper_length, curves[1], np.nan)  # the stop begins there
     fig, ax, handles = _over_length(
         "5e", "Nylon muscle: stiffness per pressure", ("Stiffness per pressure Kg, cm", None), *(c * CM for c in curves)
@@ -212,7 +212,7 @@ def figure_5e() -> Figure:
             NumberEntry("Spread 10–14 cm, with wall", spans[1]),
             NumberEntry("the same, without", spans[0]),
         ],
-        remarks=(f"Kg: slope of dF/dP′ over {len(part1.LENGTHS)} lengths",),
+        remarks=(f"Kg: slope of dF/dP′ over {len(computed.LENGTHS)} lengths",),
     )
     key(ax, [*handles, sample("paper: constant", **PRINTED | ENDS)])
     return fig
@@ -228,7 +228,7 @@ def figure_6a(figure: str = "6a") -> Figure:
     fig, ax = panel(3.9)
     at = np.linspace(0.095, 0.1555, 243)
     beyond = np.asarray(stop_tension(at, begins_at=law.upper_length, stiffness=law.stop_stiffness))
-    active = np.asarray(law.active_tension(at, part1.PRESSURE))
+    active = np.asarray(law.active_tension(at, computed.PRESSURE))
     passive = np.asarray(law.elastic_tension(at)) - beyond
     terms = (
         ("total", active + passive + beyond, ours("tension", lw=style.HEAVY + 0.3)),
@@ -265,7 +265,7 @@ def figure_6a(figure: str = "6a") -> Figure:
 @style.styled()
 def figure_6b(figure: str = "6b") -> Figure:
     """Ten points of the recordings, eq. 13 through them, and with the printed numbers."""
-    points, fit = loops.ten_points(loops.LENGTH), loops.fits().corrected
+    points, fit = measured.ten_points(measured.LENGTH), measured.fits().corrected
     length, pressure, tension = (np.array([getattr(p, n) for p in points]) for n in ("length", "pressure", "tension"))
     fig, ax = panel(4.2, beside=3.1)
     law, span = linear(), np.linspace(length.min() - 0.004, length.max() + 0.003, 2)
@@ -440,9 +440,9 @@ class TableEntry(NamedTuple):
 
 def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
     """The rows in the paper's order: property, unit, and a cell for each muscle and for biological muscle."""
-    bio = part1.muscle()
+    bio = computed.biological()
     ends = characteristics.dynamic_range(bio.active_curve)
-    top, speed = number(part1.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(part1.FASTEST)
+    top, speed = number(computed.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(computed.FASTEST)
     each = tuple(MUSCLES)
     blank = (TableEntry(), TableEntry())
     return [
@@ -495,7 +495,7 @@ def _cell(identifier: str, digits: int = 3) -> TableEntry:
 
 def _range(muscle: str) -> TableEntry:
     """Working range: the lower end where the law's tension ends at 5 bar, the upper end as given."""
-    column = part1.table1(muscle)
+    column = computed.table1(muscle)
     shortest, upper = (v / column.rest_length for v in (column.zero_tension_length, column.upper_length))
     width = outcome(f"table1.{muscle}.dynamic_range").row.paper
     assert isinstance(width, float)
