@@ -200,6 +200,16 @@ class TableColumn:
     group: str = ""
 
 
+def headed(*heads: str | TableColumn) -> tuple[TableColumn, ...]:
+    """Columns of a table; a string is the title of a column of words."""
+    return tuple(TableColumn(head) if isinstance(head, str) else head for head in heads)
+
+
+def numeric(*heads: str | tuple[str, str]) -> tuple[TableColumn, ...]:
+    """Columns of numbers, each by its title, or by title and unit."""
+    return tuple(TableColumn(*((head, "") if isinstance(head, str) else head), number=True) for head in heads)
+
+
 @dataclass(frozen=True)
 class TableRow:
     """A table row; a note stands below its cells, beginning at the one that names the row."""

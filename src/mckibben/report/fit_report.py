@@ -39,7 +39,9 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
+    headed,
     listed,
+    numeric,
     power_text,
     unit_text,
     versions,
@@ -325,14 +327,7 @@ def _law(fit: Fit, study: Ranking, *, main: bool) -> list[Block]:
     kind = law_type(fit.law)
     meaning = (kind.__doc__ or "").strip().split("\n")[0]
     cautions, held = cautions_of(fit, study.points.largest), _held(fit)
-    columns = (
-        TableColumn(""),
-        TableColumn("Parameter"),
-        TableColumn("Value", number=True),
-        TableColumn("Half-width", number=True),
-        TableColumn("Unit"),
-        TableColumn("−50 % to +50 % of the value"),
-    )
+    columns = headed("", "Parameter", *numeric("Value", "Half-width"), "Unit", "−50 % to +50 % of the value")
     rows = tuple(_parameter(name, fit) for name in fit.parameters)
     blocks: list[Block] = [Paragraph((meaning, " ", Cite(tuple(kind.cites))))]
     blocks += [NoteBox("Caution", tuple(cautions))] if cautions else []

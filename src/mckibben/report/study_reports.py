@@ -33,7 +33,9 @@ from .blocks import (
     TableRow,
     Text,
     amount,
+    headed,
     minus,
+    numeric,
     significant,
     unit_text,
     versions_text,
@@ -128,12 +130,7 @@ def _result(found: Characterisation) -> list[Block]:
         TableRow((name, _words(e.value, e.unit), _words(e.low, e.unit), _words(e.high, e.unit)))
         for name, e in found.estimates.items()
     )
-    columns = (
-        TableColumn("Parameter"),
-        TableColumn("Value", number=True),
-        TableColumn("95 %: from", number=True),
-        TableColumn("to", number=True),
-    )
+    columns = headed("Parameter", *numeric("Value", "95 %: from", "to"))
     said = [*evaluation.fits[0].warnings, *(f"friction: {warning}" for warning in evaluation.friction.warnings)]
     if not found.knows_volume:
         said.append(
@@ -175,12 +172,7 @@ def _leak(found: Characterisation) -> str:
 
 
 def _prediction(found: Characterisation) -> list[Block]:
-    columns = (
-        TableColumn("Length", number=True),
-        TableColumn("Pressure", number=True),
-        TableColumn("Measured", "N", True),
-        TableColumn("Predicted", "N", True),
-    )
+    columns = (*numeric("Length", "Pressure", ("Measured", "N"), ("Predicted", "N")),)
     rows = tuple(
         TableRow((_words(p.length, "m"), _words(p.pressure, "Pa", 3), f"{p.measured:.2f}", f"{p.predicted:.2f}"))
         for p in found.evaluation.held_out
@@ -212,12 +204,7 @@ def _measurement(found: Characterisation) -> list[Block]:
         TableRow((s.stage, STAGES[s.stage], f"{s.seconds:.0f}", "from the folder" if s.resumed else "new"))
         for s in found.stages
     )
-    columns = (
-        TableColumn("Stage"),
-        TableColumn("", wide=True),
-        TableColumn("Time", "s", True),
-        TableColumn("Recording"),
-    )
+    columns = headed("Stage", TableColumn("", wide=True), TableColumn("Time", "s", True), "Recording")
     errors = ", ".join(f"{law_type(f.law).title} {f.rmse:.2f}\N{NO-BREAK SPACE}N" for f in found.evaluation.fits)
     return [
         ReportTable(columns, rows, "Stages"),
@@ -270,9 +257,9 @@ def muscle_comparison(found: MuscleTable) -> Document:
     names = [c.name for c in found.columns]
     rows = found.rows()
     keys = dict.fromkeys([PAPER, *(k for r in rows if r.published for k in r.published.sources)])
-    columns = (
+    columns = headed(
         TableColumn("", wide=True),
-        TableColumn("Unit"),
+        "Unit",
         *(TableColumn(n, number=True) for n in names),
         TableColumn("Biological, published", number=True),
     )
@@ -323,17 +310,12 @@ def _match(match: Match) -> list[Block]:
         for n in match.rms_before
     )
     curves = ReportTable(
-        (TableColumn("Curve"), TableColumn("As built", number=True), TableColumn("With elements", number=True)),
+        headed("Curve", *numeric("As built", "With elements")),
         rows,
         "Root mean square difference over the tension at rest length",
     )
     elements = tuple(TableRow((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in match.parameters)
-    columns = (
-        TableColumn("Element"),
-        TableColumn("As built", number=True),
-        TableColumn("Found", number=True),
-        TableColumn("", wide=True),
-    )
+    columns = headed("Element", *numeric("As built", "Found"), TableColumn("", wide=True))
     blocks: list[Block] = [Heading(title), curves, ReportTable(columns, elements)]
     if match.simulated is not None:
         words = f"The twitch with elements on the test machine, circuit and all: {significant(match.rms_simulated, 3)}."
