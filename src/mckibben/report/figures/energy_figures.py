@@ -116,7 +116,8 @@ def figure_12() -> Figure:
     loops = [cycle_loops(part4.muscle(), "maximal", part4.conditions(accumulator=a)) for a in (False, True)]
     draw_piston(panels[0], loops, printed_joules(), letter="a")
     draw_tendon(panels[1], loops, printed_joules(), letter="b")
-    draw_efficiency(panels[2], efficiency_lines(), printed_marks(), letter="c", note=DASHED)
+    looks = (("paper", True, "-", INK), ("potential", True, style.RECORDING_DASHES[1], INK_3))
+    draw_efficiency(panels[2], efficiency_lines(looks), printed_marks(), letter="c", note=DASHED)
     style.heading(panels[0], "Fig. 12. Maximal shortening at constant pressure, nylon muscle, 5 bar", above=40.0)
     return fig
 
@@ -147,16 +148,16 @@ def printed_joules() -> Printed:
     }
 
 
-def efficiency_lines() -> list[EfficiencyLine]:
-    """Curves of Fig. 12c, and those with the consistent volume."""
+def efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
+    """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
     lines = []
-    for volume, dash, colour in (("paper", "-", INK), ("potential", style.RECORDING_DASHES[1], INK_3)):
+    for volume, friction, dash, colour in looks:
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
-            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator)
+            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
             low = 1e-3 + float(muscle.threshold())
             at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
-            said = words if volume == "paper" else ""
-            lines.append(EfficiencyLine(said, energy_curve(muscle, "maximal", at, between), dash, colour))
+            curve = energy_curve(muscle, "maximal", at, between)
+            lines.append(EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
     return lines
 
 

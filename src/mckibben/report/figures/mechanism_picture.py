@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...muscles.braid import BraidShape, braid_of
-from ...muscles.build import law_from_specimen
 from ...quantities import from_si
 from ...simulation import Chain, Joint, Plate, Simulation, Weight
 from ...simulation.mechanisms import in_si, published
 from . import style
-from .muscle_figures import draw_braid
+from .muscle_figures import draw_braid, stated_braid
 from .style import COLOURS, INK, INK_2, INK_3, SUNKEN, number
 
 if TYPE_CHECKING:
@@ -53,7 +51,8 @@ class MechanismPicture:
     def __init__(self, simulation: Simulation, title: str = "") -> None:
         self.system, self.title = simulation.system, title
         self.shapes = {
-            name: _braid(simulation.system.muscles[name], unit.law) for name, unit in simulation.units.items()
+            name: stated_braid(unit.law, published(simulation.system.muscles[name]))
+            for name, unit in simulation.units.items()
         }
 
     @style.styled()
@@ -212,12 +211,6 @@ class MechanismPicture:
         gas = Rectangle((start, -0.5 * width), length, width, fc=COLOURS["pressure"], ec="none", alpha=shade)
         gas.set(transform=local, zorder=3.5)
         ax.add_patch(gas)
-
-
-def _braid(muscle: Any, law: Any) -> BraidShape | None:
-    stated = published(muscle)
-    others = [] if stated is None else [law_from_specimen(stated, name) for name in stated.laws]
-    return next((shape for one in (law, *others) if (shape := braid_of(one)) is not None), None)
 
 
 def _arms(joint: Any) -> tuple[float, float]:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from ...muscles.braid import BraidShape
+from ...muscles.braid import BraidShape, braid_of
+from ...muscles.build import law_from_specimen
 from ...muscles.law import TensionLaw
 from ...muscles.plausible import HIGHEST_PRESSURE
 from ...quantities import from_si
+from ...specimens import Specimen
 from . import formats, style
 from .fit_figures import pulling, tension_grid
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
@@ -59,6 +61,12 @@ def law_curves(
         draw_volume(panels[2], law, span, bars)
         style.heading(panels[2], "Gas inside", above=24.0)
     return fig
+
+
+def stated_braid(law: TensionLaw, stated: Specimen | None) -> BraidShape | None:
+    """The braid of a law, else of another law that the specimen states; None where none of them has a braid."""
+    others = [] if stated is None else [law_from_specimen(stated, name) for name in stated.laws]
+    return next((shape for one in (law, *others) if (shape := braid_of(one)) is not None), None)
 
 
 def working_lengths(law: TensionLaw, highest: float) -> tuple[float, float]:

@@ -30,7 +30,8 @@ LEFT, FOOT, TOP = 0.5, 0.5, 0.72  # around axes [inch]
 BESIDE = 2.85  # right of the axes, for numbers and keys [inch]
 COLUMNS = (0.0, 134.0, 180.0)  # of the numbers: words from here, ours up to here, the paper's up to here [pt]
 LEADING = 13.0  # of the numbers [pt]
-MARK: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 6.0, "mfc": PANEL, "mec": INK, "mew": 1.2, "zorder": 8}
+KEY_MARK: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 6.0, "mfc": PANEL, "mec": INK, "mew": 1.2}
+MARK: dict[str, Any] = KEY_MARK | {"zorder": 8}
 PRINTED: dict[str, Any] = {"color": INK, "ls": (0, (10, 3)), "lw": 0.9}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -91,21 +92,11 @@ def label(figure: str) -> str:
 
 def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
     """Add a second vertical axis, its title above it at the right."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
     other = ax.twinx()
-    other.set_ylabel(
-        words,
-        color=style.colour(quantity),
-        fontweight="bold",
-        fontsize=SMALL + 0.5,
-        rotation=0,
-        ha="right",
-        va="bottom",
-    )
+    look = {"fontweight": "bold", "fontsize": SMALL + 0.5, "rotation": 0, "ha": "right", "va": "bottom"}
+    other.set_ylabel(words, color=style.colour(quantity), **look)
     other.yaxis.set_label_coords(1.0, 1.0, transform=ax.transAxes + style.shift(ax, 18, 5))
-    other.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-    other.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    style.tick_numbers(other.yaxis)
     other.grid(visible=False)
     return other
 
@@ -232,7 +223,7 @@ def sample(words: str, **look: JsonValue) -> Line2D:
 
 def printed_key(words: str = "paper", *, line: bool = False) -> Line2D:
     """Entry of printed curves in a key."""
-    return sample(words, **(PRINTED if line else {k: v for k, v in MARK.items() if k != "zorder"}))
+    return sample(words, **(PRINTED if line else KEY_MARK))
 
 
 def ours(quantity: str | None, **look: JsonValue) -> dict[str, JsonValue]:

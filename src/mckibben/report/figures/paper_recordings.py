@@ -20,6 +20,7 @@ from ...reproduction.recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
 from ...specimens import specimen
 from . import style
 from .paper_common import (
+    KEY_MARK,
     MARK,
     PRINTED,
     NumberEntry,
@@ -373,7 +374,6 @@ def figure_10() -> Figure:
             *(entry(f"{WAYS[up]}, {name} range", f"isometric.{row}", 2) for (name, up), row in TIMES.items()),
         ],
     )
-    diamond = {name: v for name, v in MARK.items() if name != "zorder"} | {"marker": "D", "ms": 5.0}
     key(
         axes[1],
         [
@@ -383,7 +383,7 @@ def figure_10() -> Figure:
             sample("tension", **ours("tension", zorder=1)),
             sample("half range", color=INK_2, lw=0.8),
             printed_key("paper: 90 % or 10 % reached"),
-            sample("paper: tension begins", **diamond),
+            sample("paper: tension begins", **KEY_MARK | {"marker": "D", "ms": 5.0}),
         ],
         below=160.0,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...analysis import characteristics
-from ...analysis.energy import CycleLoops, cycle_loops, energy_curve
+from ...analysis.energy import CycleLoops, cycle_loops
 from ...documents import JsonValue
 from ...muscles import braid
 from ...muscles.build import law_from_specimen
@@ -22,8 +22,9 @@ from ...quantities import from_si
 from ...reproduction import computed, measured, part4
 from ...specimens import specimen
 from . import style
-from .energy_figures import EfficiencyLine, draw_efficiency, draw_piston, draw_tendon, printed_marks
+from .energy_figures import draw_efficiency, draw_piston, draw_tendon, efficiency_lines, printed_marks
 from .paper_common import (
+    KEY_MARK,
     MARK,
     PRINTED,
     NumberEntry,
@@ -148,20 +149,13 @@ def figure_5c() -> Figure:
     rest = specimen("nylon").property_si("rest_length", "m")
     volume = float(braid.inner_volume(rest, **shape)) * ml
     inferred = float(linear().rest_volume) * ml
-    diamond = MARK | {"marker": "D", "ms": 5.0}
-    ax.plot([rest * CM], [inferred], **diamond)
+    ax.plot([rest * CM], [inferred], **MARK | {"marker": "D", "ms": 5.0})
     numbers(
         ax,
         [NumberEntry("Inside at L₀, cm³", shown(volume), shown(inferred) + "‡")],
         remarks=("‡ inferred from the printed", "   8.86 J of Part IV, not printed"),
     )
-    key(
-        ax,
-        [
-            *handles,
-            sample("from Part IV", **{k: v for k, v in MARK.items() if k != "zorder"} | {"marker": "D", "ms": 5.0}),
-        ],
-    )
+    key(ax, [*handles, sample("from Part IV", **KEY_MARK | {"marker": "D", "ms": 5.0})])
     return fig
 
 
@@ -310,7 +304,6 @@ def figure_6b(figure: str = "6b") -> Figure:
 
 
 NO_FRICTION, POTENTIAL = RECORDING_DASHES[1], RECORDING_DASHES[2]
-HIGHEST = 10e5  # [Pa]
 CYCLE_HEIGHT, ABOVE = 4.0, 36.0  # of the figures [inch], and of their titles over the axes [pt]
 
 
@@ -341,7 +334,9 @@ def figure_12b() -> Figure:
 def figure_12c() -> Figure:
     """Efficiency of the maximal cycle over pressure."""
     fig, ax = panel(CYCLE_HEIGHT, beside=3.85)
-    draw_efficiency(ax, efficiency_lines(), printed_marks())
+    # As printed, and with friction and the volume of the potential.
+    looks = (("paper", True, "-", INK), ("paper", False, NO_FRICTION, INK), ("potential", True, POTENTIAL, INK_3))
+    draw_efficiency(ax, efficiency_lines(looks), printed_marks())
     ax.set_ylim(0.0, 80.0)  # without friction and with the accumulator the threshold would come to 100 %
     title(ax, "12c", "Maximal shortening at constant pressure: efficiency Ea", above=ABOVE)
     rows = [
@@ -362,23 +357,6 @@ def figure_12c() -> Figure:
         dx=82.0,
     )
     return fig
-
-
-def efficiency_lines() -> list[EfficiencyLine]:
-    """Solid with friction and dashed without, as printed; dotted with friction and the volume of the potential."""
-    lines = []
-    for volume, friction, dash, colour in (
-        ("paper", True, "-", INK),
-        ("paper", False, NO_FRICTION, INK),
-        ("potential", True, POTENTIAL, INK_3),
-    ):
-        for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
-            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
-            low = 1e-3 + float(muscle.threshold())
-            at = low + (HIGHEST - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
-            words = words if (volume, friction) == ("paper", True) else ""
-            lines.append(EfficiencyLine(words, energy_curve(muscle, "maximal", at, between), dash, colour))
-    return lines
 
 
 @style.styled()

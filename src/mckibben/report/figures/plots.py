@@ -17,8 +17,6 @@ from matplotlib.axes import Axes
 from ...analysis.segments import segments
 from ...errors import InputError
 from ...muscles import Muscle
-from ...muscles.braid import BraidShape, braid_of
-from ...muscles.build import law_from_specimen
 from ...quantities import from_si, in_si, shown_unit, values_in_si
 from ...recordings import ForceMap, Recording, read
 from . import (
@@ -146,7 +144,7 @@ class MusclePlots:
         Raises:
             InputError: if the law has no braid.
         """
-        shape = braid_shape(self._muscle)
+        shape = muscle_figures.stated_braid(self._law, self._muscle.specimen)
         if shape is None:
             raise InputError(
                 "law", self._muscle.law_name, "it has no braid: thread_length and turns, or an angle at rest"
@@ -166,14 +164,6 @@ class MusclePlots:
             return muscle_figures.working_lengths(self._law, highest)
         low, high = values_in_si(list(lengths), "m", field="lengths")
         return low, high
-
-
-def braid_shape(muscle: Muscle) -> BraidShape | None:
-    """The braid of a muscle's law, else of another law that its specimen states; None where none of them has a braid."""
-    others = (
-        [] if muscle.specimen is None else [law_from_specimen(muscle.specimen, name) for name in muscle.specimen.laws]
-    )
-    return next((shape for law in (muscle.law, *others) if (shape := braid_of(law)) is not None), None)
 
 
 class RecordingPlots:
@@ -484,7 +474,8 @@ def muscle_html(muscle: Muscle) -> str:
     picture = ""
     if not muscle.is_biological:
         plots = MusclePlots(muscle)
-        picture = _picture(plots.force_map() if braid_shape(muscle) is None else plots.braid())
+        braid = muscle_figures.stated_braid(muscle.law, muscle.specimen)
+        picture = _picture(plots.force_map() if braid is None else plots.braid())
     return _table(muscle.title, repr(muscle), ("symbol", "meaning", "value", "unit", "source"), rows) + picture
 
 

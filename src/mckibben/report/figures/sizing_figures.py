@@ -185,8 +185,6 @@ def _keyed(ax: Axes, shown: list[Judged], sizing: Sizing) -> None:
 
 
 def _lines(ax: Axes, sizing: Sizing) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     able = [x for x in sizing.lines if x.to_force is not None]
     if not able:
         style.note(ax, "no line reaches the force", x=0.5, y=0.5, ha="center")
@@ -217,11 +215,8 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
         bbox={"boxstyle": "round,pad=0.1", "fc": PANEL, "ec": "none", "alpha": 0.8},
     )
     style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the required force, ms", None))
-
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
-        axis.set_minor_formatter(NullFormatter())
+        style.tick_numbers(axis)
     style.heading(ax, f"Lines for {sizing.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
     style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
 
@@ -276,8 +271,6 @@ def design_front(study: DesignStudy) -> Figure:
 
 
 def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     muscles = list(dict.fromkeys(d.muscle for d in done))
     ax.set_xscale("log")
     if not done:
@@ -300,9 +293,7 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
             ax, str(i), (1e3 * x, y), (-9, 0), color=INK, fontweight="bold", ha="center", va="center", zorder=4
         )
     ax.margins(x=0.18, y=0.16)
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    style.tick_numbers(ax.xaxis)
 
 
 def _words(design: Design) -> str:

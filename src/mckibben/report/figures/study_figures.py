@@ -295,8 +295,6 @@ def _study_width(ax: Axes, study: LoopStudy) -> None:
 
 
 def _creep(ax: Axes, step: StepCreep) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     mm, fit = from_si(1.0, "m", "mm"), step.fit
     training, time = fit.train, fit.time
     late = step.late
@@ -324,9 +322,7 @@ def _creep(ax: Axes, step: StepCreep) -> None:
         )
         style.beside(ax, "end of hold", (late.time, late.measured * mm), (-8, 0), ha="right", va="center", color=INK)
     style.quantity_axes(ax, x=(f"Time since {number(step.start)} s, s", None), y=("Stroke, mm", "length"))
-    ax.xaxis.set_major_locator(LogLocator(10, subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    style.tick_numbers(ax.xaxis)
     ax.tick_params(axis="x", which="minor", length=0)
     rms = [number(fit.rmse(seen=which) * mm, 3) for which in (True, False)]
     note = f"{LAWS.get(fit.law, fit.law)}; rms seen {rms[0]} mm, unseen {rms[1]} mm"

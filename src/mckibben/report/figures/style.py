@@ -32,6 +32,7 @@ from .places import shift as shift
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
     from matplotlib.text import Annotation, Text
@@ -198,15 +199,24 @@ def quantity_axes(ax: Axes, *, x: tuple[str, str | None], y: tuple[str, str | No
         x: title with its unit, such as ``"Length, cm"``, and the quantity, or None for something derived.
         y: the same; it stands above the axis, so that it is read without turning the head.
     """
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
     ax.set_xlabel(x[0], color=colour(x[1]), fontweight="bold", fontsize=SMALL + 0.5, labelpad=3)
     ax.set_ylabel(y[0], color=colour(y[1]), fontweight="bold", fontsize=SMALL + 0.5, rotation=0, ha="left", va="bottom")
     ax.yaxis.set_label_coords(0.0, 1.0, transform=ax.transAxes + shift(ax, 0, 5))
     for axis in (ax.xaxis, ax.yaxis):
         if axis.get_scale() == "linear":
-            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+            tick_numbers(axis)
+
+
+def tick_numbers(axis: Axis) -> None:
+    """Write few round numbers along an axis, at 1, 2 and 5 of each decade of a logarithmic one."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    if axis.get_scale() == "log":
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+    else:
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
 
 
 def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None:
