@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from ..muscles.laws import LAWS
+from ..quantities import from_si
 from ..studies.validation import VARIABLE
 from ..studies.validation_page import DASH, FRONT
 from ..studies.validation_page import table as markdown_table
@@ -102,7 +103,8 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
     if version:
         dates = sorted({score.date for score in result.scores if score.date})
         when = f" on {' and '.join(dates)}" if dates else ""
-        parts.append(f"Computed with version {version}{when} in {result.seconds / 60.0:.0f} minutes of one processor.")
+        minutes = from_si(result.seconds, "s", "min")
+        parts.append(f"Computed with version {version}{when} in {minutes:.0f} minutes of one processor.")
     summary = [cells for name in result.tasks if (cells := verdict_row(result, name))]
     if summary:
         parts += ["## Who is first", VERDICT, text_table(VERDICT_COLUMNS, summary)]

@@ -355,7 +355,8 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
         cautions += said
         for held, loops in groups:
             mean = mean_loop(loops)
-            values = (1e3 * mean.width, mean.height, mean.work, 1e-2 * mean.stiffness, mean.friction)
+            width, stiffness = from_si(mean.width, "m", "mm"), from_si(mean.stiffness, "N/m", "N/cm")
+            values = (width, mean.height, mean.work, stiffness, mean.friction)
             step = part.meta.get("step")
             whose = _case_words(step["case"], str(step["label"]), apart) if step else "whole recording"
             case = ", ".join(filter(None, (whose, held.words())))

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyCurve, EnergyCycle
 from ..muscles.laws import law_type
-from ..quantities import with_unit
+from ..quantities import from_si, with_unit
 from ..studies.characterisation.stages import STAGES
 from ..studies.characterisation.verb import Characterisation
 from ..studies.comparison.match import Match
@@ -124,7 +124,7 @@ def _result(found: Characterisation) -> list[Block]:
             " to ".join(_words(end, "m", 3) for end in evaluation.lengths),
         ),
         ("A loop again at the end", _again(found)),
-        ("Machine time", f"{found.seconds / 60.0:.1f} min"),
+        ("Machine time", f"{from_si(found.seconds, 's', 'min'):.1f} min"),
     ]
     rows = tuple(
         TableRow((name, _words(e.value, e.unit), _words(e.low, e.unit), _words(e.high, e.unit)))

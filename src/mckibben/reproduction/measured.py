@@ -38,11 +38,13 @@ from ..assembly.build import INFERRED
 from ..bench.rig_file import rig
 from ..documents import JsonValue
 from ..errors import ConvergenceError
+from ..quantities import from_si
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
 from .rows import ComputedValue, printed
 
+CM, MS, BAR = from_si(1.0, "m", "cm"), from_si(1.0, "s", "ms"), from_si(1.0, "Pa", "bar")
 PRESSURES = ("0 bar", "1 bar", "2 bar", "3 bar", "4 bar", FIVE_BAR)
 
 
@@ -90,7 +92,7 @@ def width() -> ComputedValue:
     """Width of the nylon muscle's loop."""
     lagless = without_lag(triangle()).corrected
     return ComputedValue(
-        measured_loop().width, f"raw; {100 * lagless.width:.3f} cm without the lag of the cell's filter"
+        measured_loop().width, f"raw; {lagless.width * CM:.3f} cm without the lag of the cell's filter"
     )
 
 
@@ -157,7 +159,7 @@ def largest_pressure_variation() -> ComputedValue:
     without = pressure_variation(step_of(bare, "cycles"))
     return ComputedValue(
         worst,
-        f"{counts:.0f} counts of the converter, noise included; without accumulators {1e-5 * without.largest:.2f} bar",
+        f"{counts:.0f} counts of the converter, noise included; without accumulators {without.largest * BAR:.2f} bar",
     )
 
 
@@ -270,11 +272,11 @@ def sine_width_spread() -> ComputedValue:
     sines = [sine(f) for f in FIGURE]
     raw, fixed = [s.loop.raw.width for s in sines], [s.loop.corrected.width for s in sines]
     first, last = sines[0].velocity, sines[-1].velocity
-    gaps = [1e-5 * s.pressure_gap for s in sines]
+    gaps = [s.pressure_gap * BAR for s in sines]
     return ComputedValue(
         spread(fixed),
-        f"{100 * fixed[0]:.3f} cm at {first:.2f} L0/s, {100 * fixed[-1]:.3f} cm at {last:.2f} L0/s; "
-        f"raw {100 * raw[0]:.3f} and {100 * raw[-1]:.3f} cm, spread {spread(raw):.2f}. What widens the loops is gas: while "
+        f"{fixed[0] * CM:.3f} cm at {first:.2f} L0/s, {fixed[-1] * CM:.3f} cm at {last:.2f} L0/s; "
+        f"raw {raw[0] * CM:.3f} and {raw[-1] * CM:.3f} cm, spread {spread(raw):.2f}. What widens the loops is gas: while "
         f"the muscle lengthens its pressure is {gaps[0]:.3f} bar higher at 1 Hz and up to {max(gaps):.3f} bar at the others",
     )
 
@@ -303,7 +305,7 @@ def max_velocity() -> ComputedValue:
         max(sine(f).velocity for f in narrow),
         f"raw height {slow.raw.height:.2f} N at 1 Hz, {fast.raw.height:.2f} N at 40 Hz; without the lag of the cell's "
         f"filter {slow.corrected.height:.2f} and {fast.corrected.height:.2f} N: what gas and damping add, it hides. "
-        f"The raw loop is {100 * fast.raw.width:.3f} cm wide at 40 Hz, {100 * slow.raw.width:.3f} cm at 1 Hz, for the "
+        f"The raw loop is {fast.raw.width * CM:.3f} cm wide at 40 Hz, {slow.raw.width * CM:.3f} cm at 1 Hz, for the "
         "inertia of the fittings turns it",
     )
 
@@ -421,9 +423,9 @@ def mean_of(what: str, *, stroke: str = "full", rising: bool = True) -> Computed
     length = steps(stroke)["muscle.length"]
     return ComputedValue(
         mean(),
-        f"{1e3 * mean(**RIGID):.1f} ms with rigid cord and frame: as they are inferred the braid shortens by "
-        f"{1e3 * float(np.ptp(length)):.2f} mm in this isometric step; "
-        f"{1e3 * mean(**ISOTHERMAL):.1f} ms with isothermal gas and the 105 l/min that it needs",
+        f"{mean(**RIGID) * MS:.1f} ms with rigid cord and frame: as they are inferred the braid shortens by "
+        f"{from_si(float(np.ptp(length)), 'm', 'mm'):.2f} mm in this isometric step; "
+        f"{mean(**ISOTHERMAL) * MS:.1f} ms with isothermal gas and the 105 l/min that it needs",
     )
 
 
@@ -463,7 +465,7 @@ def _work(case: tuple[str, str]) -> ComputedValue:
     p = power(case)
     return ComputedValue(
         p.work,
-        f"stroke {100 * p.stroke:.1f} cm at {p.mean_tension:.1f} N in the mean, at the set-point it would be "
+        f"stroke {p.stroke * CM:.1f} cm at {p.mean_tension:.1f} N in the mean, at the set-point it would be "
         f"{LOADS[case] * p.stroke:.2f} J; "
         f"{p.positive_velocity_work:.2f} J wherever the velocity is positive",
     )
@@ -474,7 +476,7 @@ def _peak(case: tuple[str, str]) -> ComputedValue:
     wide = shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP, window=0.25 / p.frequency).peak_power
     return ComputedValue(
         p.peak_power,
-        f"at {p.peak_velocity:.2f} m/s, velocity over {1e3 * p.window:.0f} ms; {wide:.3g} W with it over a quarter of a "
+        f"at {p.peak_velocity:.2f} m/s, velocity over {p.window * MS:.0f} ms; {wide:.3g} W with it over a quarter of a "
         "cycle. It is reached as the muscle leaves its stretch stop, where a rise of pressure shortens it most; neither the "
         "stop, nor where the triangles began, nor how the velocity was taken is printed",
     )

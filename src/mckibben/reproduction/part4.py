@@ -22,7 +22,7 @@ from ..analysis.energy import (
 )
 from ..components import Environment
 from ..muscles.build import law_from_specimen
-from ..quantities import parse
+from ..quantities import from_si, parse
 from ..specimens import specimen
 from . import computed, rows
 from .rows import ComputedValue, reproduces
@@ -118,7 +118,9 @@ def compression() -> ComputedValue:
     one, ambient = cycle("maximal"), conditions().ambient.pressure_abs
     high, final = one.start_pressure + ambient, one.shortened_volume
     wrong = -high * final * math.log(final / one.stretched_volume) - high * final * (1.0 - ambient / high)
-    return ComputedValue(one.compression, f"{wrong:.1f} J from V2 = {1e6 * one.stretched_volume:.2f} cm3")
+    return ComputedValue(
+        one.compression, f"{wrong:.1f} J from V2 = {from_si(one.stretched_volume, 'm^3', 'cm^3'):.2f} cm3"
+    )
 
 
 @reproduces("energy.maximal.efficiency", "1")
@@ -149,7 +151,8 @@ def maximal_output_below_delivery() -> ComputedValue:
     """Largest ratio Wa/W12 of maximal shortening."""
     cycles = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
     share = cycles.output / cycles.delivery
-    return ComputedValue(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
+    at = from_si(PRESSURES[int(np.nanargmax(share))], "Pa", "bar")
+    return ComputedValue(float(np.nanmax(share)), f"at {at:.1f} bar")
 
 
 @reproduces("energy.isotonic.output", "J")

@@ -15,7 +15,7 @@ from ...bench.rig import Rig
 from ...bench.sensors import SENSORS
 from ...engine import STEP
 from ...experiments.waveforms import time_words
-from ...quantities import with_unit
+from ...quantities import from_si, with_unit
 from . import style
 from .circuit_cells import Text, Words, stacked
 from .circuit_diagram import draw_mark, draw_text
@@ -143,7 +143,9 @@ class _Drawing:
 
     def _tube_words(self) -> list[Words]:
         sizes = {name: getattr(self.plumbing.tube, name, None) for name in ("length", "diameter")}
-        words = [self.of(f"tube.{n}", f"{1e3 * _si(v):.4g} mm") for n, v in sizes.items() if v is not None]
+        words = [
+            self.of(f"tube.{n}", f"{from_si(_si(v), 'm', 'mm'):.4g} mm") for n, v in sizes.items() if v is not None
+        ]
         return [Words("tube", SMALL, True, INK), *([Words(", ".join(words))] if words else [])]
 
     def channels(self) -> None:

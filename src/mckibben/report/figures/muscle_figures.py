@@ -351,7 +351,7 @@ def _dimensions(
     angle = shape.degrees(length)
     text = f"{number(from_si(length, 'm', 'cm'), 2)}\N{NO-BREAK SPACE}cm"
     label = ax.text(x0, low + 6.0 * point, text, color=green, fontweight="bold", fontsize=style.SMALL, va="top")
-    rest = f"braid angle {number(angle, 1)}°\N{EM SPACE}diameter {number(1e3 * width, 1)}\N{NO-BREAK SPACE}mm"
+    rest = f"braid angle {number(angle, 1)}°\N{EM SPACE}diameter {number(from_si(width, 'm', 'mm'), 1)}\N{NO-BREAK SPACE}mm"
     if remark:
         rest = f"{remark}\N{EM SPACE}{rest}"
     style.beside(ax, rest, (1, 1), (9, 0), xycoords=label, va="top", color=INK_2)

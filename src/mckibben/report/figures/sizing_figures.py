@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 POINTS = 129
+GRAM, MS = from_si(1.0, "kg", "g"), from_si(1.0, "s", "ms")
 MOST = 6  # muscles drawn
 KIND_MARKERS = {"pressure_regulator": "s", "spool_valve": "o", "three_way_valve": "^"}
 _DASHES = ("-", (0, (8, 2)), (0, (4, 2.3)), (0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1.7)), (0, (2.5, 1.2)))
@@ -194,8 +195,8 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
     for line in able:
         marker = KIND_MARKERS.get(line.element, "D")
         ax.plot(
-            [1e3 * line.mass],
-            [1e3 * (line.to_force or np.nan)],
+            [line.mass * GRAM],
+            [(line.to_force or np.nan) * MS],
             marker,
             ms=3.5 + 1.2 * np.log1p(line.power),
             zorder=3,
@@ -207,7 +208,7 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
     style.beside(
         ax,
         f"{line.valve}, {line.tube}",
-        (1e3 * line.mass, 1e3 * (line.to_force or np.nan)),
+        (line.mass * GRAM, (line.to_force or np.nan) * MS),
         (-4, 16),
         color=INK,
         va="bottom",
@@ -234,7 +235,12 @@ def design_front(study: DesignStudy) -> Figure:
     grid = fig.add_gridspec(1, 2, left=0.07, right=0.975, bottom=0.29, top=0.80, wspace=0.24)
     done = [d for d in study.designs if np.isfinite(d.response)]
     panels = (
-        ("Air per cycle, mg", [1e6 * d.air for d in done], "Less air", "from the supply, in a working cycle"),
+        (
+            "Air per cycle, mg",
+            [from_si(d.air, "kg", "mg") for d in done],
+            "Less air",
+            "from the supply, in a working cycle",
+        ),
         ("Efficiency, %", [1e2 * d.efficiency for d in done], "More work from it", "work over the exergy of the air"),
     )
     for number, (quantity, values, title, note) in enumerate(panels):
@@ -278,7 +284,7 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         return
     for design, y in zip(done, values, strict=True):
         ax.plot(
-            [1e3 * design.response],
+            [design.response * MS],
             [y],
             MARKERS[muscles.index(design.muscle) % len(MARKERS)],
             ms=7.0,
@@ -289,9 +295,7 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         )
     best = sorted((d.response, y) for d, y in zip(done, values, strict=True) if d.best)[:LISTED]
     for i, (x, y) in enumerate(best, 1):
-        style.beside(
-            ax, str(i), (1e3 * x, y), (-9, 0), color=INK, fontweight="bold", ha="center", va="center", zorder=4
-        )
+        style.beside(ax, str(i), (x * MS, y), (-9, 0), color=INK, fontweight="bold", ha="center", va="center", zorder=4)
     ax.margins(x=0.18, y=0.16)
     style.tick_numbers(ax.xaxis)
 

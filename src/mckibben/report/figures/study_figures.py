@@ -161,7 +161,8 @@ def _error(
     ax.set_yticks([-tick, 0.0, tick], [number(-tick, 1, sign=True), "0", number(tick, 1, sign=True)])
     if model != SHOWN[-1]:
         ax.tick_params(labelbottom=False)
-    words = f"rms {number(from_si(compared.rms, 'Pa', 'bar'), 3)}, lead {number(1e3 * compared.lead, 1, sign=True)} ms"
+    rms, lead = from_si(compared.rms, "Pa", "bar"), from_si(compared.lead, "s", "ms")
+    words = f"rms {number(rms, 3)}, lead {number(lead, 1, sign=True)} ms"
     style.note(ax, words, x=1.0, y=1.0, dx=-3, dy=-5, ha="right", color=INK_2)
 
 
