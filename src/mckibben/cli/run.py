@@ -26,7 +26,7 @@ from ..bench.rig import FAULTS
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
-from ..report.figures import posterior_figures, recording_figures, style
+from ..report.figures import fit_figures, recording_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import INTERRUPTED, progress
@@ -256,7 +256,7 @@ def _figure(recording: Recording, predicted: PredictedRun | None) -> Any:
     """Channels of a recording over time, or the bands of the same run by the samples of a posterior."""
     if predicted is None:
         return recording_figures.time_figure(recording)
-    return posterior_figures.run_bands(predicted, title=recording.meta["title"])
+    return fit_figures.run_bands(predicted, title=recording.meta["title"])
 
 
 def _posterior(path: Path, muscle: str, law: str | None, draws: int) -> Posterior:

@@ -285,7 +285,7 @@ class MuscleTable(Answer):
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with table and figure to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.comparison_report:muscle_comparison")(self).write(Path(path)))
+        return Path(implementation("report.study_reports:muscle_comparison")(self).write(Path(path)))
 
     def __repr__(self) -> str:
         return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.properties())} properties)"

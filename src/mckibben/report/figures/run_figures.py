@@ -1,4 +1,4 @@
-"""Figures of circuit runs: pressures, flows, tensions, lengths and commands over time."""
+"""Figures of runs over time: of a circuit with its fit to records, and of a joint with two muscles."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ...identification import CircuitFit, Trial
 from ...quantities import from_si
 from ...recordings.recording import Recording
 from . import formats, style
-from .places import BannerRow, Margins, set_margins
-from .provenance import describe, recording_source
-from .style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES, RULE, SMALL, SUNKEN
+from .places import BannerRow, Margins, describe, recording_source, set_margins
+from .recording_figures import checked_names, envelope
+from .style import COLOURS, DASHES, INK, INK_2, INK_3, RECORDING_DASHES, RULE, SMALL, SUNKEN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +63,7 @@ def run_figure(recording: Recording) -> Figure:
         ax = fig.add_axes((0.06, (y - own) / height, 0.7, own / height))
         y -= own + gap
         last = i == len(panels) - 1
-        _draw(ax, recording, panel, last=last)
+        _draw_circuit(ax, recording, panel, last=last)
         if i == 0:
             meta = recording.meta
             style.heading(ax, str(meta.get("title", "")), _note(recording), above=30.0)
@@ -112,7 +112,7 @@ def _moving(recording: Recording, names: list[str]) -> list[str]:
     return [n for n in names if np.nanmax(np.abs(recording[n]), initial=0.0) > 0.0]
 
 
-def _draw(ax: Axes, recording: Recording, panel: CircuitPanel, *, last: bool) -> None:
+def _draw_circuit(ax: Axes, recording: Recording, panel: CircuitPanel, *, last: bool) -> None:
     scale = from_si(1.0, panel.si_unit, panel.unit)
     time = recording.time
     opacities = style.graded(len(panel.names), 0.4)[::-1]
@@ -140,15 +140,8 @@ def _draw(ax: Axes, recording: Recording, panel: CircuitPanel, *, last: bool) ->
     if not last:
         ax.tick_params(labelbottom=False)
     # A key and not labels at the ends: pressures that were different have become equal there.
-    ax.legend(
-        loc="upper left",
-        bbox_to_anchor=(1.005, 1.06),
-        frameon=False,
-        fontsize=style.SMALL,
-        handlelength=2.8,
-        labelcolor=style.colour(panel.quantity),
-        labelspacing=0.35,
-        borderpad=0.2,
+    style.key(
+        ax, loc="upper left", bbox_to_anchor=(1.005, 1.06), handlelength=2.8, labelcolor=style.colour(panel.quantity)
     )
 
 
@@ -218,7 +211,16 @@ def overview(fit: CircuitFit, trials: Sequence[Trial], *, title: str) -> Figure:
         upper.set_ylim(*levels)
         lower.set_ylim(from_si(-limit, "Pa", unit), from_si(limit, "Pa", unit))
         _titles(upper, lower, unit, first=column == 0)
-        _heading(upper, trial, fit, int(column_width / LETTER))
+        letters = int(column_width / LETTER)
+        name = Path(trial.name).name
+        name = name if len(name) <= letters else "…" + name[1 - letters :]
+        style.heading(upper, name, above=31.0)
+        errors = [e for e in fit.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
+        rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
+        largest = max(e.largest for e in errors)
+        word = "fitted" if _fitted(fit, trial) else "predicted"
+        text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
+        style.note(upper, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
         if i == columns - 1:
             _key(upper, channels, grey=not all(_fitted(fit, t) for t in shown))
     y = 1.0 - 0.14 / height
@@ -257,18 +259,6 @@ def _titles(upper: Axes, lower: Axes, unit: str, *, first: bool) -> None:
         ax.tick_params(labelleft=first)
 
 
-def _heading(ax: Axes, trial: Trial, fit: CircuitFit, letters: int) -> None:
-    name = Path(trial.name).name
-    name = name if len(name) <= letters else "…" + name[1 - letters :]
-    style.heading(ax, name, above=31.0)
-    errors = [e for e in fit.errors if e.trial == trial.name and e.channel.endswith(PRESSURE)]
-    rms = float(np.sqrt(np.mean([e.rms**2 for e in errors])))
-    largest = max(e.largest for e in errors)
-    word = "fitted" if _fitted(fit, trial) else "predicted"
-    text = f"{word}: rms {_told(rms)}, largest {_told(largest)}"
-    style.note(ax, text, y=1.0, dy=20.0, va="bottom", color=INK_2)
-
-
 def _told(pressure: float) -> str:
     unit = "mbar" if pressure < FINE else "bar"
     rounded = float(f"{from_si(pressure, 'Pa', unit):.2g}")
@@ -276,7 +266,6 @@ def _told(pressure: float) -> str:
 
 
 def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
-    """Draw a key of the channels, right of the axes."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -289,16 +278,13 @@ def _key(ax: Axes, channels: Sequence[str], *, grey: bool) -> None:
     colours = [INK, *[COLOURS["pressure"]] * len(channels), INK_2]
     if grey:
         handles.append(Patch(fc=SUNKEN, ec=RULE, lw=style.HAIR, label="not seen by the fit"))
-    ax.legend(
+    style.key(
+        ax,
         handles=handles,
         loc="upper left",
         bbox_to_anchor=(1.01, 1.03),
-        frameon=False,
-        fontsize=SMALL,
         handlelength=2.8,
         labelcolor=colours[: len(handles)],
-        labelspacing=0.35,
-        borderpad=0.2,
     )
 
 
@@ -334,3 +320,100 @@ def _limit(fit: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) ->
     largest = max(float(np.abs(predicted - measured).max()) for predicted, measured in pairs)
     highest = max(float(measured.max()) for _, measured in pairs)
     return 1.1 * max(min(largest, highest), 1.0)
+
+
+JOINT_WIDTH = 8.4  # [inch]
+
+
+class _Line(NamedTuple):
+    """A channel, its label in the key, and whether it is a set-point or the second of two."""
+
+    name: str
+    words: str
+    look: str = "solid"
+
+
+class _JointPanel(NamedTuple):
+    heading: str
+    quantity: str | None
+    scale: float
+    lines: tuple[_Line, ...]
+    height: float = 1.0
+
+
+ANGLE = (_Line("command.angle", "set-point", "asked"), _Line("angle", "measured"))
+STIFFNESS = (_Line("command.stiffness", "set-point", "asked"), _Line("joint.stiffness", "of the muscles"))
+PRESSURES = (_Line("flexor_pressure", "flexor"), _Line("extensor_pressure", "extensor", "second"))
+MOMENT = (_Line("moment.command", "from outside"),)
+_LOOKS: dict[str, dict[str, Any]] = {
+    "solid": {"lw": style.LINE + 0.2, "linestyle": "-", "zorder": 2.4},
+    "second": {"lw": style.LINE + 0.2, "linestyle": style.RECORDING_DASHES[1], "zorder": 2.4},
+    "asked": {"lw": style.LINE, "linestyle": DASHES["length"], "zorder": 2.6, "alpha": 0.55},
+}
+
+
+@style.styled()
+def joint_figure(record: Recording, *, title: str | None = None) -> Figure:
+    """Draw angle, stiffness, pressures, and external moment over time; grey while the loop is off.
+
+    Args:
+        record: such as `bench.joint_run.run_joint` gives.
+        title: instead of the recording's own.
+
+    Raises:
+        InputError: if a channel is missing.
+    """
+    bar = from_si(1.0, "Pa", "bar")
+    drawn = [
+        _JointPanel("Angle, rad", None, 1.0, ANGLE, 1.25),
+        _JointPanel("Stiffness, N m/rad", None, 1.0, STIFFNESS),
+        _JointPanel("Pressure, bar", "pressure", bar, PRESSURES),
+        _JointPanel("Moment, N m", None, 1.0, MOMENT, 0.6),
+    ]
+    checked_names(record, [line.name for p in drawn for line in p.lines])
+    if not np.any(record["moment.command"]):
+        drawn = drawn[:-1]
+    top, each, gap, foot = 0.62, 1.3, 0.42, 0.5  # [inch]
+    heights = [each * p.height for p in drawn]
+    height = top + sum(heights) + gap * (len(drawn) - 1) + foot
+    fig = style.figure(JOINT_WIDTH, height)
+    y = height - top
+    for i, (panel, own) in enumerate(zip(drawn, heights, strict=True)):
+        ax = fig.add_axes((0.065, (y - own) / height, 0.755, own / height))
+        y -= own + gap
+        _draw_joint(ax, record, panel)
+        last = i == len(drawn) - 1
+        style.quantity_axes(ax, x=("Time, s" if last else "", None), y=(panel.heading, panel.quantity))
+        if not last:
+            ax.tick_params(labelbottom=False)
+        if i == 0:
+            style.heading(ax, str(record.meta.get("title", "")) if title is None else title, above=24.0)
+    describe(fig, recording_source(record))
+    return fig
+
+
+def _draw_joint(ax: Axes, record: Recording, panel: _JointPanel) -> None:
+    colour = style.colour(panel.quantity)
+    for line in panel.lines:
+        ax.plot(
+            *envelope(record.time, record[line.name] * panel.scale), color=colour, label=line.words, **_LOOKS[line.look]
+        )
+    low, high = ax.get_ylim()
+    ax.set_ylim(0.0 if 0.0 < low < 0.6 * high else low, high)
+    ax.set_xlim(float(record.time[0]), float(record.time[-1]))
+    for start, end in _off(record):
+        ax.axvspan(start, end, facecolor=SUNKEN, edgecolor="none", zorder=0.5)
+        if panel.lines is ANGLE:
+            where = ax.get_xaxis_transform()
+            ax.text(start, 0.02, " loop off", transform=where, fontsize=SMALL, color=style.INK_2, va="bottom")
+    style.key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=colour)
+
+
+def _off(record: Recording) -> list[tuple[float, float]]:
+    """Intervals in which the angle is not fed back: starts and ends [s]."""
+    if "loop.active" not in record:
+        return []
+    off = np.concatenate([[False], record["loop.active"] < 0.5, [False]])
+    begins, ends = np.flatnonzero(~off[:-1] & off[1:]), np.flatnonzero(off[:-1] & ~off[1:])
+    last = len(record) - 1
+    return [(float(record.time[a]), float(record.time[min(int(b), last)])) for a, b in zip(begins, ends, strict=True)]

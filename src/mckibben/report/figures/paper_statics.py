@@ -1,36 +1,41 @@
-"""Figs. 5 and 6 of the paper: the static laws of the nylon muscle, the linear model, and its fit to ten points."""
+"""Figs. 5, 6, 12 and 13 of the paper and Table 1: laws, the linear model and its fit, working cycles, all muscles."""
 
 from __future__ import annotations
 
 import functools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ....analysis.energy import CycleLoops, cycle_loops, energy_curve
-from ....documents import JsonValue
-from ....muscles import braid
-from ....muscles.braid import stop_tension
-from ....muscles.build import law_from_specimen
-from ....muscles.laws.ideal import Ideal
-from ....muscles.laws.linear_threshold import LinearThreshold
-from ....muscles.laws.thick_wall import ThickWall
-from ....quantities import from_si
-from ....reproduction import loops, part1, part4
-from ....specimens import specimen
-from .. import style
-from ..energy_figures import EfficiencyLine, draw_efficiency, draw_piston, draw_tendon, printed_marks
-from ..style import COLOURS, INK, INK_2, INK_3, RECORDING_DASHES
-from .common import (
+from ...analysis import characteristics
+from ...analysis.energy import CycleLoops, cycle_loops
+from ...documents import JsonValue
+from ...muscles import braid
+from ...muscles.braid import stop_tension
+from ...muscles.build import law_from_specimen
+from ...muscles.laws.ideal import Ideal
+from ...muscles.laws.linear_threshold import LinearThreshold
+from ...muscles.laws.thick_wall import ThickWall
+from ...quantities import from_si
+from ...reproduction import computed, measured, part4
+from ...specimens import specimen
+from . import style
+from .energy_figures import draw_efficiency, draw_piston, draw_tendon, efficiency_lines, printed_marks
+from .paper_common import (
+    KEY_MARK,
     MARK,
     PRINTED,
     NumberEntry,
+    as_printed,
     entry,
     key,
+    label,
+    mark,
     numbers,
     ours,
+    outcome,
     panel,
     printed,
     printed_key,
@@ -39,6 +44,7 @@ from .common import (
     shown,
     title,
 )
+from .style import CAUTION, COLOURS, HAIR, INK, INK_2, INK_3, NORMAL, RECORDING_DASHES, RULE, SMALL, WIDE, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,20 +149,13 @@ def figure_5c() -> Figure:
     rest = specimen("nylon").property_si("rest_length", "m")
     volume = float(braid.inner_volume(rest, **shape)) * ml
     inferred = float(linear().rest_volume) * ml
-    diamond = MARK | {"marker": "D", "ms": 5.0}
-    ax.plot([rest * CM], [inferred], **diamond)
+    ax.plot([rest * CM], [inferred], **MARK | {"marker": "D", "ms": 5.0})
     numbers(
         ax,
         [NumberEntry("Inside at L₀, cm³", shown(volume), shown(inferred) + "‡")],
         remarks=("‡ inferred from the printed", "   8.86 J of Part IV, not printed"),
     )
-    key(
-        ax,
-        [
-            *handles,
-            sample("from Part IV", **{k: v for k, v in MARK.items() if k != "zorder"} | {"marker": "D", "ms": 5.0}),
-        ],
-    )
+    key(ax, [*handles, sample("from Part IV", **KEY_MARK | {"marker": "D", "ms": 5.0})])
     return fig
 
 
@@ -164,14 +163,14 @@ def figure_5c() -> Figure:
 def figure_5d() -> Figure:
     """Tension per pressure over length."""
     per_bar, at = from_si(1.0, "N/Pa", "N/bar"), lengths()
-    curves = [np.asarray(law.active_tension(at, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
+    curves = [np.asarray(law.active_tension(at, computed.PRESSURE)) / computed.PRESSURE * per_bar for law in laws()]
     fig, ax, handles = _over_length(
         "5d", "Nylon muscle: tension per pressure", ("Tension per pressure, N/bar", "tension"), *curves
     )
     ax.axhline(0.0, color=INK_3, lw=style.HAIR)
     rest = specimen("nylon").property_si("rest_length", "m")
-    ends = [np.asarray(law.active_tension(rest, part1.PRESSURE)) / part1.PRESSURE * per_bar for law in laws()]
-    free = [float(np.asarray(law.free_length(part1.PRESSURE))) / rest for law in laws()]
+    ends = [np.asarray(law.active_tension(rest, computed.PRESSURE)) / computed.PRESSURE * per_bar for law in laws()]
+    free = [float(np.asarray(law.free_length(computed.PRESSURE))) / rest for law in laws()]
     numbers(
         ax,
         [
@@ -190,8 +189,8 @@ def figure_5d() -> Figure:
 @style.styled()
 def figure_5e() -> Figure:
     """Stiffness per pressure over length."""
-    at, low, high = lengths(), min(part1.LENGTHS), max(part1.LENGTHS)
-    curves = [np.asarray(law.braid_stiffness(at, part1.PRESSURE)) / part1.PRESSURE for law in laws()]
+    at, low, high = lengths(), min(computed.LENGTHS), max(computed.LENGTHS)
+    curves = [np.asarray(law.braid_stiffness(at, computed.PRESSURE)) / computed.PRESSURE for law in laws()]
     curves[1] = np.where(at < laws()[1].upper_length, curves[1], np.nan)  # the stop begins there
     fig, ax, handles = _over_length(
         "5e", "Nylon muscle: stiffness per pressure", ("Stiffness per pressure Kg, cm", None), *(c * CM for c in curves)
@@ -207,7 +206,7 @@ def figure_5e() -> Figure:
             NumberEntry("Spread 10–14 cm, with wall", spans[1]),
             NumberEntry("the same, without", spans[0]),
         ],
-        remarks=(f"Kg: slope of dF/dP′ over {len(part1.LENGTHS)} lengths",),
+        remarks=(f"Kg: slope of dF/dP′ over {len(computed.LENGTHS)} lengths",),
     )
     key(ax, [*handles, sample("paper: constant", **PRINTED | ENDS)])
     return fig
@@ -223,7 +222,7 @@ def figure_6a(figure: str = "6a") -> Figure:
     fig, ax = panel(3.9)
     at = np.linspace(0.095, 0.1555, 243)
     beyond = np.asarray(stop_tension(at, begins_at=law.upper_length, stiffness=law.stop_stiffness))
-    active = np.asarray(law.active_tension(at, part1.PRESSURE))
+    active = np.asarray(law.active_tension(at, computed.PRESSURE))
     passive = np.asarray(law.elastic_tension(at)) - beyond
     terms = (
         ("total", active + passive + beyond, ours("tension", lw=style.HEAVY + 0.3)),
@@ -260,7 +259,7 @@ def figure_6a(figure: str = "6a") -> Figure:
 @style.styled()
 def figure_6b(figure: str = "6b") -> Figure:
     """Ten points of the recordings, eq. 13 through them, and with the printed numbers."""
-    points, fit = loops.ten_points(loops.LENGTH), loops.fits().corrected
+    points, fit = measured.ten_points(measured.LENGTH), measured.fits().corrected
     length, pressure, tension = (np.array([getattr(p, n) for p in points]) for n in ("length", "pressure", "tension"))
     fig, ax = panel(4.2, beside=3.1)
     law, span = linear(), np.linspace(length.min() - 0.004, length.max() + 0.003, 2)
@@ -305,7 +304,6 @@ def figure_6b(figure: str = "6b") -> Figure:
 
 
 NO_FRICTION, POTENTIAL = RECORDING_DASHES[1], RECORDING_DASHES[2]
-HIGHEST = 10e5  # [Pa]
 CYCLE_HEIGHT, ABOVE = 4.0, 36.0  # of the figures [inch], and of their titles over the axes [pt]
 
 
@@ -336,7 +334,9 @@ def figure_12b() -> Figure:
 def figure_12c() -> Figure:
     """Efficiency of the maximal cycle over pressure."""
     fig, ax = panel(CYCLE_HEIGHT, beside=3.85)
-    draw_efficiency(ax, efficiency_lines(), printed_marks())
+    # As printed, and with friction and the volume of the potential.
+    looks = (("paper", True, "-", INK), ("paper", False, NO_FRICTION, INK), ("potential", True, POTENTIAL, INK_3))
+    draw_efficiency(ax, efficiency_lines(looks), printed_marks())
     ax.set_ylim(0.0, 80.0)  # without friction and with the accumulator the threshold would come to 100 %
     title(ax, "12c", "Maximal shortening at constant pressure: efficiency Ea", above=ABOVE)
     rows = [
@@ -357,23 +357,6 @@ def figure_12c() -> Figure:
         dx=82.0,
     )
     return fig
-
-
-def efficiency_lines() -> list[EfficiencyLine]:
-    """Solid with friction and dashed without, as printed; dotted with friction and the volume of the potential."""
-    lines = []
-    for volume, friction, dash, colour in (
-        ("paper", True, "-", INK),
-        ("paper", False, NO_FRICTION, INK),
-        ("potential", True, POTENTIAL, INK_3),
-    ):
-        for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
-            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
-            low = 1e-3 + float(muscle.threshold())
-            at = low + (HIGHEST - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
-            words = words if (volume, friction) == ("paper", True) else ""
-            lines.append(EfficiencyLine(words, energy_curve(muscle, "maximal", at, between), dash, colour))
-    return lines
 
 
 @style.styled()
@@ -415,3 +398,146 @@ def _tendon(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
+
+
+MUSCLES = {"nylon": "Nylon shell", "fiberglass": "Fiberglass shell", "bridgestone": "Bridgestone"}
+COLUMNS = (0.3, 2.5, 4.5, 6.3, 8.2)  # where the columns begin [inch]
+ROW, HEAD, FOOT = 0.27, 0.95, 0.75  # [inch]
+
+
+class TableEntry(NamedTuple):
+    """Our value and the printed one as text, either empty.
+
+    A mark as of `Entry`, or ``‡`` for values taken from the paper.
+    """
+
+    ours: str = ""
+    paper: str = ""
+    mark: str = ""
+
+
+def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
+    """The rows in the paper's order: property, unit, and a cell for each muscle and for biological muscle."""
+    bio = computed.biological()
+    ends = characteristics.dynamic_range(bio.active_curve)
+    top, speed = number(computed.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(computed.FASTEST)
+    each = tuple(MUSCLES)
+    blank = (TableEntry(), TableEntry())
+    return [
+        ("Resting length (L₀)", "cm", (*(_taken(number(_rest(m) * CM)) for m in each), TableEntry())),
+        (
+            "Dynamic range",
+            "L₀",
+            (*(_range(m) for m in each), TableEntry(f"{ends.shortest:.3f}–{ends.longest:.3f}", "0.64–1.12")),
+        ),
+        ("Maximum tension", "N", (*(_cell(f"table1.{m}.max_tension") for m in each), TableEntry())),
+        ("Stiffness", "N/L₀", (*(_cell(f"table1.{m}.stiffness") for m in each), TableEntry())),
+        ("Work per cycle", "N L₀", (*(_cell(f"table1.{m}.work") for m in each), TableEntry())),
+        ("Cross section area", "cm²", (*(_cell(f"table1.{m}.section_area") for m in each), TableEntry())),
+        ("Tension intensity", "N/cm²", (*(_cell(f"table1.{m}.tension_intensity") for m in each), _taken(top))),
+        (
+            "Stiffness intensity",
+            "N/(L₀ cm²)",
+            (*(_cell(f"table1.{m}.stiffness_intensity") for m in each), _cell("biology.stiffness_intensity")),
+        ),
+        (
+            "Work density per cycle",
+            "J/cm³",
+            (*(_cell(f"table1.{m}.work_density") for m in each), _cell("biology.work_density")),
+        ),
+        ("Coulomb friction", "N", (*(_cell(f"friction.{m}") for m in each), TableEntry("0", "0"))),
+        ("Maximum velocity", "L₀/s", (_fastest(), *blank, _taken(f"2–8 or {speed}"))),
+        ("Average power density", "W/cm³", (_cell("isotonic.mean_power_density"), *blank, TableEntry())),
+        (
+            "Peak power density",
+            "W/cm³",
+            (_cell("isotonic.peak_power_density"), *blank, _cell("biology.peak_power_density")),
+        ),
+        ("Energy efficiency", "-", (_efficiency(), *blank, TableEntry("", "0.2–0.25"))),
+    ]
+
+
+def _rest(muscle: str) -> float:
+    return specimen(muscle).property_si("rest_length", "m")
+
+
+def _taken(words: str) -> TableEntry:
+    return TableEntry(words, words, "‡")
+
+
+def _cell(identifier: str, digits: int = 3) -> TableEntry:
+    one = outcome(identifier)
+    assert one.ours is not None
+    return TableEntry(shown(one.ours, digits), as_printed(one.row.paper), mark(one.row))
+
+
+def _range(muscle: str) -> TableEntry:
+    """Working range: the lower end where the law's tension ends at 5 bar, the upper end as given."""
+    column = computed.table1(muscle)
+    shortest, upper = (v / column.rest_length for v in (column.zero_tension_length, column.upper_length))
+    width = outcome(f"table1.{muscle}.dynamic_range").row.paper
+    assert isinstance(width, float)
+    return TableEntry(f"{shortest:.3f}–{upper:.2f}", f"{number(round(upper - width, 3))}–{number(round(upper, 3))}")
+
+
+def _fastest() -> TableEntry:
+    """A velocity up to which no viscous friction was seen, so a lower limit."""
+    cell = _cell("loop.max_velocity", 2)
+    return TableEntry(f"> {cell.ours}", f"> {cell.paper}", cell.mark)
+
+
+def _efficiency() -> TableEntry:
+    """Range of efficiencies with the accumulator; 0.49 is the misprint of Part IV."""
+    low, high = (outcome(f"energy.{name}.efficiency_accumulator") for name in ("valve", "maximal"))
+    assert low.ours is not None and high.ours is not None
+    words = "–".join(as_printed(o.row.paper) for o in (low, high))
+    return TableEntry(f"{low.ours:.2f}–{high.ours:.2f}", words, "†")
+
+
+@style.styled()
+def table(figure: str) -> Figure:
+    """Draw the table, our values in bold and the printed ones in brackets."""
+    rows = cells()
+    high = HEAD + ROW * len(rows) + FOOT
+    fig = style.drawing(WIDE, high)
+    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    ax.set_xlim(0.0, WIDE)
+    ax.set_ylim(high, 0.0)
+    ax.text(COLUMNS[0], 0.25, label(figure), fontsize=NORMAL, fontweight="bold", va="center")
+    words = "McKibben and biological muscles at 5 bar: ours, and printed in brackets"
+    ax.text(COLUMNS[0] + 1.1, 0.25, words, fontsize=SMALL, color=INK_3, va="center")
+    for x, words in zip(COLUMNS, ("", *MUSCLES.values(), "Biological muscles"), strict=True):
+        ax.text(x, HEAD - 0.2, words, fontsize=SMALL, fontweight="bold", va="center", color=INK_2)
+    lines = [HEAD - 0.05, HEAD + ROW * len(rows) + 0.02]
+    for y in lines:
+        ax.plot([COLUMNS[0], WIDE - 0.3], [y, y], color=INK_3, lw=0.8)
+    for i, (words, unit, row) in enumerate(rows):
+        y = HEAD + ROW * (i + 0.5)
+        head = words if unit == "-" else f"{words}, {unit}"
+        ax.text(COLUMNS[0], y, head, fontsize=SMALL, va="center_baseline", color=INK)
+        for x, cell in zip(COLUMNS[1:], row, strict=True):
+            _write(ax, x, y, cell)
+        if i:
+            ax.plot([COLUMNS[0], WIDE - 0.3], [HEAD + ROW * i] * 2, color=RULE, lw=HAIR, zorder=1)
+    foot = (
+        "* an input of ours was inferred from the print   ‡ ours is taken from the paper   "
+        "† misprint: 2.59 J over 5.50 J is 0.471   § open",
+        "Friction of fiberglass and Bridgestone and all powers come from recordings; their notes are with the rows.",
+    )
+    for i, words in enumerate(foot):
+        ax.text(COLUMNS[0], high - FOOT + 0.28 + 0.2 * i, words, fontsize=SMALL, color=INK_3, va="center")
+    return fig
+
+
+def _write(ax: Axes, x: float, y: float, cell: TableEntry) -> None:
+    look: dict[str, Any] = {"fontsize": SMALL, "va": "center_baseline"}
+    paper = f"({cell.paper})" if cell.paper else ""
+    if not cell.ours:
+        ax.text(x, y, paper or "–", color=INK_3 if not paper else INK_2, **look)
+        return
+    first = ax.text(x, y, cell.ours + cell.mark.replace("†", ""), color=INK, fontweight="bold", **look)
+    colour = CAUTION if cell.mark == "†" else INK_2
+    style.beside(
+        ax, paper + ("†" if cell.mark == "†" else ""), (1.0, 0.0), (6, 0), xycoords=first, va="bottom", color=colour
+    )

@@ -11,12 +11,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .... import reproduction
-from ....documents import JsonValue
-from ....reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
-from .. import style
-from ..places import ArtistPlace, set_place
-from ..style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
+from ... import reproduction
+from ...documents import JsonValue
+from ...reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
+from ...reproduction.rows import printed as printed
+from . import style
+from .places import ArtistPlace, set_place
+from .style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -29,7 +30,8 @@ LEFT, FOOT, TOP = 0.5, 0.5, 0.72  # around axes [inch]
 BESIDE = 2.85  # right of the axes, for numbers and keys [inch]
 COLUMNS = (0.0, 134.0, 180.0)  # of the numbers: words from here, ours up to here, the paper's up to here [pt]
 LEADING = 13.0  # of the numbers [pt]
-MARK: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 6.0, "mfc": PANEL, "mec": INK, "mew": 1.2, "zorder": 8}
+KEY_MARK: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 6.0, "mfc": PANEL, "mec": INK, "mew": 1.2}
+MARK: dict[str, Any] = KEY_MARK | {"zorder": 8}
 PRINTED: dict[str, Any] = {"color": INK, "ls": (0, (10, 3)), "lw": 0.9}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -90,21 +92,11 @@ def label(figure: str) -> str:
 
 def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
     """Add a second vertical axis, its title above it at the right."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
     other = ax.twinx()
-    other.set_ylabel(
-        words,
-        color=style.colour(quantity),
-        fontweight="bold",
-        fontsize=SMALL + 0.5,
-        rotation=0,
-        ha="right",
-        va="bottom",
-    )
+    look = {"fontweight": "bold", "fontsize": SMALL + 0.5, "rotation": 0, "ha": "right", "va": "bottom"}
+    other.set_ylabel(words, color=style.colour(quantity), **look)
     other.yaxis.set_label_coords(1.0, 1.0, transform=ax.transAxes + style.shift(ax, 18, 5))
-    other.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-    other.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    style.tick_numbers(other.yaxis)
     other.grid(visible=False)
     return other
 
@@ -115,20 +107,8 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 @functools.cache
 def outcome(identifier: str) -> RowOutcome:
     """A row with our value."""
-    assert reproduction
-    return reproduce_row(row(identifier))
-
-
-def row(identifier: str) -> PrintedRow:
-    """Find a row by its name."""
-    return next(r for r in all_rows() if r.id == identifier)
-
-
-def printed(identifier: str) -> float:
-    """Value that the paper prints for a row, in the row's unit."""
-    value = row(identifier).paper
-    assert isinstance(value, float)
-    return value
+    assert reproduction  # whose import registers how the rows are computed
+    return reproduce_row(next(row for row in all_rows() if row.id == identifier))
 
 
 class NumberEntry(NamedTuple):
@@ -220,15 +200,13 @@ def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remar
 def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float | None = None) -> None:
     """Draw a key of the lines, right of the axes: at their foot, or a distance below their top [pt]."""
     y, drop = (0.0, 0.0) if below is None else (1.0, below)
-    legend = ax.figure.legend(
+    legend = style.key(
+        ax.figure,
         handles=list(handles),
         loc="lower left" if below is None else "upper left",
         bbox_to_anchor=(1.0, y),
         bbox_transform=ax.transAxes + style.shift(ax, dx - 3.0, -drop),
-        frameon=False,
-        fontsize=SMALL,
         labelcolor=INK_2,
-        handlelength=2.6,
         labelspacing=0.4,
         borderpad=0.0,
         borderaxespad=0.0,
@@ -245,7 +223,7 @@ def sample(words: str, **look: JsonValue) -> Line2D:
 
 def printed_key(words: str = "paper", *, line: bool = False) -> Line2D:
     """Entry of printed curves in a key."""
-    return sample(words, **(PRINTED if line else {k: v for k, v in MARK.items() if k != "zorder"}))
+    return sample(words, **(PRINTED if line else KEY_MARK))
 
 
 def ours(quantity: str | None, **look: JsonValue) -> dict[str, JsonValue]:

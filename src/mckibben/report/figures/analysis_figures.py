@@ -1,4 +1,4 @@
-"""Figures of loops: measured data over a simulated one with the residuals, and loops over a swept parameter."""
+"""Figures of what recordings tell: loops over measured ones and over a parameter, frequency responses, repeatability."""
 
 from __future__ import annotations
 
@@ -8,20 +8,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...analysis.frequency import FrequencyResponse
 from ...analysis.loop_residuals import LoopResiduals, loop_residuals, measured_channels
+from ...analysis.repeatability import Repeatability
 from ...batch.store import parameter_units, read_results
 from ...errors import InputError
 from ...quantities import with_unit
 from ...recordings import Channel, ForceMap, Recording
 from ...recordings.differences import labels
 from . import style
-from .provenance import describe, recording_source
+from .places import describe, recording_source
 from .recording_figures import ChannelPanel, checked_names, panels, path
-from .style import INK, INK_3, PANEL, number
+from .style import INK, INK_3, PANEL, RULE, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 HEIGHT, LOWER = 5.2, 1.15  # of the figure and of the residuals [inch]
 LEFT, BESIDE, TOP, FOOT, GAP = 0.6, 1.05, 0.75, 0.5, 0.5  # around and between the axes [inch]
@@ -67,7 +70,19 @@ def measured_loop_figure(
     upper = fig.add_axes((wide[0], (FOOT + LOWER + GAP) / HEIGHT, wide[1], 1.0 - (FOOT + LOWER + GAP + TOP) / HEIGHT))
     lower = fig.add_axes((wide[0], FOOT / HEIGHT, wide[1], LOWER / HEIGHT), sharex=upper)
     draw_measured_loop(upper, simulated, measured, x, y)
-    _draw_residuals(lower, residuals, x, y)
+    colour = style.colour(y.quantity)
+    lower.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
+    for up, words, dash in ((True, "rising", "-"), (False, "falling", style.RECORDING_DASHES[1])):
+        some = residuals.rising == up
+        if not some.any():
+            continue
+        at, error = residuals.at[some] * x.scale(), residuals.error[some] * y.scale()
+        if np.all(residuals.rising):  # static points
+            lower.plot(at, error, ls="none", marker="o", ms=3.0, mfc=PANEL, mec=colour, mew=0.8)
+        else:
+            lower.plot(at, error, color=colour, lw=style.LINE, ls=dash, label=words)
+    if lower.get_legend_handles_labels()[0]:
+        style.key(lower, loc="upper left", bbox_to_anchor=(1.005, 1.06))
     style.quantity_axes(upper, x=("", x.quantity), y=(y.heading, y.quantity))
     unit = y.heading.partition(",")[2]
     style.quantity_axes(lower, x=(x.heading, x.quantity), y=(f"Simulated less measured,{unit}", y.quantity))
@@ -105,26 +120,7 @@ def draw_measured_loop(
     step = max(len(values[0]) // MOST_POINTS, 1)
     look: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.0, "mfc": PANEL, "mec": INK, "mew": 0.7}
     ax.plot(values[0][::step], values[1][::step], label="measured", zorder=3, **look)
-    ax.legend(frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="best", borderpad=0.2)
-
-
-def _draw_residuals(ax: Axes, residuals: LoopResiduals, x: ChannelPanel, y: ChannelPanel) -> None:
-    colour = style.colour(y.quantity)
-    ax.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
-    for up, words, dash in ((True, "rising", "-"), (False, "falling", style.RECORDING_DASHES[1])):
-        some = residuals.rising == up
-        if not some.any():
-            continue
-        at, error = residuals.at[some] * x.scale(), residuals.error[some] * y.scale()
-        if np.all(residuals.rising):  # static points
-            ax.plot(at, error, ls="none", marker="o", ms=3.0, mfc=PANEL, mec=colour, mew=0.8)
-        else:
-            ax.plot(at, error, color=colour, lw=style.LINE, ls=dash, label=words)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(
-            frameon=False, fontsize=style.SMALL, handlelength=2.6, loc="upper left", bbox_to_anchor=(1.005, 1.06),
-            borderpad=0.2,
-        )  # fmt: skip
+    style.key(ax, loc="best")
 
 
 # ---- over a swept parameter
@@ -155,14 +151,13 @@ def swept_loops_figure(
     style.quantity_axes(ax, x=(x.heading, x.quantity), y=(y.heading, y.quantity))
     style.heading(ax, title, note, above=24.0)
     for one, curve, (i, sides) in zip(loops, curves, _apart(ax, curves), strict=True):
-        ax.annotate(
+        style.beside(
+            ax,
             one.words,
             curve[i],
             (5 * sides[0], 4 * sides[1]),
-            textcoords="offset points",
             ha="left" if sides[0] > 0 else "right",
             va="bottom" if sides[1] > 0 else "top",
-            fontsize=style.SMALL,
             color=INK,
             annotation_clip=False,
             zorder=5,
@@ -241,3 +236,101 @@ def loops_of_sweep(
 
 def _value(value: object, unit: str) -> str:
     return with_unit(value, unit or "1") if isinstance(value, float) else str(value)
+
+
+MARGIN, BASE, HEAD, BETWEEN = 0.62, 0.5, 0.8, 0.5  # around and between the axes [inch]
+MAGNITUDE, PHASE, COHERENCE = 2.1, 1.5, 0.8  # heights of the axes [inch]
+
+
+class BodeTitles(NamedTuple):
+    """Texts of a Bode figure: its heading, the note after it, and the unit of the magnitude."""
+
+    heading: str
+    note: str = ""
+    unit: str = ""
+
+
+@style.styled()
+def bode_figure(response: FrequencyResponse, titles: BodeTitles, *, cutoff: float = float("nan")) -> Figure:
+    """Draw magnitude and phase over frequency, with the coherence if it is below one somewhere.
+
+    Args:
+        response: at frequencies in rising order.
+        titles: texts of the figure.
+        cutoff: frequency that is marked [Hz]; none if it is not a number.
+    """
+    measured = bool(np.any(response.coherence < 1.0))
+    heights = [MAGNITUDE, PHASE, *([COHERENCE] if measured else [])]
+    height = HEAD + sum(heights) + BETWEEN * (len(heights) - 1) + BASE
+    fig = style.figure(style.MIDDLE, height)
+    axes: list[Axes] = []
+    top = height - HEAD
+    for own in heights:
+        box = (MARGIN / style.MIDDLE, (top - own) / height, 1.0 - (MARGIN + 0.3) / style.MIDDLE, own / height)
+        axes.append(fig.add_axes(box, sharex=axes[0] if axes else None))
+        top -= own + BETWEEN
+    unit = f", {titles.unit}" if titles.unit else ""
+    _course(axes[0], response.frequency, response.magnitude, f"Magnitude{unit}", log=True)
+    _course(axes[1], response.frequency, np.degrees(response.phase), "Phase, degrees")
+    if measured:
+        _course(axes[2], response.frequency, response.coherence, "Coherence")
+        axes[2].set_ylim(0.0, 1.05)
+    style.heading(axes[0], titles.heading, titles.note, above=30.0)
+    if np.isfinite(cutoff):
+        for ax in axes[:2]:
+            ax.axvline(cutoff, color=INK_3, lw=0.9, ls=(0, (4, 2.3)))
+        style.beside(
+            axes[0],
+            f"\N{MINUS SIGN}3 dB at {cutoff:.3g} Hz",
+            (cutoff, 0.04),
+            (-4, 0),
+            xycoords=("data", "axes fraction"),
+            ha="right",
+            color=INK_3,
+        )
+    for ax in axes[:-1]:
+        ax.tick_params(labelbottom=False)
+    axes[-1].set_xlabel("Frequency, Hz", color=INK, fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
+    return fig
+
+
+def _course(ax: Axes, frequency: np.ndarray, values: np.ndarray, title: str, *, log: bool = False) -> None:
+    style.quantity_axes(ax, x=("", None), y=(title, None))
+    ax.set_xscale("log")
+    if log:
+        ax.set_yscale("log")
+    marks: dict[str, Any] = {"marker": "o", "ms": 3.0} if len(frequency) <= 40 else {}
+    ax.plot(frequency, values, color=INK, lw=style.LINE, **marks)
+    ax.margins(x=0.02)
+
+
+@style.styled()
+def repeatability_figure(repeatability: Repeatability, *, title: str, channel: str, over: str) -> Figure:
+    """Draw every repetition faintly with the mean course, and below the deviation of each from the mean.
+
+    Args:
+        repeatability: the repetitions, in the unit in which they are shown.
+        title: title of the figure.
+        channel: title of the channel with its unit, such as ``"Tension, N"``.
+        over: title of the axis below, such as ``"Phase of the cycle"``.
+    """
+    upper, lower = 2.4, 1.2
+    height = HEAD + upper + BETWEEN + lower + BASE
+    fig = style.figure(style.MIDDLE, height)
+    across = (MARGIN / style.MIDDLE, 1.0 - (MARGIN + 0.3) / style.MIDDLE)
+    top = fig.add_axes((across[0], (height - HEAD - upper) / height, across[1], upper / height))
+    low = fig.add_axes((across[0], BASE / height, across[1], lower / height), sharex=top)
+    mean = repeatability.courses.mean(axis=0)
+    quantity = channel.partition(",")[0].lower()
+    shade = style.colour(quantity if quantity in style.COLOURS else None)
+    for course in repeatability.courses:
+        top.plot(repeatability.at, course, color=shade, lw=0.7, alpha=0.35)
+        low.plot(repeatability.at, course - mean, color=shade, lw=0.7, alpha=0.5)
+    top.plot(repeatability.at, mean, color=INK, lw=style.HEAVY)
+    low.axhline(0.0, color=RULE, lw=0.8)
+    style.quantity_axes(top, x=("", None), y=(channel, quantity if quantity in style.COLOURS else None))
+    style.quantity_axes(low, x=(over, None), y=(f"Distance from the mean,{channel.partition(',')[2]}", None))
+    top.tick_params(labelbottom=False)
+    top.margins(x=0.0)
+    style.heading(top, title, f"{repeatability.repetitions} repetitions and their mean", above=30.0)
+    return fig

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ....analysis.channels import smoothed, uniform_period
-from ....analysis.loops import paths
-from ....analysis.steps import CommandStep, find_steps, step_responses
-from ....muscles.build import law_from_specimen
-from ....quantities import from_si
-from ....recordings import Recording
-from ....reproduction import loops, shortening
-from ....reproduction.loops import recorded_sines
-from ....reproduction.recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
-from ....specimens import specimen
-from .. import style
-from ..style import COLOURS, INK, INK_2, INK_3, number
-from .common import (
+from ...analysis.channels import smoothed, uniform_period
+from ...analysis.loops import paths
+from ...analysis.steps import CommandStep, find_steps, step_responses
+from ...muscles.build import law_from_specimen
+from ...quantities import from_si
+from ...recordings import Recording
+from ...reproduction import measured
+from ...reproduction.measured import recorded_sines
+from ...reproduction.recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
+from ...specimens import specimen
+from . import style
+from .paper_common import (
+    KEY_MARK,
     MARK,
     PRINTED,
     NumberEntry,
@@ -37,6 +37,7 @@ from .common import (
     stack,
     title,
 )
+from .style import COLOURS, INK, INK_2, INK_3, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,14 +65,14 @@ class RecordedMuscle(NamedTuple):
 NYLON, SMALL_RANGE = RecordedMuscle("nylon", "large"), RecordedMuscle("nylon", "small")
 FIBERGLASS, BRIDGESTONE = (
     RecordedMuscle("fiberglass", "fiberglass"),
-    RecordedMuscle("bridgestone", "bridgestone", loops.MODERN),
+    RecordedMuscle("bridgestone", "bridgestone", measured.MODERN),
 )
 
 
 def loops_of(subject: RecordedMuscle, pressure: str) -> Recording:
     """Recorded cycles at a pressure; the same that rows use."""
     if pressure == FIVE_BAR or subject == NYLON:
-        return loops.triangle(subject.muscle, stroke=subject.stroke, rig=subject.rig, pressure=pressure)
+        return measured.triangle(subject.muscle, stroke=subject.stroke, rig=subject.rig, pressure=pressure)
     whole = recording(
         "quasi-static",
         subject.muscle,
@@ -96,7 +97,11 @@ def rest_length(muscle: str) -> float:
 def figure_3a() -> Figure:
     """Nylon muscle, large range."""
     fig, ax, other = _quasi_static("3a", NYLON, "Nylon muscle, 1 Hz, large range")
-    _printed_lines(ax, NYLON)
+    law = law_from_specimen(specimen(NYLON.muscle))
+    span = np.linspace(0.75, 1.1, 2) * rest_length(NYLON.muscle)
+    for pressure in (2e5, 3e5, 4e5, 5e5):
+        at = np.array([max(span[0], float(np.asarray(law.free_length(pressure)))), span[1]])
+        ax.plot((at - rest_length(NYLON.muscle)) * CM, np.asarray(law.tension(at, pressure)), **PRINTED, zorder=5)
     numbers(
         ax,
         [
@@ -160,7 +165,7 @@ def both_ranges(figure: str) -> Figure:
     """The nylon muscle over both ranges, as the paper of 1994 shows it: large dashed, small full."""
     fig, ax, other = _quasi_static(figure, SMALL_RANGE, "Nylon muscle, 1 Hz, large and small range", named=False)
     look: dict[str, Any] = {"color": COLOURS["tension"], "lw": 0.8, "ls": DASHED}
-    for pressure in loops.PRESSURES:
+    for pressure in measured.PRESSURES:
         ax.plot(*_mean(loops_of(NYLON, pressure), NYLON), zorder=3, **look)
         other.plot(*_mean(loops_of(NYLON, pressure), NYLON, "pressure"), color=COLOURS["pressure"], lw=0.8, zorder=2)
         _name(ax, loops_of(NYLON, pressure), NYLON, pressure)
@@ -204,7 +209,7 @@ def _quasi_static(
     other = right_axis(ax, "Pressure, bar", "pressure")
     ax.set_zorder(other.get_zorder() + 1)
     top = 0.0
-    for pressure in loops.PRESSURES:
+    for pressure in measured.PRESSURES:
         record = loops_of(subject, pressure)
         ax.plot(*_curve(record, subject), gid=f"{pressure}, samples", **SAMPLES)
         x, y = _mean(record, subject)
@@ -222,39 +227,28 @@ def _quasi_static(
     style.quantity_axes(ax, x=("Displacement from L₀, cm", "length"), y=("Tension, N", "tension"))
     title(ax, figure, words)
     if named:
-        for pressure in loops.PRESSURES[1:]:
+        for pressure in measured.PRESSURES[1:]:
             _name(ax, loops_of(subject, pressure), subject, pressure)
     return fig, ax, other
 
 
 def _name(ax: Axes, record: Recording, subject: RecordedMuscle, pressure: str) -> None:
-    """Label the loop with its pressure, near its right end."""
     x, y = _curve(record, subject)
     near = x > np.quantile(x, 0.9)
     if y[near].max() < 1.0:
         return
     at = float(x[near].mean())
-    ax.annotate(
+    style.beside(
+        ax,
         pressure,
         (at, float(y[near].max())),
         (-10, 3),
-        textcoords="offset points",
-        fontsize=style.SMALL,
         ha="right",
         fontweight="bold",
         color=COLOURS["pressure"],
         zorder=7,
         bbox=HALO,
     )
-
-
-def _printed_lines(ax: Axes, subject: RecordedMuscle) -> None:
-    """Draw the linear law with its printed numbers, above the rounded threshold."""
-    law = law_from_specimen(specimen(subject.muscle))
-    span = np.linspace(0.75, 1.1, 2) * rest_length(subject.muscle)
-    for pressure in (2e5, 3e5, 4e5, 5e5):
-        at = np.array([max(span[0], float(np.asarray(law.free_length(pressure)))), span[1]])
-        ax.plot((at - rest_length(subject.muscle)) * CM, np.asarray(law.tension(at, pressure)), **PRINTED, zorder=5)
 
 
 def _key(ax: Axes, more: Sequence[Any] = (), *, marks: bool = True, words: str = "tension") -> None:
@@ -271,9 +265,9 @@ def _key(ax: Axes, more: Sequence[Any] = (), *, marks: bool = True, words: str =
 
 
 @functools.cache
-def sines() -> Mapping[float, tuple[Recording, loops.SineLoop]]:
+def sines() -> Mapping[float, tuple[Recording, measured.SineLoop]]:
     """Recordings and loops by frequency [Hz]: the twelve of the figure, and the one that reaches 8 L0/s."""
-    return {f: (recorded_sines(f), loops.sine(f)) for f in (*loops.FIGURE, loops.FASTEST)}
+    return {f: (recorded_sines(f), measured.sine(f)) for f in (*measured.FIGURE, measured.FASTEST)}
 
 
 @style.styled()
@@ -281,7 +275,7 @@ def figure_4(figure: str = "4") -> Figure:
     """Twelve loops shifted along the displacement, and the width of each below, over the peak velocity."""
     fig, (top, low) = stack([2.3, 1.0], 5.6, wide=style.WIDE, beside=3.1, gap=0.85)
     rest = rest_length("nylon")
-    for i, frequency in enumerate(loops.FIGURE):
+    for i, frequency in enumerate(measured.FIGURE):
         record, one = sines()[frequency]
         middle = 0.5 * (one.loop.raw.length_low + one.loop.raw.length_high)
         x = (record[SPAN] - middle + i * SHIFT) * CM
@@ -309,7 +303,7 @@ def figure_4(figure: str = "4") -> Figure:
     style.quantity_axes(low, x=("Peak velocity, L₀/s", None), y=("Width of the loop, cm", "length"))
     widths = [
         entry("Spread, corrected", "loop.sine_width_spread", 2),
-        NumberEntry("Spread, raw", shown(loops.spread(raw[:-1]), 2)),
+        NumberEntry("Spread, raw", shown(measured.spread(raw[:-1]), 2)),
         entry("Highest velocity", "loop.max_velocity"),
     ]
     numbers(
@@ -319,7 +313,7 @@ def figure_4(figure: str = "4") -> Figure:
             "Corrected: without the lag of the",
             "cell's filter. At 40 Hz the inertia of",
             "the fittings turns the loop.",
-            f"Amplitude {loops.AMPLITUDE:g} L₀, {loops.AMPLITUDE * rest * CM:.2f} cm.",
+            f"Amplitude {measured.AMPLITUDE:g} L₀, {measured.AMPLITUDE * rest * CM:.2f} cm.",
         ),
     )
     key(
@@ -380,7 +374,6 @@ def figure_10() -> Figure:
             *(entry(f"{WAYS[up]}, {name} range", f"isometric.{row}", 2) for (name, up), row in TIMES.items()),
         ],
     )
-    diamond = {name: v for name, v in MARK.items() if name != "zorder"} | {"marker": "D", "ms": 5.0}
     key(
         axes[1],
         [
@@ -390,7 +383,7 @@ def figure_10() -> Figure:
             sample("tension", **ours("tension", zorder=1)),
             sample("half range", color=INK_2, lw=0.8),
             printed_key("paper: 90 % or 10 % reached"),
-            sample("paper: tension begins", **diamond),
+            sample("paper: tension begins", **KEY_MARK | {"marker": "D", "ms": 5.0}),
         ],
         below=160.0,
     )
@@ -440,7 +433,7 @@ def _step(axes: Sequence[Axes], name: str, rising: bool, dash: Any) -> None:
 def figure_11() -> Figure:
     """Pressure, tension, shortening and power of both printed cases."""
     fig, axes = stack([1.0, 1.0, 1.0, 1.0], 7.6, wide=style.WIDE, beside=3.1, columns=(1.0, 1.0), gap=0.42)
-    for i, case in enumerate((shortening.LIGHT, shortening.FAST)):
+    for i, case in enumerate((measured.LIGHT, measured.FAST)):
         column = axes[i::2]
         _shortening(column, case)
         for j, (ax, y) in enumerate(zip(column, HEADS, strict=True)):
@@ -492,21 +485,21 @@ CASES = {"10N_1Hz": "10 N", "50N_5Hz": "50 N"}
 
 def power_of(case: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
     """Power of shortening over time [W], velocity and tension smoothed as for the rows."""
-    record, period = shortening.cycles(case), uniform_period(shortening.cycles(case))
-    wide = shortening.power(case).window
+    record, period = measured.cycles(case), uniform_period(measured.cycles(case))
+    wide = measured.power(case).window
     velocity = -smoothed(record[SPAN], period=period, window=wide, derivative=1)
     return record.time - record.time[0], smoothed(record[TENSION], period=period, window=wide) * velocity
 
 
 def _shortening(axes: Sequence[Axes], case: tuple[str, str]) -> None:
-    record, name = shortening.cycles(case), dict(zip((shortening.LIGHT, shortening.FAST), CASES, strict=True))[case]
+    record, name = measured.cycles(case), dict(zip((measured.LIGHT, measured.FAST), CASES, strict=True))[case]
     time, power = power_of(case)
-    cycle = 1.0 / shortening.power(case).frequency
-    shown = (time >= shortening.SKIP * cycle) & (time <= (shortening.SKIP + 3.0) * cycle)
+    cycle = 1.0 / measured.power(case).frequency
+    shown = (time >= measured.SKIP * cycle) & (time <= (measured.SKIP + 3.0) * cycle)
     at = time[shown] - time[shown][0]
     axes[0].plot(at, record["pressure"][shown] * BAR, **ours("pressure"))
     axes[1].plot(at, record[TENSION][shown], **ours("tension", ls=style.DASHES["tension"], lw=1.0))
-    axes[1].axhline(shortening.LOADS[case], zorder=2, **PRINTED)
+    axes[1].axhline(measured.LOADS[case], zorder=2, **PRINTED)
     axes[2].plot(at, (record[SPAN].max() - record[SPAN][shown]) * CM, **ours("length"))
     axes[3].plot(at, power[shown], gid=f"power {name}", **ours(None, lw=1.0))
     axes[3].axhline(0.0, color=INK_3, lw=style.HAIR)

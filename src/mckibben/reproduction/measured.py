@@ -1,18 +1,21 @@
-"""Loops at constant pressure, sines of twelve frequencies, the fit to ten points, lubricants: Figs. 3, 4 and 6b.
+"""The rows of recordings: loops, sines, the fit to ten points and lubricants, Figs. 3, 4 and 6b; Part III, timing and power.
 
 Triangles at 5 bar where a row does not say otherwise; a loop is the mean of the recorded cycles, of the measured tension
 over the measured span. Rows are raw as the paper's are; where the lag of the cell's filter matters, the note gives the
-corrected number beside it.
+corrected number beside it. Part III is the timing of isometric tension after valve steps, and the power of isotonic
+shortening: delays are those of the rising steps of the full range; every number is the mean over the recorded steps of its
+kind.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..analysis.characteristics import circle_area
 from ..analysis.lag import CorrectedLoop, corrected_loop
 from ..analysis.loops import (
     LinearTensionFit,
@@ -29,14 +32,19 @@ from ..analysis.loops import (
     static_points,
     variation,
 )
+from ..analysis.shortening import ShorteningPower, TensionError, power_density, shortening_power, tension_error
+from ..analysis.steps import IsometricTiming, isometric_timing
 from ..assembly.build import INFERRED
 from ..bench.rig_file import rig
+from ..documents import JsonValue
 from ..errors import ConvergenceError
+from ..quantities import from_si
 from ..recordings import Recording
 from ..specimens import specimen
 from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
-from .rows import ComputedValue
+from .rows import ComputedValue, printed
 
+CM, MS, BAR = from_si(1.0, "m", "cm"), from_si(1.0, "s", "ms"), from_si(1.0, "Pa", "bar")
 PRESSURES = ("0 bar", "1 bar", "2 bar", "3 bar", "4 bar", FIVE_BAR)
 
 
@@ -84,7 +92,7 @@ def width() -> ComputedValue:
     """Width of the nylon muscle's loop."""
     lagless = without_lag(triangle()).corrected
     return ComputedValue(
-        measured_loop().width, f"raw; {100 * lagless.width:.3f} cm without the lag of the cell's filter"
+        measured_loop().width, f"raw; {lagless.width * CM:.3f} cm without the lag of the cell's filter"
     )
 
 
@@ -102,23 +110,11 @@ def _friction(record: Recording, on: str = "paper") -> ComputedValue:
     )
 
 
-@reproduces("friction.nylon", "N")
-def friction_nylon() -> ComputedValue:
-    """Friction of the nylon muscle: half the loop's height."""
-    return _friction(triangle())
-
-
-@reproduces("loop.width_fiberglass", "m")
-def width_fiberglass() -> float:
-    """Width of the fiberglass muscle's loop, 0.85 to 1.1 L0."""
-    return measured_loop("fiberglass", stroke="fiberglass").width
-
-
-@reproduces("friction.fiberglass", "N")
-def friction_fiberglass() -> ComputedValue:
-    """Friction of the fiberglass muscle: half the loop's height."""
-    return _friction(triangle("fiberglass", stroke="fiberglass"))
-
+reproduces("friction.nylon", "N")(lambda: _friction(triangle()))
+reproduces("friction.fiberglass", "N")(lambda: _friction(triangle("fiberglass", stroke="fiberglass")))
+reproduces("loop.width_fiberglass", "m")(
+    lambda: measured_loop("fiberglass", stroke="fiberglass").width
+)  # 0.85 to 1.1 L0
 
 MODERN = "modern"  # the rig whose cell reaches as far as the Bridgestone muscle pulls
 
@@ -163,7 +159,7 @@ def largest_pressure_variation() -> ComputedValue:
     without = pressure_variation(step_of(bare, "cycles"))
     return ComputedValue(
         worst,
-        f"{counts:.0f} counts of the converter, noise included; without accumulators {1e-5 * without.largest:.2f} bar",
+        f"{counts:.0f} counts of the converter, noise included; without accumulators {without.largest * BAR:.2f} bar",
     )
 
 
@@ -244,15 +240,10 @@ def recorded_sines(frequency: float) -> Recording:
             frequency=words,
             amplitude=f"{asked:.5f} L0",
             cycles=SINE_CYCLES,
-            precondition=_precondition(frequency),
+            precondition=max(2, math.ceil(frequency)),
         )
         record = step_of(again, "sines")
     raise ConvergenceError(f"no sine of {words} had an amplitude of {AMPLITUDE:g} L0 within {OFF:g} of it")
-
-
-def _precondition(frequency: float) -> int:
-    """Number of cycles before the recorded ones, a second or more, in which the mean pressure settles."""
-    return max(2, math.ceil(frequency))
 
 
 def _rest_length() -> float:
@@ -281,11 +272,11 @@ def sine_width_spread() -> ComputedValue:
     sines = [sine(f) for f in FIGURE]
     raw, fixed = [s.loop.raw.width for s in sines], [s.loop.corrected.width for s in sines]
     first, last = sines[0].velocity, sines[-1].velocity
-    gaps = [1e-5 * s.pressure_gap for s in sines]
+    gaps = [s.pressure_gap * BAR for s in sines]
     return ComputedValue(
         spread(fixed),
-        f"{100 * fixed[0]:.3f} cm at {first:.2f} L0/s, {100 * fixed[-1]:.3f} cm at {last:.2f} L0/s; "
-        f"raw {100 * raw[0]:.3f} and {100 * raw[-1]:.3f} cm, spread {spread(raw):.2f}. What widens the loops is gas: while "
+        f"{fixed[0] * CM:.3f} cm at {first:.2f} L0/s, {fixed[-1] * CM:.3f} cm at {last:.2f} L0/s; "
+        f"raw {raw[0] * CM:.3f} and {raw[-1] * CM:.3f} cm, spread {spread(raw):.2f}. What widens the loops is gas: while "
         f"the muscle lengthens its pressure is {gaps[0]:.3f} bar higher at 1 Hz and up to {max(gaps):.3f} bar at the others",
     )
 
@@ -314,7 +305,7 @@ def max_velocity() -> ComputedValue:
         max(sine(f).velocity for f in narrow),
         f"raw height {slow.raw.height:.2f} N at 1 Hz, {fast.raw.height:.2f} N at 40 Hz; without the lag of the cell's "
         f"filter {slow.corrected.height:.2f} and {fast.corrected.height:.2f} N: what gas and damping add, it hides. "
-        f"The raw loop is {100 * fast.raw.width:.3f} cm wide at 40 Hz, {100 * slow.raw.width:.3f} cm at 1 Hz, for the "
+        f"The raw loop is {fast.raw.width * CM:.3f} cm wide at 40 Hz, {slow.raw.width * CM:.3f} cm at 1 Hz, for the "
         "inertia of the fittings turns it",
     )
 
@@ -385,29 +376,10 @@ def _found(which: str, unit: str, scale: float, digits: int) -> ComputedValue:
     )
 
 
-@reproduces("static.fit_Kg", "m")
-def fit_kg() -> ComputedValue:
-    """Kg of the fit."""
-    return _found("stiffness_per_pressure", "cm", 1e-2, 3)
-
-
-@reproduces("static.fit_Pa", "Pa")
-def fit_pa() -> ComputedValue:
-    """Offset pressure Pa of the fit."""
-    return _found("offset_pressure", "bar", 1e5, 3)
-
-
-@reproduces("static.fit_Lmin", "m")
-def fit_lmin() -> ComputedValue:
-    """Shortest length Lmin of the fit."""
-    return _found("shortest_length", "cm", 1e-2, 2)
-
-
-@reproduces("static.fit_Fa", "N")
-def fit_fa() -> ComputedValue:
-    """Fa of the fit."""
-    return _found("offset_tension", "N", 1.0, 1)
-
+reproduces("static.fit_Kg", "m")(lambda: _found("stiffness_per_pressure", "cm", 1e-2, 3))
+reproduces("static.fit_Pa", "Pa")(lambda: _found("offset_pressure", "bar", 1e5, 3))
+reproduces("static.fit_Lmin", "m")(lambda: _found("shortest_length", "cm", 1e-2, 2))
+reproduces("static.fit_Fa", "N")(lambda: _found("offset_tension", "N", 1.0, 1))
 
 LUBRICANT_CYCLES = {"precondition": 2, "cycles": 3}
 
@@ -425,3 +397,121 @@ def treated(lubricant: str) -> TensionLoop:
 def lubricated() -> float:
     """Ratio of the loop's height with WD-40 to that without."""
     return loop_ratio(treated("WD-40"), treated("no lubricant")).height
+
+
+ISOTHERMAL = {"rig": "paper-isothermal"}
+RIGID = {"rigid": True}
+
+
+def steps(stroke: str, **options: JsonValue) -> Recording:
+    """Recorded isometric steps of one range, ``full`` or ``half`` of the tension."""
+    return step_of(recording("isometric-step", **options), "steps", range=stroke)
+
+
+@functools.cache
+def timings(stroke: str, **options: JsonValue) -> tuple[IsometricTiming, ...]:
+    """Timing of every step of one range, ``full`` or ``half`` of the tension."""
+    return isometric_timing(steps(stroke, **options), command="valve.command", pressure="pressure", tension="tension")
+
+
+def mean_of(what: str, *, stroke: str = "full", rising: bool = True) -> ComputedValue:
+    """Mean of one number over the rising or the falling steps of a range [s], beside that of other assumptions."""
+
+    def mean(**which: Any) -> float:
+        return float(np.mean([getattr(t, what) for t in timings(stroke, **which) if t.rising == rising]))
+
+    length = steps(stroke)["muscle.length"]
+    return ComputedValue(
+        mean(),
+        f"{mean(**RIGID) * MS:.1f} ms with rigid cord and frame: as they are inferred the braid shortens by "
+        f"{from_si(float(np.ptp(length)), 'm', 'mm'):.2f} mm in this isometric step; "
+        f"{mean(**ISOTHERMAL) * MS:.1f} ms with isothermal gas and the 105 l/min that it needs",
+    )
+
+
+reproduces("isometric.valve_delay", "s")(lambda: mean_of("valve_delay"))
+reproduces("isometric.pressure_to_tension", "s")(lambda: mean_of("pressure_to_tension"))
+reproduces("isometric.total_delay", "s")(lambda: mean_of("total_delay"))
+# The tension's rise to 90 % and fall to 10 % of the full range, and of half of it.
+rise_full = reproduces("isometric.rise_full", "s")(lambda: mean_of("transition"))
+rise_half = reproduces("isometric.rise_half", "s")(lambda: mean_of("transition", stroke="half"))
+fall_full = reproduces("isometric.fall_full", "s")(lambda: mean_of("transition", rising=False))
+fall_half = reproduces("isometric.fall_half", "s")(lambda: mean_of("transition", stroke="half", rising=False))
+
+LIGHT, FAST = ("10 N", "1 Hz"), ("50 N", "5 Hz")
+LOADS = {LIGHT: 10.0, FAST: 50.0}  # [N]
+SKIP = 1  # the first cycle comes after another history
+
+
+def cycles(case: tuple[str, str]) -> Recording:
+    """The recorded cycles at one load and frequency."""
+    load, frequency = case
+    return step_of(recording("isotonic-triangle", load=load, frequency=frequency), "cycles")
+
+
+@functools.cache
+def power(case: tuple[str, str]) -> ShorteningPower:
+    """Work and power of the cycles at one load and frequency."""
+    return shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP)
+
+
+@functools.cache
+def error(case: tuple[str, str]) -> TensionError:
+    """Error of the controlled tension at one load and frequency."""
+    return tension_error(cycles(case), set_point=LOADS[case], length=SPAN, tension=TENSION, skip=SKIP)
+
+
+def _work(case: tuple[str, str]) -> ComputedValue:
+    p = power(case)
+    return ComputedValue(
+        p.work,
+        f"stroke {p.stroke * CM:.1f} cm at {p.mean_tension:.1f} N in the mean, at the set-point it would be "
+        f"{LOADS[case] * p.stroke:.2f} J; "
+        f"{p.positive_velocity_work:.2f} J wherever the velocity is positive",
+    )
+
+
+def _peak(case: tuple[str, str]) -> ComputedValue:
+    p = power(case)
+    wide = shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP, window=0.25 / p.frequency).peak_power
+    return ComputedValue(
+        p.peak_power,
+        f"at {p.peak_velocity:.2f} m/s, velocity over {p.window * MS:.0f} ms; {wide:.3g} W with it over a quarter of a "
+        "cycle. It is reached as the muscle leaves its stretch stop, where a rise of pressure shortens it most; neither the "
+        "stop, nor where the triangles began, nor how the velocity was taken is printed",
+    )
+
+
+def density(watts: float) -> float:
+    """Power over the muscle's volume, its shortened section times its rest length [W/m^3]."""
+    spec = specimen("nylon")
+    area = circle_area(spec.property_si("diameter_shortened", "m"))
+    return power_density(watts, section_area=area, rest_length=spec.property_si("rest_length", "m"))
+
+
+work_light = reproduces("isotonic.work_10N_1Hz", "J")(lambda: _work(LIGHT))
+mean_power_light = reproduces("isotonic.mean_power_10N_1Hz", "W")(lambda: power(LIGHT).mean_power)
+peak_power_light = reproduces("isotonic.peak_power_10N_1Hz", "W")(lambda: _peak(LIGHT))
+reproduces("isotonic.work_50N_5Hz", "J")(lambda: _work(FAST))
+reproduces("isotonic.mean_power_50N_5Hz", "W")(lambda: power(FAST).mean_power)
+reproduces("isotonic.peak_power_50N_5Hz", "W")(lambda: _peak(FAST))
+reproduces("isotonic.mean_power_density", "W/m^3")(lambda: density(power(FAST).mean_power))
+reproduces("isotonic.peak_power_density", "W/m^3", "goes with the peak power, whose note says why it differs")(
+    lambda: density(power(FAST).peak_power)
+)
+# Cycles per second that the printed work and mean power leave: a shortening takes half a cycle.
+reproduces("isotonic.frequency_50N", "1/s")(
+    lambda: printed("isotonic.mean_power_50N_5Hz") / (2.0 * printed("isotonic.work_50N_5Hz"))
+)
+reproduces("isotonic.printed_peak_power_density", "W/m^3")(lambda: density(printed("isotonic.peak_power_50N_5Hz")))
+
+
+@reproduces("isotonic.tension_error", "1")
+def relative_tension_error() -> ComputedValue:
+    """Rms error of the tension at 50 N, 5 Hz, over its set-point."""
+    e, light = error(FAST), error(LIGHT)
+    return ComputedValue(
+        e.relative_rms,
+        f"from {e.lowest:.0f} to {e.highest:.0f} N, {e.relative_rms_shortening:.2f} while shortening; "
+        f"{light.relative_rms:.2f} at 10 N, 1 Hz",
+    )

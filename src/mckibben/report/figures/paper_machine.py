@@ -7,20 +7,33 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ....bench.rig_file import rig
-from ....muscles.braid import BraidShape, braid_of
-from ....muscles.build import law_from_specimen
-from ....muscles.laws.thick_wall import ThickWall
-from ....pneumatics.tubes import inertance
-from ....quantities import from_si
-from ....reproduction import part2
-from ....specimens import specimen
-from ....studies.tube_models import AREA, LARGE, PERIOD, SMALL, TubeModelResult
-from ....studies.tube_study import QUICK_THERMALS
-from .. import bench_diagram, circuit_diagram, style
-from ..muscle_figures import muscle_drawing
-from ..style import COLOURS, INK, INK_2, INK_3, PANEL, number
-from .common import BESIDE, NumberEntry, as_printed, entry, key, label, numbers, printed, sample, shown, stack, title
+from ...bench.rig_file import rig
+from ...muscles.braid import BraidShape, braid_of
+from ...muscles.build import law_from_specimen
+from ...muscles.laws.thick_wall import ThickWall
+from ...pneumatics.tubes import inertance
+from ...quantities import from_si
+from ...reproduction import computed
+from ...specimens import specimen
+from ...studies.tube_models import AREA, LARGE, PERIOD, SMALL, TubeModelResult
+from ...studies.tube_study import QUICK_THERMALS
+from . import bench_diagram, circuit_diagram, style
+from .muscle_figures import muscle_drawing
+from .paper_common import (
+    BESIDE,
+    NumberEntry,
+    as_printed,
+    entry,
+    key,
+    label,
+    numbers,
+    printed,
+    sample,
+    shown,
+    stack,
+    title,
+)
+from .style import COLOURS, INK, INK_2, INK_3, PANEL, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +164,6 @@ def figure_7c() -> Figure:
 
 
 def _ladder(figure: str, words: str, *, inertia: bool) -> Figure:
-    """The lumped model in the notation of electrical circuits."""
     from matplotlib.patches import Circle
 
     fig, (ax,) = stack([1.0], 3.1)
@@ -229,7 +241,7 @@ class Pressures(NamedTuple):
 
     def result(self) -> TubeModelResult:
         """Result of the study."""
-        return part2.tube_fits().result(QUICK_THERMALS[0], self.model, self.accumulator, refitted=self.refitted)
+        return computed.tube_fits().result(QUICK_THERMALS[0], self.model, self.accumulator, refitted=self.refitted)
 
 
 @style.styled()
@@ -264,7 +276,7 @@ def _responses(figure: str, shows: Pressures, words: str, entries: list[NumberEn
     """Draw pressure before and behind the tube, and of the model, on a record of noise and one of steps."""
     fig, axes = stack([1.0, 1.0], 5.6, wide=style.WIDE, beside=3.0, gap=0.5)
     result = shows.result()
-    cases = part2.tube_fits().cases[QUICK_THERMALS[0], shows.accumulator]
+    cases = computed.tube_fits().cases[QUICK_THERMALS[0], shows.accumulator]
     for ax, case, compared in zip(axes, cases, result.comparisons, strict=True):
         time, zero = PERIOD * np.arange(len(case.supply)), case.supply.min()
         ax.plot(time, (case.supply - zero) * BAR, zorder=2, gid="input", **LOOKS["input"])
@@ -302,7 +314,6 @@ REMARKS = (
 
 
 def _resistances(figure: str, shows: Pressures) -> list[NumberEntry]:
-    """Entries of R1, R2 and L as fitted, or those of the large accumulator."""
     fitted = shows if shows.refitted or shows.accumulator == LARGE else shows._replace(accumulator=LARGE)
     result = fitted.result()
     r1 = from_si(result.value("viscous"), "Pa*s/m", "bar*s/cm")
