@@ -125,3 +125,13 @@ compare = VerbCommand(
     doing=("comparing", _compare_stages),
     pair="phase='60 deg' or duty=0.3",
 )
+
+
+conform = VerbCommand(
+    "hosts.conformance:conform",
+    OutputKinds(certificate=OBJECT),
+    ("conform python --scenario hang --out python.json",),
+    options={"scenarios": "scenario"},
+    writes={"certificate": lambda answer, path: answer.save(path)},
+    doing=("conforming", lambda given: None),
+)
