@@ -129,9 +129,8 @@ compare = VerbCommand(
 
 conform = VerbCommand(
     "hosts.conformance:conform",
-    OutputKinds(certificate=OBJECT),
+    OutputKinds(result=OBJECT),
     ("conform python --scenario hang --out python.json",),
     options={"scenarios": "scenario"},
-    writes={"certificate": lambda answer, path: answer.save(path)},
     doing=("conforming", lambda given: None),
 )

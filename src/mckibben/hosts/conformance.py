@@ -27,7 +27,7 @@ import numpy as np
 from ..answers import Answer, Column, Table
 from ..documents import JsonValue, parse_json, read_text, write_text
 from ..errors import ConvergenceError, InputError
-from ..quantities import with_unit
+from ..quantities import from_si, with_unit
 from ..recordings.provenance import versions
 from ..verbs import HostName, ScenarioName, verb
 from .adapters import HostAdapter, HostedMechanism
@@ -128,11 +128,8 @@ class Certificate(Answer):
         rows = []
         for name, measured in self.content["scenarios"].items():
             for period, row in measured["steps"].items():
-                position = (
-                    with_unit(row["position_error"], "rad" if measured["rotary"] else "m", 3)
-                    if "position_error" in row
-                    else "given"
-                )
+                off, unit, shown = row.get("position_error"), *(("rad", "deg") if measured["rotary"] else ("m", "mm"))
+                position = "given" if off is None else f"{from_si(off, unit, shown):.3f} {shown}"
                 named = {"scenario": name, "step": float(period), "position": position}
                 rows.append(named | {key: row[key] for key in ("tension_error", "pressure_error", "gap_J")})
         columns = (
@@ -188,7 +185,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
     try:
         content: dict[str, Any] = dict(parse_json(read_text(Path(path))))
         verdicts = tuple(Verdict(**verdict) for verdict in content.pop("verdicts"))
-        content.pop("holds")
+        content = {key: value for key, value in content.items() if key not in ("holds", "warnings")}
         return Certificate(str(content["host"]), content, verdicts)
     except (KeyError, TypeError, ValueError):
         raise InputError("file", str(path), "must be a certificate of mckibben conform") from None
