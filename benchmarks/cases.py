@@ -28,7 +28,7 @@ from mckibben.engine import held, march
 from mckibben.engine.signals import Value, ramped
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import Dahl
-from mckibben.muscles.hysteresis.limit import FrictionLimit
+from mckibben.muscles.hysteresis.slip import FrictionLimit
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from mckibben.pneumatics.orifice import Orifice

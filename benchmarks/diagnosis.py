@@ -207,7 +207,7 @@ SHORT = {
 
 def draw(results: dict[str, Any]) -> None:
     """Write the figure and the tables between the marks of the documentation's page."""
-    from mckibben.report.figures.diagnosis_figures import confusion_figure
+    from mckibben.report.figures.study_figures import confusion_figure
 
     docs = Path(__file__).resolve().parents[1] / "docs"
     matrix = results["faulty"]["matrix"]

@@ -37,8 +37,7 @@ def parameters(_: Path) -> str:
     from mckibben.components import Environment
     from mckibben.muscles import LAWS, law_type
     from mckibben.muscles.biological import BiologicalMuscle
-    from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
-    from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
+    from mckibben.muscles.elements import KelvinVoigtChain, MaxwellChain, PassiveSpring, Tendon, Viscous
     from mckibben.muscles.hysteresis import HYSTERESES, FrictionLimit, PlayMap
     from mckibben.pneumatics.build import ELEMENTS
     from mckibben.pneumatics.gas import Gas
@@ -715,8 +714,8 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "biological": (
         "Biological muscle",
-        "One module per effect, and the muscle that combines them.",
-        ["muscles.biological.*"],
+        "The effects, and the muscle that combines them.",
+        ["muscles.biological"],
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
@@ -741,7 +740,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "figures": ("Figures", "Figures.", ["report.figures.**"]),
 }
 # Modules of these pages that are shown on another page.
-ELSEWHERE = {"bench": {"console"}, "components": {"element"}, "studies": {"design"}}
+ELSEWHERE = {"muscles": {"biological"}, "bench": {"console"}, "components": {"element"}, "studies": {"design"}}
 
 
 def list_of_rooms() -> str:

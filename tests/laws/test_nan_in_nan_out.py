@@ -9,8 +9,7 @@ from mckibben import muscle
 from mckibben.components.flow import GasState
 from mckibben.components.module import flatten
 from mckibben.errors import InputError
-from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
-from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
+from mckibben.muscles.elements import KelvinVoigtChain, MaxwellChain, PassiveSpring, Tendon, Viscous
 from mckibben.muscles.hysteresis import (
     HYSTERESES,
     BoucWen,

@@ -17,8 +17,7 @@ from ..answers import brief
 from ..documents import JsonValue
 from ..engine import Run
 from ..engine.native import call_compiled
-from ..muscles.law import law_name
-from ..muscles.stored import stored_change
+from ..muscles.law import law_name, stored_change
 from ..pneumatics.circuit import ROOM, DeadState, kind_of, lines_of, paths_of, stored_exergy
 from ..pneumatics.volume import Chamber, Reservoir, WallHeat
 from .machine import Machine

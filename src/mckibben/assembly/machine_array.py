@@ -16,8 +16,7 @@ import numpy as np
 from .._jax import Tree, jax, jnp
 from ..components import Environment, Module, Scalar, field
 from ..components.flow import FlowElement, Gases, GasState
-from ..components.rows import for_each_unit
-from ..components.system import Coupling, IndependentPart, Moment, System
+from ..components.system import Coupling, IndependentPart, Moment, System, for_each_unit
 from ..engine.native import call_compiled
 from ..engine.signals import Signal, Value
 from ..pneumatics.circuit import Circuit

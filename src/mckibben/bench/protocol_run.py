@@ -17,7 +17,7 @@ from ..engine import sampled
 from ..engine.soundness import Soundness, unsound_sentence
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
-from ..muscles.contradiction import volume_contradiction
+from ..muscles.evidence import volume_contradiction
 from ..recordings.recording import Recording
 from . import channels
 from .hardware.interface import Hardware

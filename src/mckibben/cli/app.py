@@ -73,7 +73,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "energy": ("verb_commands:energy", "Compute input, output and efficiency of a muscle's working cycles."),
     "compare": (
-        "compare:compare_muscles",
+        "verb_commands:compare",
         "Compare muscles with each other, and with published biological muscle.",
     ),
     "reproduce": (
@@ -81,7 +81,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compute the papers' numbers and report whether each value is reproduced.",
     ),
     "diagnose": (
-        "diagnose:diagnose_recording",
+        "verb_commands:diagnose",
         "Find a fault of a rig from a recording of its normal operation.",
     ),
     "benchmark": (

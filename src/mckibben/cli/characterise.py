@@ -13,7 +13,7 @@ from ..bench import hardware as hardware_package
 from ..bench import rig_file, software
 from ..errors import InputError, StageError
 from ..quantities import parse, with_unit
-from ..report import characterisation_report
+from ..report import study_reports
 from ..studies import characterisation
 from ._progress import INTERRUPTED, progress
 from ._terminal import Json, LockStep, NoiseSeed, Plumbing, RigName, print_json, table
@@ -122,7 +122,7 @@ def characterise(
         outcome = _run(intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step, gain=gain)
     except InputError as error:
         raise error.changed(field=_option(error.field)) from None
-    characterisation_report.write_characterisation_report(outcome, out / "report.html")
+    study_reports.write_characterisation_report(outcome, out / "report.html")
     if as_json:
         print_json(outcome.to_dict())
     else:

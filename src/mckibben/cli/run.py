@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import components, identification, muscles
+from .. import batch, components, identification, muscles
 from ..analysis import segments
 from ..assembly import build
-from ..batch import predictive, run_template
+from ..batch import run_template
 from ..bench import biological_run, calibrate, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
@@ -26,7 +26,7 @@ from ..bench.rig import FAULTS
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
-from ..report.figures import posterior_figures, recording_figures, style
+from ..report.figures import fit_figures, recording_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import INTERRUPTED, progress
@@ -50,7 +50,7 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
-    from ..batch.predictive import PredictedRun
+    from ..batch.posterior import PredictedRun
     from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
@@ -256,7 +256,7 @@ def _figure(recording: Recording, predicted: PredictedRun | None) -> Any:
     """Channels of a recording over time, or the bands of the same run by the samples of a posterior."""
     if predicted is None:
         return recording_figures.time_figure(recording)
-    return posterior_figures.run_bands(predicted, title=recording.meta["title"])
+    return fit_figures.run_bands(predicted, title=recording.meta["title"])
 
 
 def _posterior(path: Path, muscle: str, law: str | None, draws: int) -> Posterior:
@@ -297,7 +297,7 @@ def _predicted(
         accept_saturation=True,
     )
     with progress("running the samples of the posterior", 1.0) as bar:
-        return predictive.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
+        return batch.posterior.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
 
 
 def _print_bands(predicted: PredictedRun, draws: int) -> None:

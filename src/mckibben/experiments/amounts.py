@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from .._jax import Scalar, Tree, jnp
-from ..components.sensors import SENSORS
+from ..components.system import SENSORS
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity, has_dimension, parse

@@ -19,8 +19,8 @@ from typing import Any, ClassVar, TypedDict, Unpack
 
 from .._jax import Tree, jnp
 from ..components import Scalar
-from ..components.evaluation import evaluated
 from ..components.flow import Gases, GasState, TwoPort
+from ..components.programs import evaluated
 from ..errors import InputError
 from ..quantities import quantity
 from .gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE, Gas

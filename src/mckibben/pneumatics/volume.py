@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from .._jax import jax, jit, jnp
 from ..components import AbstractVar, Module, Scalar, field
-from ..components.evaluation import evaluated
+from ..components.programs import evaluated
 from ..quantities import quantity
 from .gas import Gas
 

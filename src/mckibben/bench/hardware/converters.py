@@ -21,7 +21,7 @@ import numpy as np
 
 from ..._jax import is_traced, jnp
 from ...components import Module, Scalar, field
-from ...components.evaluation import evaluated
+from ...components.programs import evaluated
 from ...errors import InputError
 from ...quantities import quantity
 from .stand import Encoder

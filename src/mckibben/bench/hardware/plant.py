@@ -18,8 +18,7 @@ from ..._jax import Tree, jnp
 from ...assembly.machine import Machine
 from ...assembly.pair_map import NAMES, joint_stiffness
 from ...components import Scalar, field
-from ...components.sampled import Plant
-from ...components.system import Moment, Value
+from ...components.system import Moment, Plant, Value
 from ...engine.signals import Signal
 from ..sensors import SENSORS
 from .converters import AnalogOut, Converters, Sensor

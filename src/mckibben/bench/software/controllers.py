@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ..._jax import Tree, jnp
 from ...assembly.pair_map import PairMap
 from ...components import Module, Scalar
-from ...components.sampled import Software
+from ...components.system import Software
 from ...quantities import quantity
 
 

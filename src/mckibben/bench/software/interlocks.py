@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from ..._jax import Tree, jnp
 from ...components import Module, Scalar, field
-from ...components.sensors import SENSORS
+from ...components.system import SENSORS
 from ...quantities import quantity, with_unit
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..._jax import Tree, jnp
 from ...components import Scalar, field
-from ...components.sampled import Software
+from ...components.system import Software
 from ...quantities import quantity
 from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks

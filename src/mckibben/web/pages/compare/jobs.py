@@ -175,7 +175,7 @@ def exported(table: MuscleTable) -> bytes:
     # A spreadsheet takes what begins with =, + or @ for a formula.
     names = [c.name if c.name[:1].isalnum() else f"'{c.name}" for c in table.columns]
     writer.writerow(["property", "name", "unit", *names, "biological low", "biological high", "biological sources"])
-    for row in table.rows():
+    for row in table.properties():
         ends = row.shown_range()
         published = (
             ["", "", ""]
@@ -193,7 +193,7 @@ def exported(table: MuscleTable) -> bytes:
 def shown_rows(table: MuscleTable) -> list[PropertyRow]:
     """Rows drawn as lines; the ends of the dynamic range share one of them, efficiencies are at the side."""
     apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
-    return [r for r in table.rows() if r.property.name not in apart]
+    return [r for r in table.properties() if r.property.name not in apart]
 
 
 def value_of(one: MuscleColumn, name: str) -> float | None:

@@ -24,8 +24,8 @@ from ....analysis.energy import (
 from ....documents import JsonValue
 from ....errors import InputError, NoVolumeError
 from ....quantities import from_si, with_unit
-from ....report.energy_report import energy_report
 from ....report.figures import energy_figures
+from ....report.study_reports import energy_report
 from ....reproduction import part4
 from .state import EnergyChoice, conditions, described, working_cycle
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ....documents import JsonValue
 from ....quantities import declared, from_si, shown_unit
+from ....report.blocks import unit_text
 from ....report.figures.style import symbol_text
-from ....report.words import unit_text
 from ...widgets import box, note, raw, table, text
 
 if TYPE_CHECKING:

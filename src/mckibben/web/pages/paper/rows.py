@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from ....documents import JsonValue
+from ....report.blocks import minus, significant, unit_text
 from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
 from ....report.reproduction_report import PARTS, PREDICTIONS, difference, printed
-from ....report.words import minus, significant, unit_text
 from ....reproduction import PrintedRow, RowOutcome
 from ....reproduction.rows import (
     BASES,

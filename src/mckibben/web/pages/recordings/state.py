@@ -18,7 +18,7 @@ from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....recordings.cautions import cautions_of
 from ....recordings.conditions import conditions
-from ....report.words import is_number, mapping, significant
+from ....report.blocks import is_number, mapping, significant
 from ...reader import read_outside
 
 if TYPE_CHECKING:
