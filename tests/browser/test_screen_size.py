@@ -7,8 +7,7 @@ from screen_server import says
 
 from mckibben.errors import InputError
 from mckibben.studies.sizing import size, tables_of
-from mckibben.web.pages.size.page import ROWS, answer
-from mckibben.web.pages.size.question import FIELDS, LINKED, SizeQuestion, from_link
+from mckibben.web.pages.size import FIELDS, LINKED, ROWS, SizeQuestion, answer, from_link
 
 ASKED = {"force": "35 N", "stroke": "2.8 cm", "battery": "100 Wh", "muscle": "nylon", "lines": "no"}
 LONG = 60_000  # a slow machine compiles meanwhile [ms]
@@ -41,7 +40,7 @@ def test_a_question_is_changed_refused_and_stands_in_the_link(visit):
     page = open_page(visit)
     page.fill("#size-valve", "Cv=0.3, red")
     page.press("#size-valve", "Enter")
-    says(page, "#size-error-valve", "must be KEY=VALUE")
+    says(page, "#size-valve-said", "must be KEY=VALUE")
     assert page.get_attribute("#size-valve", "aria-invalid") == "true"
     page.fill("#size-valve", "")
     page.fill("#size-stroke", "2 cm")
@@ -70,4 +69,4 @@ def test_a_link_is_the_question_and_the_question_is_a_link():
 def test_a_force_beside_a_mass_is_refused_as_on_the_command_line():
     with pytest.raises(InputError, match="load must be given without a force"):
         answer(SizeQuestion(force="50 N", load="20 kg", lines="no"), lambda words: None)
-    assert {one.name for _, group in FIELDS for one in group} | {"muscle", "law", "lines"} == set(LINKED)
+    assert {one.name for group in FIELDS.values() for one in group} | {"muscle", "law", "lines"} == set(LINKED)

@@ -19,22 +19,25 @@ from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
+from mckibben.web.bench.chosen import braid_table
 from mckibben.web.bench.machine import RunController
+from mckibben.web.bench.protocol import changed, dry_run, faces
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
-from mckibben.web.control import AFTER, HOLD, Control
 from mckibben.web.forms import accept
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
-from mckibben.web.identity import KEPT as KEPT_PAGES
-from mckibben.web.identity import PageRegistry
-from mckibben.web.live import PageConnection
-from mckibben.web.pages.bench import drawing
-from mckibben.web.pages.bench.dry import dry_run
-from mckibben.web.pages.bench.faces import changed, faces
+from mckibben.web.live import KEPT as KEPT_PAGES
+from mckibben.web.live import PageConnection, PageRegistry
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
-from mckibben.web.stream import CHANNELS, Stream, unpacked
-from mckibben.web.toasts import LASTS, Toasts
-from mckibben.web.workspace import Workspace
+from mckibben.web.stream import CHANNELS, HEAD, Stream
+from mckibben.web.workspace import AFTER, HOLD, LASTS, Control, Toasts, Workspace
+
+
+def unpacked(frame):
+    """A frame as a page decodes it: epoch, number of its first sample and channels (n,)."""
+    _, epoch, first, n, m = HEAD.unpack_from(frame)
+    values = np.frombuffer(frame, "<f4", n * m, HEAD.size).reshape(m, n)
+    return epoch, first, dict(zip(CHANNELS, values, strict=False))
 
 
 def completed(work):
@@ -590,7 +593,7 @@ def test_an_ordinary_stop_of_a_page_hides_no_emergency_and_no_interlock(asked, s
 
 def test_the_drawn_muscle_has_the_braids_angle_and_diameter():
     thread, turns = 0.16, 1.7
-    found = drawing.table(thread, turns)
+    found = braid_table(thread, turns)
     length = thread * np.cos(
         np.radians(np.linspace(2.05, 88.9, 3001))
     )  # between the rows, where a straight line is off most

@@ -183,7 +183,6 @@ def _serve(
     passes: int,
     limits: ReadingLimits,
 ) -> None:
-    """Call the function and send its result or its error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)

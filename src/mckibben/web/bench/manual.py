@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ...bench.session import MachineSession
 from ...bench.session.session import VENTED
-from ..pages.bench.columns import Columns
-from ..stream import Stream
+from ..stream import Columns, Stream
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
