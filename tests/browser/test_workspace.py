@@ -23,7 +23,7 @@ from mckibben.web.bench.chosen import braid_table
 from mckibben.web.bench.machine import RunController
 from mckibben.web.bench.protocol import changed, dry_run, faces
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
-from mckibben.web.forms import accept
+from mckibben.web.forms import accept, refusal, shown
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
 from mckibben.web.live import KEPT as KEPT_PAGES
 from mckibben.web.live import PageConnection, PageRegistry
@@ -433,11 +433,13 @@ def test_what_an_earlier_server_saved_of_a_run_is_found_and_nothing_else(workspa
 
 def test_a_field_speaks_as_the_command_line_does_and_keeps_the_old_value():
     roughness = Quantity("m", (0.0, 1e-3), "roughness of the wall", "", (0.0, 1e-3))
-    assert accept("roughness", "0.02", roughness, 1e-5).value == pytest.approx(2e-4)  # in cm, as beside the field
-    assert accept("roughness", "20 um", roughness, 1e-5).value == pytest.approx(2e-5)
+    assert accept("roughness", "0.02", roughness) == pytest.approx(2e-4)  # in cm, as beside the field
+    assert accept("roughness", "20 um", roughness) == pytest.approx(2e-5)
     for words in ("\u22120.01", "abc", "", "1 N", "nan", "1e9"):
-        value, said = accept("roughness", words, roughness, 1e-5)
-        assert value == 1e-5 and said.startswith("roughness must be") and "The old value, 0.001, stays in use." in said
+        with pytest.raises(InputError, match="^roughness must be") as refused:
+            accept("roughness", words, roughness)
+        said = refusal(refused.value, shown(1e-5, roughness))
+        assert said.endswith("The old value, 0.001, stays in use.")
 
 
 @pytest.mark.parametrize("name", protocol_names())

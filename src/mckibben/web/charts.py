@@ -116,11 +116,7 @@ def part_of(view: object) -> dict[str, list[float]] | None:
 
 
 def sent_figure(body: bytes) -> tuple[str, bytes]:
-    """Draw a chart that a page sends as JSON, in the format, width and style that it asks for; see `figure_file`.
-
-    Raises:
-        InputError: if it is no chart, or there is no such format, width or style.
-    """
+    """Draw a chart that a page sends as JSON, in the format, width and style that it asks for; see `figure_file`."""
     from ..report.figures.page_charts import chart_figure
 
     try:

@@ -7,7 +7,6 @@ stands, too, what an answer says of the parameter that the field is for.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
 
 from ..answers import Caution
 from ..errors import InputError
@@ -21,31 +20,18 @@ DECADES = 1e9  # ratio of bounds from which on they are not shown: they tell a p
 COLOURS = {"Pa": "P", "N": "F", "m": "L", "m^3/s": "q"}
 
 
-class Accepted(NamedTuple):
-    """Result of reading a field."""
-
-    value: float
-    said: str
-
-
-def accept(name: str, words: str, quantity: Quantity, old: float) -> Accepted:
+def accept(name: str, words: str, quantity: Quantity) -> float:
     """Convert the text of a field to a value [SI]; a number without a unit is in the unit that the field shows.
 
-    Args:
-        name: name of the field, for error messages.
-        words: that were typed.
-        quantity: the declaration.
-        old: value that stays in use where the words are refused [SI].
+    Raises:
+        InputError: they are no value that the declaration allows; names the field.
     """
     unit, typed = shown_unit(quantity.unit), plain_text(words)
     bare = typed.removeprefix("-").replace(".", "", 1).replace("e-", "", 1).replace("e", "", 1).isdigit()
     typed = f"{typed} {unit}" if bare and unit != "1" else typed
-    try:
-        value = parse(typed, quantity.unit, field=name)
-        quantity.check(name, value)
-    except InputError as error:
-        return Accepted(old, refusal(error, shown(old, quantity)))
-    return Accepted(ParsedNumber(value, typed), "")
+    value = ParsedNumber(parse(typed, quantity.unit, field=name), typed)
+    quantity.check(name, value)
+    return value
 
 
 def plain_text(words: str) -> str:
@@ -146,13 +132,7 @@ class InputField:
 
 
 def show_cautions(cautions: Iterable[Caution], fields: Mapping[str, InputField], place: Element) -> None:
-    """Show each caution beside the field of its parameter, and those of no field in a place.
-
-    Args:
-        cautions: of an answer.
-        fields: by parameter; several parameters may have one field.
-        place: is cleared before.
-    """
+    """Show each caution beside the field of its parameter, and those of no field in a place."""
     every = list(cautions)
     for one in dict.fromkeys(fields.values()):
         one.warn(caution for caution in every if fields.get(caution.parameter) is one)
@@ -179,14 +159,13 @@ def field(
 
     def came(words: str) -> None:
         nonlocal kept
-        accepted = accept(name, words, quantity, kept)
-        why = accepted.said
-        if not why:
-            try:
-                change(accepted.value)
-                kept = accepted.value
-            except InputError as error:
-                why = refusal(error, shown(kept, quantity))
+        why = ""
+        try:
+            value = accept(name, words, quantity)
+            change(value)
+            kept = value
+        except InputError as error:
+            why = refusal(error, shown(kept, quantity))
         one.refuse(why, words if why else shown(kept, quantity))
 
     one = InputField(

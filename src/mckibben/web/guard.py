@@ -238,7 +238,14 @@ class Guard:
         elif scope["path"] != STOP and self._requests >= REQUESTS:
             await _refuse(scope, receive, send, 429, BUSY)
         else:
-            await self._request(scope, heads, receive, send)
+            counts = scope["path"] != STOP
+            self._requests += counts
+            self.connections.admit(scope.get("client"))
+            try:
+                await self._http(scope, heads, receive, send)
+            finally:
+                self._requests -= counts
+                self.connections.release(scope.get("client"))
 
     def _refused(self, heads: dict[str, str]) -> str:
         host = heads.get("host", "")
@@ -307,16 +314,6 @@ class Guard:
             self.connections.release(scope.get("client"))
             self._open[client] -= 1
             self._open += Counter()  # forgets addresses that have none
-
-    async def _request(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
-        counts = scope["path"] != STOP
-        self._requests += counts
-        self.connections.admit(scope.get("client"))
-        try:
-            await self._http(scope, heads, receive, send)
-        finally:
-            self._requests -= counts
-            self.connections.release(scope.get("client"))
 
     async def _http(self, scope: Scope, heads: dict[str, str], receive: Receive, send: Send) -> None:
         length = heads.get("content-length", "0")

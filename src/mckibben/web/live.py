@@ -32,17 +32,11 @@ KEPT = 256  # identities that are remembered; the one that connected longest ago
 
 @dataclass
 class Identity:
-    """Identity of one page.
-
-    Attributes:
-        name: public.
-        digest: digest of the secret that the page is known to have; empty before it said so.
-        next_digest: digest of the secret that it was given last; empty once the page has confirmed it.
-    """
+    """Identity of one page."""
 
     name: str
-    digest: bytes = b""
-    next_digest: bytes = b""
+    digest: bytes = b""  # digest of the secret that the page is known to have; empty before it said so
+    next_digest: bytes = b""  # digest of the secret that it was given last; empty once the page has confirmed it
 
 
 class PageRegistry:
@@ -53,11 +47,7 @@ class PageRegistry:
         self._names: dict[bytes, str] = {}  # by the digest of a secret that is valid
 
     def admit(self, secret: str) -> tuple[str, str]:
-        """Identity of a secret, or a new one if the secret is not valid.
-
-        Returns:
-            Its public name, and the secret that it shows next time.
-        """
+        """Identity of a secret, or a new one if the secret is not valid."""
         digest = _digest(secret)
         identity = self._identities.get(self._names.get(digest, ""))
         if identity is None:

@@ -66,7 +66,7 @@ def build(
                 connections.tick()
                 await asyncio.sleep(LOOK)
 
-        workspace.begin()
+        workspace.machine.begin()
         ticking = asyncio.create_task(tick())
         try:
             yield

@@ -105,20 +105,12 @@ class Shelf:
         return write_whole(self.path(self.free(name)), write)
 
     def store_again(self, name: str, data: Path) -> Path:
-        """Store an uploaded file; one of the same name and content is used again.
-
-        Raises:
-            InputError: as `store` does.
-        """
+        """Store an uploaded file; one of the same name and content is used again."""
         path = self.path(name)
         return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else self.store(name, data)
 
     def store_once(self, name: str, data: bytes) -> Path:
-        """Return the file that holds these bytes under this or a similar name, as the newest one; store it if there is none.
-
-        Raises:
-            InputError: as `store` does.
-        """
+        """Return the file that holds these bytes under this or a similar name, as the newest one; else store it."""
         wanted = self.path(name)
         similar = re.compile(rf"{re.escape(wanted.stem)}(-\d+)?{re.escape(wanted.suffix)}")
         for path in (self.folder / other for other in self.names() if similar.fullmatch(other)):

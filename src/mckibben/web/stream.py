@@ -141,11 +141,10 @@ class Columns:
 
 def factors() -> dict[str, dict[str, JsonValue]]:
     """Return the displayed unit of every quantity, and its factor from SI."""
-    units = {}
+    units: dict[str, dict[str, JsonValue]] = {}
     for name, si in UNITS.items():
         unit = SHOWN.get(name, shown_unit(si))
-        factor = 100.0 if unit == "%" else from_si(1.0, si, "l/min" if unit == "L/min" else unit)
-        units[name] = {"unit": unit, "factor": factor}
+        units[name] = {"unit": unit, "factor": 100.0 if unit == "%" else from_si(1.0, si, unit.replace("L", "l"))}
     return units
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ..errors import InputError, MckibbenError
-from ..specimens import Specimen, muscle_specimen
+from ..specimens import muscle_specimen
 from .elements import Element, call_script, page_document
 from .reader import ReaderProcess, is_small
 from .shelf import LARGEST, Shelf, check_size, plain_name
@@ -122,11 +122,7 @@ class IncomingFile:
 
 
 async def receive_file(request: Request) -> IncomingFile:
-    """Receive the body of a request, named by its query, as a file; none of it stays in memory.
-
-    Raises:
-        InputError: if it has no room on the disk.
-    """
+    """Receive the body of a request, named by its query, as a file; none of it stays in memory."""
     file = IncomingFile(request.query_params.get("name", "file"))
     with open(file.path, "wb", buffering=0) as stream:
         part = bytearray()
@@ -213,18 +209,6 @@ def specimen_file(shelf: Shelf, name: str) -> SpecimenFile:
     return SpecimenFile(str(path), path.stat().st_mtime_ns)
 
 
-def read_specimen(path: Path, name: str) -> Specimen:
-    """Read a specimen file; messages state its name, not the folder of the server.
-
-    Raises:
-        InputError: the file states no muscle.
-    """
-    try:
-        return muscle_specimen(path)
-    except InputError as error:
-        raise error.changed(where=name) if error.where else error.changed(sentence=f"{name}: {error}") from None
-
-
 def own_titles(shelf: Shelf, fits: Callable[[Path], bool]) -> dict[str, str]:
     """Names of the files of a visitor, the newest first, with the words of a list; unsuitable ones are left out."""
     titles = {}
@@ -237,25 +221,19 @@ def own_titles(shelf: Shelf, fits: Callable[[Path], bool]) -> dict[str, str]:
     return titles
 
 
-def store_specimen(shelf: Shelf, file: IncomingFile) -> str:
-    """Store an uploaded specimen file, and return its name on the shelf; the same content is stored once.
-
-    Raises:
-        InputError: the file states no muscle, or is too large; nothing was stored.
-    """
-    name = plain_name(file.name)
-    if file.path.stat().st_size > LARGEST_SPECIMEN:
-        raise InputError("file", name, f"must be at most {LARGEST_SPECIMEN >> 20} MB; nothing was stored")
-    read_specimen(file.path, name)
-    return shelf.store_once(name, file.content()).name
-
-
 def specimen_place(shelf: Shelf, take: Callable[[str], object]) -> UploadPlace:
     """Build the place for a specimen file; `take` is told its name on the shelf."""
 
     def came(file: IncomingFile) -> object:
-        name = store_specimen(shelf, file)
+        name = plain_name(file.name)
+        if file.path.stat().st_size > LARGEST_SPECIMEN:
+            raise InputError("file", name, f"must be at most {LARGEST_SPECIMEN >> 20} MB; nothing was stored")
+        try:
+            muscle_specimen(file.path)  # refused here, by the name that its sender gave it, and nothing is stored
+        except InputError as error:
+            raise error.changed(where=name) if error.where else error.changed(sentence=f"{name}: {error}") from None
+        stored = shelf.store_once(name, file.content())
         file.close()
-        return take(name)
+        return take(stored.name)
 
     return UploadPlace(WORDS, came, ENDINGS)

@@ -54,15 +54,7 @@ def written(built: PageDocument) -> str:
 def document(
     page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = (), key: str = ""
 ) -> str:
-    """HTML of a page.
-
-    Args:
-        page: the page.
-        content: HTML between top bar and footer.
-        sheets: further style sheets of `static`.
-        scripts: further modules of `static`.
-        key: key of its document; nothing for a page whose content is drawn by scripts of its own.
-    """
+    """HTML of a page."""
     tags = [f'<link rel="stylesheet" href="{HOME}/{s}">' for s in (*SHEETS, *sheets)]
     tags += [f'<script type="module" src="{HOME}/{s}"></script>' for s in (*SCRIPTS, *scripts)]
     early = (  # before anything is drawn, so that a dark page never begins light
@@ -122,9 +114,7 @@ def page_frame(
         yield bar
 
 
-def box(tag: str, classes: str = "") -> Element:
-    """Build an element for others."""
-    return Element(tag, classes)
+box = Element  # for others
 
 
 def text(tag: str, words: object, classes: str = "") -> Element:
@@ -361,12 +351,9 @@ class TypedField:
                     text("span", unit, "u")
             if about:
                 text("span", about, "about")
-        self._input.on_value("input", self._typed)
+        self._input.on_value("input", lambda value: setattr(self, "value", str(value)))
         if done is not None:
             self._input.on("enter", done)
-
-    def _typed(self, value: object) -> None:
-        self.value = str(value)
 
     def set(self, value: str) -> None:
         """Set the text of the field."""

@@ -29,15 +29,10 @@ AFTER = 1.0  # until then what was held by hand is vented, before a page that di
 
 @dataclass
 class Watcher:
-    """A watching page.
+    """A watching page."""
 
-    Attributes:
-        lines: how many connections it has; none while it is away.
-        left: when the last one ended [s].
-    """
-
-    lines: int = 0
-    left: float = 0.0
+    lines: int = 0  # how many connections it has; none while it is away
+    left: float = 0.0  # when the last one ended [s]
 
 
 class Control:
@@ -140,23 +135,14 @@ LASTS = 20.0  # time for which a thing can be undone [s]
 
 @dataclass
 class Toast:
-    """Notice of one completed action.
+    """Notice of one completed action."""
 
-    Attributes:
-        number: counted from 1.
-        text: description of the action, a sentence.
-        undo: brings it back; None if nothing can.
-        commit: makes it final when its time has run out.
-        left: time that is left while nobody looks at it closely [s].
-        since: when that began to run [s]; None while it waits.
-    """
-
-    number: int
+    number: int  # counted from 1
     text: str
-    undo: Callable[[], Any] | None
-    commit: Callable[[], Any] | None
-    left: float
-    since: float | None
+    undo: Callable[[], Any] | None  # brings it back; None if nothing can
+    commit: Callable[[], Any] | None  # makes it final when its time has run out
+    left: float  # time that is left while nobody looks at it closely [s]
+    since: float | None  # when that began to run [s]; None while it waits
 
 
 class Toasts:
@@ -182,11 +168,7 @@ class Toasts:
             return self._count
 
     def undo(self, number: int | None = None) -> str:
-        """Undo the newest action, or a given one; return its description.
-
-        Raises:
-            InputError: if nothing can be undone any more.
-        """
+        """Undo the newest action, or a given one; return its description."""
         with self._lock:
             can = [n for n, t in self._kept.items() if t.undo is not None and (number is None or n == number)]
             if not can:
@@ -323,10 +305,6 @@ class Workspace:
             "undo": lambda page, number=None: f"undone: {self.toasts.undo(number)}",
             "toast": self._toast,
         }
-
-    def begin(self) -> None:
-        """Prepare the machine."""
-        self.machine.begin()
 
     @property
     def server(self) -> str:

@@ -226,11 +226,7 @@ class BenchSelection:
         return f"Saved as {name}."
 
     def passed(self) -> PreparedRun:
-        """Return the prepared run if its dry run has passed.
-
-        Raises:
-            InputError: the first thing that it found, or that it is not done yet.
-        """
+        """Return the prepared run if its dry run has passed."""
         dry = self.dry
         if dry is None:
             raise InputError("start", None, "must wait for the dry run, which is not done yet")

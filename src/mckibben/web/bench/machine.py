@@ -40,14 +40,7 @@ LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
 class Bench:
-    """The bench of a server, with one machine, simulated or real.
-
-    Args:
-        workspace: state of the server, which has the folders and is told of changes.
-        muscle: on it at first; a specimen's id.
-        rig: at first, or its name. That of a real machine stays.
-        spec: the real machine; None: a simulated one.
-    """
+    """The bench of a server, with one machine, simulated or real."""
 
     def __init__(
         self, workspace: Workspace, *, muscle: str = "nylon", rig: Rig | str = "paper", spec: HardwareSpec | None = None
@@ -487,8 +480,6 @@ class PageConsole(CommandInterpreter):
 
 
 SHOWN = 1000.0  # samples that pages get of a second
-
-
 CAUSES = {
     "emergency_stop": "the emergency stop", "lost_line": "the loss of the machine", "log": "a log that takes no more",
     "missed": "a test that did not come true",

@@ -161,11 +161,10 @@ class DryRun:
 
     Attributes:
         prepared: the run, ready to start if the dry run passes; None if the protocol could not be prepared.
-        plain: all of it for a page [SI].
     """
 
     prepared: PreparedRun | None
-    plain: dict[str, Any]
+    plain: dict[str, Any]  # all of it for a page [SI]
 
     @classmethod
     def refused(cls, sentence: str, field: str = "") -> DryRun:

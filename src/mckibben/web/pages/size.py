@@ -270,11 +270,7 @@ class SizeAnswer(NamedTuple):
 
 
 def answer(question: SizeQuestion, progress: Callable[[str], None]) -> SizeAnswer:
-    """The sizing of a question with its charts; kept, so that a link is answered at once the second time.
-
-    Raises:
-        MckibbenError: as `mckibben.size` does.
-    """
+    """The sizing of a question with its charts; kept, so that a link is answered at once the second time."""
 
     def make() -> SizeAnswer:
         sizing = size(progress=progress, **question.arguments())
@@ -389,10 +385,18 @@ class SizePage:
         with self.result:
             with box("div", "size-top"):
                 with panel("Chosen", sizing.chosen.muscle.title if sizing.reached else "nothing reaches it"):
-                    if sizing.reached:
-                        self._facts(sizing)
-                    else:
+                    if not sizing.reached:
                         empty(f"{sizing.sentence()}.")
+                    else:
+                        with box("dl", "size-facts"):
+                            for fact in facts_of(sizing):
+                                with box("div"):
+                                    text("dt", fact.label, fact.quantity)
+                                    with box("dd"):
+                                        text("span", fact.value, "value").set(data_fact=fact.label)
+                                        if fact.range:
+                                            text("span", fact.range, "small dim")
+                        raw("In brackets: what the numbers leave that no source prints.", "p", "small dim")
                 with panel("Force over stroke", "promised: after friction and the error of the law"):
                     found.force.show()
                 if found.lines is not None:
@@ -403,17 +407,6 @@ class SizePage:
                     table(one.columns, one.rows, right=range(one.text_columns, len(one.columns)), name=one.title)
                     for note in one.notes:
                         text("p", note, "small dim")
-
-    def _facts(self, sizing: Sizing) -> None:
-        with box("dl", "size-facts"):
-            for fact in facts_of(sizing):
-                with box("div"):
-                    text("dt", fact.label, fact.quantity)
-                    with box("dd"):
-                        text("span", fact.value, "value").set(data_fact=fact.label)
-                        if fact.range:
-                            text("span", fact.range, "small dim")
-        raw("In brackets: what the numbers leave that no source prints.", "p", "small dim")
 
     # ---- to other pages
 

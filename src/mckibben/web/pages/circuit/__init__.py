@@ -76,8 +76,23 @@ class CircuitPage:
                 with box("section", "panel pal").set(aria_label="Parts"):
                     palette()
                 with box("div", "circuit-middle"):
-                    self._diagram()
-                    self._response()
+                    with panel("Diagram") as head:
+                        with head:
+                            hint = "drag a part onto the diagram, or select and press Insert and its letter"
+                            text("span", hint, "small faint hint")
+                            self.chip = raw("", "span", "chip").set(role="status")
+                        saveable(head, "Circuit", lambda _: circuit_diagram.draw(self.desk.plan.circuit))
+                        self.drawing = raw("", "div", "drawing").set(data_drawing="1")
+                    with panel("Step response") as head:
+                        with head:
+                            self.inputs = box("div", "row")
+                            text("span", "compare with", "small faint")
+                            self.compare = box("div", "seg s").set(role="group", aria_label="Compare with")
+                        self.waveform = box("div")
+                        with box("div", "answer"):
+                            self.said = box("div", "said").set(role="status")
+                            self.pressure = charts.ChartPlace(classes="curve")
+                            self.flow = charts.ChartPlace(classes="curve")
                 self.inspector = box("section", "panel ins").set(aria_label="Selection")
             host.on_value("circuit-pick", lambda value: self.select(str(value.get("part", ""))[:80]))
             host.on_value("circuit-put", self._put)
@@ -88,27 +103,6 @@ class CircuitPage:
         say_refused(self.refusal, said)
         self.select(self.desk.chosen, moved=False)
         self.renew()
-
-    def _diagram(self) -> None:
-        with panel("Diagram") as head:
-            with head:
-                hint = "drag a part onto the diagram, or select and press Insert and its letter"
-                text("span", hint, "small faint hint")
-                self.chip = raw("", "span", "chip").set(role="status")
-            saveable(head, "Circuit", lambda _: circuit_diagram.draw(self.desk.plan.circuit))
-            self.drawing = raw("", "div", "drawing").set(data_drawing="1")
-
-    def _response(self) -> None:
-        with panel("Step response") as head:
-            with head:
-                self.inputs = box("div", "row")
-                text("span", "compare with", "small faint")
-                self.compare = box("div", "seg s").set(role="group", aria_label="Compare with")
-            self.waveform = box("div")
-            with box("div", "answer"):
-                self.said = box("div", "said").set(role="status")
-                self.pressure = charts.ChartPlace(classes="curve")
-                self.flow = charts.ChartPlace(classes="curve")
 
     # ---- what a person does
 
@@ -408,11 +402,7 @@ def waveform_dialog(page: CircuitPage) -> None:
 
 
 def to_bench(page: CircuitPage) -> None:
-    """Take the circuit as the plumbing of the bench's rig, and its muscle as the bench's muscle.
-
-    Raises:
-        InputError: the bench has no place for a part, or another page is in control.
-    """
+    """Take the circuit as the plumbing of the bench's rig, and its muscle as the bench's muscle."""
     plan = page.desk.plan
     muscle, rigs = muscle_of(plan), Shelf(page.workspace.recordings.folder / "rigs", (".toml",))
     rigs.write_text(f"{NAME}.toml", rig_text(plan, NAME))

@@ -119,20 +119,18 @@ def _nets(plan: CircuitPlan, drawn: DiagramPlan, chosen: str) -> list[str]:
 
 
 def _sensors(drawn: DiagramPlan, boxes: Mapping[str, Box], sensors: Sequence[str], flows: Sequence[str]) -> list[str]:
-    y = -drawn.box.y1 - 18.0
-    lines = []
-    signs = pressure_signs(sensors)
-    for name in (n for n in sensors if n in boxes):
+    y, lines, signs = -drawn.box.y1 - 18.0, [], pressure_signs(sensors)
+    for name in (n for n in (*sensors, *flows) if n in boxes):
         box = boxes[name]
         x = (box.x0 + box.x1) / 2.0
-        line = drawn.nets[name].lines[0][-1][1] if name in drawn.nets and drawn.nets[name].lines else box.y1
-        foot = -max(line, box.y1) if box.y1 - box.y0 < 30.0 else -box.y1
-        lines.append(_sensor(x, y, foot, "p", "pressure", signs[name]))
-    for name in (n for n in flows if n in boxes):
-        box = boxes[name]
-        x = (box.x0 + box.x1) / 2.0
-        label = "q" if len(flows) == 1 else f"q{flows.index(name) + 1}".translate(SUBS)
-        lines.append(_sensor(x, y, -box.y1, "q", "flow", label))
+        if name in signs:
+            net = drawn.nets[name].lines if name in drawn.nets else ()
+            line = net[0][-1][1] if net else box.y1
+            foot = -max(line, box.y1) if box.y1 - box.y0 < 30.0 else -box.y1
+            lines.append(_sensor(x, y, foot, "p", "pressure", signs[name]))
+        else:
+            label = "q" if len(flows) == 1 else f"q{flows.index(name) + 1}".translate(SUBS)
+            lines.append(_sensor(x, y, -box.y1, "q", "flow", label))
     return lines
 
 

@@ -210,18 +210,6 @@ def insert(document: Document, plan: CircuitPlan, part: str, at: str) -> tuple[D
 
     A part with two ends goes into the line; a volume or a muscle takes the place of a junction, or hangs on the line by a
     fitting; a leak or an exhaust leads from it into the air.
-
-    Args:
-        document: the circuit.
-        plan: plan of it.
-        part: one of `PARTS` that is no sensor.
-        at: name of the node or element.
-
-    Returns:
-        The new document and the name of what was put in.
-
-    Raises:
-        InputError: what it would be is no circuit.
     """
     if part not in PARTS or not PARTS[part].kind:
         raise InputError("part", part[:40], known=PARTS)
@@ -298,11 +286,7 @@ def _free(document: Document, stem: str) -> str:
 
 
 def remove(document: Document, plan: CircuitPlan, name: str) -> Document:
-    """Remove a part: its neighbours are joined, or what only it reached is removed too.
-
-    Raises:
-        InputError: nothing that is left is a circuit.
-    """
+    """Remove a part: its neighbours are joined, or what only it reached is removed too."""
     ways: list[Callable[[], Document]] = []
     if name in plan.circuit.elements:
         ends, element = plan.circuit.ends[name][0], plan.circuit.elements[name]
@@ -418,11 +402,7 @@ ENDS = ("kind", "from", "to", "supply", "outlet", "exhaust", "command")
 
 
 def muscle_of(plan: CircuitPlan) -> str:
-    """Specimen of the circuit's muscle.
-
-    Raises:
-        InputError: it has none, or more than one.
-    """
+    """Specimen of the circuit's muscle."""
     specimens = [str(words["specimen"]) for words in plan.document["nodes"].values() if words["kind"] == "muscle"]
     if len(specimens) != 1:
         raise InputError("nodes", None, f"must have one muscle for the bench, got {len(specimens)}")

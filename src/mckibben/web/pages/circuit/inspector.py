@@ -38,11 +38,7 @@ FLOW_PRESSURE_WORDS = "6 bar"  # at which `size_as` states a flow into the room
 def show(
     document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]
 ) -> dict[str, forms.InputField]:
-    """Show the fields of a node, of an element, or of the run if nothing is selected.
-
-    Returns:
-        The fields by the name that a caution about them has.
-    """
+    """Show the fields of a node, of an element, or of the run if nothing is selected."""
     if name in plan.nodes:
         return _node(document, plan, name, put)
     if name in plan.circuit.elements:

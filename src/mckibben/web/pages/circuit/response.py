@@ -90,15 +90,7 @@ class CircuitResponse(NamedTuple):
 
 
 def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> CircuitResponse:
-    """Compute the response of a circuit.
-
-    Args:
-        plan: plan of the circuit.
-        method: to begin with; another is taken where the rates that were met ask for it.
-
-    Raises:
-        ConvergenceError: the state is not finite.
-    """
+    """Compute the response of a circuit."""
     arguments, method = _given(plan), method or IntegrationMethod()
     for _ in range(ATTEMPTS):
         samples, start, end, integrals = _kernel(plan, arguments, method)(*arguments)
@@ -247,18 +239,7 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> R
 def settled(
     plan: CircuitPlan, outputs: ResponseNumbers, node: str, method: IntegrationMethod | None, wait: bool = True
 ) -> tuple[ResponseNumbers, bool]:
-    """Numbers of a settled response, from a longer run if the plan's own is too short.
-
-    Args:
-        plan: plan of the circuit.
-        outputs: numbers of its own run.
-        node: whose pressure is read.
-        method: to begin with.
-        wait: take the time for a run of any of these lengths, and for compiling it.
-
-    Returns:
-        The numbers, not settled where not even 64 times the duration is enough, and whether a longer run is left to be done.
-    """
+    """Numbers of a settled response, from a longer run if the plan's own is too short."""
     for times in LONGER:
         if outputs.settled or outputs.ends or plan.samples * times > MOST_SAMPLES:
             break

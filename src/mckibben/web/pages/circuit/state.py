@@ -52,11 +52,7 @@ class CircuitState:
         return [*self.plan.nodes, *self.plan.circuit.elements]
 
     def take(self, new: Document, chosen: str | None = None) -> bool:
-        """Replace the document; return whether parts were added or removed.
-
-        Raises:
-            InputError: it is no circuit.
-        """
+        """Replace the document; return whether parts were added or removed."""
         plan = planned(new)
         check_size(plan)
         self._undo = [*self._undo[-LONGEST:], (self.document, self.chosen)]

@@ -95,7 +95,7 @@ class ComparePage:
                 )  # fmt: skip
                 self.typed.input.set(inputmode="decimal")
                 names = {"laws": "From the laws", "recordings": "From recordings"}
-                segments(names, self.values, self._source, "Values")
+                segments(names, self.values, lambda value: self.renew(values=value), "Values")
                 button("Add muscle", lambda: choose_column(self))
                 button("Export table", self._export)
             with box("div", "compare-grid"):
@@ -126,23 +126,19 @@ class ComparePage:
     async def _drive(self, words: str) -> None:
         self.typed_pressures += 1
         number = self.typed_pressures
-        accepted = forms.accept("pressure", words[:80], PRESSURE, self.pressure)
-        why = accepted.said
-        if not why:
-            try:  # a muscle may refuse it, and all of them would be gone
-                await asyncio.to_thread(lambda: [self._subject(name, accepted.value) for name in self.muscles])
-            except MckibbenError as error:
-                why = forms.refusal(error, forms.shown(self.pressure, PRESSURE))
+        pressure, why = self.pressure, ""
+        try:
+            pressure = forms.accept("pressure", words[:80], PRESSURE)
+            # a muscle may refuse it, and all of them would be gone
+            await asyncio.to_thread(lambda: [self._subject(name, pressure) for name in self.muscles])
+        except MckibbenError as error:
+            why = forms.refusal(error, forms.shown(self.pressure, PRESSURE))
         if number != self.typed_pressures:
             return  # another one was typed meanwhile
         self.typed.refuse(why)
         if not why:
-            self.pressure = accepted.value
+            self.pressure = pressure
             self.renew()
-
-    def _source(self, value: str) -> None:
-        self.values = value
-        self.renew()
 
     def take(self, name: str) -> None:
         """Add a column, or replace the choice of a list."""
@@ -183,8 +179,9 @@ class ComparePage:
         path = self.workspace.specimens.found(name) if own else name.replace("/", "").replace("\\", "")
         return drawings.subject_of(path, pressure)
 
-    def renew(self) -> None:
-        """Compute and show the present columns."""
+    def renew(self, values: str = "") -> None:
+        """Compute and show the present columns, or those of ``laws`` or ``recordings``."""
+        self.values = values or self.values
         self.number += 1
         link(
             muscles=",".join(self.muscles) or "none",
@@ -338,13 +335,15 @@ class ComparisonGrid:
             with box("div", "cell"):
                 if one is None:
                     continue
-                fibre = {"rest_length": one.rest_length, "fibre": True}
+                rest, fibre = one.rest_length, {"rest_length": one.rest_length, "fibre": True}
+                shortest = float(drawings.column(one).values["shortest"]) * rest
                 drawn = (drawn_muscle(one.spec) if one.unit is not None else fibre) | {
-                    "shortest": float(drawings.column(one).values["shortest"]) * one.rest_length,
+                    "shortest": shortest,
                     "full": from_si(one.full, "Pa", "bar"),
                     "area": one.section_area,
                 }
-                words, packed = html.escape(drawings.sizes(one)), html.escape(json.dumps(drawn))
+                words = f"{with_unit(rest, 'm', 3)} at rest, {with_unit(shortest, 'm', 3)} fully shortened"
+                packed = html.escape(json.dumps(drawn))
                 raw(f'<canvas class="drawn" role="img" aria-label="{words}" data-muscle="{packed}"></canvas>')
 
     def _surfaces(self, surfaces: dict[str, drawings.Surface | None]) -> None:
@@ -371,7 +370,9 @@ class ComparisonGrid:
         papers = [drawings.paper_values(c.name) if c is not None else {} for _, c, _, _ in self.columns]
         ends = [v for c in known for n in ("shortest", "longest") if (v := drawings.value_of(c, n))]
         low, high = min(ends, default=0.6) - 0.03, max(ends, default=1.2) + 0.03
-        for row in drawings.shown_rows(self.table):
+        # the ends of the dynamic range share one row, efficiencies are at the side
+        apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
+        for row in (r for r in self.table.rows() if r.property.name not in apart):
             printed = [p.get(row.property.name) for p in papers]
             unit = row.property.unit.replace("L0", "L\u2080").replace("^2", "\u00b2").replace("^3", "\u00b3")
             unit = html.escape("" if unit == "1" else unit)

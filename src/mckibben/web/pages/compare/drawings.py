@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ....errors import InputError
-from ....quantities import from_si, with_unit
+from ....quantities import from_si
 from ....recordings import read_recording
-from ....reproduction.rows import PrintedRow, all_rows
+from ....reproduction.rows import all_rows
 from ....studies.comparison import PROPERTIES, ComparedMuscle, MuscleColumn, MuscleTable, subject
 from ....studies.comparison.assisted import steady
 from ....studies.comparison.protocols import Trials, trials
@@ -29,6 +29,8 @@ PROTOCOLS = ("isometric-step", "isokinetic")  # what the charts at the side need
 DRIVES, LENGTHS_SHOWN = 11, 41  # of a surface
 FASTEST = 10.0  # of the tension against velocity [L0/s]
 MOST = 8  # columns
+Loop = tuple[np.ndarray, np.ndarray]  # length [m] and tension [N]
+SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s]
 PAPER = {  # row of the reproduction -> property
     "section_area": "section_area", "dynamic_range": "dynamic_range", "max_tension": "maximum_tension",
     "stiffness": "stiffness", "work": "work", "tension_intensity": "tension_intensity",
@@ -122,14 +124,6 @@ def paper_values(identifier: str) -> dict[str, float]:
     return values
 
 
-def misprint() -> PrintedRow:
-    """Row of the efficiency with an accumulator, whose printed value is wrong."""
-    return next(r for r in all_rows() if r.id == "energy.maximal.efficiency_accumulator")
-
-
-Loop = tuple[np.ndarray, np.ndarray]  # length [m] and tension [N]
-
-
 def loop_of(path: Path) -> Loop:
     """Length [m] and tension [N] of a recording, from the channels that its column is read from."""
 
@@ -161,12 +155,6 @@ def exported(table: MuscleTable) -> bytes:
         for note in one.notes:
             writer.writerow([f"# {one.name}: {note}"])
     return out.getvalue().encode()
-
-
-def shown_rows(table: MuscleTable) -> list[PropertyRow]:
-    """Rows drawn as lines; the ends of the dynamic range share one of them, efficiencies are at the side."""
-    apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
-    return [r for r in table.rows() if r.property.name not in apart]
 
 
 def value_of(one: MuscleColumn, name: str) -> float | None:
@@ -335,9 +323,6 @@ def step_chart(muscles: Sequence[tuple[str, ComparedMuscle]]) -> Chart | None:
     return Chart("Isometric step", summary, across, axis, lines, height=200)
 
 
-SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s]
-
-
 def _muscle_line(letter: str, one: ComparedMuscle, x: np.ndarray, y: np.ndarray) -> ChartLine:
     dash, name = DASHES.get(letter, ""), f"{letter} {one.id}"
     return (
@@ -373,7 +358,8 @@ def efficiencies(table: MuscleTable, letters: Sequence[str], ours: bool) -> str:
     def at(x: float) -> float:
         return left + min(max(x, 0.0), top) / top * (wide - left - 34.0)
 
-    row = misprint() if ours else None
+    # the printed efficiency with an accumulator is wrong
+    row = next(r for r in all_rows() if r.id == "energy.maximal.efficiency_accumulator") if ours else None
     nylon = letters[[c.name for c in table.columns].index("nylon")] if ours else ""
     marked = next((k for k, r in enumerate(rows) if r[0] == f"{nylon} accumulator"), 0)
     out = [
@@ -406,9 +392,3 @@ def efficiencies(table: MuscleTable, letters: Sequence[str], ours: bool) -> str:
         f'<svg class="eff" viewBox="0 0 {wide:.0f} {size:.0f}" role="img" '
         f'aria-label="Energy efficiency. {html.escape(label)}">{"".join(out)}</svg>{below}'
     )
-
-
-def sizes(one: ComparedMuscle) -> str:
-    """Lengths of a muscle at rest and fully shortened, as text."""
-    shortest = float(column(one).values["shortest"]) * one.rest_length
-    return f"{with_unit(one.rest_length, 'm', 3)} at rest, {with_unit(shortest, 'm', 3)} fully shortened"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 from urllib.parse import quote
 
 from ....bench.biological_run import BiologicalSubject, run_biological
@@ -26,24 +25,13 @@ FIRST = "twitch"
 LONGEST = 120.0  # that a run of a page may last [s]
 
 
-class StimulatedRun(NamedTuple):
-    """A recorded run: name of its file, and what was recorded."""
-
-    file: str
-    recording: Recording
-
-
 def protocols() -> dict[str, str]:
     """Titles of the shipped protocols with stimulation by name, the twitch first."""
     return {name: shipped(name).title for name in (FIRST, *stimulation_protocol_names())}
 
 
-def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Protocol) -> StimulatedRun:
-    """Run a protocol on a muscle and keep the recording.
-
-    Raises:
-        InputError: the protocol lasts longer than `LONGEST`, or the muscle cannot follow it.
-    """
+def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Protocol) -> tuple[str, Recording]:
+    """Run a protocol on a muscle and keep the recording; return it behind the name of its file."""
     duration = protocol.expand(rest_length=float(subject.muscle.rest_length)).duration
     if duration > LONGEST:
         limit = f"must last at most {with_unit(LONGEST, 's')} on this page; mckibben run has no such limit"
@@ -52,7 +40,7 @@ def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Proto
     workspace.recordings.ready()
     name = workspace.recordings.numbered(plain(protocol.name), ".nc")
     recording.save(workspace.recordings.path(name))
-    return StimulatedRun(name, recording)
+    return name, recording
 
 
 class StimulationPanel:
@@ -121,18 +109,19 @@ class StimulationPanel:
         if done is None:
             return
         with self.result:
-            record, tension = done.recording, done.recording["tension"]
+            file, record = done
+            tension = record["tension"]
             x, across = 1e3 * record.time, Axis("Time", "ms")
             if "Work loops with stimulation" in stimulation_tables(record):
                 x, across = 1e2 * record["span"], Axis("Length", "cm", "length")
             title, up = f"{one.spec.title}, {protocol.name}", Axis("Tension", "N", "tension")
             summary = f"Tension of the muscle, up to {with_unit(float(tension.max()), 'N', 3)}"
             Chart(title, summary, across, up, [ChartLine(x, tension, quantity="tension")], height=220).show()
-            for listed in stimulation_tables(done.recording).values():
+            for listed in stimulation_tables(record).values():
                 heads = [f"{c.title}, {c.unit}" if c.unit else str(c.title) for c in listed.columns]
                 rows = [[str(cell) for cell in row.cells] for row in listed.rows]
                 table(heads, rows, right=range(1, len(heads)), name=protocol.title)
             with box("p", "small"):
                 text("span", "Recorded as ")
-                text("a", done.file).set(href=f"/recordings?a={quote(done.file)}")
+                text("a", file).set(href=f"/recordings?a={quote(file)}")
         self.workspace.changed()

@@ -308,18 +308,18 @@ class CycleControls:
     def entered(self, words: str) -> None:
         """Read a typed pressure; an error is shown beside the field."""
         choice = self.view.choice
-        accepted = accept("pressure", words[:60], SETTINGS["pressure"], choice.pressure)
-        why, bar = accepted.said, f"{from_si(accepted.value, 'Pa', 'bar'):.6g}"
-        if not why:
-            try:
-                working_cycle(replace(choice, pressure=accepted.value))
-            except MckibbenError as error:
-                why = refusal(error, f"{from_si(choice.pressure, 'Pa', 'bar'):.6g}")
-        self.refused = words[:60] if why else ""
-        self.fields["pressure"].refuse(why, self.refused or bar)
-        if not why:
-            self.track.set(data_spec=json.dumps(from_si(accepted.value, "Pa", "bar")))
-            self.view.changed(pressure=accepted.value)
+        try:
+            pressure = accept("pressure", words[:60], SETTINGS["pressure"])
+            working_cycle(replace(choice, pressure=pressure))
+        except MckibbenError as error:
+            self.refused = words[:60]
+            why = refusal(error, f"{from_si(choice.pressure, 'Pa', 'bar'):.6g}")
+            self.fields["pressure"].refuse(why, self.refused)
+            return
+        self.refused, bar = "", from_si(pressure, "Pa", "bar")
+        self.fields["pressure"].refuse("", f"{bar:.6g}")
+        self.track.set(data_spec=json.dumps(bar))
+        self.view.changed(pressure=pressure)
 
     # ---- the rest
 

@@ -34,33 +34,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EnergyChoice:
-    """Choices of a visitor; None stands for the muscle's own value.
+    """Choices of a visitor; None stands for the muscle's own value."""
 
-    Attributes:
-        muscle: id of a specimen, or the name of a visitor's file.
-        law: where it states several.
-        cycle: cycle of `CYCLES`.
-        pressure: gauge pressure of the supply [Pa].
-        exchange: ``atmosphere`` or ``accumulator``.
-        accumulator_pressure: gauge pressure of that [Pa]; the threshold where None.
-        friction: while shortening [N].
-        stretched_length: where cycles begin [m].
-        volume: volume of `VOLUMES`; the paper's where the law has it, if empty.
-        reading: reading of `READINGS`.
-        file: file of the muscle, if it is the visitor's.
-    """
-
-    muscle: str = "nylon"
-    law: str = ""
-    cycle: str = "maximal"
-    pressure: float = 5e5
-    exchange: str = "atmosphere"
-    accumulator_pressure: float | None = None
-    friction: float | None = None
-    stretched_length: float | None = None
-    volume: str = ""
-    reading: str = "printed"
-    file: SpecimenFile | None = None
+    muscle: str = "nylon"  # id of a specimen, or the name of a visitor's file
+    law: str = ""  # where it states several
+    cycle: str = "maximal"  # cycle of `CYCLES`
+    pressure: float = 5e5  # gauge pressure of the supply [Pa]
+    exchange: str = "atmosphere"  # atmosphere or accumulator
+    accumulator_pressure: float | None = None  # gauge pressure of that [Pa]; the threshold where None
+    friction: float | None = None  # while shortening [N]
+    stretched_length: float | None = None  # where cycles begin [m]
+    volume: str = ""  # volume of `VOLUMES`; the paper's where the law has it, if empty
+    reading: str = "printed"  # reading of `READINGS`
+    file: SpecimenFile | None = None  # file of the muscle, if it is the visitor's
 
     @property
     def source(self) -> str:
@@ -106,16 +92,7 @@ def to_link(choice: EnergyChoice) -> dict[str, str | None]:
 
 
 def with_muscle(choice: EnergyChoice, name: str, own: Shelf) -> EnergyChoice:
-    """The choice with another muscle, its usual law and its usual volume.
-
-    Args:
-        choice: the present choice.
-        name: id of a specimen, or the name of a visitor's file; a path is neither.
-        own: specimen files of the visitor.
-
-    Raises:
-        InputError: there is no such muscle.
-    """
+    """The choice with another muscle, its usual law and its usual volume."""
     files = own.names()
     if name not in files and name not in specimen_ids():
         raise InputError("specimen", name, known=[*specimen_ids(), *files])
@@ -166,6 +143,7 @@ def with_other_exchange(choice: EnergyChoice) -> EnergyChoice:
 
 ML, BAR, CM = (from_si(1.0, a, b) for a, b in (("m^3", "cm^3"), ("Pa", "bar"), ("m", "cm")))
 POINTS, CURVE_POINTS = 65, 120
+NUMBERS = ("input", "output", "efficiency")
 CURVE_TOP = 10e5  # to which efficiency is drawn at least [Pa]
 TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Isotonic, constant pressure"}
 
@@ -174,11 +152,7 @@ TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Iso
 
 
 def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
-    """Compute everything that depends on the supply pressure.
-
-    Raises:
-        MckibbenError: there is no such cycle; says why.
-    """
+    """Compute everything that depends on the supply pressure."""
     computed = working_cycle(choice)
     (main,) = computed.loops(POINTS)
     other: CycleLoops | None = None  # the same with the other exchange, if there is one
@@ -231,9 +205,6 @@ def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
             for row in computed.rows()
         ],
     }
-
-
-NUMBERS = ("input", "output", "efficiency")
 
 
 def _plain(value: float) -> float | None:

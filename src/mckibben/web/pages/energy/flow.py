@@ -75,13 +75,7 @@ def stretch(account: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEner
 
 
 def flow_document(account: EnergyAccount, part: str, accumulator: float | None) -> dict[str, JsonValue]:
-    """Compute the drawing.
-
-    Args:
-        account: from `account`.
-        part: number of a cycle from 1, or nothing for the whole.
-        accumulator: gauge pressure of an exhaust accumulator [Pa], whose saving is shown; None for none.
-    """
+    """Compute the drawing."""
     one, cycle = stretch(account, part)
     supply = one.value("supply")
     known = math.isfinite(supply)
@@ -140,15 +134,7 @@ NO_AIR = "The newest recordings show no use of air. Choose another one, start a 
 
 
 class RecordedFlow:
-    """Energy flow of a recording.
-
-    Args:
-        workspace: state of the server.
-        words: words of the link.
-        head: place of the lists in the panel's heading.
-        bar: an element that stays, whatever is drawn again.
-        choice: tells the cycle that is shown.
-    """
+    """Energy flow of a recording."""
 
     def __init__(
         self,
@@ -158,7 +144,8 @@ class RecordedFlow:
         bar: Element,
         choice: Callable[[], EnergyChoice],
     ) -> None:
-        self.workspace, self.bar, self.choice = workspace, bar, choice
+        self.workspace, self.choice = workspace, choice
+        self.bar = bar  # which stays, whatever is drawn again
         with head:
             self.head = box("div", "row")
         self.name, self.part, self.kind = (words.get(key, "") for key in LINKED_FLOW)

@@ -35,13 +35,9 @@ Change = Callable[[FitRequest], Any]
 
 
 def mapping(asked: Callable[[], FitRequest], look: TablePreview, change: Change, wrong: InputError | None) -> None:
-    """Build the table of columns with a preview; a column with an error is marked.
+    """Build the table of columns with a preview; the column of an error is marked.
 
-    Args:
-        asked: returns how the file is read now, with choices that came after this table was drawn.
-        look: into the file.
-        change: told how it shall be read.
-        wrong: why it could not be read.
+    What is changed is put into the request as it is then, which `asked` tells, not as it was when this was drawn.
     """
     meant = {k: v for k, v in {**look.meant, **dict(asked().columns)}.items() if v in look.header}
     blamed = "" if wrong is None else wrong.field

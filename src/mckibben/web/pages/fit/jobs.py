@@ -41,32 +41,21 @@ class FitRequest:
     """A table and how to read it, as text; equal ones give equal fits.
 
     Attributes:
-        kind: one of `KINDS`.
-        name: name of the file or the specimen.
         columns: what a column holds, and its cell of the header; over what the header says.
-        units: what a column holds, and its unit as text; over what the header says.
-        known: parameters that are not fitted, with their values as text.
-        part: sheet of a spreadsheet, or topic of a bag; the only one with numbers where empty.
-        rest: rest length as text.
-        like: a specimen whose dimensions are known.
-        branch: branch of the rows that are kept.
-        zero: what the pressure reads at zero, as text.
-        below: gauge pressure up to which a separate fit is trained, as text.
-        slack: use slack points to say where a law may not pull.
     """
 
-    kind: str
-    name: str
+    kind: str  # one of `KINDS`
+    name: str  # name of the file or the specimen
     columns: tuple[tuple[str, str], ...] = ()
-    units: tuple[tuple[str, str], ...] = ()
-    known: tuple[tuple[str, str], ...] = ()
-    part: str = ""
-    rest: str = ""
-    like: str = ""
-    branch: str = ""
-    zero: str = ""
-    below: str = ""
-    slack: bool = True
+    units: tuple[tuple[str, str], ...] = ()  # what a column holds, and its unit as text; over what the header says
+    known: tuple[tuple[str, str], ...] = ()  # parameters that are not fitted, with their values as text
+    part: str = ""  # sheet of a spreadsheet, or topic of a bag; the only one with numbers where empty
+    rest: str = ""  # rest length as text
+    like: str = ""  # a specimen whose dimensions are known
+    branch: str = ""  # branch of the rows that are kept
+    zero: str = ""  # what the pressure reads at zero, as text
+    below: str = ""  # gauge pressure up to which a separate fit is trained, as text
+    slack: bool = True  # use slack points to say where a law may not pull
 
     def link(self) -> dict[str, str | None]:
         """Parameters of an address."""
@@ -112,11 +101,7 @@ def file_of(workspace: Workspace, asked: FitRequest) -> Path:
 
 
 def read(path: Path, asked: FitRequest) -> ForceMap:
-    """Read the table of a file as a force map, as the command ``fit`` does.
-
-    Raises:
-        InputError: names file, column, value and what is allowed.
-    """
+    """Read the table of a file as a force map, as the command ``fit`` does."""
     rest = parse(asked.rest, "m", field="rest length") if asked.rest else None
     spec = specimen_of(asked)
     if asked.kind == "map" and spec is not None:
@@ -266,31 +251,18 @@ class FitJob:
 
 
 class TableReading(NamedTuple):
-    """Result of reading a table.
+    """Result of reading a table."""
 
-    Attributes:
-        look: into the file.
-        size: size of the file [B].
-        points: the table; nothing if it was refused.
-        wrong: why it was refused.
-        asked: how it was look_and_read in the end.
-        parts: names of its sheets or topics, where it has several.
-    """
-
-    look: TablePreview
+    look: TablePreview  # into the file
     size: int
-    points: ForceMap | None
-    wrong: InputError | None
-    asked: FitRequest
-    parts: list[str] = []
+    points: ForceMap | None  # the table; nothing if it was refused
+    wrong: InputError | None  # why it was refused
+    asked: FitRequest  # how it was look_and_read in the end
+    parts: list[str] = []  # names of its sheets or topics, where it has several
 
 
 def look_and_read(path: Path, asked: FitRequest) -> TableReading:
-    """Look into a file, of `file_of`, and read it.
-
-    Raises:
-        InputError: it is no table at all, or has more rows than a fit takes.
-    """
+    """Look into a file, of `file_of`, and read it."""
     check_rows(path, MOST_ROWS, "a fit")
     _, parts = parts_of(path)
     look, refused = None, None

@@ -178,13 +178,7 @@ def rests(points: ForceMap) -> list[float]:
 
 
 def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
-    """Compute everything that the figures of one law need.
-
-    Args:
-        fit: the law.
-        study: that it belongs to.
-        rest: rest length of the muscle that is shown [m], where the table has several.
-    """
+    """Compute everything that the figures of one law need."""
     points, same = study.points, np.ones(len(study.points), bool)
     if rest is not None and points.rest_length is not None:
         same = points.rest_length == rest

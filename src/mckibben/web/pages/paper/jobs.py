@@ -330,15 +330,7 @@ class Reproduction:
         return bool(self.wanted)
 
     def run(self, names: Sequence[str] | None = None, *, recordings: bool = True) -> None:
-        """Compute the missing rows, quick ones first.
-
-        Args:
-            names: names of rows; all by default.
-            recordings: off leaves out the rows that take recordings of the simulated test machine.
-
-        Raises:
-            InputError: it runs already, or there is no such row.
-        """
+        """Compute the missing rows, quick ones first."""
         with self._lock:
             if self.running:
                 raise InputError("run", None, "must wait: rows are being computed; stop that first")
@@ -399,11 +391,7 @@ class Reproduction:
     # ---- figures
 
     def draw(self, name: str, *, pressing: bool = True) -> None:
-        """Draw a figure, if it is not drawn yet.
-
-        Raises:
-            InputError: there is no such figure.
-        """
+        """Draw a figure, if it is not drawn yet."""
         of = figure(name)
         with self._lock:
             if name in self.pictures or (name in self.asked and not pressing):
@@ -422,24 +410,27 @@ class Reproduction:
         self._draws.stop(("figure", name))
 
     def file(self, name: str, wish: object) -> tuple[str, bytes]:
-        """Draw a figure as a file, see `web.save.figure_file`; waits for it.
+        """Draw a figure as a file, see `charts.figure_file`; waits for it."""
+        answers = self._waited(("file", name, wish))
+        if "file" not in answers:
+            raise MckibbenError(str(answers["refused"][0]))
+        file, data = answers["file"]
+        return file, data
 
-        Raises:
-            MckibbenError: if it cannot be drawn.
-        """
+    def _waited(self, job: Job, tell: Callable[[str], None] = lambda words: None) -> dict[str, tuple[Any, ...]]:
+        """All that a job answers, by kind."""
         ended, answers = threading.Event(), dict[str, tuple[Any, ...]]()
 
         def hear(kind: str, *more: Any) -> None:
             answers[kind] = more
-            if kind in ("done", "refused"):
+            if kind == "tell":
+                tell(more[0])
+            elif kind in ("done", "refused"):
                 ended.set()
 
-        self._draws.ask(("file", name, wish), hear)
+        self._draws.ask(job, hear)
         ended.wait()
-        if "file" not in answers:
-            raise MckibbenError(str(answers.get("refused", ("the figure was not drawn",))[0]))
-        file, data = answers["file"]
-        return file, data
+        return answers
 
     def ready(self, of: PaperFigure) -> bool:
         """Whether a figure can be drawn without minutes of computation."""
@@ -461,33 +452,16 @@ class Reproduction:
     # ---- report
 
     def report(self, ending: str, tell: Callable[[str], None]) -> bytes:
-        """Write the report of the command line from the present results; wait for it.
-
-        Raises:
-            InputError: it cannot be written; says why.
-        """
+        """Write the report of the command line from the present results; wait for it."""
         with self._lock:
             outcomes = [self.outcomes.get(r.id) or RowOutcome(r, None, None, r.note) for r in self.rows.values()]
             figures = [f.id for f in FIGURES.values() if self.ready(f)]
-        reports: list[bytes] = []
-        why: list[str] = []
-        ended = threading.Event()
-
-        def hear(kind: str, *more: Any) -> None:
-            if kind == "report":
-                reports.append(more[0])
-            elif kind == "tell":
-                tell(more[0])
-            elif kind in ("done", "refused"):
-                why.extend(more)
-                ended.set()
-
-        full = len(figures) == len(FIGURES)
-        self._draws.ask(("report", ending, outcomes, figures, "" if full else LEFT_OUT), hear)
-        ended.wait()
-        if not reports:
-            raise InputError("report", ending, why[0] if why else STOPPED)
-        return reports[0]
+        left_out = "" if len(figures) == len(FIGURES) else LEFT_OUT
+        answers = self._waited(("report", ending, outcomes, figures, left_out), tell)
+        if "report" not in answers:
+            raise InputError("report", ending, str(answers["refused"][0]))
+        data: bytes = answers["report"][0]
+        return data
 
     def _changed(self) -> None:
         self.version += 1

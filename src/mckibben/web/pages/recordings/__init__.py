@@ -149,8 +149,8 @@ class RecordingsPage:
 
     def _rows(self) -> None:
         left = self.choice.listed()
-        names, shared = listing.shown_differences(left) if self._apart else (None, {})
-        self._same.say(listing.same_words(shared))
+        names, shared = listing.shown_differences(left) if self._apart else (None, "")
+        self._same.say(shared)
         if self._compared != [e.name for e in left]:
             self._compared = [e.name for e in left]
             self.pane.relisted()

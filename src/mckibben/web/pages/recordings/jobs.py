@@ -22,15 +22,10 @@ MOST_ROWS = 5_000_000  # of a table that becomes a recording: more than an hour 
 
 
 class ImportedFile(NamedTuple):
-    """Result of importing a file.
+    """Result of importing a file."""
 
-    Attributes:
-        own: it is a recording of mckibben, and is taken as it is.
-        remarks: a line for each thing that was not taken over as it is.
-    """
-
-    own: bool
-    remarks: list[str]
+    own: bool  # it is a recording of mckibben, and is taken as it is
+    remarks: list[str]  # a line for each thing that was not taken over as it is
 
 
 def imported(
@@ -65,7 +60,11 @@ def imported(
         read = read_any(path, columns=places or None, units=dict(units) or None, period=step, **options)
     except MckibbenError as error:
         # the file by the name that its sender gave it, not by the path of its copy
-        sentence = f"{str(error).replace(str(path), name).rstrip('.')}.{_hint(error)}"
+        sentence = f"{str(error).replace(str(path), name).rstrip('.')}."
+        remedy, _, lacking = str(getattr(error, "remedy", "")).partition(" ")
+        if remedy in ("column", "unit"):  # it can be said in the dialog
+            example = f"Columns, such as {lacking}=2" if remedy == "column" else f"Units, such as {lacking}=bar"
+            sentence += f" Say it under {example}."
         if isinstance(error, InputError):  # it keeps the field that is to blame
             raise error.changed(where="", sentence=sentence) from None
         raise MckibbenError(sentence) from None
@@ -84,16 +83,6 @@ def check_kind(name: str) -> None:
     if Path(name).suffix.lower() not in UPLOADS:
         allowed = f"must be a name that ends in {', '.join(UPLOADS)}; nothing was stored"
         raise InputError("file", name[:120], allowed)
-
-
-def _hint(error: MckibbenError) -> str:
-    """Describe where on the page the user can supply what the file lacks."""
-    remedy, _, name = str(getattr(error, "remedy", "")).partition(" ")
-    if remedy == "column":
-        return f" Say it under Columns, such as {name}=2."
-    if remedy == "unit":
-        return f" Say it under Units, such as {name}=bar."
-    return ""
 
 
 class ExportedFile(NamedTuple):

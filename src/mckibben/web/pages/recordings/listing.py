@@ -45,37 +45,21 @@ _lock = threading.Lock()
 
 @dataclass(frozen=True)
 class RecordingEntry:
-    """An entry of the list; all text but the thumbnail's is from a user's file.
-
-    Attributes:
-        name: name of the file.
-        about: description of the experiment.
-        muscle: which one.
-        origin: ``simulated``, ``measured``, or ``file``.
-        protocol: name of the protocol.
-        created: when [s since the epoch].
-        duration: [s].
-        size: size of the file [B].
-        sign: ``check``, ``caution`` or ``stop``; none if the user ended it.
-        said: remark.
-        notes: a person's.
-        thumb: an SVG.
-        conditions: muscle, rig, protocol and its numbers: name and text.
-    """
+    """An entry of the list; all text but the thumbnail's is from a user's file."""
 
     name: str
     about: str = ""
     muscle: str = ""
-    origin: str = "file"
+    origin: str = "file"  # simulated, measured, or file
     protocol: str = ""
-    created: float = 0.0
-    duration: float = 0.0
+    created: float = 0.0  # when [s since the epoch]
+    duration: float = 0.0  # [s]
     size: int = 0
-    sign: str = "check"
-    said: str = ""
-    notes: tuple[str, ...] = ()
-    thumb: str = ""
-    conditions: tuple[tuple[str, str], ...] = ()
+    sign: str = "check"  # check, caution or stop; none if the user ended it
+    said: str = ""  # remark
+    notes: tuple[str, ...] = ()  # a person's
+    thumb: str = ""  # an SVG
+    conditions: tuple[tuple[str, str], ...] = ()  # muscle, rig, protocol and its numbers: name and text
 
     def holds(self, words: str) -> bool:
         """Whether the entry contains all search terms."""
@@ -90,11 +74,7 @@ def key_of(path: Path) -> tuple[str, int, int]:
 
 
 def whole(path: Path) -> Recording:
-    """Read a recording, or import a file of another program.
-
-    Raises:
-        InputError: it cannot be read; says why.
-    """
+    """Read a recording, or import a file of another program."""
     key = key_of(path)
     with _lock:
         if key in _whole:
@@ -260,18 +240,14 @@ def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Ca
     select(ORIGINS, now if now in ORIGINS else "", lambda v: change("origin", v), "Origin")
 
 
-def shown_differences(entries: Sequence[RecordingEntry]) -> tuple[list[str], dict[str, str]]:
-    """Names of the conditions by which entries differ, and those that all share."""
+def shown_differences(entries: Sequence[RecordingEntry]) -> tuple[list[str], str]:
+    """Names of the conditions by which entries differ, and a sentence about those that all share."""
     read = [dict(e.conditions) for e in entries if e.conditions]
     names = differing(read) if len(read) > 1 else []
-    return names, {n: v for n, v in (read[0] if read else {}).items() if n not in names}
-
-
-def same_words(shared: dict[str, str]) -> str:
-    """Sentence about the conditions that all listed recordings share."""
+    shared = {n: v for n, v in (read[0] if read else {}).items() if n not in names}
     words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in list(shared.items())[:MOST_SHARED])
     more = len(shared) - MOST_SHARED
-    return f"Same in all: {words}{f' and {more} more' if more > 0 else ''}." if shared else ""
+    return names, f"Same in all: {words}{f' and {more} more' if more > 0 else ''}." if shared else ""
 
 
 WORDS = ("q", "muscle", "protocol", "origin")  # search and filters
@@ -321,13 +297,7 @@ class RecordingLines:
         self._shown, self._made = {}, {}
 
     def show(self, entries: Sequence[RecordingEntry], chosen: Sequence[str], differences: Sequence[str] | None) -> None:
-        """Show the entries, with letters for the chosen ones.
-
-        Args:
-            entries: in their order.
-            chosen: names of the chosen ones.
-            differences: conditions that are shown in place of the description; None for the description.
-        """
+        """Show the entries, with letters for the chosen ones."""
         letters = dict(zip(chosen, LETTERS, strict=False))
         now = {e.name: (e, letters.get(e.name, ""), _apart(e, differences)) for e in entries}
         if [*now] != [*self._made]:

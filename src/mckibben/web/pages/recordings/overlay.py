@@ -60,21 +60,13 @@ OWN = {
 
 @dataclass(frozen=True)
 class OverlaidPart:
-    """The shown part of one recording.
+    """The shown part of one recording."""
 
-    Attributes:
-        letter: A or B.
-        name: name of its file.
-        record: the step that is shown, or all of it.
-        begins: time of its samples that stands at zero of the axis [s].
-        words: which step it is; nothing if it is all.
-    """
-
-    letter: str
+    letter: str  # A or B
     name: str
-    record: Recording
-    begins: float
-    words: str = ""
+    record: Recording  # the step that is shown, or all of it
+    begins: float  # time of its samples that stands at zero of the axis [s]
+    words: str = ""  # which step it is; nothing if it is all
 
     def values(self, channel: str) -> np.ndarray | None:
         """A quantity in the unit that is shown (n,), and nothing if it was not recorded."""
