@@ -31,7 +31,7 @@ def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit)
     with open(waiting.value.path(), newline="") as file:
         rows = [r for r in csv.reader(file) if not r[0].startswith("#")]
     assert rows[0][3:5] == ["nylon", "fast-fibre"]
-    expected = compare(["nylon", "fast-fibre"]).rows()
+    expected = compare(["nylon", "fast-fibre"]).properties()
     assert [r[1] for r in rows[1:]] == [row.property.name for row in expected]
     for line, row in zip(rows[1:], expected, strict=True):
         assert [float(w) if w else None for w in line[3:5]] == row.shown(), line[1]

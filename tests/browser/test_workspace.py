@@ -14,7 +14,7 @@ import pytest
 
 from mckibben.bench.protocol_run import RunState
 from mckibben.bench.rig_file import rig
-from mckibben.bench.software.emergency_stop import EmergencyStop
+from mckibben.bench.software.interlocks import EmergencyStop
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid

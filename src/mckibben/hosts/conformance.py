@@ -1,8 +1,8 @@
 """Conformance of a host: the scenarios in it against the same systems integrated as one, and a certificate of the result.
 
-Measured are the errors of span, mean tension and pressure at steps of 0.5, 1, 2 and 5 ms, the order of the coupling, the gap
-between the host's work at the border and the part's account of it, whether states can be saved, restored, copied and reset
-with equal bits, the smallest mass that the host can move, and its speed.
+Measured are the errors of span, mean tension and pressure at steps of 0.5, 1, 2 and 5 ms, the order of the coupling, the
+gap between the host's work at the border and the part's account of it, whether states can be saved, restored, copied and
+reset with equal bits, the smallest mass that the host can move, and its speed.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import platform
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,13 +51,13 @@ HOSTS: dict[str, str] = {
     "c": "adapters:CHost",
     "mujoco": "mujoco_host:MujocoHost",
     "mujoco-python": "mujoco_host:MujocoPythonHost",
-    "warp": "warp.host:WarpHost",
-    "newton": "warp.newton_host:NewtonHost",
+    "warp": "warp_host:WarpHost",
+    "newton": "warp_host:NewtonHost",
     "drake": "drake_host:DrakeHost",
-    "opensim": "opensim_host:OpensimHost",
-    "fmi3": "fmi.host:Fmi3Host",
-    "fmi2": "fmi.host:Fmi2Host",
-    "libcosim": "fmi.libcosim_host:LibcosimHost",
+    "opensim": "opensim:OpensimHost",
+    "fmi3": "fmi_host:Fmi3Host",
+    "fmi2": "fmi_host:Fmi2Host",
+    "libcosim": "fmi_host:LibcosimHost",
 }
 """Adapters by the names of their hosts, as ``module:class`` of this package; a module is imported when it is asked for."""
 
@@ -214,11 +215,10 @@ def _certify(
 def _measure(tested: HostAdapter, one: Scenario, steps: tuple[float, ...]) -> dict[str, Any]:
     reference = reference_of(one.name)
     rows = {f"{h:g}": _errors(one, reference, run(tested, one, h), h, tested.staggered) for h in steps}
-    key = "position_error" if one.mechanism.path is None else "tension_error"
-    order = None
-    moves = one.mechanism.path is None  # a given path is followed exactly by synchronous hosts
-    if moves and {"0.001", "0.002"} <= rows.keys() and rows["0.001"][key]:
-        order = math.log2(rows["0.002"][key] / rows["0.001"][key])
+    order, fine, coarse = None, rows.get("0.001"), rows.get("0.002")
+    # A given path has no order: synchronous hosts follow it exactly.
+    if one.mechanism.path is None and fine and coarse and fine["position_error"]:
+        order = math.log2(coarse["position_error"] / fine["position_error"])
     return {
         "title": one.title,
         "rotary": one.mechanism.rotary,
@@ -276,9 +276,8 @@ def _errors(
     off, apart, slack = [], [], []
     for name in one.mechanism.arms:
         means = reference.mean_tensions(name, begins, ends)
-        off.append(
-            np.abs(trace.tensions[name] - means)[1:].max()
-        )  # the first step of a staggered host lasts half as long
+        # Not the first step: that of a staggered host lasts half as long.
+        off.append(np.abs(trace.tensions[name] - means)[1:].max())
         pressures = np.interp(ends, reference.time, reference.pressures[name])
         apart.append(np.abs(trace.pressures[name] - pressures).max())
         around = reference.mean_tensions(name, begins - period, ends + period)
@@ -333,13 +332,10 @@ def _started(tested: HostAdapter, steps: int = CHECKED) -> tuple[HostedMechanism
 
 
 def _path(hosted: HostedMechanism, moments: list[Any]) -> list[tuple[float, ...]]:
-    """All that is seen of some steps."""
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for moment in moments:
-        readings = hosted.step(moment)
-        rows.append(
-            (hosted.position, hosted.rate, *readings.tension.values(), *readings.pressure.values(), readings.work)
-        )
+        seen = hosted.step(moment)
+        rows.append((hosted.position, hosted.rate, *seen.tension.values(), *seen.pressure.values(), seen.work))
     return rows
 
 
@@ -386,19 +382,15 @@ def _looks(tested: HostAdapter) -> bool:
 
 def _threads(tested: HostAdapter) -> bool:
     hosted, moments = _started(tested)
-    twins = [hosted.copy() for _ in range(THREADS)]
-    paths: list[Any] = [None] * THREADS
+    twins, together = [hosted.copy() for _ in range(THREADS)], threading.Barrier(THREADS)
 
-    def work(k: int) -> None:
-        paths[k] = _path(twins[k], moments)
+    def path(twin: HostedMechanism) -> list[tuple[float, ...]]:
+        together.wait()  # so that none has ended before another begins
+        return _path(twin, moments)
 
-    workers = [threading.Thread(target=work, args=(k,)) for k in range(THREADS)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    alone = _path(hosted, moments)
-    return all(path == alone for path in paths)
+    with ThreadPoolExecutor(THREADS) as workers:
+        paths = list(workers.map(path, twins))
+    return paths == [_path(hosted, moments)] * THREADS
 
 
 STATE_CHECKS: dict[str, Callable[[HostAdapter], bool]] = {
@@ -437,10 +429,7 @@ def smallest_mass(tested: HostAdapter, period: float) -> float | None:
         return None
     while high / low > 1.1:
         middle = math.sqrt(low * high)
-        if is_stable(tested, middle, period):
-            high = middle
-        else:
-            low = middle
+        low, high = (low, middle) if is_stable(tested, middle, period) else (middle, high)
     return high
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...bench.console import COMMANDS, CommandInterpreter, ConsoleCommand, described_dry_run, usage
-from ...bench.hardware.clock import Clock
+from ...bench.hardware.simulated import Clock
 from ...bench.prepare import PreparedRun
 from ...bench.protocol_run import RunState
 from ...bench.session import MachineSession, Messages, Session
@@ -29,7 +29,7 @@ from .protocol import sentence
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
-    from ...bench.session.setup import ManualSetup
+    from ...bench.session.interface import ManualSetup
     from ...specimens import Specimen
     from ..workspace import Workspace
 

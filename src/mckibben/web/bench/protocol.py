@@ -12,7 +12,7 @@ import numpy as np
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
-from ...bench.session.setup import prepare_for_session
+from ...bench.session.interface import prepare_for_session
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...experiments.commands import names_in

@@ -16,9 +16,10 @@ from ...quantities import with_unit
 from ...specimens import specimen_ids
 from ...specimens.parts import parts
 from ...specimens.write import specimen_toml
-from ...studies.sizing import BRAID_LAWS, OBJECTIVES, Judged, Sizing, size, tables_of
+from ...studies.sizing import BRAID_LAWS, OBJECTIVES, Judged, Sizing, size
 from ...studies.sizing.candidate import LawAtPressure
 from ...studies.sizing.tables import ms, ranged
+from ...verbs import answer as ask
 from ..charts import Axis, Chart, ChartLine
 from ..elements import Element, call_script, page_document
 from ..forms import InputField, show_cautions
@@ -90,7 +91,8 @@ FIELDS = {
 }
 # Field of the form in which a value is put right, by the name that an error or a caution has.
 FIELD_OF = {
-    "length": "space", "diameter": "space", "frequency": "rate", "working time": "working_time", "tube": "tube_length",
+    "length": "space", "diameter": "space", "frequency": "rate", "working time": "working_time",
+    "tube length": "tube_length",
 }  # fmt: skip
 
 
@@ -234,14 +236,14 @@ def facts_of(sizing: Sizing) -> list[SizingFact]:
     air = one.air if line is None else line.air
     left = "" if spread is None else _brackets(*spread.air, 1e6)
     facts.append(SizingFact("Air of a cycle", "q", f"{1e6 * air:.0f} mg", left))
-    source = next((s for s in sizing.sources if s.able), None)
+    source = next((s for s in sizing.gas_sources if s.able), None)
     if source is not None:
         facts.append(SizingFact("Gas source", "", source.title))
-        facts.append(SizingFact("Energy of a cycle", "", f"{ranged(source.energy, source.energy_range)} J"))
+        facts.append(SizingFact("Energy of a cycle", "", f"{ranged(source.energy, source.energy_range, 'J', 'J')} J"))
         if source.run_time is not None:
-            facts.append(SizingFact("Lasts", "", f"{ranged(source.run_time, source.run_time_range, 1 / 60.0)} min"))
+            facts.append(SizingFact("Lasts", "", f"{ranged(source.run_time, source.run_time_range, 's', 'min')} min"))
         if source.daily is not None:
-            daily = ranged(source.daily, source.daily_range, 1 / 3600.0)
+            daily = ranged(source.daily, source.daily_range, "J", "W h")
             facts.append(SizingFact("Energy of a day", "", f"{daily} W h"))
     if sizing.daily is not None:
         low, high = sizing.daily.air_range
@@ -273,7 +275,7 @@ def answer(question: SizeQuestion, progress: Callable[[str], None]) -> SizeAnswe
     """The sizing of a question with its charts; kept, so that a link is answered at once the second time."""
 
     def make() -> SizeAnswer:
-        sizing = size(progress=progress, **question.arguments())
+        sizing = ask(size, {**question.arguments(), "progress": progress})
         progress("charts")
         return SizeAnswer(sizing, _force_chart(sizing), _lines_chart(sizing) if sizing.lines else None)
 
@@ -402,9 +404,9 @@ class SizePage:
                 if found.lines is not None:
                     with panel("Valves and tubes", "in full colour: beaten by none in everything"):
                         found.lines.show()
-            for one in tables_of(sizing, ROWS):
+            for one in sizing.first(ROWS).tables():
                 with panel(one.title):
-                    table(one.columns, one.rows, right=range(one.text_columns, len(one.columns)), name=one.title)
+                    table(one.heads, one.cells(), right=one.right, name=one.title)
                     for note in one.notes:
                         text("p", note, "small dim")
 

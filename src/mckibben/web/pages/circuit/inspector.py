@@ -11,12 +11,21 @@ from ....assembly.circuit_file import TIME, CircuitPlan
 from ....assembly.circuit_parts import HEATS
 from ....components import paths
 from ....muscles.build import rest_length_of
-from ....pneumatics.build import known_keys, passages_of, with_usual_unit
-from ....pneumatics.heat import WallHeat
+from ....pneumatics.build import (
+    BARE_UNITS,
+    PASSAGE_WAYS,
+    SIZES,
+    TITLES,
+    canonical,
+    known_keys,
+    passages_of,
+    put_value,
+    size_as,
+    with_usual_unit,
+)
 from ....pneumatics.orifice import Orifice
-from ....pneumatics.sizes import BARE_UNITS, PASSAGE_WAYS, SIZES, TITLES, canonical, put_value, size_as
 from ....pneumatics.valves import PressureRegulator
-from ....pneumatics.volume import FixedVolume, MovingVolume
+from ....pneumatics.volume import FixedVolume, MovingVolume, WallHeat
 from ....quantities import Quantity, declared, from_si, parse
 from ....specimens import specimen as found
 from ....specimens import specimens

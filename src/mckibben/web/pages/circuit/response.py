@@ -26,8 +26,7 @@ from ....pneumatics import AIR
 from ....pneumatics.build import known_keys, with_usual_unit
 from ....pneumatics.circuit import Circuit, RunBalance, balance, path_name
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
-from ....pneumatics.tubes import LinearTube
-from ....pneumatics.tubes.inertial import inertance
+from ....pneumatics.tubes import LinearTube, inertance
 from ....quantities import declared, from_si, parse, with_unit
 from ....recordings import Channel, Recording
 from ...shelf import SharedResults

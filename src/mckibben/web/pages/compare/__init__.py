@@ -372,7 +372,7 @@ class ComparisonGrid:
         low, high = min(ends, default=0.6) - 0.03, max(ends, default=1.2) + 0.03
         # the ends of the dynamic range share one row, efficiencies are at the side
         apart = ("shortest", "longest", "efficiency", "efficiency_accumulator")
-        for row in (r for r in self.table.rows() if r.property.name not in apart):
+        for row in (r for r in self.table.properties() if r.property.name not in apart):
             printed = [p.get(row.property.name) for p in papers]
             unit = row.property.unit.replace("L0", "L\u2080").replace("^2", "\u00b2").replace("^3", "\u00b3")
             unit = html.escape("" if unit == "1" else unit)

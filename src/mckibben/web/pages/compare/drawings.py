@@ -146,7 +146,7 @@ def exported(table: MuscleTable) -> bytes:
     # A spreadsheet takes what begins with =, + or @ for a formula.
     names = [c.name if c.name[:1].isalnum() else f"'{c.name}" for c in table.columns]
     writer.writerow(["property", "name", "unit", *names, "biological low", "biological high", "biological sources"])
-    for row in table.rows():
+    for row in table.properties():
         ends, source = row.shown_range(), row.published
         known = None if ends is None or source is None else [*map(repr, ends), " ".join(source.sources)]
         values = ["" if v is None else repr(float(v)) for v in row.shown()]

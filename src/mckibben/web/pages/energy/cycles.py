@@ -20,8 +20,8 @@ from ....documents import JsonValue
 from ....errors import InputError, MckibbenError, NoVolumeError
 from ....muscles.build import built_muscle
 from ....quantities import from_si, parse, shown_unit, with_unit
-from ....report.energy_report import energy_report
 from ....report.figures import energy_figures
+from ....report.study_reports import energy_report
 from ....reproduction import part4
 from ....specimens import specimen, specimen_ids
 from ....verbs import answer

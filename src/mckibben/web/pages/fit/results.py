@@ -18,10 +18,10 @@ from ....identification.ranking import Ranking
 from ....muscles.laws import law_type
 from ....quantities import declared, from_si, shown_unit
 from ....recordings import ForceMap
+from ....report.blocks import unit_text
 from ....report.figures.fit_figures import law_title, levels_of, pulling, tension_grid
 from ....report.figures.style import symbol_text
 from ....report.fit_report import ATTRIBUTIONS, cautions_of, value_and_half
-from ....report.words import unit_text
 from ...charts import plain_numbers
 from ...widgets import THIN, box, grouped, note, raw, table, text
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
+from ....report.blocks import minus, significant, unit_text
 from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
 from ....report.reproduction_report import PARTS, PREDICTIONS, difference, printed
-from ....report.words import minus, significant, unit_text
 from ....reproduction import PrintedRow, RowOutcome
 from ....reproduction.rows import (
     BASES,

@@ -23,8 +23,8 @@ from ....errors import MckibbenError
 from ....recordings import Recording, read_any
 from ....recordings.cautions import cautions_of
 from ....recordings.conditions import conditions, differing
+from ....report.blocks import is_number, mapping, significant
 from ....report.origins import known_specimen
-from ....report.words import is_number, mapping, significant
 from ...elements import Element
 from ...reader import read_outside
 from ...shelf import SharedResults, Shelf
