@@ -70,3 +70,21 @@ def test_a_force_beside_a_mass_is_refused_as_on_the_command_line():
     with pytest.raises(InputError, match="load must be given without a force"):
         answer(SizeQuestion(force="50 N", load="20 kg", lines="no"), lambda words: None)
     assert {one.name for group in FIELDS.values() for one in group} | {"muscle", "law", "lines"} == set(LINKED)
+
+
+def test_a_caution_stands_beside_the_field_that_it_is_about(visit):
+    page = open_page(visit, pressure="12 bar")
+    says(page, "#size-pressure-said", "McKibben muscles take at most 10 bar")
+    assert page.get_attribute("#size-pressure", "aria-invalid") == "false"  # it is in use all the same
+    assert page.locator(".size-answer .note").count() == 0  # said once
+
+
+def test_a_table_that_is_wider_than_a_phone_is_scrolled_by_the_keyboard(visit):
+    words = "&".join(f"{name}={quote(value)}" for name, value in ASKED.items())
+    page = visit(f"/size?{words}", width=390, height=844)
+    page.wait_for_selector(".size-facts", timeout=LONG)
+    wide = page.get_by_role("group").filter(has=page.get_by_role("table")).first
+    assert wide.evaluate("e => e.scrollWidth > e.clientWidth")
+    wide.focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function("e => e.scrollLeft > 0", arg=wide.element_handle())

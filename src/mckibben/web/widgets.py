@@ -67,6 +67,8 @@ def document(
         f'<a href="{p.path}" data-key="{p.key.lower()}"{" aria-current=page" if p == page else ""}>{html.escape(p.name)}</a>'
         for p in PAGES
     ]
+    head = piece("head.html").replace("{tabs}", "".join(tabs)).replace("{names}", ", ".join(p.name for p in PAGES))
+    head = head.replace("{keys}", " ".join(f"<kbd>{p.key}</kbd>" for p in PAGES))
     body = f'data-document="{key}"' if key else 'class="raw"'
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{page.name} \u00b7 {TITLE}</title>'
@@ -74,7 +76,7 @@ def document(
         f'<link rel="icon" href="{HOME}/favicon.svg"><script>{early}</script><style>{style_sheet()}</style>{"".join(tags)}'
         f"</head><body {body}>"
         f'<script>document.body.dataset.page="{page.module}"</script>'
-        f"{piece('head.html').replace('{tabs}', ''.join(tabs))}{content}</body></html>"
+        f"{head}{content}</body></html>"
     )
 
 

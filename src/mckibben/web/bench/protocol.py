@@ -128,11 +128,7 @@ def _value(p: ProtocolParameter) -> tuple[str, str]:
 
 
 def changed(protocol: Protocol, name: str, words: str) -> Protocol:
-    """Return the protocol with another value of a parameter or choice; plain numbers are in the unit of the field.
-
-    Raises:
-        InputError: names the field, and what is allowed.
-    """
+    """Return the protocol with another value of a parameter or choice; plain numbers are in the unit of the field."""
     text = plain_text(words)
     if not text:
         raise InputError(name, None, "is empty")

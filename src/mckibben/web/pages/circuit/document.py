@@ -84,11 +84,7 @@ def starts() -> dict[str, Document]:
 
 
 def planned(document: Mapping[str, JsonValue]) -> CircuitPlan:
-    """The plan of a document; error messages are those of the command line, without the name of a file.
-
-    Raises:
-        InputError: names the dotted path, its value and what is allowed.
-    """
+    """The plan of a document; error messages are those of the command line, without the name of a file."""
     try:
         return build_plan(document, where=WHERE, digest=hashlib.sha256(repr(document).encode()).hexdigest())
     except InputError as error:

@@ -113,12 +113,7 @@ def _has_volume(source: str, changed: int) -> bool:
 
 
 def described(choice: EnergyChoice) -> WorkingCycles:
-    """A cycle of the muscle of a choice, with the conditions that it has where none are chosen.
-
-    Raises:
-        InputError: there is no such muscle, or it is of another kind.
-        NoVolumeError: the law does not say how large the volume is.
-    """
+    """A cycle of the muscle of a choice, with the conditions that it has where none are chosen."""
     return working_cycle(EnergyChoice(choice.muscle, choice.law, volume=choice.volume, file=choice.file))
 
 
