@@ -8,16 +8,23 @@ IEEE Trans. Audio and Electroacoustics 15(2), 1967.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Caution, Column, Table
 from ..assembly.linearise import LinearModel
+from ..documents import JsonValue
 from ..errors import InputError
-from ..recordings import Recording
+from ..recordings import Recording, read_recording
+from ..recordings.files import path_of, select_between
+from ..verbs import ChannelName, Frequencies, Frequency, RecordingFile, Time, typed, verb
 from .channels import finite, known, positive, uniform_period
 
+RESPONSES = 16  # rows of a frequency response that a person is shown
 _EXCITED = 1e-4  # of the largest input density; below, leakage and rounding answer instead of the system
 
 
@@ -171,3 +178,103 @@ def sine_response(
     explained = 1.0 - left / moved if moved > 0.0 else 0.0
     gain = outputs / inputs
     return FrequencyResponse(f, np.abs(gain), np.unwrap(np.angle(gain)), np.full(f.size, max(explained, 0.0)), 1)
+
+
+@dataclass(frozen=True)
+class ChannelResponse(Answer):
+    """Frequency response between two channels of a recording: what `channel_response` estimates.
+
+    Attributes:
+        file: path of the recording; None where it was no file.
+        title: of the recording, else the name of its file.
+        source: channel that drives.
+        target: channel that answers.
+        unit: of the magnitude in words; empty where both channels have the same.
+        response: at its frequencies.
+        averaged: whether it is a mean over segments, not fitted to sines.
+        cautions: about values that can only be slips.
+    """
+
+    file: str | None
+    title: str
+    source: str
+    target: str
+    unit: str
+    response: FrequencyResponse
+    averaged: bool
+    cautions: tuple[Caution, ...] = ()
+
+    def data(self) -> dict[str, Any]:
+        """Frequency [Hz], magnitude, phase [rad] and coherence."""
+        return {name: getattr(self.response, name) for name in ("frequency", "magnitude", "phase", "coherence")}
+
+    def column_units(self) -> Mapping[str, str]:
+        """Units of the columns."""
+        return {"frequency": "Hz", "magnitude": self.unit or "1", "phase": "rad"}
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The response in columns, and the frequency at which it has fallen by 3 dB [Hz]."""
+        about = {"file": self.file, "input": self.source, "output": self.target, "unit": self.unit}
+        return {**about, "cutoff": self.response.cutoff(), **self.data(), "segments": self.response.segments}
+
+    def tables(self) -> list[Table]:
+        """The response at some of its frequencies, evenly over their logarithm."""
+        count, columns = len(self.response.frequency), self.data()
+        chosen = sorted({round(i) - 1 for i in np.geomspace(1, count, min(count, RESPONSES))})
+        rows = [{name: float(column[i]) for name, column in columns.items()} for i in chosen]
+        magnitude = f"magnitude{f', {self.unit}' if self.unit else ''}"
+        heads = (Column("frequency", unit="Hz"), Column("magnitude", magnitude, "1"))
+        angles = (Column("phase", None, "rad", "degrees", ".1f"), Column("coherence", unit="1", places=".3f"))
+        return [Table(f"{self.target} over {self.source}", (*heads, *angles), rows)]
+
+    def remarks(self) -> list[str]:
+        """How many frequencies there are, and where the response has fallen by 3 dB."""
+        cutoff = self.response.cutoff()
+        averaged = f", {self.response.segments} segments averaged" if self.averaged else ""
+        fallen = f"It falls by 3 dB at {cutoff:.4g} Hz." if np.isfinite(cutoff) else "It does not fall by 3 dB."
+        return [f"{len(self.response.frequency)} frequencies{averaged}. {fallen}"]
+
+
+@verb
+def channel_response(
+    recording: RecordingFile,
+    *,
+    source: ChannelName,
+    target: ChannelName,
+    resolution: Frequency | None = None,
+    sines: Frequencies | None = None,
+    start: Time | None = None,
+    end: Time | None = None,
+) -> ChannelResponse:
+    """Estimate the frequency response between two channels.
+
+    Chirps, noise and many sines are averaged over a band by Welch's method. At known frequencies the response is fitted
+    by least squares of sines, without their transient.
+
+    Args:
+        recording: recording of mckibben (.nc, .csv or .mcap).
+        source: channel that drives, such as valve.command.
+        target: channel that answers, such as tension.
+        resolution: spacing of the frequencies [Hz], such as '0.5 Hz'; by default eight over the duration.
+        sines: frequencies of sines in the input [Hz], such as '1 Hz, 2 Hz'.
+        start: time from which on samples are used [s], such as '2 s'.
+        end: time up to which samples are used [s], such as '5 s'.
+
+    Raises:
+        InputError: a channel is missing or constant, or the recording cannot tell the frequencies apart.
+    """
+    if sines is not None and resolution is not None:
+        raise InputError("resolution", None, "is allowed only without {sines}, which states the frequencies")
+    if sines is not None and not len(sines):
+        raise InputError("sines", typed(sines), "must be one frequency or several, such as '1 Hz, 2 Hz'")
+    record = select_between(read_recording(recording), start, end)
+    if sines is None:
+        spacing = None if resolution is None else float(resolution)
+        response = frequency_response(record, source=source, response=target, resolution=spacing)
+    else:
+        response = sine_response(record, sorted(float(one) for one in sines), source=source, response=target)
+    above, below = (record.channels[name].unit for name in (target, source))
+    unit = "" if above == below else above if below == "1" else f"{above} per {below}"
+    file = path_of(recording)
+    title = str(record.meta.get("title") or Path(file or "").name)
+    return ChannelResponse(file, title, source, target, unit, response, sines is None)

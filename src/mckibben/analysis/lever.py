@@ -167,7 +167,8 @@ def contraction_timing(
     if not np.ptp(stimuli) > 0.0:
         raise InputError(f"channel {stimulus}", None, "has no stimulus")
     if relaxing is None:
-        relaxing = () if _kind(record) == "tetanus" else (0.9, 0.5)
+        protocol = stated_protocol(record)
+        relaxing = () if protocol is not None and protocol.kind == "tetanus" else (0.9, 0.5)
     first, peak = int(np.argmax(stimuli)), int(np.argmax(pulls))
     base = float(pulls[first]) if above == "rest" else 0.0
     if not (peak > first and pulls[peak] > pulls[first]):
@@ -404,13 +405,6 @@ def _rate(record: Recording) -> float:
     return float((len(record.time) - 1) / (record.time[-1] - record.time[0]))
 
 
-def _kind(record: Recording) -> str:
-    try:
-        return lever_protocol(record).kind
-    except InputError:
-        return ""
-
-
 def _numbers(words: Sequence[str], count: int) -> tuple[float, ...]:
     """Numbers behind the last word of a line of the protocol, which names the port."""
     text = words[2] if len(words) > 2 else ""
@@ -422,3 +416,11 @@ def _numbers(words: Sequence[str], count: int) -> tuple[float, ...]:
     if len(values) != count:
         raise InputError("protocol", " ".join(words), f"must state {count} numbers, separated by commas")
     return values
+
+
+def stated_protocol(record: Recording) -> LeverProtocol | None:
+    """The protocol that a recording states; None if it states none, or not whole."""
+    try:
+        return lever_protocol(record)
+    except InputError:
+        return None

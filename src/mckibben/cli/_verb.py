@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -14,7 +14,27 @@ from .. import verbs
 from ..answers import Answer
 from ..errors import InputError
 from ._outputs import OutputKinds, Paths
-from ._terminal import FigureLook, FigureWidth, Json, assignments, caution, expect_cautions, print_json, table
+from ._terminal import (
+    FigureLook,
+    FigureWidth,
+    Json,
+    assignments,
+    caution,
+    expect_cautions,
+    options_named,
+    pairs,
+    print_json,
+    table,
+)
+
+SINGULAR = {
+    "columns": "column",
+    "units": "unit",
+    "start": "from",
+    "end": "to",
+}  # options with the words of all commands
+PAIRS = {"NAME=COLUMN": "force='F [N]'", "NAME=UNIT": "force=N"}  # examples of what is typed of a table
+REMEDIES = {"sheet": "NAME", "rest_length": "'300 mm'", "frequency": "'28 Hz'"}  # values of options that errors ask for
 
 
 class Shorthand(NamedTuple):
@@ -47,12 +67,12 @@ class VerbCommand:
 
     def option(self, parameter: str) -> str:
         """The option of a parameter."""
-        return f"--{self.options.get(parameter, parameter).replace('_', '-')}"
+        return f"--{(SINGULAR | dict(self.options)).get(parameter, parameter).replace('_', '-')}"
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
         verb = verbs.described(self.place)
-        parameters = [self._parameter(one) for one in verb.parameters.values()]
+        parameters = [self._parameter(one) for one in _typed(verb)]
         for name, one in self.shorthands.items():
             flag = Annotated[bool, typer.Option(f"--{name.replace('_', '-')}", help=one.about)]
             parameters.insert([p.name for p in parameters].index(one.parameter), _keyword(name, flag, False))
@@ -71,14 +91,15 @@ class VerbCommand:
 
     def _parameter(self, p: verbs.Parameter) -> inspect.Parameter:
         word = p.type.word
-        if p.required:
-            kind = Annotated[str, typer.Argument(metavar=word, help=p.about)]
+        taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
+        if p.required and not p.keyword:
+            kind = Annotated[taken, typer.Argument(metavar=word, help=p.about)]
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind)
         if p.flag:
             return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=p.about)], p.default)
-        repeated = word == "PATH=VALUE" or (p.many and not p.type.unit)
-        taken: Any = list[str] if repeated else str
         option = typer.Option(self.option(p.name), metavar=word, help=p.about)
+        if p.required:
+            return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
 
     def _run(self, verb: verbs.Description, values: dict[str, Any]) -> None:
@@ -86,11 +107,13 @@ class VerbCommand:
         with self.outputs.files(paths) as files:
             answer = self._answer(verb, values)
             expect_cautions(())  # the answer has those about typed values
-            content = answer.to_dict() | {"warnings": caution(*answer.cautions)}
+            content = answer.to_dict()
+            content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
             if self.draw is not None:
                 draw = self.draw
                 files.write("figure", lambda path: draw(answer, path))
-            files.write_rows(answer.rows(), answer.units)
+            if files["table"]:
+                files.write_columns(answer.data(), answer.column_units())
             files.write_result(content)
             if as_json:
                 print_json(content)
@@ -106,11 +129,35 @@ class VerbCommand:
                         self.option(one.parameter), None, f"is allowed only without --{name.replace('_', '-')}"
                     )
                 values[one.parameter] = one.value
-        given = {name: values[name] for name in verb.parameters if values[name] is not None}
-        for name in given:
-            if verb.parameters[name].type.word == "PATH=VALUE":
-                given[name] = assignments(given[name])
-        return verbs.answer(verbs.load(self.place), given, self.option)
+        given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] is not None}
+        for p in verb.parameters.values():
+            if p.parts:
+                stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
+                given |= {p.name: stated} if stated else {}
+        arguments = [p.name for p in verb.parameters.values() if p.required and not p.keyword]
+        with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
+            return verbs.answer(verbs.load(self.place), given, lambda n: n if n in arguments else self.option(n))
+
+    def _given(self, p: verbs.Parameter, value: Any) -> Any:
+        """A value as the verb takes it: of NAME=VALUE a table, in which columns may be numbers."""
+        word = p.type.word
+        if word not in PAIRS:
+            return assignments(value) if word == "PATH=VALUE" else value
+        named = pairs(value, self.option(p.name), PAIRS[word])
+        return {name: int(one) if word == "NAME=COLUMN" and one.isdecimal() else one for name, one in named.items()}
+
+
+def _typed(verb: verbs.Description) -> Iterator[verbs.Parameter]:
+    """What a person types of a verb; what has no kind of value is for Python alone."""
+    for one in verb.parameters.values():
+        if one.parts:
+            yield from one.parts
+        elif one.type.word or one.flag:
+            yield one
+
+
+def _each_once(*values: Any) -> list[Any]:
+    return [one for i, one in enumerate(values) if one not in values[:i]]
 
 
 def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -122,7 +169,15 @@ def show(answer: Answer) -> None:
     tables = answer.tables()
     for i, one in enumerate(tables):
         typer.echo("\n" if i else "", nl=False)
-        table(one.title, one.heads, one.cells(), right=one.right)
-    typer.echo("\n" if len(tables) > 1 else "", nl=False)
-    for remark in answer.remarks():
+        cells = [[_plain(cell) for cell in row] for row in one.cells()]
+        table(_plain(one.title), one.heads, cells[: one.most], right=one.right)
+        if len(cells) > len(cells[: one.most]):
+            typer.echo(f"... and {len(cells) - len(cells[: one.most])} more; --json lists all.")
+    remarks = answer.remarks()
+    typer.echo("\n" if remarks and len(tables) > 1 else "", nl=False)
+    for remark in remarks:
         typer.echo(remark)
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", "\\[")  # no markup of rich
