@@ -375,7 +375,7 @@ def test_places_that_cannot_be_written_are_refused_before_anything_is_read(tmp_p
 
 
 def test_a_matlab_file_too_long_for_its_version_is_refused(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("mckibben.recordings._matlab._LARGEST", 79)
+    monkeypatch.setattr("mckibben.recordings._exchange._LARGEST", 79)
     with pytest.raises(InputError, match="take netCDF"):
         write(some(10), tmp_path / "a.mat")
     assert not list(tmp_path.iterdir())

@@ -32,10 +32,8 @@ from ..recordings import Recording, read_recording
 from ..recordings.files import path_of
 from ..specimens import Specimen, muscle_specimen
 from ..verbs import BarePressure, MuscleName, RecordingFile, Time, verb
-from ._energy_samples import Flows, whole_pieces
-from ._recorded_machine import RecordedMachine
-from .channels import known
-from .cycles import Cycle, closed_cycles, find_cycles
+from ._energy_samples import Flows, RecordedMachine, whole_pieces
+from .channels import Cycle, closed_cycles, find_cycles, known
 from .energy_parts import CycleEnergy, EnergyAccount, EnergyPart, Saving
 
 __all__ = ["CycleEnergy", "EnergyAccount", "EnergyPart", "Saving", "energy_account"]

@@ -16,9 +16,7 @@ from ..quantities import with_unit
 from ..recordings import Recording, read_recording
 from ..recordings.files import path_of, select_between
 from ..verbs import ChannelName, Count, RecordingFiles, Time, verb
-from ._regression import Interval, linear_fit
-from .channels import finite, known
-from .cycles import find_cycles
+from .channels import Interval, find_cycles, finite, known, linear_fit
 
 
 class Spread(NamedTuple):

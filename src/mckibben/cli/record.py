@@ -10,13 +10,13 @@ import typer
 
 from .. import recordings
 from ..analysis import segments as cuts
-from ..analysis.loop_residuals import loop_residuals
+from ..analysis.loops import loop_residuals
 from ..documents import JsonValue
 from ..errors import InputError, not_found
 from ..quantities import parse
 from ..recordings import mcap
-from ..recordings.differences import differing
 from ..recordings.files import select_between
+from ..recordings.provenance import differing
 from ..report.figures import loop_comparison, recording_figures, style
 from ._outputs import FIGURE, KEPT_RECORDING, REPORT, OutputKinds, Paths, write_recording
 from ._reading import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options, stated_columns

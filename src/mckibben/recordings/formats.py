@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 # Suffix without its dot -> module beside this one and the name of its format.
 BUILT_IN = {
-    "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_matlab:FORMAT", "tdms": "_tdms:FORMAT",
-    "parquet": "_parquet:FORMAT", "txt": "_store:TEXT", "tsv": "_store:TEXT", "dat": "_store:TEXT", "gz": "_store:TEXT",
-    "xlsx": "_spreadsheets:FORMAT", "xls": "_spreadsheets:FORMAT", "ods": "_spreadsheets:FORMAT",
-    "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_ros2:FORMAT", "bag": "_ros2:FORMAT", "ddf": "_ddf:FORMAT",
+    "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_exchange:MATLAB", "tdms": "_exchange:TDMS",
+    "parquet": "_exchange:PARQUET", "txt": "_store:TEXT", "tsv": "_store:TEXT", "dat": "_store:TEXT", "gz": "_store:TEXT",
+    "xlsx": "text:SPREADSHEETS", "xls": "text:SPREADSHEETS", "ods": "text:SPREADSHEETS",
+    "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_messages:BAGS", "bag": "_messages:BAGS", "ddf": "_ddf:FORMAT",
 }  # fmt: skip
 
 

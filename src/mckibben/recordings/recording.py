@@ -31,9 +31,8 @@ if TYPE_CHECKING:
     import xarray
 
     from ..analysis.energy_parts import EnergyAccount
-    from ..analysis.lever import ContractionTiming, LeverLoop
+    from ..analysis.lever import ContractionTiming, LeverLoop, StimulatedContraction, StimulatedLoop
     from ..analysis.loops import TensionLoop
-    from ..analysis.stimulation import StimulatedContraction, StimulatedLoop
     from ..report.figures.plots import RecordingPlots
     from .force_map import ForceMap
 
@@ -415,7 +414,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or nothing was stimulated at constant length.
         """
-        each: tuple[StimulatedContraction, ...] = implementation("analysis.stimulation:stimulated_contractions")(self)
+        each: tuple[StimulatedContraction, ...] = implementation("analysis.lever:stimulated_contractions")(self)
         return each
 
     def stimulated_loops(self) -> tuple[StimulatedLoop, ...]:
@@ -424,7 +423,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or no step has full cycles.
         """
-        each: tuple[StimulatedLoop, ...] = implementation("analysis.stimulation:stimulated_loops")(self)
+        each: tuple[StimulatedLoop, ...] = implementation("analysis.lever:stimulated_loops")(self)
         return each
 
     def force_map(

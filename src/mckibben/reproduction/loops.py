@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..analysis.lag import CorrectedLoop, corrected_loop
+from ..analysis.frequency import CorrectedLoop, corrected_loop
 from ..analysis.loops import (
     LinearTensionFit,
     StaticPoint,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any
 
-from ....recordings.conditions import differing
+from ....recordings.provenance import differing_conditions
 from ...elements import Element
 from ...widgets import SIGNS, box, raw, select
 from .state import RecordingEntry
@@ -57,7 +57,7 @@ def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Ca
 def shown_differences(entries: Sequence[RecordingEntry]) -> tuple[list[str], dict[str, str]]:
     """Names of the conditions by which entries differ, and those that all share."""
     read = [dict(e.conditions) for e in entries if e.conditions]
-    names = differing(read) if len(read) > 1 else []
+    names = differing_conditions(read) if len(read) > 1 else []
     return names, {n: v for n, v in (read[0] if read else {}).items() if n not in names}
 
 

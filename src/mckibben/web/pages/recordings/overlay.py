@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ....analysis.cycles import find_cycles
+from ....analysis.channels import find_cycles
 from ....analysis.segments import segments, varied
 from ....errors import InputError, MckibbenError
 from ....muscles.build import built_muscle
 from ....quantities import from_si
-from ....recordings.conditions import told_apart
+from ....recordings.provenance import told_apart
 from ....report.origins import known_specimen
 from ...charts import Axis, Chart, ChartLine, Mark
 from .listing import LETTERS

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....analysis.cycles import find_cycles
+from ....analysis.channels import find_cycles
 from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....recordings.cautions import cautions_of
-from ....recordings.conditions import conditions
+from ....recordings.provenance import conditions
 from ....report.words import is_number, mapping, significant
 from ...reader import read_outside
 
