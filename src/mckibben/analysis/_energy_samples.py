@@ -129,7 +129,7 @@ class Flows:
             node = min(left, key=lambda n: len(open_paths[n]))
             own, known_ones = open_paths[node], [p for p in self._at(node) if p in masses]
             needed = left.pop(node) - sum(masses[p] * self._sign(p, node) for p in known_ones)
-            vents = [p for p in own if self._to_room(p)]
+            vents = [p for p in own if any(self.nodes[end] == "room" for end in self.paths[p][1:])]
             fills = [p for p in own if p not in vents]
             masses |= {p: sampled[p] for p in own}
             if len(own) == 1:
@@ -148,9 +148,6 @@ class Flows:
 
     def _at(self, node: str) -> list[str]:
         return [p for p, (_, *ends) in self.paths.items() if node in ends]
-
-    def _to_room(self, path: str) -> bool:
-        return any(self.nodes[end] == "room" for end in self.paths[path][1:])
 
     def _sign(self, path: str, node: str) -> float:
         return 1.0 if self.paths[path][2] == node else -1.0

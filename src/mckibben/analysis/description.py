@@ -14,8 +14,8 @@ from ..citations import known_keys, reference
 from ..documents import JsonValue
 from ..experiments.waveforms import time_words
 from ..quantities import from_si, shown_unit
-from ..recordings.cautions import MACHINE
 from ..recordings.files import path_of
+from ..recordings.metadata import MACHINE
 from ..verbs import (
     DataFile,
     FileColumns,

@@ -89,7 +89,8 @@ def _simulated(part: Recording, about: Mapping[str, Any], *, whole: bool, cycle:
         raise InputError("samples", len(part), "must be two or more without a gap between them")
     notes: list[str] = []
     tried = [c for piece in pieces for c in _cycles(piece, cycle, notes)]
-    summed = _summed(pieces)
+    ledgers = [_between(p, 0, -1) for p in pieces]
+    summed = tuple(a._replace(value=sum(one[i].value for one in ledgers)) for i, a in enumerate(ledgers[0]))
     room = pieces[0].machine.room
     exergy = _ledger(about["exergy"]) if whole else summed
     return EnergyAccount(
@@ -127,17 +128,8 @@ def _between(piece: Flows, first: int, last: int) -> tuple[EnergyPart, ...]:
         for side, parts_of_side in sides.items()
         for name, v in parts_of_side.items()
     ]
-    return (*parts, _left(parts))
-
-
-def _left(parts: list[EnergyPart]) -> EnergyPart:
-    value = sum(p.value if p.side == "into" else -p.value for p in parts)
-    return EnergyPart("remainder", value, "remainder", "remainder")
-
-
-def _summed(pieces: list[Flows]) -> tuple[EnergyPart, ...]:
-    ledgers = [_between(p, 0, -1) for p in pieces]
-    return tuple(a._replace(value=sum(one[i].value for one in ledgers)) for i, a in enumerate(ledgers[0]))
+    left = sum(p.value if p.side == "into" else -p.value for p in parts)
+    return (*parts, EnergyPart("remainder", left, "remainder", "remainder"))
 
 
 def _of(parts: tuple[EnergyPart, ...], name: str) -> float:

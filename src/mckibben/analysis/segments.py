@@ -18,7 +18,7 @@ from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..quantities import to_si
 from ..recordings import Recording
-from ..recordings.units import si_of
+from ..recordings.recording import si_of
 
 # Amounts that differ by less are the same: the way through a unit leaves some rounding.
 _ROUNDING = 1e-9
@@ -42,7 +42,11 @@ def segments(record: Recording, /, label: str | None = None, **case: str | float
     parts = [part for step in matching if step["recorded"] and (part := _part(record, step)) is not None]
     if not parts:
         skipped = ", ".join(dict.fromkeys(_place(s) for s in matching if not s["recorded"]))
-        why = f"not recorded are {skipped}" if skipped else f"the recording has {_clock(record)}"
+        why = (
+            f"not recorded are {skipped}"
+            if skipped
+            else f"the recording has samples from {record.time[0]:.6g} s to {record.time[-1]:.6g} s"
+        )
         raise InputError("steps", None, f"have no sample in the recording ({len(matching)} match): {why}")
     return parts
 
@@ -193,7 +197,3 @@ def _place(step: Mapping[str, Any], names: Mapping[str, Any] | None = None) -> s
     """Describe a step, with the values of some names of its case."""
     words = ", ".join(f"{name} {step['case'][name]}" for name in names or () if name in step["case"])
     return f"{step['label'] or step['path']}{f' ({words})' if words else ''}"
-
-
-def _clock(record: Recording) -> str:
-    return f"samples from {record.time[0]:.6g} s to {record.time[-1]:.6g} s"

@@ -17,8 +17,8 @@ import numpy as np
 
 from ..errors import InputError
 from .formats import FileFormat, ForeignColumn, ForeignTable
+from .recording import si_of
 from .text import to_numbers
-from .units import si_of
 
 # Names by the dimension of the first two inputs and outputs: the lever's length and force, as workloopR names them.
 _NAMES = {"m": "length", "N": "force"}
@@ -150,7 +150,9 @@ def _parts(lines: list[str], where: str) -> _Parts:
         if len(row) != len(header):
             problem = f"row {number} has {len(row)} cells, and the header has {len(header)} columns"
             raise InputError(f"row {number}", f"{len(row)} cells", problem, sentence=problem, where=where)
-    comma = _decimal_comma([cell for _, row in rows for cell in row])
+    cells = [cell for _, row in rows for cell in row]
+    # Numbers with commas, and none with a point.
+    comma = any("," in cell for cell in cells) and not any("." in cell for cell in cells)
     if comma:
         rows = [(number, [cell.replace(",", ".") for cell in row]) for number, row in rows]
     remarks = ["numbers have decimal commas"] if comma else []
@@ -180,11 +182,6 @@ def _place(lines: list[str], name: str, among: range, where: str) -> int:
 def _cells(line: str) -> list[str]:
     """Cells between tabs; blanks around them and tabs at the end mean nothing."""
     return [cell.strip() for cell in line.rstrip().split("\t")]
-
-
-def _decimal_comma(cells: Sequence[str]) -> bool:
-    """Whether numbers are written with commas, and none with a point."""
-    return any("," in cell for cell in cells) and not any("." in cell for cell in cells)
 
 
 def _calibration(lines: Sequence[str], comma: bool, where: str) -> dict[str, tuple[str, float, float]]:

@@ -226,7 +226,8 @@ def _library_log() -> Iterator[list[str]]:
     lines: list[str] = []
     handler = logging.Handler()
     handler.emit = lambda record: lines.append(record.getMessage()[:200])  # type: ignore[method-assign]
-    logs = [log for name in list(logging.root.manager.loggerDict) if (log := _log(name)) is not None]
+    # Each module of the library has a log of its own, and the one above them none.
+    logs = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms.")]
     before = [log.handlers for log in logs]
     for log in logs:
         log.handlers = [handler]
@@ -235,11 +236,6 @@ def _library_log() -> Iterator[list[str]]:
     finally:
         for log, handlers in zip(logs, before, strict=True):
             log.handlers = handlers
-
-
-def _log(name: str) -> logging.Logger | None:
-    """One of the library's modules; each has a log of its own, and the one above them none."""
-    return logging.getLogger(name) if name.startswith("nptdms.") else None
 
 
 def _group(group: Any, cut_off: bool) -> list[ForeignColumn]:

@@ -35,8 +35,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import Quantity
 from ..schema import FileTable, Place, read_table
-from .recording import Channel, Recording
-from .units import is_si
+from .recording import Channel, Recording, is_si
 
 SCHEMA = 1
 DAY = 86400.0  # [s]
@@ -438,7 +437,8 @@ def recalibrate(recording: Recording, calibration: Calibration | None, *, skew: 
     for name in measured:
         if name not in corrections and name not in before:
             continue
-        if recording.unit(name) == "m" and not _has_grid(recording, name):
+        counted = name in (recording.meta.get("converters") or {}) or "encoder" in recording.meta
+        if recording.unit(name) == "m" and not counted:
             remarks.append(f"{name} is left as it is: the recording does not say where its encoder was zeroed")
             continue
         found, new = indicated(recording, name), corrections.get(name, NONE)
@@ -510,10 +510,6 @@ def _grid(recording: Recording, channel: str) -> tuple[Any, float, float | None,
     if recording.unit(channel) == "m" and isinstance(encoder, Mapping):
         return _mounted(recording, encoder.get("mounted")), 0.0, _number(encoder, "resolution", "encoder"), False, None
     return 0.0, 0.0, None, False, None
-
-
-def _has_grid(recording: Recording, channel: str) -> bool:
-    return channel in (recording.meta.get("converters") or {}) or "encoder" in recording.meta
 
 
 def _mounted(recording: Recording, said: Any) -> Any:

@@ -20,9 +20,8 @@ import numpy as np
 from ..errors import InputError, choice
 from ..quantities import with_unit
 from .formats import ForeignColumn, ForeignTable, ImportResult
-from .recording import Channel, Recording, check_name
+from .recording import Channel, Recording, check_name, is_pressure, si_of
 from .text import MISSING, is_number, plain_text, rows_left_out, split_header, to_numbers, with_points
-from .units import is_pressure, si_of
 
 AMBIENT = 101325.0  # [Pa], says where vacuum is
 # Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
@@ -354,7 +353,9 @@ def assemble(
     remarks += _gaps(time, table, strict, where)
     channels: dict[str, Channel] = {}
     for name, column in sources.items():
-        zero = _zero(name, pressure_zero, where)
+        zero = pressure_zero.get(name, 0.0) if isinstance(pressure_zero, Mapping) else pressure_zero
+        if not math.isfinite(zero):
+            raise InputError("pressure_zero", zero, "must be a finite pressure [Pa]", where=where)
         channels[name] = _channel(name, column, numbers[name], table, words.get(name), zero, ambient, where)
     if not channels:
         raise InputError("channels", None, "must be at least one column beside the time", where=where)
@@ -636,13 +637,6 @@ def _channel(
         check_vacuum(name, foreign.label, values, ambient, table.place, where)
     kind = "command" if name.split(".")[-1] == "command" else "measured"
     return Channel(values, si, kind)
-
-
-def _zero(name: str, zeros: float | Mapping[str, float], where: str) -> float:
-    zero = zeros.get(name, 0.0) if isinstance(zeros, Mapping) else zeros
-    if not math.isfinite(zero):
-        raise InputError("pressure_zero", zero, "must be a finite pressure [Pa]", where=where)
-    return zero
 
 
 def _check_alive(channels: Mapping[str, Channel], where: str) -> None:

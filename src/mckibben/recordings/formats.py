@@ -207,7 +207,8 @@ def load(path: Path, **options: object) -> ImportResult | ForeignTable:
             known = f"they take {', '.join(file_format.options)}" if file_format.options else "they take no options"
             raise InputError(name, str(stated[name]), f"{file_format.title} have no such option; {known}", where=where)
     try:
-        if _is_bounded(path):
+        # So small a text takes bounded memory and time without a process of its own.
+        if path.suffix.lower() in PLAIN_TEXT and path.stat().st_size <= SMALL_TEXT:
             return file_format.read(path, **stated)
         try:
             return call_outside(read_as_format, path, **stated)
@@ -235,8 +236,3 @@ def _format_there(path: Path) -> FileFormat:
     if file_format is None:  # of the program that asks, such as a script that added it
         raise InputError(_NOT_THERE)
     return file_format
-
-
-def _is_bounded(path: Path) -> bool:
-    """Whether a file is so small a text that reading it takes bounded memory and time without a process of its own."""
-    return path.suffix.lower() in PLAIN_TEXT and path.stat().st_size <= SMALL_TEXT

@@ -213,19 +213,17 @@ def _piston(probe: Probe, name: str, c: Conditions, cycle: EnergyCycle, points: 
         second = np.array([[rest], [high]])
     else:
         lengths = np.linspace(c.stretched_length, cycle.shortened_length, points)
-        gauge = _pressures(probe, name, c, cycle, lengths)
+        gauge = (
+            np.full_like(lengths, c.pressure)
+            if name == "maximal"
+            else isotonic_pressure(probe, lengths, cycle.load + c.friction, c.exchange_pressure, c.pressure)
+        )
         inside = probe.volume(lengths, gauge)
         second = np.stack([air / (gauge + ambient) - inside + rest, gauge + ambient])[:, 1:]
     back = np.array([[rest, first[0, 0]], [low, low]])
     x, y = np.concatenate([first, second, back], axis=1)
     full = points - 1 + second.shape[1]  # the piston is empty, all air in the muscle
     return CyclePath(x, y, dict(zip(_compared_names(name, c), (0, points - 1, full, full + 1), strict=True)))
-
-
-def _pressures(probe: Probe, name: str, c: Conditions, cycle: EnergyCycle, lengths: np.ndarray) -> np.ndarray:
-    if name == "maximal":
-        return np.full_like(lengths, c.pressure)
-    return isotonic_pressure(probe, lengths, cycle.load + c.friction, c.exchange_pressure, c.pressure)
 
 
 def _tendon(probe: Probe, name: str, c: Conditions, cycle: EnergyCycle, points: int) -> CyclePath:

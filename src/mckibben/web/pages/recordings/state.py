@@ -16,7 +16,7 @@ import numpy as np
 from ....analysis.channels import find_cycles
 from ....documents import JsonValue
 from ....errors import MckibbenError
-from ....recordings.cautions import cautions_of
+from ....recordings.metadata import cautions_of
 from ....recordings.provenance import conditions
 from ....report.words import is_number, mapping, significant
 from ...reader import read_outside
