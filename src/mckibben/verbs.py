@@ -87,10 +87,24 @@ Pressure = Annotated[float | str, QUANTITIES["PRESSURE"]]
 Force = Annotated[float | str, QUANTITIES["FORCE"]]
 Contraction = Annotated[float | str, QUANTITIES["CONTRACTION"]]
 Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
+Mass = Annotated[float | str, QUANTITIES["MASS"]]
+Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
+Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
+# What one asks of a muscle is within narrower bounds than what a rig or a recording may have.
+WorkingForce = Annotated[float | str, ParameterType("FORCE", "N", (1e-2, 2e4))]
+Stroke = Annotated[float | str, ParameterType("LENGTH", "m", (1e-4, 2.0))]
+OverallLength = Annotated[float | str, ParameterType("LENGTH", "m", (1e-2, 5.0))]
+TubeLength = Annotated[float | str, ParameterType("LENGTH", "m", (5e-3, 50.0))]
+WorkingSpeed = Annotated[float | str, ParameterType("SPEED", "m/s", (1e-4, 5.0))]
+CycleRate = Annotated[float | str, ParameterType("FREQUENCY", "1/s", (1e-4, 100.0))]
+TimePerDay = Annotated[float | str, ParameterType("TIME", "s", (1.0, 1e5))]
 MuscleName = Annotated[Any, ParameterType("SPECIMEN")]
 MuscleOrLaw = Annotated[Any, ParameterType("SPECIMEN|LAW")]
 LawName = Annotated[str, ParameterType("LAW")]
 CycleName = Annotated[str, ParameterType("CYCLE")]
+SpaceText = Annotated[str, ParameterType("LENGTHxDIAMETER")]
+TankText = Annotated[str, ParameterType("TANK")]
+ValveName = Annotated[str, ParameterType("VALVE")]
 VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
@@ -171,6 +185,8 @@ class Parameter:
         flag: whether it is true or false.
         about: words of help.
         parts: parameters that it has under their names; whoever types them gives each by itself.
+
+    What has neither a type nor is a flag only Python gives, such as a function that is told of progress.
     """
 
     name: str
@@ -262,7 +278,7 @@ def verb(function: Callable[P, A]) -> Callable[P, A]:
     """Make of a function one that takes text with units, and whose answer says which values can only be slips.
 
     Cautions of the answer go out as warnings too. A sentence that is to be read at a command line as well names other
-    parameters in braces: ``"is allowed only without {pressure}"``.
+    parameters in braces: ``"is allowed only without {pressure}"``, or ``"{lines=False}"`` with the value of a flag.
     """
 
     @functools.wraps(function)
@@ -296,6 +312,9 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
         read = {name: parameters[name].read(value) for name, value in values.items() if name in parameters}
         found = function(**{**values, **read})
     except InputError as error:
+        for slip in _slips(parameters, values):
+            if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
+                error = error.changed(problem=f"{error.problem}; was {slip.text.partition('; was ')[2]}")
         parts = {part.name: part for one in parameters.values() for part in one.parts}
         raise _renamed(error, parts | dict(parameters), shown) from None
     own = [dataclasses.replace(one, text=_called(one.text, parameters, shown)) for one in found.cautions]
@@ -323,20 +342,25 @@ def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Call
 
 def _called(text: str, parameters: Mapping[str, Parameter], shown: Callable[[str], str]) -> str:
     """A sentence whose parameters in braces are called as somebody calls them."""
-    return re.sub(r"\{(\w+)\}", lambda m: shown(m[1]) if m[1] in parameters else m[0], text)
+
+    def one(found: re.Match[str]) -> str:
+        value = (found[2] or "") if shown is str else ""  # an option of its own stands for a flag with its value
+        return shown(found[1]) + value if found[1] in parameters else found[0]
+
+    return re.sub(r"\{(\w+)(=\w+)?\}", one, text)
 
 
 def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[Caution]:
-    """Cautions about texts whose size can only be a slip."""
+    """Cautions about values whose size can only be a slip."""
     for name, value in values.items():
         kind = parameters[name].type if name in parameters else ParameterType()
         changes = kind.word == "PATH=VALUE" and isinstance(value, Mapping)
         texts: Sequence[tuple[str, Any]] = [*value.items()] if changes else [(name, value)]
         for key, text in texts:
-            if isinstance(text, str) and (kind.range or changes):
+            if isinstance(text, str | int | float) and (kind.range or changes):
                 from .slips import size_caution
 
-                for one in re.split("[,;]", text) if kind.listed else [text]:
-                    slip = size_caution(one.strip(), kind.unit, name=key.replace("_", " "), usual=kind.range)
+                for one in re.split(" *[,;] *", text) if kind.listed and isinstance(text, str) else [text]:
+                    slip = size_caution(one, kind.unit, name=key.replace("_", " "), usual=kind.range)
                     if slip is not None:
                         yield slip

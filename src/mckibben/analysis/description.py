@@ -92,7 +92,7 @@ class RecordingDescription(Answer):
         ]
         times = (Column("start", "from", "s", places=".6g"), Column("end", "to", "s", places=".6g"))
         columns = (Column("index", "step", right=True), Column("label"), Column("case"), *times)
-        return Table("", (*columns, Column("ended_by"), Column("recorded", "")), rows, STEPS)
+        return Table("", (*columns, Column("ended_by"), Column("recorded", "")), rows, most=STEPS)
 
     def _channels(self) -> Table:
         rows = []

@@ -252,7 +252,7 @@ class EnergyAccount(Answer):
             times = (Column("start", "from", "s"), Column("end", "to", "s"), Column("air", unit="kg", shown="g"))
             works = (Column(key, unit="J") for key in ("supply", "shaft_work", "work_out"))
             last = (Column("efficiency", None, "1", "%", ".2f"), Column("remainder", None, "J", places=".2g"))
-            tables.append(Table("Cycles, from samples", (*times, *works, *last), each, CYCLES))
+            tables.append(Table("Cycles, from samples", (*times, *works, *last), each, most=CYCLES))
         return tables
 
     def remarks(self) -> list[str]:

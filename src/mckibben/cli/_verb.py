@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ import typer
 from .. import verbs
 from ..answers import Answer
 from ..errors import InputError
+from . import _progress
 from ._outputs import OutputKinds, Paths
 from ._terminal import (
     FigureLook,
@@ -24,15 +26,12 @@ from ._terminal import (
     options_named,
     pairs,
     print_json,
+    program,
     table,
+    writable,
 )
 
-SINGULAR = {
-    "columns": "column",
-    "units": "unit",
-    "start": "from",
-    "end": "to",
-}  # options with the words of all commands
+SINGULAR = {"columns": "column", "units": "unit"}  # options with the words of all commands
 PAIRS = {"NAME=COLUMN": "force='F [N]'", "NAME=UNIT": "force=N"}  # examples of what is typed of a table
 REMEDIES = {"sheet": "NAME", "rest_length": "'300 mm'", "frequency": "'28 Hz'"}  # values of options that errors ask for
 
@@ -45,6 +44,14 @@ class Shorthand(NamedTuple):
     about: str
 
 
+class Written(NamedTuple):
+    """An option that names a file to write, beside ``--out``."""
+
+    suffix: str
+    about: str
+    write: Callable[[Any, Path], object]
+
+
 @dataclass(frozen=True)
 class VerbCommand:
     """What the command line adds to a verb, nearly all of it words.
@@ -55,7 +62,13 @@ class VerbCommand:
         examples: command lines.
         options: names of options that differ from those of their parameters.
         shorthands: flags that stand for a value, by name.
+        required: parameters that the command line wants stated.
         draw: draws the figure of an answer into a file.
+        writes: what else ``--out`` takes, by its kind in `outputs`.
+        written: options that name a file each.
+        top: rows of rankings that are shown and written where ``--top`` states no other; 0 for all, without the option.
+        doing: word for what takes long, and the number of its stages by what was given.
+        failed: exit code where what was asked for was not reached.
     """
 
     place: str
@@ -63,21 +76,36 @@ class VerbCommand:
     examples: tuple[str, ...]
     options: Mapping[str, str] = field(default_factory=dict)
     shorthands: Mapping[str, Shorthand] = field(default_factory=dict)
+    required: tuple[str, ...] = ()
     draw: Callable[[Any, Path], object] | None = None
+    writes: Mapping[str, Callable[[Any, Path], object]] = field(default_factory=dict)
+    written: Mapping[str, Written] = field(default_factory=dict)
+    top: int = 0
+    doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
+    failed: int = 1
 
     def option(self, parameter: str) -> str:
-        """The option of a parameter."""
-        return f"--{(SINGULAR | dict(self.options)).get(parameter, parameter).replace('_', '-')}"
+        """The option of a parameter; a flag that is set by default has one that takes it away."""
+        one = verbs.described(self.place).parameters.get(parameter)
+        name = (SINGULAR | dict(self.options)).get(parameter, parameter).replace("_", "-")
+        return f"--no-{name}" if one is not None and one.flag and one.default else f"--{name}"
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
         verb = verbs.described(self.place)
         parameters = [self._parameter(one) for one in _typed(verb)]
+        parameters.sort(key=lambda p: p.default is not p.empty)
         for name, one in self.shorthands.items():
             flag = Annotated[bool, typer.Option(f"--{name.replace('_', '-')}", help=one.about)]
             parameters.insert([p.name for p in parameters].index(one.parameter), _keyword(name, flag, False))
         if self.draw is not None:
             parameters += [_keyword("width", FigureWidth, None), _keyword("look", FigureLook, "screen")]
+        for name, written in self.written.items():
+            kind = Annotated[Path | None, typer.Option(f"--{name}", metavar="OUT", help=written.about)]
+            parameters.append(_keyword(name, kind, None))
+        if self.top:
+            rows = typer.Option("--top", metavar="N", min=1, help="Number of rows shown of each ranking.")
+            parameters.append(_keyword("top", Annotated[int, rows], self.top))
         parameters += [_keyword("out", Annotated[Paths, self.outputs.option()], None), _keyword("as_json", Json, False)]
 
         def run(**values: Any) -> None:
@@ -96,22 +124,31 @@ class VerbCommand:
             kind = Annotated[taken, typer.Argument(metavar=word, help=p.about)]
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind)
         if p.flag:
-            return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=p.about)], p.default)
+            about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
+            return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=about)], False)
         option = typer.Option(self.option(p.name), metavar=word, help=p.about)
-        if p.required:
+        if p.required or p.name in self.required:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
 
     def _run(self, verb: verbs.Description, values: dict[str, Any]) -> None:
-        paths, as_json = values.pop("out"), values.pop("as_json")
+        paths, as_json, top = values.pop("out"), values.pop("as_json"), values.pop("top", None)
+        beside = {name: values.pop(name) for name in self.written}
+        for name, path in beside.items():
+            writable(f"--{name}", path, self.written[name].suffix)
         with self.outputs.files(paths) as files:
             answer = self._answer(verb, values)
             expect_cautions(())  # the answer has those about typed values
+            writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
+            for kind, write in writes.items():
+                files.write(kind, functools.partial(write, answer))
+            for name, path in beside.items():
+                if path is not None:
+                    self.written[name].write(answer, path)
+            failure = answer.failure()
+            answer = answer if top is None else answer.first(top)
             content = answer.to_dict()
             content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
-            if self.draw is not None:
-                draw = self.draw
-                files.write("figure", lambda path: draw(answer, path))
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
             files.write_result(content)
@@ -120,6 +157,12 @@ class VerbCommand:
             else:
                 show(answer)
                 files.say()
+                for path in filter(None, beside.values()):
+                    typer.echo(f"Written: {path}")
+        if failure:
+            typer.echo(f"{program(31)}: {failure}", err=True)
+        if failure is not None:
+            raise typer.Exit(self.failed)
 
     def _answer(self, verb: verbs.Description, values: dict[str, Any]) -> Answer:
         for name, one in self.shorthands.items():
@@ -134,13 +177,23 @@ class VerbCommand:
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
                 given |= {p.name: stated} if stated else {}
-        arguments = [p.name for p in verb.parameters.values() if p.required and not p.keyword]
+        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
         with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
-            return verbs.answer(verbs.load(self.place), given, lambda n: n if n in arguments else self.option(n))
+            if self.doing is None:
+                return ask(given)
+            title, stages = self.doing
+            with _progress.told(title, stages(given)) as tell:
+                return ask(given | {"progress": tell})
+
+    def _called(self, parameter: str) -> str:
+        one = verbs.described(self.place).parameters.get(parameter)
+        return parameter if one is not None and one.required and not one.keyword else self.option(parameter)
 
     def _given(self, p: verbs.Parameter, value: Any) -> Any:
         """A value as the verb takes it: of NAME=VALUE a table, in which columns may be numbers."""
         word = p.type.word
+        if p.flag and p.default:
+            return not value  # --no-lines
         if word not in PAIRS:
             return assignments(value) if word == "PATH=VALUE" else value
         named = pairs(value, self.option(p.name), PAIRS[word])
@@ -173,8 +226,10 @@ def show(answer: Answer) -> None:
         table(_plain(one.title), one.heads, cells[: one.most], right=one.right)
         if len(cells) > len(cells[: one.most]):
             typer.echo(f"... and {len(cells) - len(cells[: one.most])} more; --json lists all.")
+        for note in one.notes:
+            typer.echo(note)
     remarks = answer.remarks()
-    typer.echo("\n" if remarks and len(tables) > 1 else "", nl=False)
+    typer.echo("\n" if len(tables) > 1 and remarks else "", nl=False)
     for remark in remarks:
         typer.echo(remark)
 
