@@ -9,12 +9,12 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from mckibben.recordings._matlab import read_matlab
 
 import mckibben
 from mckibben import isolation
 from mckibben.errors import InputError
 from mckibben.recordings import _hdf5, read_recording
+from mckibben.recordings._exchange import read_matlab
 from mckibben.recordings._store import BROKEN_SEAL
 from mckibben.recordings.recording import Channel, Recording
 
