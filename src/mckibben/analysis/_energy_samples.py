@@ -77,7 +77,10 @@ class Flows:
         self.air, self.work_out = zero, zero
         self.vented: list[tuple[np.ndarray, np.ndarray]] = []
         self.seen = {name: self._seen(name) for name in self.nodes}
-        self.volumes = {n: self._volume(n) for n, kind in self.nodes.items() if kind == "chamber"}
+        self.volumes: dict[str, np.ndarray] = {}
+        for name in (n for n, kind in self.nodes.items() if kind == "chamber"):
+            at, mass = self.seen[name], known(record, f"{name}.mass")
+            self.volumes[name] = np.asarray(mass * self.dead.gas.gas_constant * at.temperature / at.pressure_abs)
         self.passed = self._passed()
         for name, (kind, a, b) in self.paths.items():
             for ends, mass in (((a, b), self.passed[name]), ((b, a), -self.passed[name])):
@@ -109,10 +112,6 @@ class Flows:
                 "is missing: the account needs pressure and temperature of every volume",
             )
         return self.dead.see(np.full(self.time.shape, both[0]), np.full(self.time.shape, both[1]))
-
-    def _volume(self, node: str) -> np.ndarray:
-        at, mass = self.seen[node], known(self.record, f"{node}.mass")
-        return np.asarray(mass * self.dead.gas.gas_constant * at.temperature / at.pressure_abs)
 
     def _passed(self) -> dict[str, np.ndarray]:
         """Mass through every path in every interval (n - 1,) [kg]."""
@@ -173,25 +172,17 @@ class Flows:
                 lost = lost - sign * worth
         if self.nodes[target] == "room":
             self.vented.append((middle(taken.pressure_abs), mass))
-        where = (
-            kind
-            if kind in ("tube", "leak", "machine")
-            else "exhaust"
-            if "room" in map(self.nodes.get, ends)
-            else "valve"
-        )
+        where = kind if kind in ("tube", "leak", "machine") else "valve"
+        if where == "valve" and "room" in map(self.nodes.get, ends):
+            where = "exhaust"
         line = next((g for g in self.lines if len(g & set(ends)) == 1), None)
         if where == "exhaust" and line is not None:
-            idle = lost * middle(self._idle(line))
+            whole = sum(self.volumes[n] for n in line)
+            working = sum(known(self.record, f"{n}.volume") for n in line if n in self.machine.muscles())
+            idle = lost * middle(np.asarray(1.0 - working / whole))  # the share of volumes that never change
             self._add(self.out, "dead_volume", idle)
             lost = lost - idle
         self._add(self.out, where, lost)
-
-    def _idle(self, line: set[str]) -> np.ndarray:
-        """Share of the volumes of a line that never change [1]."""
-        whole = sum(self.volumes[n] for n in line)
-        working = sum(known(self.record, f"{n}.volume") for n in line if n in self.machine.muscles())
-        return np.asarray(1.0 - working / whole)
 
     def _chamber(self, node: str) -> None:
         at, volume = self.seen[node], self.volumes[node]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import recordings
+from .. import recordings, verbs
 from ..answers import Answer, Caution, Column, Table
 from ..citations import known_keys, reference
 from ..documents import JsonValue
@@ -16,21 +16,6 @@ from ..experiments.waveforms import time_words
 from ..quantities import from_si, shown_unit
 from ..recordings.files import path_of
 from ..recordings.metadata import MACHINE
-from ..verbs import (
-    DataFile,
-    FileColumns,
-    FileKind,
-    FileUnits,
-    Label,
-    Length,
-    PlainNumber,
-    Pressure,
-    Reading,
-    Sheet,
-    Time,
-    Topic,
-    verb,
-)
 from .segments import steps_of, varied
 
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown
@@ -125,8 +110,8 @@ class RecordingDescription(Answer):
         return lines + [f"[{one['key']}] {one['reference']}".rstrip() for one in known["citations"]]
 
 
-@verb
-def describe_recording(recording: DataFile, *, read: Reading | None = None) -> RecordingDescription:
+@verbs.verb
+def describe_recording(recording: verbs.DataFile, *, read: verbs.Reading | None = None) -> RecordingDescription:
     """Describe a recording: protocol, muscle, rig, steps, channels, balances, events.
 
     Args:
@@ -264,20 +249,20 @@ class FileDescription(Answer):
         return lines + ([f"Before the header: {more} more lines; --json has all."] if more > 0 else [])
 
 
-@verb
+@verbs.verb
 def describe_file(
-    file: DataFile,
+    file: verbs.DataFile,
     *,
-    columns: FileColumns | None = None,
-    units: FileUnits | None = None,
-    rest_length: Length | None = None,
-    period: Time | None = None,
-    branch: Label | None = None,
-    pressure_zero: Pressure | None = None,
-    kind: FileKind | None = None,
-    sheet: Sheet | None = None,
-    topic: Topic | None = None,
-    gear_ratio: PlainNumber | None = None,
+    columns: verbs.FileColumns | None = None,
+    units: verbs.FileUnits | None = None,
+    rest_length: verbs.Length | None = None,
+    period: verbs.Time | None = None,
+    branch: verbs.Label | None = None,
+    pressure_zero: verbs.Pressure | None = None,
+    kind: verbs.FileKind | None = None,
+    sheet: verbs.Sheet | None = None,
+    topic: verbs.Topic | None = None,
+    gear_ratio: verbs.PlainNumber | None = None,
     **options: JsonValue,
 ) -> FileDescription:
     r"""Read a file of another program and show its columns, units, and the rows left out.

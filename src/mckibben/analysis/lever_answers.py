@@ -8,32 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from .. import verbs
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
 from ..recordings import read_any
 from ..recordings.files import naming_file, path_of
-from ..verbs import (
-    ChannelName,
-    CutPoint,
-    CycleNumbers,
-    DataFile,
-    ForceLevel,
-    Frequency,
-    Reading,
-    Shares,
-    verb,
-)
-from .lever import (
-    ContractionTiming,
-    LeverLoop,
-    LeverProtocol,
-    contraction_timing,
-    lever_loops,
-    missing_cycles,
-    partial_cycles,
-    stated_protocol,
-)
+from . import lever
 
 
 @dataclass(frozen=True)
@@ -48,8 +29,8 @@ class Contraction(Answer):
     """
 
     file: str | None
-    timing: ContractionTiming
-    protocol: LeverProtocol | None
+    timing: lever.ContractionTiming
+    protocol: lever.LeverProtocol | None
     cautions: tuple[Caution, ...] = ()
 
     units: ClassVar[Mapping[str, str]] = {"share": "1", "time": "s", "force": "N"}
@@ -59,7 +40,12 @@ class Contraction(Answer):
         timing = self.timing
         points = {name: [p._asdict() for p in getattr(timing, name)] for name in ("rising", "relaxing")}
         found = {"time_to_peak": timing.time_to_peak, "developed_force": timing.developed_force}
-        return timing._asdict() | points | found | {"file": self.file, "protocol": _stated(self.protocol)}
+        return (
+            timing._asdict()
+            | points
+            | found
+            | {"file": self.file, "protocol": self.protocol and self.protocol._asdict()}
+        )
 
     def rows(self) -> list[dict[str, Any]]:
         """Stimulus, set points of the rise, peak, and set points of the relaxation."""
@@ -91,16 +77,16 @@ class Contraction(Answer):
         return [f"{peak}, {1e3 * of.time_to_peak:.4g} ms after the stimulus."]
 
 
-@verb
+@verbs.verb
 def contraction(
-    recording: DataFile,
+    recording: verbs.DataFile,
     *,
-    rising: Shares = "10 %, 90 %",
-    relaxing: Shares | None = None,
-    above: ForceLevel = "rest",
-    force: ChannelName = "force",
-    stimulus: ChannelName = "stimulus",
-    read: Reading | None = None,
+    rising: verbs.Shares = "10 %, 90 %",
+    relaxing: verbs.Shares | None = None,
+    above: verbs.ForceLevel = "rest",
+    force: verbs.ChannelName = "force",
+    stimulus: verbs.ChannelName = "stimulus",
+    read: verbs.Reading | None = None,
 ) -> Contraction:
     """Time a twitch or tetanus: stimulus, peak, and set points of rise and relaxation.
 
@@ -117,16 +103,10 @@ def contraction(
         InputError: a channel is missing, there is no stimulus, or the force does not rise after it.
     """
     record = read_any(recording, **(read or {})).recording
+    shares: dict[str, Any] = {"rising": rising, "relaxing": relaxing}
     with naming_file(recording):
-        timing = contraction_timing(
-            record,
-            rising=_floats(rising) or (),
-            relaxing=_floats(relaxing),
-            above=above,
-            force=force,
-            stimulus=stimulus,
-        )
-    protocol = stated_protocol(record)
+        timing = lever.contraction_timing(record, **shares, above=above, force=force, stimulus=stimulus)
+    protocol = lever.stated_protocol(record)
     loop = protocol is not None and protocol.kind == "work loop"
     said = (
         "the protocol is one of work loops, in which the length changes; a twitch or a tetanus is timed at one length"
@@ -149,9 +129,9 @@ class WorkLoops(Answer):
 
     file: str | None
     cut: str
-    loops: tuple[LeverLoop, ...]
+    loops: tuple[lever.LeverLoop, ...]
     starts: tuple[float, ...]
-    protocol: LeverProtocol | None
+    protocol: lever.LeverProtocol | None
     cautions: tuple[Caution, ...] = ()
 
     units: ClassVar[Mapping[str, str]] = {
@@ -168,7 +148,7 @@ class WorkLoops(Answer):
     def to_dict(self) -> dict[str, JsonValue]:
         """Cycles, their mean, and the protocol."""
         about = {"file": self.file, "cut": self.cut, "cycles": self.rows(), "mean": self.mean}
-        return about | {"protocol": _stated(self.protocol)}
+        return about | {"protocol": self.protocol and self.protocol._asdict()}
 
     def rows(self) -> list[dict[str, JsonValue]]:
         """One row per cycle."""
@@ -195,16 +175,16 @@ class WorkLoops(Answer):
         ]
 
 
-@verb
+@verbs.verb
 def work_loops(
-    recording: DataFile,
+    recording: verbs.DataFile,
     *,
-    cut: CutPoint = "L0",
-    keep: CycleNumbers | None = None,
-    frequency: Frequency | None = None,
-    length: ChannelName = "length",
-    force: ChannelName = "force",
-    read: Reading | None = None,
+    cut: verbs.CutPoint = "L0",
+    keep: verbs.CycleNumbers | None = None,
+    frequency: verbs.Frequency | None = None,
+    length: verbs.ChannelName = "length",
+    force: verbs.ChannelName = "force",
+    read: verbs.Reading | None = None,
 ) -> WorkLoops:
     """Compute work and power of each cycle of a muscle on a lever.
 
@@ -224,8 +204,8 @@ def work_loops(
     per_second = None if frequency is None else float(frequency)
     record = read_any(recording, **(read or {})).recording
     with naming_file(recording):
-        loops = lever_loops(record, cut=cut, keep=numbers, frequency=per_second, length=length, force=force)
-    lacking, some = missing_cycles(record, length=length), partial_cycles(loops)
+        loops = lever.lever_loops(record, cut=cut, keep=numbers, frequency=per_second, length=length, force=force)
+    lacking, some = lever.missing_cycles(record, length=length), lever.partial_cycles(loops)
     which, are = ("cycle", "is") if len(some) == 1 else ("cycles", "are")
     odd = f"{which} {' and '.join(map(str, some))} {are} longer or shorter than the others, and in the mean"
     said = collect(
@@ -233,7 +213,7 @@ def work_loops(
         Caution(f"{odd}; {{keep}} takes others", "keep") if some else None,
     )
     starts = tuple(float(record.time[one.start]) for one in loops)
-    return WorkLoops(path_of(recording), cut, loops, starts, stated_protocol(record), said)
+    return WorkLoops(path_of(recording), cut, loops, starts, lever.stated_protocol(record), said)
 
 
 def cycle_numbers(words: str) -> tuple[int, ...]:
@@ -247,14 +227,6 @@ def cycle_numbers(words: str) -> tuple[int, ...]:
             raise InputError("keep", words, "must be ranges that rise, from 1 on")
         numbers += range(first, last + 1)
     return tuple(numbers)
-
-
-def _floats(values: Any) -> tuple[float, ...] | None:
-    return None if values is None else tuple(float(one) for one in values)
-
-
-def _stated(protocol: LeverProtocol | None) -> dict[str, JsonValue] | None:
-    return None if protocol is None else protocol._asdict()
 
 
 def _of(file: str | None) -> str:

@@ -412,14 +412,13 @@ def static_points(
 
 
 def _static(at: np.ndarray, pressures: Paths, tensions: Paths) -> Iterator[StaticPoint]:
-    points_by_place = {"pressure": pressures, "tension": tensions}
-    rising, falling = points_by_place["tension"]
+    rising, falling = tensions
     low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
     for x in at:
         if not low <= x <= high:
             raise InputError("lengths", float(x), f"must be between {low:.6g} and {high:.6g} m, which both paths reach")
-    mean = {name: 0.5 * (p.rising.at(at) + p.falling.at(at)) for name, p in points_by_place.items()}
-    for x, p, f in zip(at, mean["pressure"], mean["tension"], strict=True):
+    means = (0.5 * (p.rising.at(at) + p.falling.at(at)) for p in (pressures, tensions))
+    for x, p, f in zip(at, *means, strict=True):
         yield StaticPoint(float(x), float(p), float(f))
 
 

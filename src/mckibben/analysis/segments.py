@@ -63,7 +63,12 @@ def chosen_steps(record: Recording, label: str | None, case: Mapping[str, JsonVa
             raise InputError("case", name, "the recording has", known=values)
         if not any(same_amount(wanted, words) for words in values[name]):
             raise InputError(name, wanted, f"must be {choice(values[name])} as in the recording")
-    chosen = [s for s in steps if (label is None or s["label"] == label) and _fits(s["case"], case)]
+    chosen = [
+        s
+        for s in steps
+        if (label is None or s["label"] == label)
+        and all(name in s["case"] and same_amount(wanted, s["case"][name]) for name, wanted in case.items())
+    ]
     if not chosen:
         wanted_words = ", ".join([*([str(label)] if label else []), *(f"{k} {v}" for k, v in case.items())])
         near = [s for s in steps if s["label"] == label] if label is not None else steps
@@ -187,10 +192,6 @@ def _part(record: Recording, step: Mapping[str, Any]) -> Recording | None:
         return None
     some = {name: channel.with_values(channel.values[first:end]) for name, channel in record.channels.items()}
     return Recording(record.time[first:end], some, {**record.meta, "steps": [dict(step)], "step": dict(step)})
-
-
-def _fits(of: Mapping[str, str], case: Mapping[str, JsonValue]) -> bool:
-    return all(name in of and same_amount(wanted, of[name]) for name, wanted in case.items())
 
 
 def _place(step: Mapping[str, Any], names: Mapping[str, Any] | None = None) -> str:

@@ -64,7 +64,13 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
     if len(cells) > 1 and not any(cell.strip("0.") for cell in cells[-1][1:]):
         remarks.append(f"row {numbers[-1]} is left out: the last sample holds zeros only")
         numbers, cells = numbers[:-1], cells[:-1]
-    _check_samples([row[0] for row in cells], numbers, where)
+    # After a lost or a repeated sample everything would be timed wrong.
+    wrong = np.flatnonzero(np.diff(to_numbers([row[0] for row in cells], numbers, "Sample", where)) != 1.0)
+    if len(wrong):
+        at = int(wrong[0]) + 1
+        sample, before = cells[at][0], cells[at - 1][0]
+        problem = f"row {numbers[at]} is sample {sample} after {before}; samples must be numbered one by one"
+        raise InputError("Sample", sample, problem, sentence=problem, where=where)
     time = np.arange(len(cells)) / rate
     columns: list[ForeignColumn] = []
     for at, channel in enumerate(parts.header[1:], 1):
@@ -76,9 +82,11 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
                 remarks.append(f"channel {channel} is left out: {lack}")
             continue
         values = to_numbers([row[at] for row in cells], numbers, channel, where)
-        name = "stimulus" if stimulus else _name(unit, channel)
+        name = "stimulus" if stimulus else channel.lower()
         if not stimulus:
             values = (values + offset) * scale
+            if unit != "TTL":
+                name = _NAMES.get(si_of(unit, field=f"Units of {channel}")[0], name)
         if name in ("length", "force"):
             values = values / ratio if name == "length" else values * ratio
         label = f"{name}.command" if channel.startswith("AO") else name
@@ -102,12 +110,6 @@ def _lines(path: Path, where: str) -> list[str]:
         return content.decode("latin-1").splitlines()
 
 
-def _name(unit: str, channel: str) -> str:
-    if unit == "TTL":
-        return channel.lower()
-    return _NAMES.get(si_of(unit, field=f"Units of {channel}")[0], channel.lower())
-
-
 def _rate(head: Mapping[str, str], where: str) -> float:
     key = "Sample Frequency (Hz)"
     if key not in head:
@@ -116,16 +118,6 @@ def _rate(head: Mapping[str, str], where: str) -> float:
     if not 0.0 < rate <= _FASTEST:
         raise InputError(key, rate, f"must be above 0 and at most {_FASTEST:g}", where=where)
     return rate
-
-
-def _check_samples(cells: Sequence[str], rows: Sequence[int], where: str) -> None:
-    """Refuse lost and repeated samples: everything after them would be timed wrong."""
-    numbers = to_numbers(cells, rows, "Sample", where)
-    wrong = np.flatnonzero(np.diff(numbers) != 1.0)
-    if len(wrong):
-        at = int(wrong[0]) + 1
-        problem = f"row {rows[at]} is sample {cells[at]} after {cells[at - 1]}; samples must be numbered one by one"
-        raise InputError("Sample", cells[at], problem, sentence=problem, where=where)
 
 
 def _parts(lines: list[str], where: str) -> _Parts:

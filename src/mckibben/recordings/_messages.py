@@ -159,7 +159,8 @@ def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], object
         store = typesys.get_typestore(typesys.Stores.EMPTY)
         store.register(types)
         store.get_msgdef(full)
-        missing = any(_unknown(store, definition) for definition in types.values())
+        used = {kind for definition in types.values() for kind in re.findall(r"'(\w+/msg/\w+)'", repr(definition[1]))}
+        missing = any(kind not in store.fielddefs for kind in used)
     except Exception as error:
         if lacks_memory(error):
             raise
@@ -168,12 +169,6 @@ def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], object
         store = typesys.get_typestore(typesys.Stores.LATEST)
         store.register(types)
     return lambda data: store.deserialize_cdr(data, full)
-
-
-def _unknown(store: Any, definition: Any) -> bool:
-    """Whether a definition uses a message that the store does not have."""
-    used = re.findall(r"'(\w+/msg/\w+)'", repr(definition[1]))
-    return any(kind not in store.fielddefs for kind in used)
 
 
 def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes], LoggedMessage]:

@@ -174,7 +174,11 @@ def understand(
         if kind == "map":
             points = read_force_map(path, **of_map)
             return FileReading(points, title, _channel_uses(content.recording), (*content.remarks, *points.remarks), {})
-        _refuse_options(path, columns=columns, units=units, period=step)
+        for option, value in {"column": columns, "unit": units, "period": step}.items():
+            if value:
+                problem = "a recording of mckibben says these itself; they are for files of others"
+                shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
+                raise InputError(option, shown, problem, where=str(path))
         return FileReading(content.recording, title, _channel_uses(content.recording), tuple(content.remarks), {})
     if (kind or _kind_of(content, columns or {}, step, str(path))) == "recording":
         result = assemble(
@@ -323,14 +327,6 @@ def read_any(
     reading = understand(path, columns=columns, units=units, period=period, kind="recording", **options)
     assert isinstance(reading.data, Recording)
     return ImportResult(reading.data, list(reading.remarks))
-
-
-def _refuse_options(path: Path, **options: Any) -> None:
-    for option, value in options.items():
-        if value:
-            problem = "a recording of mckibben says these itself; they are for files of others"
-            shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
-            raise InputError(option.removesuffix("s"), shown, problem, where=str(path))
 
 
 def read_record(

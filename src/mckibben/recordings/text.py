@@ -193,8 +193,10 @@ def table_of_rows(rows: Rows, where: str) -> ForeignTable:
     preamble = [" ".join(cell for cell in map(str.strip, row) if cell) for _, row in rows[: begin - lines]]
     table, remarks = _without_words(rows[begin:], [row for _, row in rows[begin - lines : begin]])
     width = len(header) if header is not None else len(rows[begin][1])
-    if header is not None and table and all(len(row) == width + 1 for _, row in table) and _numbered(table):
-        header, width = ["", *header], width + 1  # R names its rows and not their column
+    if header is not None and table and all(len(row) == width + 1 for _, row in table):
+        firsts = [row[0].strip() for _, row in table]
+        if firsts == [str(i) for i in range(1, len(table) + 1)] or not any(map(is_number, firsts)):
+            header, width = ["", *header], width + 1  # R numbers or names its rows, and not their column
     fitting = [
         (n, row[:width] if len(row) > width and not any(map(str.strip, row[width:])) else row) for n, row in table
     ]
@@ -285,12 +287,6 @@ def _is_units(row: list[str]) -> bool:
     cells = [cell.strip() for cell in row]
     known = sum(cell.strip("[]()").split(" ")[0] in _UNIT_WORDS for cell in cells)
     return known > 0 and all(_SHORT.fullmatch(cell) for cell in cells) and 2 * known >= sum(map(bool, cells))
-
-
-def _numbered(rows: Rows) -> bool:
-    """Whether the first cells number or name the rows."""
-    firsts = [row[0].strip() for _, row in rows]
-    return firsts == [str(i) for i in range(1, len(rows) + 1)] or not any(map(is_number, firsts))
 
 
 def with_points(cells: Sequence[str], numbers: Sequence[int], column: str, where: str) -> Sequence[str]:

@@ -474,7 +474,10 @@ def energy(
         WorkingCycles(nylon, 5 bar: maximal 29.2%)
     """
     spec, changes, law = _described(muscle, law, parameters)
-    names = _names([cycles] if isinstance(cycles, str) else cycles or CYCLES)
+    names = list(dict.fromkeys([cycles] if isinstance(cycles, str) else cycles or CYCLES))
+    for name in names:
+        if name not in CYCLES:
+            raise InputError("cycle", name, known=CYCLES)
     if volume == "":
         raise InputError("volume", volume, "must be the name of a volume")
     law, muscles = one_cycle.cycle_muscles(spec, law or spec.law, volume or "", changes)
@@ -520,14 +523,6 @@ def _described(
         raise InputError("law", law, f"{spec.id} states", known=spec.laws)
     chosen = law or spec.law
     return *at_rest_length(spec, chosen, own | (changed_parameters(changes, chosen, of=spec) if changes else {})), law
-
-
-def _names(cycles: Sequence[str] | Mapping[str, str]) -> list[str]:
-    names = list(dict.fromkeys(cycles))
-    for name in names:
-        if name not in CYCLES:
-            raise InputError("cycle", name, known=CYCLES)
-    return names
 
 
 def _stretched(
