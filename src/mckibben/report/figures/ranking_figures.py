@@ -71,13 +71,16 @@ def _rows(study: Ranking) -> list[_Row]:
     for title, error in study.published:
         both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
         rows.append(
-            _Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both)
+            _Row(
+                name=title.split(",")[0] if len(title) > 24 else title,
+                remark="published",
+                converged=True,
+                predicted=None,
+                beyond=None,
+                fitted=both,
+            )
         )
     return rows
-
-
-def _shorter(title: str) -> str:
-    return title.split(",")[0] if len(title) > 24 else title
 
 
 def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False) -> None:
