@@ -18,6 +18,7 @@ ASKED = {
     "energy": "nylon --pressure 5bar --cycle maximal",
     "size": "--force 35N --stroke 2.8cm --pressure 5bar --no-lines --cycles 1Hz --working-time 8h",
     "compare": "nylon fast-fibre --pressure 12bar",
+    "conform": "python --scenario hang --no-states",
     "diagnose": "no.nc",  # refused in one sentence; tests/studies/test_diagnosis.py has answers
 }
 QUANTITIES = [

@@ -104,6 +104,8 @@ ReadingName = Annotated[str, ParameterType("READING")]
 RigName = Annotated[Any, ParameterType("RIG")]
 PlumbingName = Annotated[str, ParameterType("PLUMBING")]
 RecordingFile = Annotated[Any, ParameterType("RECORDING")]
+HostName = Annotated[Any, ParameterType("HOST")]
+ScenarioName = Annotated[str, ParameterType("SCENARIO")]
 NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
@@ -272,7 +274,8 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
         raise _renamed(error, parameters, shown) from None
     said = {one.parameter for one in found.cautions}
     slips = (one for one in _slips(parameters, values) if one.parameter not in said)
-    return cast(A, dataclasses.replace(cast(Any, found), cautions=collect(*found.cautions, *slips)))
+    cautions = collect(*found.cautions, *slips)
+    return found if cautions == found.cautions else cast(A, dataclasses.replace(cast(Any, found), cautions=cautions))
 
 
 def load(place: str) -> Callable[..., Answer]:

@@ -11,8 +11,8 @@ from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.specimens import specimen
 from mckibben.studies.comparison import compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
-from mckibben.web.pages.compare.jobs import exported
-from mckibben.web.pages.compare.page import _short
+from mckibben.web.pages.compare import _short
+from mckibben.web.pages.compare.drawings import exported
 
 LONG = 180_000  # a law is compiled once [ms]
 
@@ -59,7 +59,7 @@ def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visi
     field.fill("0.5")
     field.press("Enter")
     sentence = "nylon pulls nothing at its rest length of 14 cm; choose a higher one"
-    says(page, ".compare-said", sentence, "The old value, 5, stays in use.", longest=60.0)
+    says(page, ".full-drive", sentence, "The old value, 5, stays in use.", longest=60.0)
     assert "pressure=" not in page.url
 
 

@@ -111,7 +111,12 @@ def joint_stand(
     bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
     stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
     muscles = flexor, flexor if extensor is None else extensor
-    line = {"valve": parts.valve, "tube": parts.tube, "port_volume": float(parts.port_volume), "heat": parts.heat}
+    line: dict[str, Any] = {
+        "valve": parts.valve,
+        "tube": parts.tube,
+        "port_volume": float(parts.port_volume),
+        "heat": parts.heat,
+    }
     machine = antagonist_pair(
         *map(rig_unit, muscles), supply=float(parts.supply_pressure), flexor_arm=bends, extensor_arm=stretches,
         inertia=inertia, joint={"damping": 0.01, "signal": MOMENT, **(joint or {})}, environment=on.environment, **line,

@@ -96,7 +96,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Export a muscle with its air as a part of another program: spans in, tensions out.",
     ),
     "conform": (
-        "conform:conform_host",
+        "verb_commands:conform",
         "Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.",
     ),
     "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),

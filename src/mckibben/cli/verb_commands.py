@@ -125,3 +125,12 @@ compare = VerbCommand(
     doing=("comparing", _compare_stages),
     pair="phase='60 deg' or duty=0.3",
 )
+
+
+conform = VerbCommand(
+    "hosts.conformance:conform",
+    OutputKinds(result=OBJECT),
+    ("conform python --scenario hang --out python.json",),
+    options={"scenarios": "scenario"},
+    doing=("conforming", lambda given: None),
+)

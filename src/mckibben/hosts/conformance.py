@@ -16,16 +16,20 @@ import os
 import platform
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Column, Table
 from ..documents import JsonValue, parse_json, read_text, write_text
 from ..errors import ConvergenceError, InputError
+from ..quantities import from_si, with_unit
 from ..recordings.provenance import versions
+from ..verbs import HostName, ScenarioName, verb
 from .adapters import HostAdapter, HostedMechanism
 from .scenarios import SCENARIOS, START, STEPS, HostReference, Scenario, hanging, scenario
 
@@ -92,7 +96,8 @@ class Verdict(NamedTuple):
     holds: bool
 
 
-class Certificate(NamedTuple):
+@dataclass(frozen=True)
+class Certificate(Answer):
     """What a host does with a part.
 
     Attributes:
@@ -110,13 +115,65 @@ class Certificate(NamedTuple):
         """Whether all limits hold."""
         return all(verdict.holds for verdict in self.verdicts)
 
-    def document(self) -> dict[str, JsonValue]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """The certificate as JSON."""
         return self.content | {"verdicts": [v._asdict() for v in self.verdicts], "holds": self.holds}
 
+    def failure(self) -> str | None:
+        """Nothing beside the table of limits, where one is missed."""
+        return None if self.holds else ""
+
+    def tables(self) -> list[Table]:
+        """Largest differences of each scenario and step, and the limits."""
+        rows = []
+        for name, measured in self.content["scenarios"].items():
+            for period, row in measured["steps"].items():
+                off, unit, shown = row.get("position_error"), *(("rad", "deg") if measured["rotary"] else ("m", "mm"))
+                position = "given" if off is None else f"{from_si(off, unit, shown):.3f} {shown}"
+                named = {"scenario": name, "step": float(period), "position": position}
+                rows.append(named | {key: row[key] for key in ("tension_error", "pressure_error", "gap_J")})
+        columns = (
+            Column("scenario"),
+            Column("step", unit="s", shown="ms", places="g"),
+            Column("position", right=True),
+            Column("tension_error", "mean tension", "N", places=".3f"),
+            Column("pressure_error", "pressure", "Pa", "mbar", ".2f"),
+            Column("gap_J", "gap of work", "J", "mJ", ".2f"),
+        )
+        judged = [
+            {
+                "what": one.what,
+                **{key: with_unit(getattr(one, key), one.unit, 3) for key in ("value", "limit")},
+                "holds": "holds" if one.holds else "is missed",
+            }
+            for one in self.verdicts
+        ]
+        limits = (
+            Column("what", ""),
+            Column("value", "measured", right=True),
+            Column("limit", right=True),
+            Column("holds", ""),
+        )
+        c = self.content
+        how = f"{c['title']}; {c['version']}; {'staggered' if c['staggered'] else 'synchronous'}"
+        title = f"{how}\nLargest differences from the same system integrated as one"
+        return [Table(title, columns, rows), Table("Limits", limits, judged)]
+
+    def remarks(self) -> list[str]:
+        """Smallest mass and speed, and what is to be known of the host."""
+        said = []
+        if "steps_per_s" in self.content:
+            masses = ", ".join(
+                f"{'none' if m is None else f'{1e3 * m:.3g} g'} at {1e3 * float(h):g} ms"
+                for h, m in self.content["smallest_mass_kg"].items()
+            )
+            said.append(f"Smallest mass at the end of a muscle: {masses}.")
+            said.append(f"{self.content['steps_per_s']:g} steps of 1 ms in a second, with one muscle.")
+        return [*said, *self.content["caveats"]]
+
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the certificate as a JSON file."""
-        return write_text(Path(path), json.dumps(self.document(), indent=1, ensure_ascii=False) + "\n")
+        return write_text(Path(path), json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n")
 
 
 def read_certificate(path: str | os.PathLike[str]) -> Certificate:
@@ -128,7 +185,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
     try:
         content: dict[str, Any] = dict(parse_json(read_text(Path(path))))
         verdicts = tuple(Verdict(**verdict) for verdict in content.pop("verdicts"))
-        content.pop("holds")
+        content = {key: value for key, value in content.items() if key not in ("holds", "warnings")}
         return Certificate(str(content["host"]), content, verdicts)
     except (KeyError, TypeError, ValueError):
         raise InputError("file", str(path), "must be a certificate of mckibben conform") from None
@@ -147,21 +204,23 @@ def adapter(host: str) -> HostAdapter:
     return made
 
 
+@verb
 def conform(
-    host: str | HostAdapter,
+    host: HostName,
     *,
-    scenarios: Iterable[str] | None = None,
-    steps: Iterable[float] = STEPS,
+    scenarios: Sequence[ScenarioName] | None = None,
+    steps: Iterable[float] | None = None,
     states: bool = True,
-    progress: Callable[[str], None] = lambda sentence: None,
+    progress: Callable[[str], None] | None = None,
 ) -> Certificate:
-    """Run the scenarios in a host and judge the result.
+    """Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.
 
     Args:
-        host: its name, or an adapter of one's own.
-        scenarios: names of scenarios; all by default.
+        host: host to test: python, c, mujoco, mujoco-python, warp, newton, drake, opensim, fmi3, fmi2 or libcosim; in
+            Python also an adapter of one's own.
+        scenarios: scenario to run instead of all: isometric, hang, slack, loop, leak, joint or tank.
         steps: of the host [s]; those of the grid, 0.5, 1, 2 and 5 ms, by default.
-        states: whether to test saving, restoring and the like, the smallest mass, and speed.
+        states: test saving, restoring and the like, the smallest mass, and speed.
         progress: called with what is done next.
 
     Raises:
@@ -171,7 +230,7 @@ def conform(
     tested = adapter(host) if isinstance(host, str) else host
     try:
         chosen = [scenario(name) for name in (SCENARIOS if scenarios is None else scenarios)]
-        return _certify(tested, chosen, tuple(steps), states, progress)
+        return _certify(tested, chosen, tuple(steps or STEPS), states, progress or (lambda sentence: None))
     finally:
         if own:
             tested.close()

@@ -440,6 +440,7 @@ def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mappin
     machine = part.machine
     out = outputs_of(machine, state.physics, state.memory, values)
     muscle = {name: {k: out[f"{name}.{v}"] for k, v in OF_MUSCLES.items()} for name in part.muscles}
+    bound = machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(())
     inside = []  # whether every muscle can have its span
     for name, span in state.reach.items():
         low, high, _ = span_limits(part.muscles[name].law)
@@ -449,6 +450,6 @@ def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mappin
         tension or {name: values_of["tension_end"] for name, values_of in muscle.items()},
         muscle,
         state.work,
-        machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(()),
+        bound,
         jnp.where(possible, soundness(machine, state.physics, state.memory, out)[1], 0.0),
     )

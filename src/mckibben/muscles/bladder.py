@@ -66,9 +66,9 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 @_slope.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    u = _within(*primals)
+    value, u = _slope(*primals), _within(*primals)
     bell = u - u * u
-    return _slope(*primals), 140.0 * (bell * bell * bell) * tangents[0]
+    return value, 140.0 * (bell * bell * bell) * tangents[0]
 
 
 # traced once, however often a step calls them

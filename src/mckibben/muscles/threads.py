@@ -91,14 +91,14 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 @_share.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    t = _between(*primals)
-    return _share(*primals), -4.0 * t * (1.0 - t * t) * tangents[0]
+    value, t = _share(*primals), _between(*primals)
+    return value, -4.0 * t * (1.0 - t * t) * tangents[0]
 
 
 @_pull.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    a = jnp.minimum(jnp.abs(*primals), 1.0)
-    return _pull(*primals), a * (2.0 - a) * tangents[0]
+    value, a = _pull(*primals), jnp.minimum(jnp.abs(*primals), 1.0)
+    return value, a * (2.0 - a) * tangents[0]
 
 
 # traced once, however often a step calls them

@@ -116,7 +116,8 @@ class SimulatedSensors:
         """Return the next samples; of a waveform from its start."""
         draws = {n: self._draw.standard_normal(samples) for n in self._sensors}
         rest = {n: np.float64(self.true[n]) for n in self._sensors}
-        y, x = None, rest
+        y: dict[str, Any] | None = None
+        x: dict[str, Any] = rest
         if self.wave is not None:  # filtered once, since they are always the same
             if (self.wave, samples) not in self._waves:
                 self._waves = {(self.wave, samples): self._filtered(self.wave, samples)}

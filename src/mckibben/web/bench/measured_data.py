@@ -5,29 +5,26 @@ The page draws and subtracts; what a file means, and where its time begins, is d
 
 from __future__ import annotations
 
-import filecmp
 import functools
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ....analysis.cycles import Cycle, find_cycles
-from ....documents import JsonValue
-from ....errors import InputError, MckibbenError
-from ....muscles.build import built_muscle
-from ....recordings import ForceMap, Recording, read
-from ....recordings.columns import quantity_of
-from ....recordings.force_map import ALIASES
-from ....recordings.formats import part_options, parts_of
-from ....specimens import Specimen
-from ...reader import check_rows, read_outside
-from ...shelf import plain_name
-from ...transfers import IncomingFile
-from ...workspace import Workspace
-from ..recordings.state import places
+from ...analysis.cycles import Cycle, find_cycles
+from ...documents import JsonValue
+from ...errors import InputError, MckibbenError
+from ...muscles.build import built_muscle
+from ...recordings import ForceMap, Recording, read
+from ...recordings.columns import quantity_of
+from ...recordings.force_map import ALIASES
+from ...recordings.formats import part_options, parts_of
+from ...specimens import Specimen
+from ..charts import plain_numbers
+from ..reader import check_rows, read_outside
+from ..stream import places
+from ..workspace import Workspace
 
 MOST_ROWS = 5_000_000  # of a file that is read
 GRID, LEAST, OVERLAP = 1500, 8, 0.7  # steps, least number, and shared part of two curves that are laid over each other
@@ -65,7 +62,9 @@ def measured_data(
             if tried == (part if part or not parts else parts[-1]):
                 raise
     if plain["time"] is None:
-        plain["law"] = _law(plain, spec)
+        known = plain["length"] is not None and plain["pressure"] is not None
+        points = (np.asarray(plain[name]) for name in ("length", "pressure"))
+        plain["law"] = plain_numbers(built_muscle(spec).tension(*points)) if known else None
     elif curves:
         plain["shift"] = _shift(plain, curves)
     return {**plain, "name": path.name, "option": option, "parts": parts, "part": tried}
@@ -79,13 +78,6 @@ def find(workspace: Workspace, name: str) -> Path:
         return workspace.uploads.found(name)
 
 
-def keep(workspace: Workspace, name: str, file: IncomingFile) -> Path:
-    """Store an uploaded file with the others; one of the same name and content is used again."""
-    path = workspace.uploads.path(plain_name(name))
-    same = path.is_file() and filecmp.cmp(path, file.path, shallow=False)
-    return path if same else workspace.uploads.store(path.name, file.path)
-
-
 @functools.lru_cache(maxsize=8)
 def _kept(path: str, changed: int, part: str, rest_length: float | None) -> dict[str, Any]:
     columns: dict[str, Any] = read_outside(_columns, Path(path), part, rest_length)
@@ -97,7 +89,8 @@ def _shift(plain: Mapping[str, Any], curves: Mapping[str, Any]) -> float:
     for name in ("length", "pressure", "tension"):
         if plain[name] is None or curves.get(name) is None:
             continue
-        (t, y), (at, expected) = (_finite(one["time"], one[name]) for one in (plain, curves))
+        both = [np.array([one["time"], one[name]], float) for one in (plain, curves)]  # None becomes NaN
+        (t, y), (at, expected) = (one[:, np.isfinite(one).all(axis=0)] for one in both)
         if len(t) < LEAST or len(at) < LEAST or np.ptp(expected) <= 0.0:
             continue
         step = max(t[-1] - t[0], at[-1] - at[0]) / GRID
@@ -114,20 +107,6 @@ def _shift(plain: Mapping[str, Any], curves: Mapping[str, Any]) -> float:
     return 0.0
 
 
-def _finite(time: Any, values: Any) -> tuple[np.ndarray, np.ndarray]:
-    t, y = np.array(time, float), np.array(values, float)  # None becomes NaN
-    known = np.isfinite(t) & np.isfinite(y)
-    return t[known], y[known]
-
-
-def _law(plain: dict[str, Any], spec: Specimen) -> list[float | None] | None:
-    """Tension of the muscle's law at the points of a map [N]."""
-    if plain["length"] is None or plain["pressure"] is None:
-        return None
-    tension = built_muscle(spec).tension(np.asarray(plain["length"]), np.asarray(plain["pressure"]))
-    return _plain(np.asarray(tension))
-
-
 def _columns(path: Path, part: str, rest_length: float | None) -> dict[str, Any]:
     check_rows(path, MOST_ROWS, "the bench")
     try:
@@ -138,17 +117,23 @@ def _columns(path: Path, part: str, rest_length: float | None) -> dict[str, Any]
         data = read(path, **part_options(path, part))
     if isinstance(data, ForceMap):
         some = _some(len(data))
-        columns = {name: _plain(getattr(data, name)[some]) for name in QUANTITIES}
+        columns = {name: plain_numbers(getattr(data, name)[some]) for name in QUANTITIES}
         return {"time": None, **columns, "cycle": None}
     return _of_recording(data)
 
 
 def _of_recording(record: Recording) -> dict[str, Any]:
-    there = {**_recognised(record), **places(record)}
+    # what another program has named, such as ``force`` and ``position``, with the right unit; else as recordings name it
+    named: dict[str, str] = {}
+    for name in record.names():
+        quantity = ALIASES.get(words := quantity_of(name.rpartition(".")[2]) or "", words)
+        if record.unit(name) == UNITS.get(quantity):
+            named.setdefault(quantity, name)
+    there = {**named, **places(record)}
     if "tension" not in there:
         raise InputError("tension", None, "is missing: the bench compares tensions")
     some = _some(len(record))
-    columns = {name: _plain(record[there[name]][some]) if name in there else None for name in QUANTITIES}
+    columns = {name: plain_numbers(record[there[name]][some]) if name in there else None for name in QUANTITIES}
     cycles: tuple[Cycle, ...] = ()
     if "length" in there:
         try:
@@ -157,22 +142,8 @@ def _of_recording(record: Recording) -> dict[str, Any]:
             pass  # it does not go to and fro
     step = some[1] - some[0] if len(some) > 1 else 1
     last = [int(cycles[-1].start // step), int(min(cycles[-1].end // step, len(some) - 1))] if cycles else None
-    return {"time": _plain(record.time[some]), **columns, "cycle": last}
-
-
-def _recognised(record: Recording) -> dict[str, str]:
-    """Channels by quantity that another program has named, such as ``force`` and ``position``, with the right unit."""
-    channels: dict[str, str] = {}
-    for name in record.names():
-        quantity = ALIASES.get(words := quantity_of(name.rpartition(".")[2]) or "", words)
-        if record.unit(name) == UNITS.get(quantity):
-            channels.setdefault(quantity, name)
-    return channels
+    return {"time": plain_numbers(record.time[some]), **columns, "cycle": last}
 
 
 def _some(count: int) -> np.ndarray:
     return np.arange(0, count, max(1, -(-count // MOST)))
-
-
-def _plain(values: Any) -> list[float | None]:
-    return [float(f"{v:.7g}") if math.isfinite(v) else None for v in np.asarray(values, float)]
