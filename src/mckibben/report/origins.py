@@ -91,14 +91,8 @@ def inferred_inputs(meta: Mapping[str, JsonValue]) -> list[InferredInput]:
                 note = "; ".join(filter(None, (note, f"plausible {tied(ends, printed.unit)}")))
             inputs.append(InferredInput(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
         elif stated is not None:
-            inputs.append(
-                InferredInput(
-                    name,
-                    f"rig {meta.get('rig')}",
-                    "; ".join(minus(f"{n} {text}".strip()) for n, text in flat(stated)),
-                    "",
-                )
-            )
+            said = "; ".join(minus(f"{n} {text}".strip()) for n, text in flat(stated))
+            inputs.append(InferredInput(name, f"rig {meta.get('rig')}", said, ""))
         else:
             inputs.append(InferredInput(name, "", "", ""))
     return inputs

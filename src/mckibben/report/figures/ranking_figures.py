@@ -70,16 +70,8 @@ def _rows(study: Ranking) -> list[_Row]:
     size = study.points.largest
     for title, error in study.published:
         both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
-        rows.append(
-            _Row(
-                name=title.split(",")[0] if len(title) > 24 else title,
-                remark="published",
-                converged=True,
-                predicted=None,
-                beyond=None,
-                fitted=both,
-            )
-        )
+        name = title.split(",")[0] if len(title) > 24 else title  # what follows the comma has no room beside the bars
+        rows.append(_Row(name=name, remark="published", converged=True, predicted=None, beyond=None, fitted=both))
     return rows
 
 
