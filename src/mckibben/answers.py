@@ -92,12 +92,21 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of values [SI] below their columns, with sentences below; whoever shows them asks `heads` and `cells`."""
+    """Rows of values [SI] below their columns, with sentences below; whoever shows them asks `heads` and `cells`.
+
+    Attributes:
+        title: above it.
+        columns: from left to right.
+        rows: values by the keys of the columns.
+        notes: sentences below it.
+        most: rows that a person is shown; all by default.
+    """
 
     title: str
     columns: tuple[Column, ...]
     rows: Sequence[Mapping[str, Any]]
     notes: tuple[str, ...] = ()
+    most: int | None = None
 
     @property
     def heads(self) -> list[str]:
@@ -137,6 +146,15 @@ class Answer:
     def rows(self) -> Sequence[Mapping[str, JsonValue]]:
         """Rows of the main table [SI], for files and data frames."""
         return ()
+
+    def data(self) -> Mapping[str, Sequence[Any]]:
+        """Columns of the main table [SI], as files hold it."""
+        rows = self.rows()
+        return {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
+
+    def column_units(self) -> Mapping[str, str]:
+        """SI units of the columns of the main table."""
+        return self.units
 
     def tables(self) -> Sequence[Table]:
         """Tables for people, the most important one first."""

@@ -18,11 +18,11 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, ParamSpec, TypeVar, cast, get_args
+from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast, get_args
 
 from .answers import Answer, Caution, collect, warn
 from .errors import InputError
-from .quantities import in_si, values_in_si
+from .quantities import in_si, parse, values_in_si
 
 PACKAGE = Path(__file__).parent
 P = ParamSpec("P")
@@ -39,6 +39,9 @@ class ParameterType(NamedTuple):
         names: lists the known names, for the shell.
         suffixes: of files that are taken, ``("",)`` for any; folders end in a slash.
         listed: whether several values are separated by commas.
+        bare: whether a number in a text may lack its unit, which is then the SI one.
+        none: whether the word ``none`` stands for no value at all.
+        parts: parameters of another verb, by its place, that such a one has under their names, as options of a file format.
     """
 
     word: str = ""
@@ -47,6 +50,9 @@ class ParameterType(NamedTuple):
     names: Callable[[], Iterable[tuple[str, str]]] | None = None
     suffixes: tuple[str, ...] = ()
     listed: bool = False
+    bare: bool = False
+    none: bool = False
+    parts: tuple[str, tuple[str, ...]] = ("", ())
 
 
 QUANTITIES = {
@@ -103,12 +109,40 @@ VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
 RigName = Annotated[Any, ParameterType("RIG")]
 PlumbingName = Annotated[str, ParameterType("PLUMBING")]
-RecordingFile = Annotated[Any, ParameterType("RECORDING")]
 HostName = Annotated[Any, ParameterType("HOST")]
 ScenarioName = Annotated[str, ParameterType("SCENARIO")]
 NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
+Time = Annotated[float | str, QUANTITIES["TIME"]._replace(bare=True)]
+Frequency = Annotated[float | str, QUANTITIES["FREQUENCY"]]
+Frequencies = Annotated[Sequence[float | str] | str, QUANTITIES["FREQUENCIES"]]
+Shares = Annotated[Sequence[float | str] | str, QUANTITIES["SHARES"]._replace(none=True)]
+BarePressure = Annotated[float | str, QUANTITIES["PRESSURE"]._replace(bare=True)]
+Count = Annotated[int, ParameterType("N")]
+RecordingFile = Annotated[Any, ParameterType("RECORDING")]  # or the recording itself
+RecordingFiles = Annotated[Any, ParameterType("RECORDING", listed=True)]
+DataFile = Annotated[Any, ParameterType("FILE")]  # of any format, or what was read from one
+ChannelName = Annotated[str, ParameterType("CHANNEL")]
+CutPoint = Annotated[str, ParameterType("POINT")]
+ForceLevel = Annotated[str, ParameterType("LEVEL")]
+CycleNumbers = Annotated[Sequence[int] | str, ParameterType("CYCLES")]
+FileColumns = Annotated[Mapping[str, str | int], ParameterType("NAME=COLUMN")]
+FileUnits = Annotated[Mapping[str, str], ParameterType("NAME=UNIT")]
+FileKind = Annotated[Literal["map", "recording"], ParameterType("KIND")]
+Label = Annotated[str, ParameterType("LABEL")]
+Sheet = Annotated[str | int, ParameterType("SHEET")]
+Topic = Annotated[str, ParameterType("TOPIC")]
+PlainNumber = Annotated[float | str, ParameterType("NUMBER")]
+READING = (
+    "columns",
+    "units",
+    "period",
+    "sheet",
+    "topic",
+    "gear_ratio",
+)  # how the file of another program is understood
+Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=("analysis.description:describe_file", READING))]
 
 
 class ParsedNumber(float):
@@ -151,9 +185,12 @@ class Parameter:
         type: what it takes; without a word for a flag and for what only Python gives.
         default: in the signature.
         required: whether it has none.
+        keyword: whether it is given by its name only.
+        several: whether any number of values are given in its place.
         many: whether it takes several values: of a quantity a list or a range in one text.
         flag: whether it is true or false.
         about: words of help.
+        parts: parameters that it has under their names; whoever types them gives each by itself.
 
     What has neither a type nor is a flag only Python gives, such as a function that is told of progress.
     """
@@ -162,18 +199,31 @@ class Parameter:
     type: ParameterType
     default: Any
     required: bool
+    keyword: bool
+    several: bool
     many: bool
     flag: bool
     about: str
+    parts: tuple[Parameter, ...] = ()
 
     def read(self, value: Any) -> Any:
         """A value as the function takes it: text with a unit becomes SI."""
         unit = self.type.unit
+        if self.parts and value is not None:
+            known = {part.name: part for part in self.parts}
+            if not isinstance(value, Mapping):
+                raise InputError(self.name, str(value), f"must be a table with some of {', '.join(known)}")
+            return {name: known[name].read(one) if name in known else one for name, one in value.items()}
         if value is None or not unit:
             return value
         if not self.many:
-            number = in_si(value, unit, field=self.name)
+            typed_bare = self.type.bare and isinstance(value, str)
+            number = (
+                parse(value, unit, field=self.name, bare=True) if typed_bare else in_si(value, unit, field=self.name)
+            )
             return ParsedNumber(float(number), value) if isinstance(value, str) else number
+        if self.type.none and isinstance(value, str) and value.strip() == "none":
+            return ParsedList()
         one = isinstance(value, str) and not (":" in value or ";" in value or ", " in value)
         numbers = ParsedList(values_in_si([value] if one else value, unit, field=self.name))
         numbers.text = value if isinstance(value, str) else ""
@@ -201,34 +251,36 @@ def described(place: str) -> Description:
     node = next(n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef) and n.name == name)
     head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
     section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
-    words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", section, re.M | re.S)}
+    words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}[*\w]|\Z)", section, re.M | re.S)}
     several = [] if node.args.vararg is None else [node.args.vararg]
     arguments = [*node.args.args, *several, *node.args.kwonlyargs]
-    defaults = [None] * (len(node.args.args) - len(node.args.defaults)) + [
-        *node.args.defaults,
-        *[None for _ in several],
-    ]
-    defaults += node.args.kw_defaults
+    without = len(node.args.args) - len(node.args.defaults)
+    defaults = [*[None] * without, *node.args.defaults, *[None] * len(several), *node.args.kw_defaults]
     parameters = {}
     for argument, default in zip(arguments, defaults, strict=True):
         annotation = ast.unparse(cast(ast.expr, argument.annotation))
         named = [globals()[word] for word in re.findall(r"\w+", annotation) if word in globals()]
         types = [one for alias in named for one in get_args(alias) if isinstance(one, ParameterType)]
+        kind = types[0] if types else ParameterType()
+        whole, names = kind.parts
         parameters[argument.arg] = Parameter(
             argument.arg,
-            types[0] if types else ParameterType(),
+            kind,
             None if default is None else ast.literal_eval(default),
-            default is None,
-            "Sequence" in annotation or argument in several,
-            annotation == "bool",
-            words.get(argument.arg, ""),
+            required=default is None,
+            keyword=argument in node.args.kwonlyargs,
+            several=argument in several,
+            many="Sequence" in annotation or kind.listed or argument in several,
+            flag=annotation == "bool",
+            about=words.get(argument.arg, ""),
+            parts=tuple(described(whole).parameters[part] for part in names),
         )
     return Description(name, tuple(_words(p) for p in head.split("\n\n") if p.strip()), parameters)
 
 
 def _words(text: str) -> str:
-    """Words of a docstring for people: without marks and SI units, beginning with a capital."""
-    plain = re.sub(r"\s\[[^\]]{1,8}\]", "", " ".join(text.split())).replace("``", "")
+    """Words of a docstring for people: without marks and, but for quoted ones, SI units, beginning with a capital."""
+    plain = re.sub(r"\s\[[^\]]{1,8}\](?!')", "", " ".join(text.split())).replace("``", "")
     return plain[:1].upper() + plain[1:]
 
 
@@ -241,7 +293,8 @@ def verb(function: Callable[P, A]) -> Callable[P, A]:
 
     @functools.wraps(function)
     def ask(*positional: P.args, **named: P.kwargs) -> A:
-        found = answer(function, inspect.signature(function).bind(*positional, **named).arguments)
+        values = dict(inspect.signature(function).bind(*positional, **named).arguments)
+        found = answer(function, values | values.pop("options", {}))  # what a signature leaves open goes on as it is
         warn(found.cautions)
         return found
 
@@ -262,19 +315,23 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
     function = inspect.unwrap(function)
     place = f"{function.__module__.partition('.')[2]}:{function.__name__}"
     parameters = described(place).parameters
+    # A default in words is read as what is typed is.
+    words = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
+    values = words | dict(values)
     try:
-        texts = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
-        read = {name: parameters[name].read(value) for name, value in (texts | dict(values)).items()}
-        several = next((n for n, p in inspect.signature(function).parameters.items() if p.kind is p.VAR_POSITIONAL), "")
-        found = function(*read.pop(several, ()), **read)
+        read = {name: parameters[name].read(value) for name, value in values.items() if name in parameters}
+        every = {**values, **read}
+        several = next((name for name, p in parameters.items() if p.several), "")
+        found = function(*every.pop(several, ()), **every)
     except InputError as error:
         for slip in _slips(parameters, values):
             if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
                 error = error.changed(problem=f"{error.problem}; was {slip.text.partition('; was ')[2]}")
-        raise _renamed(error, parameters, shown) from None
-    said = {one.parameter for one in found.cautions}
-    slips = (one for one in _slips(parameters, values) if one.parameter not in said)
-    cautions = collect(*found.cautions, *slips)
+        parts = {part.name: part for one in parameters.values() for part in one.parts}
+        raise _renamed(error, parts | dict(parameters), shown) from None
+    own = [dataclasses.replace(one, text=_called(one.text, parameters, shown)) for one in found.cautions]
+    slips = (one for one in _slips(parameters, values) if one.parameter not in {said.parameter for said in own})
+    cautions = collect(*own, *slips)
     return found if cautions == found.cautions else cast(A, dataclasses.replace(cast(Any, found), cautions=cautions))
 
 
@@ -286,32 +343,37 @@ def load(place: str) -> Callable[..., Answer]:
 
 def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Callable[[str], str]) -> InputError:
     """An error with parameters called as somebody calls them."""
-
-    def called(text: str) -> str:
-        return re.sub(r"\{(\w+)(=\w+)?\}", one, text)
-
-    def one(found: re.Match[str]) -> str:
-        value = (found[2] or "") if shown is str else ""  # an option of its own stands for a flag with its value
-        return shown(found[1]) + value if found[1] in parameters else found[0]
-
+    called = functools.partial(_called, parameters=parameters, shown=shown)
     name, dot, key = error.field.partition(".")
     name = name if name in parameters else f"{name}s"  # one of several
     known = name in parameters and error.where is None  # else the field of a file
-    field = shown(name) + (f" {key}" if dot and shown is not str else dot + key) if known else error.field
+    field = shown(name) + (f" {key}" if dot and shown is not str else dot + key) if known else called(error.field)
     sentence = None if error.sentence is None else called(error.sentence)
     value = str(error.value) if isinstance(error.value, ParsedNumber) else None  # as it was typed
     return error.changed(field=field, value=value, problem=called(error.problem), sentence=sentence)
 
 
+def _called(text: str, parameters: Mapping[str, Parameter], shown: Callable[[str], str]) -> str:
+    """A sentence whose parameters in braces are called as somebody calls them."""
+
+    def one(found: re.Match[str]) -> str:
+        value = (found[2] or "") if shown is str else ""  # an option of its own stands for a flag with its value
+        return shown(found[1]) + value if found[1] in parameters else found[0]
+
+    return re.sub(r"\{(\w+)(=\w+)?\}", one, text)
+
+
 def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[Caution]:
     """Cautions about values whose size can only be a slip."""
     for name, value in values.items():
-        kind = parameters[name].type
-        texts: Sequence[tuple[str, Any]] = [*value.items()] if isinstance(value, Mapping) else [(name, value)]
+        kind = parameters[name].type if name in parameters else ParameterType()
+        changes = kind.word == "PATH=VALUE" and isinstance(value, Mapping)
+        texts: Sequence[tuple[str, Any]] = [*value.items()] if changes else [(name, value)]
         for key, text in texts:
-            if isinstance(text, str | int | float) and (kind.range or isinstance(value, Mapping)):
+            if isinstance(text, str | int | float) and (kind.range or changes):
                 from .slips import size_caution
 
-                slip = size_caution(text, kind.unit, name=key.replace("_", " "), usual=kind.range)
-                if slip is not None:
-                    yield slip
+                for one in re.split(" *[,;] *", text) if kind.listed and isinstance(text, str) else [text]:
+                    slip = size_caution(one, kind.unit, name=key.replace("_", " "), usual=kind.range)
+                    if slip is not None:
+                        yield slip

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from mckibben.analysis._recorded_machine import RecordedMachine
+from mckibben.analysis._energy_samples import RecordedMachine
 from mckibben.analysis.energy_accounts import energy_account
 from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen

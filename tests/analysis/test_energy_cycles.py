@@ -17,7 +17,7 @@ from mckibben.analysis.energy import (
     energy_cycle,
     zero_pressure,
 )
-from mckibben.analysis.energy.muscle import Probe
+from mckibben.analysis.energy.cycles import Probe
 from mckibben.components import Environment
 from mckibben.errors import InputError, NoVolumeError, UnreachableError
 from mckibben.muscles import braid

@@ -8,7 +8,7 @@ from analysis_records import clock, counts, record, sine, triangle
 from scipy import signal
 from test_sampling import law
 
-from mckibben.analysis.lag import corrected_loop
+from mckibben.analysis.frequency import corrected_loop
 from mckibben.analysis.loops import loop, loop_ratio, path_distance, paths, peak_velocity
 from mckibben.analysis.repeatability import between_cycles, spread, trend
 from mckibben.muscles.hysteresis.maxwell_slip import MaxwellSlip

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.analysis.loop_residuals import loop_residuals
+from mckibben.analysis.loops import loop_residuals
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, ForceMap, Recording
 

@@ -16,7 +16,7 @@ from analysis_records import (
     triangle,
 )
 
-from mckibben.analysis.lag import advanced, corrected_loop, filter_effect
+from mckibben.analysis.frequency import advanced, corrected_loop, filter_effect
 from mckibben.analysis.loops import (
     closed_area,
     loop,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.analysis.lag import time_lead
+from mckibben.analysis.frequency import time_lead
 from mckibben.errors import InputError
 
 PERIOD = 1e-3

@@ -9,8 +9,7 @@ from short_runs import ADIABATIC, SHORT, bench, triangle
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import run
 from mckibben.errors import InputError
-from mckibben.recordings.calibration import Calibration, Correction, CorrectionTerm, Origin
-from mckibben.recordings.recalibration import recalibrate
+from mckibben.recordings.calibration import Calibration, Correction, CorrectionTerm, Origin, recalibrate
 
 VALUES = SHORT["isotonic-triangle"]
 GAIN, OFFSET = 0.04, 2.0  # of the cell: reading (1 + g) x + b

@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from mckibben.analysis.cycles import find_cycles
+from mckibben.analysis.channels import find_cycles
 from mckibben.analysis.loops import loops
 from mckibben.recordings import Channel, Recording, read_any, read_recording
 

@@ -142,7 +142,7 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "recordings/force_map.py",  # the same
         "documents.py",
         "recordings/live_log.py",  # a log keeps what it has
-        "recordings/_matlab.py",  # called by write_whole
+        "recordings/_exchange.py",  # called by write_whole
         "web/pages/paper/jobs.py",  # into memory
         "web/server.py",  # what opens the browser: a file of the session's own
     }

@@ -12,8 +12,20 @@ from hypothesis import strategies as st
 
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.recordings.calibration import DAY, SCHEMA, Calibration, Correction, CorrectionTerm, Origin, read_plain
-from mckibben.recordings.recalibration import INDICATED, carried, indicated, recalibrate, saturated
+from mckibben.recordings.calibration import (
+    DAY,
+    INDICATED,
+    SCHEMA,
+    Calibration,
+    Correction,
+    CorrectionTerm,
+    Origin,
+    carried,
+    indicated,
+    read_plain,
+    recalibrate,
+    saturated,
+)
 
 DATE = "2026-03-31T12:00:00+00:00"
 BITS, LOW, HIGH = 8, -10.0, 100.0

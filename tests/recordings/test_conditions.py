@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mckibben.recordings.conditions import conditions, differing, told_apart
 from mckibben.recordings.formats import part_options, parts_of
+from mckibben.recordings.provenance import conditions, differing_conditions, told_apart
 
 
 def meta(pressure="5 bar", muscle="nylon", **more):
@@ -14,7 +14,7 @@ def meta(pressure="5 bar", muscle="nylon", **more):
 
 def test_recordings_are_told_apart_by_the_conditions_that_differ_and_by_no_others():
     all_ = [meta(), meta("3 bar"), meta(muscle="fiberglass")]
-    assert differing([conditions(one) for one in all_]) == ["muscle", "pressure"]
+    assert differing_conditions([conditions(one) for one in all_]) == ["muscle", "pressure"]
     assert told_apart(all_)[1] == {"muscle": "nylon", "pressure": "3 bar"}
 
 

@@ -1,6 +1,6 @@
 """By what recordings differ: what was set, under its name, and nothing that all share."""
 
-from mckibben.recordings.differences import differing, facts, labels
+from mckibben.recordings.provenance import differing, facts, labels
 
 
 def meta(frequency: str, rig: str = "paper", tube: str = "50 cm", **more):

@@ -4,6 +4,8 @@ A valve may open and close between two samples. So the mass that passed in an in
 its ends, wherever the network allows it, and from the sampled flows only where it does not; what it was worth is the mean of
 both ends. The error of such sums stands as a remainder and is folded into no part: below a thousandth of the supply for
 intervals of 1 ms. Where a whole run is requested, its own integrals are better.
+
+The machine of the recording is rebuilt from its resolved parameters: environment, gas, and muscles.
 """
 
 from __future__ import annotations
@@ -14,12 +16,18 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar
-from ..assembly.muscle_unit import BraidMotion
+from ..assembly.muscle_unit import BraidMotion, MuscleUnit
+from ..components import Environment
+from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.law import stored_along
+from ..muscles.build import construct
+from ..muscles.elements import Tendon
+from ..muscles.law import TensionLaw, stored_along
+from ..muscles.laws import LAWS, law_type
 from ..pneumatics.circuit import DeadState, Seen
+from ..pneumatics.gas import Gas
+from ..quantities import declared
 from ..recordings import Recording
-from ._recorded_machine import RecordedMachine
 from .channels import known
 
 GAP = 1.5  # periods between two samples from which something was not recorded
@@ -68,7 +76,10 @@ class Flows:
         self.air, self.work_out = zero, zero
         self.vented: list[tuple[np.ndarray, np.ndarray]] = []
         self.seen = {name: self._seen(name) for name in self.nodes}
-        self.volumes = {n: self._volume(n) for n, kind in self.nodes.items() if kind == "chamber"}
+        self.volumes: dict[str, np.ndarray] = {}
+        for name in (n for n, kind in self.nodes.items() if kind == "chamber"):
+            at, mass = self.seen[name], known(record, f"{name}.mass")
+            self.volumes[name] = np.asarray(mass * self.dead.gas.gas_constant * at.temperature / at.pressure_abs)
         self.passed = self._passed()
         for name, (kind, a, b) in self.paths.items():
             for ends, mass in (((a, b), self.passed[name]), ((b, a), -self.passed[name])):
@@ -101,10 +112,6 @@ class Flows:
             )
         return self.dead.see(np.full(self.time.shape, both[0]), np.full(self.time.shape, both[1]))
 
-    def _volume(self, node: str) -> np.ndarray:
-        at, mass = self.seen[node], known(self.record, f"{node}.mass")
-        return np.asarray(mass * self.dead.gas.gas_constant * at.temperature / at.pressure_abs)
-
     def _passed(self) -> dict[str, np.ndarray]:
         """Mass through every path in every interval (n - 1,) [kg]."""
         sampled = {
@@ -120,7 +127,7 @@ class Flows:
             node = min(left, key=lambda n: len(open_paths[n]))
             own, known_ones = open_paths[node], [p for p in self._at(node) if p in masses]
             needed = left.pop(node) - sum(masses[p] * self._sign(p, node) for p in known_ones)
-            vents = [p for p in own if self._to_room(p)]
+            vents = [p for p in own if any(self.nodes[end] == "room" for end in self.paths[p][1:])]
             fills = [p for p in own if p not in vents]
             masses |= {p: sampled[p] for p in own}
             if len(own) == 1:
@@ -139,9 +146,6 @@ class Flows:
 
     def _at(self, node: str) -> list[str]:
         return [p for p, (_, *ends) in self.paths.items() if node in ends]
-
-    def _to_room(self, path: str) -> bool:
-        return any(self.nodes[end] == "room" for end in self.paths[path][1:])
 
     def _sign(self, path: str, node: str) -> float:
         return 1.0 if self.paths[path][2] == node else -1.0
@@ -167,25 +171,17 @@ class Flows:
                 lost = lost - sign * worth
         if self.nodes[target] == "room":
             self.vented.append((middle(taken.pressure_abs), mass))
-        where = (
-            kind
-            if kind in ("tube", "leak", "machine")
-            else "exhaust"
-            if "room" in map(self.nodes.get, ends)
-            else "valve"
-        )
+        where = kind if kind in ("tube", "leak", "machine") else "valve"
+        if where == "valve" and "room" in map(self.nodes.get, ends):
+            where = "exhaust"
         line = next((g for g in self.lines if len(g & set(ends)) == 1), None)
         if where == "exhaust" and line is not None:
-            idle = lost * middle(self._idle(line))
+            whole = sum(self.volumes[n] for n in line)
+            working = sum(known(self.record, f"{n}.volume") for n in line if n in self.machine.muscles())
+            idle = lost * middle(np.asarray(1.0 - working / whole))  # the share of volumes that never change
             self._add(self.out, "dead_volume", idle)
             lost = lost - idle
         self._add(self.out, where, lost)
-
-    def _idle(self, line: set[str]) -> np.ndarray:
-        """Share of the volumes of a line that never change [1]."""
-        whole = sum(self.volumes[n] for n in line)
-        working = sum(known(self.record, f"{n}.volume") for n in line if n in self.machine.muscles())
-        return np.asarray(1.0 - working / whole)
 
     def _chamber(self, node: str) -> None:
         at, volume = self.seen[node], self.volumes[node]
@@ -234,3 +230,73 @@ class Flows:
         self.work_out = self.work_out + self._sum(np.where(power > 0.0, power, 0.0))
         self.stored["muscle"] = self.stored["muscle"] + stored_along(unit.law, np.asarray(at.length), gauge)
         self.stored["tendon"] = self.stored["tendon"] + np.asarray(unit.kinetic_and_elastic(at, span - slip))
+
+
+PREFIXES = ("", "machine.")  # of the paths to a machine, where other things are written down beside it
+
+
+class RecordedMachine:
+    """The parameters of a recording by dotted path.
+
+    Raises:
+        InputError: if the recording has none.
+    """
+
+    def __init__(self, record: Recording) -> None:
+        stated = record.meta.get("parameters")
+        if not isinstance(stated, Mapping) or not stated:
+            raise InputError("parameters", None, "must be in the recording: the resolved parameters of its machine")
+        self._values = {k: v.get("value") if isinstance(v, Mapping) else v for k, v in stated.items()}
+        room = record.meta.get("environment") or {}
+        self.room = Environment(**{k: float(room[k]) for k in ("pressure_abs", "temperature") if k in room})
+        self._laws: Mapping[str, str] = (record.meta.get("energy") or {}).get("laws", {})
+
+    def find(self, path: str) -> JsonValue:
+        """The value at a path [SI], None if it is not stated."""
+        return next((self._values[p + path] for p in PREFIXES if p + path in self._values), None)
+
+    def below(self, path: str) -> dict[str, JsonValue]:
+        """The values of which the path begins with one, by the rest of their path."""
+        for prefix in PREFIXES:
+            whole = f"{prefix}{path}."
+            values = {k.removeprefix(whole): v for k, v in self._values.items() if k.startswith(whole)}
+            if values:
+                return values
+        return {}
+
+    @property
+    def gas(self) -> Gas:
+        """Working gas."""
+        return Gas(**self.below("circuit.gas"))
+
+    def muscles(self) -> list[str]:
+        """Their names."""
+        return list(dict.fromkeys(path.split(".law.")[0] for path in self.below("units") if ".law." in path))
+
+    def law(self, muscle: str) -> TensionLaw:
+        """The tension law of a muscle.
+
+        Raises:
+            InputError: if the parameters are those of no law that is known.
+        """
+        parameters = self.below(f"units.{muscle}.law")
+        names = (
+            [self._laws[muscle]]
+            if muscle in self._laws
+            else [n for n in LAWS if set(declared(law_type(n))) == set(parameters)]
+        )
+        if len(names) != 1 or not parameters:
+            raise InputError(
+                f"law of {muscle}",
+                ", ".join(parameters) or None,
+                f"must be the parameters of {', '.join(LAWS)}",
+                where="parameters",
+            )
+        known = {k: v for k, v in parameters.items() if v == v}  # an unknown volume is no number
+        return construct(law_type(names[0]), known)
+
+    def unit(self, muscle: str) -> MuscleUnit:
+        """A muscle with its dampers, and its tendon if it has one; without friction, which the recording shows itself."""
+        values = {k: v for k, v in self.below(f"units.{muscle}").items() if "." not in k}
+        cord = self.below(f"units.{muscle}.tendon")
+        return MuscleUnit(law=self.law(muscle), tendon=Tendon(**cord) if cord else None, **values)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,12 +27,12 @@ from ..muscles.law import TensionLaw, stored_along
 from ..pneumatics.circuit import DeadState
 from ..pneumatics.gas import AIR
 from ..quantities import with_unit
-from ..recordings import Recording
+from ..recordings import Recording, read_recording
+from ..recordings.files import path_of
 from ..specimens import Specimen, muscle_specimen
-from ._energy_samples import Flows, whole_pieces
-from ._recorded_machine import RecordedMachine
-from .channels import known
-from .cycles import Cycle, closed_cycles, find_cycles
+from ..verbs import BarePressure, MuscleName, RecordingFile, Time, verb
+from ._energy_samples import Flows, RecordedMachine, whole_pieces
+from .channels import Cycle, closed_cycles, find_cycles, known
 from .energy_parts import CycleEnergy, EnergyAccount, EnergyPart, Saving
 
 __all__ = ["CycleEnergy", "EnergyAccount", "EnergyPart", "Saving", "energy_account"]
@@ -39,42 +40,57 @@ __all__ = ["CycleEnergy", "EnergyAccount", "EnergyPart", "Saving", "energy_accou
 MOVES = 1e-2  # share of a span from which its cycles are those of the run
 
 
+@verb
 def energy_account(
-    record: Recording,
+    record: RecordingFile,
     *,
-    start: float | None = None,
-    end: float | None = None,
-    cycle: str | None = None,
+    start: Time | None = None,
+    end: Time | None = None,
     measured: bool = False,
+    muscle: MuscleName | None = None,
+    accumulator_pressure: BarePressure | None = None,
+    cycle: str | None = None,
     **options: JsonValue,
 ) -> EnergyAccount:
-    """The account of a recording; of all that a simulation ran, or of a stretch of what is recorded.
+    """Account for the exergy of a recording: supply, losses and shaft work.
 
     Args:
-        record: record of a test machine or a joint.
-        start: start of the stretch [s].
-        end: end of the stretch [s].
+        record: recording of mckibben (.nc, .csv or .mcap).
+        start: time from which on samples are used [s], such as '2 s'.
+        end: time up to which samples are used [s], such as '5 s'.
+        measured: estimate from measured channels alone.
+        muscle: specimen whose law gives the volume for measured channels.
+        accumulator_pressure: gauge pressure of an exhaust accumulator whose saving is computed [Pa], such as '1 bar'.
         cycle: channel whose cycles are told apart; the first muscle's span where that moves, else its pressure.
-        measured: use measured channels although the recording has true ones.
-        **options: of `energy_measured.estimate`.
+        **options: of `estimate`, the account of measured channels.
 
     Raises:
         InputError: names the channel or the parameter that the account needs and the recording has not.
     """
-    part = record if start is None and end is None else record.select(start, end)
-    about = record.meta.get("energy")
+    whole = read_recording(record)
+    part = whole if start is None and end is None else whole.select(start, end)
+    stated = options if muscle is None else {"muscle": muscle} | options
+    about = whole.meta.get("energy")
     if measured or not about:
-        return estimate(part, cycle=cycle, **options)
-    if options:
-        raise InputError(next(iter(options)), None, "is allowed only with measured channels")
+        account = estimate(part, cycle=cycle, **stated)
+    else:
+        for name in stated:
+            raise InputError(name, None, "is allowed only with {measured}, for the recording carries its own law")
+        account = _simulated(part, about, whole=part is whole, cycle=cycle)
+    saving = None if accumulator_pressure is None else account.saved_by_accumulator(float(accumulator_pressure))
+    return replace(account, file=path_of(record), title=str(whole.meta.get("title") or ""), saving=saving)
+
+
+def _simulated(part: Recording, about: Mapping[str, Any], *, whole: bool, cycle: str | None) -> EnergyAccount:
+    """The account of a simulation: what the run kept of all of it, and sums over samples of a stretch."""
     pieces = [Flows(part.select(part.time[p.start], part.time[p.stop - 1])) for p in whole_pieces(part)]
     if not pieces:
         raise InputError("samples", len(part), "must be two or more without a gap between them")
     notes: list[str] = []
     tried = [c for piece in pieces for c in _cycles(piece, cycle, notes)]
-    summed = _summed(pieces)
+    ledgers = [_between(p, 0, -1) for p in pieces]
+    summed = tuple(a._replace(value=sum(one[i].value for one in ledgers)) for i, a in enumerate(ledgers[0]))
     room = pieces[0].machine.room
-    whole = part is record
     exergy = _ledger(about["exergy"]) if whole else summed
     return EnergyAccount(
         kind="simulated",
@@ -111,17 +127,8 @@ def _between(piece: Flows, first: int, last: int) -> tuple[EnergyPart, ...]:
         for side, parts_of_side in sides.items()
         for name, v in parts_of_side.items()
     ]
-    return (*parts, _left(parts))
-
-
-def _left(parts: list[EnergyPart]) -> EnergyPart:
-    value = sum(p.value if p.side == "into" else -p.value for p in parts)
-    return EnergyPart("remainder", value, "remainder", "remainder")
-
-
-def _summed(pieces: list[Flows]) -> tuple[EnergyPart, ...]:
-    ledgers = [_between(p, 0, -1) for p in pieces]
-    return tuple(a._replace(value=sum(one[i].value for one in ledgers)) for i, a in enumerate(ledgers[0]))
+    left = sum(p.value if p.side == "into" else -p.value for p in parts)
+    return (*parts, EnergyPart("remainder", left, "remainder", "remainder"))
 
 
 def _of(parts: tuple[EnergyPart, ...], name: str) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from ..accessors import Accessor, implementation
-from ..answers import brief
+from ..answers import Answer, Caution, Column, Table, brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
@@ -46,6 +46,7 @@ MEANINGS = {
     "load_losses": "dampers and friction of the load",
     "load": "gain of the load",
 }
+CYCLES = 20  # rows of cycles that a person is shown
 STORED_FRICTION = "gain of the friction's own springs"
 
 
@@ -121,7 +122,7 @@ class Saving(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class EnergyAccount:
+class EnergyAccount(Answer):
     """An account; see the module.
 
     Attributes:
@@ -137,6 +138,10 @@ class EnergyAccount:
         notes: sentences.
         caught: air [kg] and exergy [J] that an accumulator at an absolute pressure would catch, and the supply's exergy
             and shaft work [J] of the same stretch.
+        file: path of the recording; None where it was no file.
+        title: of the recording.
+        saving: by the accumulator that was asked for.
+        cautions: about values that can only be slips.
     """
 
     kind: str
@@ -151,7 +156,12 @@ class EnergyAccount:
     notes: tuple[str, ...]
     room_pressure: float
     caught: Callable[[float], tuple[float, float, float, float]]
+    file: str | None = None
+    title: str = ""
+    saving: Saving | None = None
+    cautions: tuple[Caution, ...] = ()
 
+    units: ClassVar[Mapping[str, str]] = {"energy": "J"}
     plot: ClassVar[Accessor[EnergyPlots]] = Accessor("report.figures.plots:EnergyPlots")
 
     def __repr__(self) -> str:
@@ -210,7 +220,54 @@ class EnergyAccount:
             ],
             "unknown": list(self.unknown),
             "notes": list(self.notes),
+            "file": self.file,
+            "saving": None if self.saving is None else self.saving._asdict(),
         }
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per part of the exergy."""
+        return [{"side": p.side, "part": p.name, "energy": p.value, "from": p.origin} for p in self.parts]
+
+    def tables(self) -> list[Table]:
+        """The parts that are not zero with their shares of the supply, and the cycles."""
+        supply = next((p.value for p in self.parts if p.name == "supply"), float("nan"))
+        sides = {"into": "in", "out": "out", "stored": "gained", "remainder": "left"}
+        rows = [
+            {**p._asdict(), "side": sides[p.side], "meaning": p.meaning}
+            | {"share": p.value / supply if supply > 0.0 else None}
+            for p in self.parts
+            if p.value or p.name in ("supply", "shaft_work", "remainder")
+        ]
+        energies = (Column("value", "energy", "J", places=".5g"), Column("share", "share", "1", "%", ".2f"))
+        columns = (
+            Column("side", ""),
+            Column("name", "part"),
+            *energies,
+            Column("origin", "from"),
+            Column("meaning", ""),
+        )
+        tables = [Table(f"Exergy, {self.kind}", columns, rows)]
+        if self.cycles:
+            each = [{**c._asdict(), "efficiency": c.efficiency, "remainder": c.parts[-1].value} for c in self.cycles]
+            times = (Column("start", "from", "s"), Column("end", "to", "s"), Column("air", unit="kg", shown="g"))
+            works = (Column(key, unit="J") for key in ("supply", "shaft_work", "work_out"))
+            last = (Column("efficiency", None, "1", "%", ".2f"), Column("remainder", None, "J", places=".2g"))
+            tables.append(Table("Cycles, from samples", (*times, *works, *last), each, most=CYCLES))
+        return tables
+
+    def remarks(self) -> list[str]:
+        """Air and efficiencies, what is unknown, notes, and what an accumulator would keep."""
+        shares = ", ".join(f"{100.0 * v:.3g} % of the {name}" for name, v in self.efficiencies().items() if v == v)
+        said = [f"Air drawn: {1e3 * self.air:.4g} g. Shaft work: {shares or 'no supply to compare it with'}."]
+        said += [f"Unknown, and not zero: {', '.join(self.unknown)}."] if self.unknown else []
+        said += [f"Note: {note}." for note in self.notes]
+        if self.saving is not None:
+            pressure, air, exergy, share, _ = self.saving
+            said.append(
+                f"An exhaust accumulator at {pressure / 1e3:.4g} kPa would keep at most {exergy:.4g} J, "
+                f"{100.0 * share:.3g} % of the supply's, in {1e3 * air:.4g} g of air."
+            )
+        return said
 
     def efficiencies(self) -> dict[str, float]:
         """Shaft work over the supply's exergy, and over the work of a compressor with and without cooling [1]."""

@@ -1,4 +1,6 @@
-"""Frequency response between two channels: over a band by Welch's method, at known frequencies by sines, and of a model.
+"""Frequency response and time lag between two channels.
+
+The response is estimated over a band by Welch's method, at known frequencies by sines, or computed of a model:
 
     H1 = Sxy/Sxx          coherence = |Sxy|^2/(Sxx Syy)
 H1 does not see noise of the output that is independent of the input; noise of the input makes it too small by the
@@ -8,16 +10,24 @@ IEEE Trans. Audio and Electroacoustics 15(2), 1967.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Caution, Column, Table
 from ..assembly.linearise import LinearModel
+from ..documents import JsonValue
 from ..errors import InputError
-from ..recordings import Recording
-from .channels import finite, known, positive, uniform_period
+from ..recordings import Recording, read_recording
+from ..recordings.files import path_of, select_between
+from ..verbs import ChannelName, Frequencies, Frequency, RecordingFile, Time, typed, verb
+from .channels import cycle_frequency, finite, known, positive, uniform_period
+from .loops import TensionLoop, loop
 
+RESPONSES = 16  # rows of a frequency response that a person is shown
 _EXCITED = 1e-4  # of the largest input density; below, leakage and rounding answer instead of the system
 
 
@@ -171,3 +181,246 @@ def sine_response(
     explained = 1.0 - left / moved if moved > 0.0 else 0.0
     gain = outputs / inputs
     return FrequencyResponse(f, np.abs(gain), np.unwrap(np.angle(gain)), np.full(f.size, max(explained, 0.0)), 1)
+
+
+class Lead(NamedTuple):
+    """Time by which the first record leads [s], and the correlation there [1]."""
+
+    time: float
+    correlation: float
+
+
+def time_lead(first: np.ndarray, second: np.ndarray, *, period: float, longest: float = 0.1) -> Lead:
+    """Time by which `first` leads `second`, by cross-correlation.
+
+    The shift at which the normalised correlation of the overlapping parts is largest, refined by the parabola through its
+    neighbours, so that it is not bound to the sample clock. Good to about a hundredth of a sample for records that are
+    smooth on that clock.
+
+    Args:
+        first: values on a uniform clock, (n,).
+        second: the same of the other, (n,).
+        period: period of the clock [s].
+        longest: largest lead or lag looked for [s].
+
+    Raises:
+        InputError: if the records differ in length, are shorter than the search, hold what is not finite, or one of them is
+            constant; and for times that are none.
+    """
+    a, b = np.asarray(first, float), np.asarray(second, float)
+    for name, value, sound in (("period", period, period > 0.0), ("longest", longest, longest >= 0.0)):
+        if not (sound and np.isfinite(value)):
+            raise InputError(name, value, "must be a time [s] above 0")
+    reach = round(longest / period)
+    if a.shape != b.shape or a.ndim != 1:
+        raise InputError("records", None, f"must be two of one length, got {a.shape} and {b.shape}")
+    if len(a) < 4 * max(reach, 1):
+        raise InputError(
+            "records", None, f"must have {4 * max(reach, 1)} samples to look {longest:g} s far, got {len(a)}"
+        )
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        raise InputError("records", None, "must be finite")
+    if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
+        raise InputError("records", None, "must change: a constant record has no time lead")
+    shifts = np.arange(-reach, reach + 1)
+    match = np.array([_correlation(a, b, int(s)) for s in shifts])
+    best = int(match.argmax())
+    if 0 < best < len(shifts) - 1:
+        left, middle, right = match[best - 1 : best + 2]
+        bend = left - 2.0 * middle + right
+        part = 0.0 if bend == 0.0 else 0.5 * (left - right) / bend
+        return Lead(float((shifts[best] + part) * period), float(middle - 0.25 * (left - right) * part))
+    return Lead(float(shifts[best] * period), float(match[best]))
+
+
+def _correlation(a: np.ndarray, b: np.ndarray, shift: int) -> float:
+    """Correlation of a(t) with b(t + shift), over their common time."""
+    u, v = (a[: len(a) - shift], b[shift:]) if shift >= 0 else (a[-shift:], b[:shift])
+    u, v = u - u.mean(), v - v.mean()
+    size = np.sqrt((u @ u) * (v @ v))
+    return float(u @ v / size) if size > 0.0 else -1.0
+
+
+class FilterEffect(NamedTuple):
+    """Gain and delay of a first-order low-pass for a sine."""
+
+    phase: float  # [rad], negative
+    gain: float  # [1]
+    lag: float  # [s], the phase as a time
+
+
+def filter_effect(frequency: float, *, cutoff: float) -> FilterEffect:
+    """Phase, gain and lag of a first-order filter at a frequency [Hz]; its cut-off [Hz]."""
+    ratio = positive("frequency", frequency, "Hz") / positive("cutoff", cutoff, "Hz")
+    phase = -float(np.arctan(ratio))
+    return FilterEffect(phase, float(1.0 / np.hypot(1.0, ratio)), -phase / (2.0 * np.pi * frequency))
+
+
+def advanced(record: Recording, lag: float, *, channels: str | list[str]) -> Recording:
+    """Return a recording with channels advanced in time: their value at t + lag moves to t.
+
+    Between samples by a cubic spline. What the moved channels do not cover is cut off all channels.
+
+    Args:
+        record: any clock.
+        lag: by which the channels come late [s]; negative where they run ahead.
+        channels: their names.
+
+    Raises:
+        InputError: a channel is missing or not finite, or the lag is longer than the recording.
+    """
+    from scipy.interpolate import CubicSpline
+
+    names = [channels] if isinstance(channels, str) else list(channels)
+    time = record.time
+    if not (np.isfinite(lag) and len(record) > 3 and abs(lag) < record.duration):
+        raise InputError("lag", lag, "must be a time [s] shorter than the recording, of 4 samples or more")
+    room = 1e-6 * record.period
+    inside = (time + lag >= time[0] - room) & (time + lag <= time[-1] + room)
+    at = np.clip(time[inside] + lag, time[0], time[-1])
+    kept = {n: c.with_values(c.values[inside]) for n, c in record.channels.items()}
+    for name in names:
+        values = CubicSpline(time, known(record, name))(at)
+        kept[name] = record.channels[name].with_values(values)
+    return Recording(time[inside], kept, record.meta)
+
+
+class CorrectedLoop(NamedTuple):
+    """A loop as recorded, the same with the lag taken out of the tension, and that lag [s]."""
+
+    raw: TensionLoop
+    corrected: TensionLoop
+    lag: float
+
+    @property
+    def width_change(self) -> float:
+        """Corrected less raw width [m]: what the lag had taken."""
+        return self.corrected.width - self.raw.width
+
+
+def corrected_loop(
+    record: Recording,
+    *,
+    lag: float = 0.0,
+    cutoff: float | None = None,
+    length: str = "muscle.length",
+    tension: str = "muscle.tension",
+    skip: int = 0,
+) -> CorrectedLoop:
+    """The loop raw and with the tension moved forward by a known lag and by that of a filter at the cycles' frequency.
+
+    Args:
+        record: with both channels.
+        lag: dead time of the tension behind the length [s].
+        cutoff: cutoff of a first-order filter before the tension [Hz], or none.
+        length: name of the driven channel.
+        tension: name of the other.
+        skip: cycles left out at the beginning.
+    """
+    total = float(lag)
+    if cutoff is not None:
+        drive = known(record, length)
+        total += filter_effect(cycle_frequency(record.time, drive, subject=f"channel {length}"), cutoff=cutoff).lag
+    names = {"length": length, "tension": tension}
+    raw = loop(record, **names, skip=skip)
+    return CorrectedLoop(raw, loop(advanced(record, total, channels=tension), **names, skip=skip), total)
+
+
+@dataclass(frozen=True)
+class ChannelResponse(Answer):
+    """Frequency response between two channels of a recording: what `channel_response` estimates.
+
+    Attributes:
+        file: path of the recording; None where it was no file.
+        title: of the recording, else the name of its file.
+        source: channel that drives.
+        target: channel that answers.
+        unit: of the magnitude in words; empty where both channels have the same.
+        response: at its frequencies.
+        averaged: whether it is a mean over segments, not fitted to sines.
+        cautions: about values that can only be slips.
+    """
+
+    file: str | None
+    title: str
+    source: str
+    target: str
+    unit: str
+    response: FrequencyResponse
+    averaged: bool
+    cautions: tuple[Caution, ...] = ()
+
+    def data(self) -> dict[str, Any]:
+        """Frequency [Hz], magnitude, phase [rad] and coherence."""
+        return {name: getattr(self.response, name) for name in ("frequency", "magnitude", "phase", "coherence")}
+
+    def column_units(self) -> Mapping[str, str]:
+        """Units of the columns."""
+        return {"frequency": "Hz", "magnitude": self.unit or "1", "phase": "rad"}
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The response in columns, and the frequency at which it has fallen by 3 dB [Hz]."""
+        about = {"file": self.file, "input": self.source, "output": self.target, "unit": self.unit}
+        return {**about, "cutoff": self.response.cutoff(), **self.data(), "segments": self.response.segments}
+
+    def tables(self) -> list[Table]:
+        """The response at some of its frequencies, evenly over their logarithm."""
+        count, columns = len(self.response.frequency), self.data()
+        chosen = sorted({round(i) - 1 for i in np.geomspace(1, count, min(count, RESPONSES))})
+        rows = [{name: float(column[i]) for name, column in columns.items()} for i in chosen]
+        magnitude = f"magnitude{f', {self.unit}' if self.unit else ''}"
+        heads = (Column("frequency", unit="Hz"), Column("magnitude", magnitude, "1"))
+        angles = (Column("phase", None, "rad", "degrees", ".1f"), Column("coherence", unit="1", places=".3f"))
+        return [Table(f"{self.target} over {self.source}", (*heads, *angles), rows)]
+
+    def remarks(self) -> list[str]:
+        """How many frequencies there are, and where the response has fallen by 3 dB."""
+        cutoff = self.response.cutoff()
+        averaged = f", {self.response.segments} segments averaged" if self.averaged else ""
+        fallen = f"It falls by 3 dB at {cutoff:.4g} Hz." if np.isfinite(cutoff) else "It does not fall by 3 dB."
+        return [f"{len(self.response.frequency)} frequencies{averaged}. {fallen}"]
+
+
+@verb
+def channel_response(
+    recording: RecordingFile,
+    *,
+    source: ChannelName,
+    target: ChannelName,
+    resolution: Frequency | None = None,
+    sines: Frequencies | None = None,
+    start: Time | None = None,
+    end: Time | None = None,
+) -> ChannelResponse:
+    """Estimate the frequency response between two channels.
+
+    Chirps, noise and many sines are averaged over a band by Welch's method. At known frequencies the response is fitted
+    by least squares of sines, without their transient.
+
+    Args:
+        recording: recording of mckibben (.nc, .csv or .mcap).
+        source: channel that drives, such as valve.command.
+        target: channel that answers, such as tension.
+        resolution: spacing of the frequencies [Hz], such as '0.5 Hz'; by default eight over the duration.
+        sines: frequencies of sines in the input [Hz], such as '1 Hz, 2 Hz'.
+        start: time from which on samples are used [s], such as '2 s'.
+        end: time up to which samples are used [s], such as '5 s'.
+
+    Raises:
+        InputError: a channel is missing or constant, or the recording cannot tell the frequencies apart.
+    """
+    if sines is not None and resolution is not None:
+        raise InputError("resolution", None, "is allowed only without {sines}, which states the frequencies")
+    if sines is not None and not len(sines):
+        raise InputError("sines", typed(sines), "must be one frequency or several, such as '1 Hz, 2 Hz'")
+    record = select_between(read_recording(recording), start, end)
+    if sines is None:
+        spacing = None if resolution is None else float(resolution)
+        response = frequency_response(record, source=source, response=target, resolution=spacing)
+    else:
+        response = sine_response(record, sorted(float(one) for one in sines), source=source, response=target)
+    above, below = (record.channels[name].unit for name in (target, source))
+    unit = "" if above == below else above if below == "1" else f"{above} per {below}"
+    file = path_of(recording)
+    title = str(record.meta.get("title") or Path(file or "").name)
+    return ChannelResponse(file, title, source, target, unit, response, sines is None)

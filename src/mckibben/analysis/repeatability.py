@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Caution, Column, Table
+from ..documents import JsonValue
 from ..errors import InputError
-from ..recordings import Recording
-from ._regression import Interval, linear_fit
-from .channels import finite, known
-from .cycles import find_cycles
+from ..quantities import with_unit
+from ..recordings import Recording, read_recording
+from ..recordings.files import path_of, select_between
+from ..verbs import ChannelName, Count, RecordingFiles, Time, verb
+from .channels import Interval, find_cycles, finite, known, linear_fit
 
 
 class Spread(NamedTuple):
@@ -141,3 +146,122 @@ def trend(over: Sequence[float], numbers: Sequence[float], *, confidence: float 
         raise InputError("over and numbers", None, f"must be two of one length, got {x.size} and {y.size}")
     fit = linear_fit(np.stack([x, np.ones_like(x)], axis=1), y, subject="points of the trend", confidence=confidence)
     return Trend(fit.coefficient(0), fit.coefficient(1))
+
+
+@dataclass(frozen=True)
+class CourseRepeatability(Answer):
+    """How well cycles or runs repeat each other: what `repeatability` computes.
+
+    Attributes:
+        files: paths of the recordings; None for those that were no files.
+        title: of the first recording, else the name of its file.
+        channel: channel that is compared.
+        unit: of the channel.
+        each: what repeats: ``cycle`` or ``run``.
+        compared: the courses and their distances from the mean one.
+        peaks: spread of the largest values.
+        drift: slope of a straight line through the largest values, per repetition; None of two.
+        cautions: about values that can only be slips.
+    """
+
+    files: tuple[str | None, ...]
+    title: str
+    channel: str
+    unit: str
+    each: str
+    compared: Repeatability
+    peaks: Spread
+    drift: Interval | None
+    cautions: tuple[Caution, ...] = ()
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """The largest value of each repetition."""
+        return [{self.each: i + 1, "peak": float(peak)} for i, peak in enumerate(self.compared.peaks)]
+
+    def column_units(self) -> Mapping[str, str]:
+        """Unit of the largest values."""
+        return {"peak": self.unit}
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Distances from the mean course, and the largest values with their spread and drift."""
+        of = self.compared
+        return {
+            "files": list(self.files),
+            "channel": self.channel,
+            "unit": self.unit,
+            "between": f"{self.each}s",
+            "repetitions": of.repetitions,
+            "rms": of.rms,
+            "largest": of.largest,
+            "relative_rms": of.relative_rms,
+            "peaks": {"values": of.peaks, **self.peaks._asdict()},
+            "drift": None if self.drift is None else self.drift._asdict(),
+        }
+
+    def tables(self) -> list[Table]:
+        """Distances from the mean course, and how the largest values scatter and drift."""
+        of, unit = self.compared, self.unit
+        lines = [
+            ("rms distance from the mean course", of.rms, f"{100.0 * of.relative_rms:.3g} % of its range"),
+            ("largest distance", of.largest, ""),
+            ("peak", self.peaks.mean, f"standard deviation {with_unit(self.peaks.deviation, unit)}"),
+        ]
+        if self.drift is not None:
+            interval = f"95 %: {with_unit(self.drift.low, unit)} to {with_unit(self.drift.high, unit)}"
+            lines.append((f"drift of the peak per {self.each}", self.drift.value, interval))
+        rows = [{"name": name, "value": with_unit(value, unit), "remark": remark} for name, value, remark in lines]
+        title = f"{self.channel} over {of.repetitions} {self.each}s"
+        return [Table(title, (Column("name", ""), Column("value", "", right=True), Column("remark", "")), rows)]
+
+
+@verb
+def repeatability(
+    recordings: RecordingFiles,
+    *,
+    channel: ChannelName = "tension",
+    drive: ChannelName = "span",
+    skip: Count = 0,
+    start: Time | None = None,
+    end: Time | None = None,
+) -> CourseRepeatability:
+    """Report how well cycles or runs repeat each other.
+
+    Cycles are compared at equal phase, runs at equal time. The drift is the slope of a straight line through the peaks.
+
+    Args:
+        recordings: one recording with cycles, or several runs alike.
+        channel: channel that is compared.
+        drive: channel that has the cycles, of one recording.
+        skip: number of first cycles that are left out.
+        start: time from which on samples are used [s], such as '2 s'.
+        end: time up to which samples are used [s], such as '5 s'.
+
+    Raises:
+        InputError: a channel is missing, there are fewer than two full cycles, or runs do not overlap in time.
+    """
+    if skip < 0:
+        raise InputError("skip", skip, "must be 0 or more")
+    sources = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
+    if not sources:
+        raise InputError("recordings", None, "must be one or several")
+    records = [select_between(read_recording(one), start, end) for one in sources]
+    one = len(records) == 1
+    compared = (
+        between_cycles(records[0], channel=channel, drive=drive, skip=skip)
+        if one
+        else between_runs(records, channel=channel)
+    )
+    drift = None
+    if compared.repetitions > 2:
+        drift = trend(range(compared.repetitions), compared.peaks.tolist()).slope
+    files = tuple(map(path_of, sources))
+    return CourseRepeatability(
+        files,
+        str(records[0].meta.get("title") or Path(files[0] or "").name),
+        channel,
+        records[0].channels[channel].unit,
+        "cycle" if one else "run",
+        compared,
+        spread(compared.peaks),
+        drift,
+    )

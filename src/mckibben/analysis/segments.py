@@ -18,7 +18,7 @@ from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..quantities import to_si
 from ..recordings import Recording
-from ..recordings.units import si_of
+from ..recordings.recording import si_of
 
 # Amounts that differ by less are the same: the way through a unit leaves some rounding.
 _ROUNDING = 1e-9
@@ -42,7 +42,11 @@ def segments(record: Recording, /, label: str | None = None, **case: str | float
     parts = [part for step in matching if step["recorded"] and (part := _part(record, step)) is not None]
     if not parts:
         skipped = ", ".join(dict.fromkeys(_place(s) for s in matching if not s["recorded"]))
-        why = f"not recorded are {skipped}" if skipped else f"the recording has {_clock(record)}"
+        why = (
+            f"not recorded are {skipped}"
+            if skipped
+            else f"the recording has samples from {record.time[0]:.6g} s to {record.time[-1]:.6g} s"
+        )
         raise InputError("steps", None, f"have no sample in the recording ({len(matching)} match): {why}")
     return parts
 
@@ -59,7 +63,12 @@ def chosen_steps(record: Recording, label: str | None, case: Mapping[str, JsonVa
             raise InputError("case", name, "the recording has", known=values)
         if not any(same_amount(wanted, words) for words in values[name]):
             raise InputError(name, wanted, f"must be {choice(values[name])} as in the recording")
-    chosen = [s for s in steps if (label is None or s["label"] == label) and _fits(s["case"], case)]
+    chosen = [
+        s
+        for s in steps
+        if (label is None or s["label"] == label)
+        and all(name in s["case"] and same_amount(wanted, s["case"][name]) for name, wanted in case.items())
+    ]
     if not chosen:
         wanted_words = ", ".join([*([str(label)] if label else []), *(f"{k} {v}" for k, v in case.items())])
         near = [s for s in steps if s["label"] == label] if label is not None else steps
@@ -185,15 +194,7 @@ def _part(record: Recording, step: Mapping[str, Any]) -> Recording | None:
     return Recording(record.time[first:end], some, {**record.meta, "steps": [dict(step)], "step": dict(step)})
 
 
-def _fits(of: Mapping[str, str], case: Mapping[str, JsonValue]) -> bool:
-    return all(name in of and same_amount(wanted, of[name]) for name, wanted in case.items())
-
-
 def _place(step: Mapping[str, Any], names: Mapping[str, Any] | None = None) -> str:
     """Describe a step, with the values of some names of its case."""
     words = ", ".join(f"{name} {step['case'][name]}" for name in names or () if name in step["case"])
     return f"{step['label'] or step['path']}{f' ({words})' if words else ''}"
-
-
-def _clock(record: Recording) -> str:
-    return f"samples from {record.time[0]:.6g} s to {record.time[-1]:.6g} s"

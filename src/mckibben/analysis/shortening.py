@@ -19,9 +19,18 @@ import numpy as np
 from ..errors import InputError
 from ..muscles.biological import velocity_curve
 from ..recordings import Recording
-from ._regression import Interval, linear_fit, t_quantile
-from .channels import finite, known, positive, smoothed, uniform_period
-from .cycles import cycle_frequency, find_cycles
+from .channels import (
+    Interval,
+    cycle_frequency,
+    find_cycles,
+    finite,
+    known,
+    linear_fit,
+    positive,
+    smoothed,
+    t_quantile,
+    uniform_period,
+)
 
 _WINDOW = 0.02  # of a cycle
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -24,12 +24,17 @@ from ._terminal import (
     assignments,
     caution,
     expect_cautions,
+    options_named,
     pairs,
     print_json,
     program,
     table,
     writable,
 )
+
+SINGULAR = {"columns": "column", "units": "unit"}  # options with the words of all commands
+PAIRS = {"NAME=COLUMN": "force='F [N]'", "NAME=UNIT": "force=N"}  # examples of what is typed of a table
+REMEDIES = {"sheet": "NAME", "rest_length": "'300 mm'", "frequency": "'28 Hz'"}  # values of options that errors ask for
 
 
 class Shorthand(NamedTuple):
@@ -83,17 +88,15 @@ class VerbCommand:
     failed: int = 1
 
     def option(self, parameter: str) -> str:
-        """The option of a parameter, an argument's own name; a flag that is set by default has one that takes it away."""
-        one = verbs.described(self.place).parameters[parameter]
-        name = self.options.get(parameter, parameter).replace("_", "-")
-        if one.required:
-            return name
-        return f"--no-{name}" if one.flag and one.default else f"--{name}"
+        """The option of a parameter; a flag that is set by default has one that takes it away."""
+        one = verbs.described(self.place).parameters.get(parameter)
+        name = (SINGULAR | dict(self.options)).get(parameter, parameter).replace("_", "-")
+        return f"--no-{name}" if one is not None and one.flag and one.default else f"--{name}"
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
         verb = verbs.described(self.place)
-        parameters = [self._parameter(one) for one in verb.parameters.values() if one.flag or one.type.word]
+        parameters = [self._parameter(one) for one in _typed(verb)]
         parameters.sort(key=lambda p: p.default is not p.empty)
         for name, one in self.shorthands.items():
             flag = Annotated[bool, typer.Option(f"--{name.replace('_', '-')}", help=one.about)]
@@ -119,17 +122,16 @@ class VerbCommand:
 
     def _parameter(self, p: verbs.Parameter) -> inspect.Parameter:
         word = p.type.word
-        if p.required:
-            kind = Annotated[list[str] | None if p.many else str, typer.Argument(metavar=word, help=p.about)]
-            default = None if p.many else inspect.Parameter.empty
+        taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
+        if p.required and not p.keyword:
+            kind = Annotated[taken | None if p.several else taken, typer.Argument(metavar=word, help=p.about)]
+            default = None if p.several else inspect.Parameter.empty
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         if p.flag:
             about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
             return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=about)], False)
-        repeated = word in ("PATH=VALUE", "NAME=VALUE") or (p.many and not p.type.unit)
-        taken: Any = list[str] if repeated else str
         option = typer.Option(self.option(p.name), metavar=word, help=p.about)
-        if p.name in self.required:
+        if p.required or p.name in self.required:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
 
@@ -149,8 +151,10 @@ class VerbCommand:
                     self.written[name].write(answer, path)
             failure = answer.failure()
             answer = answer if top is None else answer.first(top)
-            content = answer.to_dict() | {"warnings": caution(*answer.cautions)}
-            files.write_rows(answer.rows(), answer.units)
+            content = answer.to_dict()
+            content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
+            if files["table"]:
+                files.write_columns(answer.data(), answer.column_units())
             files.write_result(content)
             if as_json:
                 print_json(content)
@@ -172,21 +176,45 @@ class VerbCommand:
                         self.option(one.parameter), None, f"is allowed only without --{name.replace('_', '-')}"
                     )
                 values[one.parameter] = one.value
-        given = {name: values[name] for name in verb.parameters if values.get(name) is not None}
-        for name in given:
-            if verb.parameters[name].flag and verb.parameters[name].default:
-                given[name] = not given[name]  # --no-lines
-        for name in given:
-            if verb.parameters[name].type.word == "PATH=VALUE":
-                given[name] = assignments(given[name])
-            elif verb.parameters[name].type.word == "NAME=VALUE":
-                given[name] = pairs(given[name], self.option(name), self.pair)
-        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self.option)
-        if self.doing is None:
-            return ask(given)
-        title, stages = self.doing
-        with _progress.told(title, stages(given)) as tell:
-            return ask(given | {"progress": tell})
+        given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] is not None}
+        for p in verb.parameters.values():
+            if p.parts:
+                stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
+                given |= {p.name: stated} if stated else {}
+        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
+        with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
+            if self.doing is None:
+                return ask(given)
+            title, stages = self.doing
+            with _progress.told(title, stages(given)) as tell:
+                return ask(given | {"progress": tell})
+
+    def _called(self, parameter: str) -> str:
+        one = verbs.described(self.place).parameters.get(parameter)
+        return parameter if one is not None and one.required and not one.keyword else self.option(parameter)
+
+    def _given(self, p: verbs.Parameter, value: Any) -> Any:
+        """A value as the verb takes it: of NAME=VALUE a table, in which columns may be numbers."""
+        word = p.type.word
+        if p.flag and p.default:
+            return not value  # --no-lines
+        if not word.startswith("NAME="):
+            return assignments(value) if word == "PATH=VALUE" else value
+        named = pairs(value, self.option(p.name), PAIRS.get(word, self.pair))
+        return {name: int(one) if word == "NAME=COLUMN" and one.isdecimal() else one for name, one in named.items()}
+
+
+def _typed(verb: verbs.Description) -> Iterator[verbs.Parameter]:
+    """What a person types of a verb; what has no kind of value is for Python alone."""
+    for one in verb.parameters.values():
+        if one.parts:
+            yield from one.parts
+        elif one.type.word or one.flag:
+            yield one
+
+
+def _each_once(*values: Any) -> list[Any]:
+    return [one for i, one in enumerate(values) if one not in values[:i]]
 
 
 def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -198,7 +226,10 @@ def show(answer: Answer) -> None:
     tables = answer.tables()
     for i, one in enumerate(tables):
         typer.echo("\n" if i else "", nl=False)
-        table(one.title, one.heads, one.cells(), right=one.right)
+        cells = [[_plain(cell) for cell in row] for row in one.cells()]
+        table(_plain(one.title), one.heads, cells[: one.most], right=one.right)
+        if len(cells) > len(cells[: one.most]):
+            typer.echo(f"... and {len(cells) - len(cells[: one.most])} more; --json lists all.")
         for note in one.notes:
             typer.echo(note)
     remarks = answer.remarks()
@@ -208,3 +239,7 @@ def show(answer: Answer) -> None:
     typer.echo("\n" if answer.sources else "", nl=False)
     for key in answer.sources:
         typer.echo(f"[{key}] {reference(key)}")
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", "\\[")  # no markup of rich

@@ -44,7 +44,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "braid:braid",
         "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
     ),
-    "read": ("read:read_file", "Read a file of another program and show its columns, units, and the rows left out."),
+    "read": (
+        "verb_commands:read",
+        "Read a file of another program and show its columns, units, and the rows left out.",
+    ),
     "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
     "next": (
         "next_experiment:choose_next",
@@ -112,7 +115,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Fit a circuit's parameters to records of its pressures, and predict other records.",
     ),
     "record": ("", "Show, plot, report on, analyse, convert and repair recordings."),
-    "record show": ("record:show", "Describe a recording: protocol, muscle, rig, steps, channels, balances, events."),
+    "record show": (
+        "verb_commands:record_show",
+        "Describe a recording: protocol, muscle, rig, steps, channels, balances, events.",
+    ),
     "record list": ("record:list_recordings", "List the recordings of a folder by what differs between them."),
     "record plot": (
         "record:plot",
@@ -123,28 +129,28 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Convert a recording, or a file of another program, to another file format.",
     ),
     "record energy": (
-        "record_analysis:energy",
+        "verb_commands:record_energy",
         "Account for the exergy of a recording: supply, losses and shaft work.",
     ),
     "record frequency": (
-        "record_analysis:frequency",
+        "verb_commands:record_frequency",
         "Estimate the frequency response between two channels.",
     ),
     "record contraction": (
-        "record_lever:contraction",
+        "verb_commands:record_contraction",
         "Time a twitch or tetanus: stimulus, peak, and set points of rise and relaxation.",
     ),
     "record work-loops": (
-        "record_lever:work_loops",
+        "verb_commands:record_work_loops",
         "Compute work and power of each cycle of a muscle on a lever.",
     ),
     "record repair": ("record:repair", "Recover a recording from the log of a killed process."),
     "record repeatability": (
-        "record_analysis:repeatability",
+        "verb_commands:record_repeatability",
         "Report how well cycles or runs repeat each other.",
     ),
     "record report": (
-        "record_analysis:report",
+        "record:report",
         "Write a report of a recording: figures, balances, parameters, references.",
     ),
     "calibrate": ("", "Calibrate the channels of a rig, show a calibration, or apply it to a recording."),

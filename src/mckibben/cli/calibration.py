@@ -13,7 +13,6 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import calibration as calibration_module
-from ..recordings import recalibration
 from ._outputs import KEPT_RECORDING, OBJECT, OutputFiles, OutputKinds, Paths, write_recording
 from ._terminal import Json, print_json, table
 
@@ -118,7 +117,7 @@ def _apply(
     new = None if calibration is None else calibrate.session.read_calibration(calibration)
     known = recordings.read_recording(recording)
     try:
-        done = recalibration.recalibrate(known, new, skew=skew)
+        done = calibration_module.recalibrate(known, new, skew=skew)
     except InputError as error:
         raise error.at(str(recording)) from None
     files.write("recording", lambda path: write_recording(done, path))
@@ -198,7 +197,7 @@ def _known(file: Path) -> Calibration:
     if file.suffix.lower() == ".toml":
         return calibrate.session.read_calibration(file)
     try:
-        calibration = recalibration.carried(recordings.read_recording(file))
+        calibration = calibration_module.carried(recordings.read_recording(file))
     except InputError as error:
         raise error if error.where == str(file) else error.at(str(file)) from None
     if calibration is None:

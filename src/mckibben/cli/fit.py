@@ -21,6 +21,7 @@ from ..specimens import Specimen
 from . import _fit_hysteresis, _fit_loop
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds, Paths
 from ._progress import progress
+from ._reading import Branch, GearRatio, PressureZero, Sheet, Topic, column_places, format_options
 from ._samples import HEADS, checked_draws, interval_rows
 from ._terminal import (
     FigureLook,
@@ -35,7 +36,6 @@ from ._terminal import (
     print_json,
     table,
 )
-from .read import Branch, GearRatio, PressureZero, Sheet, Topic, column_places, format_options
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,4 +1,4 @@
-"""``record``: content of recordings, figures of them, and conversion from and to other formats."""
+"""``record``: figures and reports of recordings, and conversion from and to other formats."""
 
 from __future__ import annotations
 
@@ -10,78 +10,27 @@ import typer
 
 from .. import recordings
 from ..analysis import segments as cuts
-from ..analysis.loop_residuals import loop_residuals
-from ..citations import known_keys, reference
+from ..analysis.loops import loop_residuals
 from ..documents import JsonValue
 from ..errors import InputError, not_found
-from ..experiments import waveforms
-from ..quantities import from_si, parse, shown_unit
+from ..quantities import parse
 from ..recordings import mcap
-from ..recordings.cautions import MACHINE
-from ..recordings.differences import differing
+from ..recordings.files import select_between
+from ..recordings.provenance import differing
 from ..report.figures import analysis_figures, recording_figures, style
-from ._outputs import FIGURE, KEPT_RECORDING, OBJECT, TABLE, OutputKinds, Paths, write_recording
+from ._outputs import FIGURE, KEPT_RECORDING, REPORT, OutputKinds, Paths, write_recording
+from ._reading import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options, stated_columns
 from ._terminal import End, FigureLook, FigureWidth, Json, Start, options_named, pairs, print_json, table
-from .read import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options
 
 if TYPE_CHECKING:
     from ..recordings import Recording
-    from ..recordings.formats import ImportResult
 
 
-SHOWN = OutputKinds(table=TABLE, result=OBJECT)
 PICTURE = OutputKinds(figure=FIGURE)
+REPORTED = OutputKinds(report=REPORT)
 REPAIRED = OutputKinds(recording=KEPT_RECORDING)
-SENTENCE = 280  # characters of a protocol's sentence that a person is shown
-STEPS = 40  # rows of steps that a person is shown
 
 File = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording of mckibben (.nc, .csv or .mcap).")]
-
-
-AnyFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Recording of mckibben, or a file of another program of any format.")
-]
-
-
-def show(
-    file: AnyFile,
-    column: Column = None,
-    unit: Unit = None,
-    period: Period = None,
-    sheet: Sheet = None,
-    topic: Topic = None,
-    gear_ratio: GearRatio = None,
-    out: Annotated[Paths, SHOWN.option()] = None,
-    as_json: Json = False,
-) -> None:
-    """Describe a recording: protocol, muscle, rig, steps, channels, balances, events.
-
-    $ mckibben record show loop.nc
-    """
-    with SHOWN.files(out) as files:
-        description = _description(file, column, unit, period, format_options(sheet, topic, gear_ratio))
-        files.write_rows([{"channel": name} | s for name, s in description["channels"].items()])
-        files.write_result(description)
-        if as_json:
-            print_json(description)
-        else:
-            _print(description)
-            files.say()
-
-
-def _description(
-    file: Path, column: list[str] | None, unit: list[str] | None, period: str | None, options: dict[str, Any]
-) -> dict[str, Any]:
-    """What a file holds, with the remarks of its reader."""
-    result = _read(file, column, unit, period, options)
-    description = _described(file, result.recording)
-    description["warnings"] = [
-        *description["warnings"],
-        *(r for r in result.remarks if r not in description["warnings"]),
-    ]
-    return description
-
-
 Files = Annotated[
     list[Path],
     typer.Argument(metavar="RECORDING", help="Recordings (.nc, .csv or .mcap), or the folder of a sweep, to compare."),
@@ -136,7 +85,7 @@ def plot(
                 files.say()
             return
         known = recordings.read_recording(file[0])
-        parts = _parts(between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
+        parts = _parts(_between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
         names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
         if names == []:
             raise InputError("--channels", channels, "must be names of channels, parted by commas")
@@ -230,14 +179,13 @@ def list_recordings(
     typer.echo(f"\n{len(known)} recording{'s' if len(known) > 1 else ''}.{same}")
 
 
-def between(known: Recording, start: str | None, end: str | None) -> Recording:
+def _between(known: Recording, start: str | None, end: str | None) -> Recording:
     """Samples between the times of ``--from`` and ``--to``."""
-    if start is None and end is None:
-        return known
-    first = None if start is None else parse(start, "s", field="--from", bare=True)
-    last = None if end is None else parse(end, "s", field="--to", bare=True)
+    first, last = (
+        None if t is None else parse(t, "s", field=name, bare=True) for t, name in ((start, "--from"), (end, "--to"))
+    )
     try:
-        return known.select(first, last)
+        return select_between(known, first, last)
     except InputError as error:
         raise error.changed(field="--from, --to") from None
 
@@ -251,164 +199,6 @@ def _parts(known: Recording, label: str | None, case: Mapping[str, str], apart: 
             options = {"label": "--label", "case": "--case"} | {name: f"--case {name}" for name in case}
             raise error.changed(field=options.get(error.field, error.field)) from None
     return [known]
-
-
-def _described(file: Path, known: Recording) -> dict[str, JsonValue]:
-    import numpy as np
-
-    meta, several = known.meta, len(known) > 1
-    period = known.period if several else None
-    gaps = int((np.diff(known.time) > 1.5 * period).sum()) if period else 0
-    document = meta.get("protocol")
-    return {
-        "file": str(file),
-        "title": meta.get("title"),
-        "created": meta.get("created"),
-        "protocol": document.get("name") if isinstance(document, Mapping) else document,
-        "sentence": meta.get("sentence") or meta.get("run") or meta.get("circuit"),
-        "specimen": meta.get("specimen"),
-        "rig": meta.get("rig"),
-        "result": meta.get("result"),
-        "message": meta.get("message"),
-        "start": float(known.time[0]),
-        "end": float(known.time[-1]),
-        "duration": known.duration,
-        "samples": len(known),
-        "sample_rate": 1.0 / period if period else None,
-        "gaps": gaps,
-        "steps": cuts.steps_of(known) if known.meta.get("steps") else [],
-        "varied": cuts.varied(known) if known.meta.get("steps") else {},
-        "channels": _channels(known),
-        "balance": meta.get("balance"),
-        "saturation": meta.get("saturation") or {},
-        "events": meta.get("events") or [],
-        "warnings": [*(meta.get("warnings") or []), *(c.text for c in known.cautions if c.parameter in MACHINE)],
-        "citations": _citations(meta.get("citations")),
-    }
-
-
-def _channels(known: Recording) -> dict[str, dict[str, Any]]:
-    import numpy as np
-
-    return {
-        name: {**s, "known": float(np.isfinite(known[name]).mean()), "meaning": known.channels[name].meaning}
-        for name, s in known.summary().items()
-    }
-
-
-def _citations(keys: Any) -> list[dict[str, str]]:
-
-    listed = [str(key) for key in keys] if isinstance(keys, list) else []
-    # a newer version may cite what this one does not know
-    return [{"key": key, "reference": reference(key) if key in known_keys() else ""} for key in listed]
-
-
-def _print(summary: dict[str, Any]) -> None:
-    typer.echo(f"{summary['title'] or summary['file']}")
-    if summary["sentence"]:
-        typer.echo(_shortened(str(summary["sentence"]).removeprefix(f"{summary['title']}. ")))
-    about = [[key, _named(summary[key])] for key in ("protocol", "specimen", "rig", "created") if summary[key]]
-    rate = summary["sample_rate"]
-    clock = f"{summary['samples']} samples from {summary['start']:.6g} s to {summary['end']:.6g} s"
-    about.append(["time", clock + (f", every {_time(1.0 / rate)} ({rate:.6g} Hz)" if rate else "")])
-    if summary["gaps"]:
-        about[-1][1] += f", {summary['gaps']} gap{'s' if summary['gaps'] > 1 else ''}"
-    if summary["result"]:
-        about.append(["result", ": ".join(str(w) for w in (summary["result"], summary["message"]) if w)])
-    if isinstance(summary["balance"], Mapping):
-        closed = [f"{k} {v:.1e}" for k, v in summary["balance"].items() if isinstance(v, int | float)]
-        about.append(["balance", f"{', '.join(closed)} of what went through"])
-    typer.echo("")
-    table("", ["", ""], about)
-    _print_steps(summary)
-    _print_channels(summary["channels"])
-    _print_remarks(summary)
-
-
-def _print_steps(summary: dict[str, Any]) -> None:
-    steps, varied = summary["steps"], summary["varied"]
-    if not steps:
-        return
-    rows = []
-    for s in steps[:STEPS]:
-        case = ", ".join(f"{name} {s['case'][name]}" for name in varied if name in s["case"])
-        times = [f"{s[key]:.6g}" for key in ("start", "end")]
-        rows.append([str(s["index"]), s["label"], case, *times, s["ended_by"], "" if s["recorded"] else "not recorded"])
-    typer.echo("")
-    table("", ["step", "label", "case", "from, s", "to, s", "ended by", ""], rows, right=[0, 3, 4])
-    if len(steps) > STEPS:
-        typer.echo(f"... and {len(steps) - STEPS} more; --json lists all.")
-
-
-def _print_channels(channels: dict[str, dict[str, Any]]) -> None:
-
-    rows = []
-    units = {"kg/s": "g/s", "kg": "g"}
-    for name, s in channels.items():
-        unit = units.get(s["unit"], shown_unit(s["unit"]))
-        nothing = s["known"] == 0.0
-        numbers = ["" if nothing else f"{from_si(s[k], s['unit'], unit):.4g}" for k in ("min", "mean", "max")]
-        share = "" if s["known"] == 1.0 else "nothing known" if nothing else f"known {100.0 * s['known']:.3g} %"
-        rows.append(
-            [name, s["kind"], *numbers, "" if unit == "1" else unit, "; ".join(w for w in (s["meaning"], share) if w)]
-        )
-    typer.echo("")
-    table("", ["channel", "kind", "min", "mean", "max", "unit", ""], rows, right=[2, 3, 4])
-
-
-def _print_remarks(summary: dict[str, Any]) -> None:
-    lines = [f"Warning: {_named(w)}" for w in summary["warnings"]]
-    for name, s in summary["saturation"].items() if isinstance(summary["saturation"], Mapping) else ():
-        if isinstance(s, Mapping) and s.get("sentence"):
-            lines.append(f"Saturation: {name} {s['sentence']}.")
-        elif isinstance(s, Mapping):
-            details = [f"{100.0 * s['share']:.3g} % of its samples"] if _is_number(s.get("share")) else []
-            details += [f"first at {s['first']:.6g} s"] if _is_number(s.get("first")) else []
-            details += [f"at most {_time(s['longest'])} on end"] if _is_number(s.get("longest")) else []
-            lines.append(f"Saturation: {', '.join([str(name), *details])}.")
-    for event in summary["events"]:
-        if isinstance(event, Mapping) and _is_number(event.get("time")):
-            lines.append(f"{event['time']:>9.3f} s  {event.get('text', '')}")
-    lines += [f"[{c['key']}] {c['reference']}".rstrip() for c in summary["citations"]]
-    if lines:
-        typer.echo("\n" + "\n".join(lines))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _time(seconds: float) -> str:
-
-    return waveforms.time_words(seconds)
-
-
-def _named(value: Any) -> str:
-    """Name of a table of the metadata, or the text itself."""
-    if isinstance(value, Mapping):
-        return str(next((value[key] for key in ("title", "name", "id", "text") if value.get(key)), ", ".join(value)))
-    return str(value)
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= SENTENCE else text[:SENTENCE].rsplit(" ", 1)[0] + " ..."
-
-
-def _read(
-    file: Path, column: list[str] | None, unit: list[str] | None, period: str | None, options: dict[str, Any]
-) -> ImportResult:
-    """Read the recording in a file of any format."""
-    with options_named(sheet="--sheet NAME"):
-        return recordings.read_any(file, **stated_columns(column, unit, period), **options)
-
-
-def stated_columns(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, JsonValue]:
-    """What the options state of the columns of a file of another program."""
-    return {
-        "columns": column_places(column),
-        "units": pairs(unit, "--unit", "tank.pressure=bar") or None,
-        "period": None if period is None else parse(period, "s", field="--period", bare=True),
-    }
 
 
 _READ = "File to read: a recording, a log or a file of another program, of any format that `mckibben read` takes."
@@ -486,3 +276,26 @@ def _print_written(target: Path, known: Recording) -> None:
     count = len(known.channels)
     span = f"{len(known)} samples of {count} channel{'s' if count != 1 else ''}"
     typer.echo(f"Written: {target}, {span}, {known.time[0]:.6g} s to {known.time[-1]:.6g} s")
+
+
+def report(
+    file: File,
+    out: Annotated[list[Path], REPORTED.option()],
+    width: FigureWidth = None,
+    look: FigureLook = "screen",
+    as_json: Json = False,
+) -> None:
+    """Write a report of a recording: figures, balances, parameters, references.
+
+    $ mckibben record report loop.nc --out loop.html
+    """
+    from ..report import document, recording_report
+
+    with REPORTED.files(out) as files:
+        for place in files["report"]:
+            document.checked_place(place, field="--out")
+        files.write("report", lambda path: recording_report.write_recording_report(file, path))
+        if as_json:
+            print_json({"file": str(out[0])})
+        else:
+            files.say()

@@ -12,6 +12,9 @@ from ._verb import Shorthand, VerbCommand, Written
 
 if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
+    from ..analysis.energy_parts import EnergyAccount
+    from ..analysis.frequency import ChannelResponse
+    from ..analysis.repeatability import CourseRepeatability
     from ..studies.comparison import MuscleTable
     from ..studies.sizing import Sizing
 
@@ -133,4 +136,78 @@ conform = VerbCommand(
     ("conform python --scenario hang --out python.json",),
     options={"scenarios": "scenario"},
     doing=("conforming", lambda given: None),
+)
+
+
+# ---- files and recordings
+
+ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
+DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
+TIMES = {"start": "from", "end": "to"}
+
+
+def _draw_account(answer: EnergyAccount, path: Path) -> None:
+    from ..report.figures import energy_figures, style
+
+    title = {"title": answer.title} if answer.title else {}
+    style.save(energy_figures.energy_flow_figure(answer, **title), path)
+
+
+def _draw_response(answer: ChannelResponse, path: Path) -> None:
+    from ..report.figures import analysis_figures, style
+
+    titles = analysis_figures.BodeTitles(f"{answer.target} over {answer.source}", answer.title, answer.unit)
+    style.save(analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff()), path)
+
+
+def _draw_courses(answer: CourseRepeatability, path: Path) -> None:
+    from ..quantities import from_si, shown_unit
+    from ..report.figures import analysis_figures, style
+
+    shown = shown_unit(answer.unit)
+    scaled = answer.compared._replace(courses=from_si(1.0, answer.unit, shown) * answer.compared.courses)
+    channel = f"{answer.channel.replace('.', ' ').replace('_', ' ').capitalize()}, {shown}"
+    over = "Phase of the cycle" if answer.each == "cycle" else "Time, s"
+    style.save(analysis_figures.repeatability_figure(scaled, title=answer.title, channel=channel, over=over), path)
+
+
+read = VerbCommand(
+    "analysis.description:describe_file",
+    ANSWERED,
+    ("read measured.csv --rest-length '300 mm' --unit force=N --out map.csv",),
+    options={"kind": "as"},
+)
+record_show = VerbCommand("analysis.description:describe_recording", ANSWERED, ("record show loop.nc",))
+record_energy = VerbCommand(
+    "analysis.energy_accounts:energy_account",
+    DRAWN,
+    ("record energy loop.nc --out energy.svg",),
+    options=TIMES,
+    draw=_draw_account,
+)
+record_frequency = VerbCommand(
+    "analysis.frequency:channel_response",
+    DRAWN,
+    ("record frequency chirp.nc --input command.pressure --output tension --out response.svg",),
+    options=TIMES | {"source": "input", "target": "output"},
+    draw=_draw_response,
+)
+record_contraction = VerbCommand(
+    "analysis.lever_answers:contraction",
+    ANSWERED,
+    ('record contraction twitch.ddf --rising "10 %, 50 %, 90 %"',),
+    options={"force": "force_channel", "stimulus": "stimulus_channel"},
+)
+record_work_loops = VerbCommand(
+    "analysis.lever_answers:work_loops",
+    ANSWERED,
+    ("record work-loops workloop.ddf --cut peak --keep 4-6 --gear-ratio 2",),
+    options={"frequency": "cycle_frequency", "length": "length_channel", "force": "force_channel"},
+)
+record_repeatability = VerbCommand(
+    "analysis.repeatability:repeatability",
+    DRAWN,
+    ("record repeatability loop.nc --skip 1 --out cycles.svg",),
+    options=TIMES,
+    draw=_draw_courses,
 )

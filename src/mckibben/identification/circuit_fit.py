@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..analysis.lag import time_lead
+from ..analysis.frequency import time_lead
 from ..components import paths
 from ..engine import STEP, Run
 from ..engine.rates import RK4_LIMIT

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
+    from .calibration import saturated as saturated
     from .columns import COLUMNS as COLUMNS
     from .columns import TIMES as TIMES
     from .files import FileReading as FileReading
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from .formats import ForeignColumn as ForeignColumn
     from .formats import ForeignTable as ForeignTable
     from .live_log import LiveLog as LiveLog
-    from .recalibration import saturated as saturated
     from .recording import Channel as Channel
     from .recording import Note as Note
     from .recording import Recording as Recording
@@ -68,6 +68,6 @@ lazy_names(
         "live_log": ["LiveLog"],
         "recording": ["Channel", "Note", "Recording"],
         "formats": ["FileFormat", "ForeignColumn", "ForeignTable"],
-        "recalibration": ["saturated"],
+        "calibration": ["saturated"],
     },
 )

@@ -17,8 +17,8 @@ import numpy as np
 
 from ..errors import InputError
 from .formats import FileFormat, ForeignColumn, ForeignTable
+from .recording import si_of
 from .text import to_numbers
-from .units import si_of
 
 # Names by the dimension of the first two inputs and outputs: the lever's length and force, as workloopR names them.
 _NAMES = {"m": "length", "N": "force"}
@@ -64,7 +64,13 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
     if len(cells) > 1 and not any(cell.strip("0.") for cell in cells[-1][1:]):
         remarks.append(f"row {numbers[-1]} is left out: the last sample holds zeros only")
         numbers, cells = numbers[:-1], cells[:-1]
-    _check_samples([row[0] for row in cells], numbers, where)
+    # After a lost or a repeated sample everything would be timed wrong.
+    wrong = np.flatnonzero(np.diff(to_numbers([row[0] for row in cells], numbers, "Sample", where)) != 1.0)
+    if len(wrong):
+        at = int(wrong[0]) + 1
+        sample, before = cells[at][0], cells[at - 1][0]
+        problem = f"row {numbers[at]} is sample {sample} after {before}; samples must be numbered one by one"
+        raise InputError("Sample", sample, problem, sentence=problem, where=where)
     time = np.arange(len(cells)) / rate
     columns: list[ForeignColumn] = []
     for at, channel in enumerate(parts.header[1:], 1):
@@ -76,9 +82,11 @@ def read_ddf(path: Path, gear_ratio: float | str = 1.0) -> ForeignTable:
                 remarks.append(f"channel {channel} is left out: {lack}")
             continue
         values = to_numbers([row[at] for row in cells], numbers, channel, where)
-        name = "stimulus" if stimulus else _name(unit, channel)
+        name = "stimulus" if stimulus else channel.lower()
         if not stimulus:
             values = (values + offset) * scale
+            if unit != "TTL":
+                name = _NAMES.get(si_of(unit, field=f"Units of {channel}")[0], name)
         if name in ("length", "force"):
             values = values / ratio if name == "length" else values * ratio
         label = f"{name}.command" if channel.startswith("AO") else name
@@ -102,12 +110,6 @@ def _lines(path: Path, where: str) -> list[str]:
         return content.decode("latin-1").splitlines()
 
 
-def _name(unit: str, channel: str) -> str:
-    if unit == "TTL":
-        return channel.lower()
-    return _NAMES.get(si_of(unit, field=f"Units of {channel}")[0], channel.lower())
-
-
 def _rate(head: Mapping[str, str], where: str) -> float:
     key = "Sample Frequency (Hz)"
     if key not in head:
@@ -116,16 +118,6 @@ def _rate(head: Mapping[str, str], where: str) -> float:
     if not 0.0 < rate <= _FASTEST:
         raise InputError(key, rate, f"must be above 0 and at most {_FASTEST:g}", where=where)
     return rate
-
-
-def _check_samples(cells: Sequence[str], rows: Sequence[int], where: str) -> None:
-    """Refuse lost and repeated samples: everything after them would be timed wrong."""
-    numbers = to_numbers(cells, rows, "Sample", where)
-    wrong = np.flatnonzero(np.diff(numbers) != 1.0)
-    if len(wrong):
-        at = int(wrong[0]) + 1
-        problem = f"row {rows[at]} is sample {cells[at]} after {cells[at - 1]}; samples must be numbered one by one"
-        raise InputError("Sample", cells[at], problem, sentence=problem, where=where)
 
 
 def _parts(lines: list[str], where: str) -> _Parts:
@@ -150,7 +142,9 @@ def _parts(lines: list[str], where: str) -> _Parts:
         if len(row) != len(header):
             problem = f"row {number} has {len(row)} cells, and the header has {len(header)} columns"
             raise InputError(f"row {number}", f"{len(row)} cells", problem, sentence=problem, where=where)
-    comma = _decimal_comma([cell for _, row in rows for cell in row])
+    cells = [cell for _, row in rows for cell in row]
+    # Numbers with commas, and none with a point.
+    comma = any("," in cell for cell in cells) and not any("." in cell for cell in cells)
     if comma:
         rows = [(number, [cell.replace(",", ".") for cell in row]) for number, row in rows]
     remarks = ["numbers have decimal commas"] if comma else []
@@ -180,11 +174,6 @@ def _place(lines: list[str], name: str, among: range, where: str) -> int:
 def _cells(line: str) -> list[str]:
     """Cells between tabs; blanks around them and tabs at the end mean nothing."""
     return [cell.strip() for cell in line.rstrip().split("\t")]
-
-
-def _decimal_comma(cells: Sequence[str]) -> bool:
-    """Whether numbers are written with commas, and none with a point."""
-    return any("," in cell for cell in cells) and not any("." in cell for cell in cells)
 
 
 def _calibration(lines: Sequence[str], comma: bool, where: str) -> dict[str, tuple[str, float, float]]:

@@ -1,13 +1,19 @@
-"""HDF5 files of other programs: rows of numbers and fields of tables, with the units that attributes state."""
+"""HDF5 files of other programs, with the units that attributes state; and what guards files that HDF5 reads.
+
+The seal of a netCDF file is a digest of all before it, which HDF5 does not look at: a file whose seal is whole is as it
+was written, unless somebody forged it. It is no reason to trust a file: whatever HDF5 parses, it parses in a process that
+may be ended.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._seal import check_self_contained
 from ._sidecar import unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable
 
@@ -74,3 +80,64 @@ def read_hdf5(path: Path) -> ForeignTable:
 
 
 FORMAT = FileFormat(title="HDF5 files", read=read_hdf5)
+
+
+SEAL = b"\nmckibben-seal:"
+SEAL_DIGEST = 32  # [B]
+SEAL_BLOCK = 1 << 20
+
+
+def seal(path: Path) -> None:
+    """Append a seal to a file."""
+    digest = _digest(path, os.path.getsize(path))
+    with open(path, "ab") as stream:
+        stream.write(SEAL + digest)
+
+
+def sealed(path: Path) -> bool | None:
+    """Whether a file is as it was when its seal was put; None if it has none."""
+    size = os.path.getsize(path) - SEAL_DIGEST - len(SEAL)
+    if size < 0:
+        return None
+    with open(path, "rb") as stream:
+        stream.seek(size)
+        end = stream.read()
+    return end[len(SEAL) :] == _digest(path, size) if end.startswith(SEAL) else None
+
+
+def check_self_contained(path: str | os.PathLike[str]) -> None:
+    """Refuse an HDF5 file with links to other files.
+
+    Raises:
+        ValueError: names the variable.
+    """
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        return
+    with h5py.File(path, "r") as file:
+        groups, known = [file["/"]], set()
+        while groups:
+            group = groups.pop()
+            for name in group:
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    raise ValueError(f"{name} lies in another file, {link.filename}")
+                if isinstance(link, h5py.SoftLink):
+                    continue  # what it leads to is met, too
+                item = group[name]
+                if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+                    raise ValueError(f"the numbers of {name} lie in another file")
+                address = h5py.h5o.get_info(item.id).addr
+                if isinstance(item, h5py.Group) and address not in known:
+                    known.add(address)
+                    groups.append(item)
+
+
+def _digest(path: Path, size: int) -> bytes:
+    digest = hashlib.sha256()
+    with open(path, "rb") as stream:
+        while size > 0 and (block := stream.read(min(SEAL_BLOCK, size))):
+            digest.update(block)
+            size -= len(block)
+    return digest.digest()

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..documents import JsonValue
 from ..errors import InputError
 from ..isolation import lacks_memory
-from ._meta import SCHEMA, from_json, to_json
+from .metadata import SCHEMA, from_json, to_json
 from .recording import Channel, Recording
 
 # The key, property or variable of a file that holds the line.

@@ -18,10 +18,10 @@ import numpy as np
 
 from ..documents import ErrorKeepingFile
 from ..errors import InputError
-from ._meta import SCHEMA, file_attributes, to_json
-from ._seal import check_self_contained, seal, sealed
+from ._hdf5 import check_self_contained, seal, sealed
 from ._sidecar import check_schema, one_line, parse, unreadable
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
+from .metadata import SCHEMA, file_attributes, to_json
 from .recording import Channel, Recording, channel_attributes
 from .text import read_text_table
 

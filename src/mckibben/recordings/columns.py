@@ -20,9 +20,8 @@ import numpy as np
 from ..errors import InputError, choice
 from ..quantities import with_unit
 from .formats import ForeignColumn, ForeignTable, ImportResult
-from .recording import Channel, Recording, check_name
+from .recording import Channel, Recording, check_name, is_pressure, si_of
 from .text import MISSING, is_number, plain_text, rows_left_out, split_header, to_numbers, with_points
-from .units import is_pressure, si_of
 
 AMBIENT = 101325.0  # [Pa], says where vacuum is
 # Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
@@ -354,12 +353,17 @@ def assemble(
     remarks += _gaps(time, table, strict, where)
     channels: dict[str, Channel] = {}
     for name, column in sources.items():
-        zero = _zero(name, pressure_zero, where)
+        zero = pressure_zero.get(name, 0.0) if isinstance(pressure_zero, Mapping) else pressure_zero
+        if not math.isfinite(zero):
+            raise InputError("pressure_zero", zero, "must be a finite pressure [Pa]", where=where)
         channels[name] = _channel(name, column, numbers[name], table, words.get(name), zero, ambient, where)
     if not channels:
         raise InputError("channels", None, "must be at least one column beside the time", where=where)
-    if strict:
-        _check_alive(channels, where)
+    sensors = {n: c for n, c in channels.items() if c.kind != "command"} or channels
+    if strict and all(np.ptp(c.values) == 0.0 for c in sensors.values()):
+        name, channel = next(iter(sensors.items()))
+        problem = f"is {with_unit(float(channel.values[0]), channel.unit)} throughout, and no channel changes"
+        raise InputError(name, None, problem, where=where)
     about = {n: {"column": foreign[c.at].label, "unit": words.get(n)} for n, c in sources.items()}
     source = {"file": path.name, "columns": about, **({"start": start} if start else {}), **table.notes}
     if pressure_zero:
@@ -477,10 +481,9 @@ def _clock(
             for name, column in sources.items() if foreign[column.at].clock != kept
         ]  # fmt: skip
     if chosen or "time" not in sources:
-        problem = "; ".join(
-            f"{clock}: {_shortened([n for n, c in sources.items() if foreign[c.at].clock == clock])}"
-            for clock in clocks
-        )
+        of = {clock: [n for n, c in sources.items() if foreign[c.at].clock == clock] for clock in clocks}
+        shown = {clock: ", ".join(names[:3]) + (", .." if len(names) > 3 else "") for clock, names in of.items()}
+        problem = "; ".join(f"{clock}: {names}" for clock, names in shown.items())
         needs = "a recording has one time; choose columns"
         sentence = f"the columns have {len(clocks)} clocks ({problem}), and {needs}"
         raise InputError(
@@ -492,10 +495,6 @@ def _clock(
     for name in others:
         del sources[name]
     return kept, lines
-
-
-def _shortened(names: Sequence[str]) -> str:
-    return ", ".join(names[:3]) + (", .." if len(names) > 3 else "")
 
 
 def _on_clock(values: np.ndarray, column: ForeignColumn, clock: str, foreign: Sequence[ForeignColumn]) -> np.ndarray:
@@ -535,7 +534,9 @@ def _time(
     if values.dtype.kind == "O":
         values = _dates([str(cell).strip() for cell in values])
     if values.dtype.kind == "M":
-        time, start = _seconds(values), str(values[0]) if len(values) else None
+        dates = values.astype("datetime64[ns]")
+        time = np.where(np.isnat(dates), np.nan, (dates - dates[:1]).astype("int64") * 1e-9)
+        start = str(values[0]) if len(values) else None
     else:
         unit, scale, offset = si_of(words.get("time") or "s", field=f"unit of time ({label})", where=where)
         if unit != "s":
@@ -605,12 +606,6 @@ def _dates(cells: Sequence[str]) -> np.ndarray:
     return np.empty(0, "datetime64[us]")
 
 
-def _seconds(dates: np.ndarray) -> np.ndarray:
-    """Seconds since the first of some dates."""
-    known = dates.astype("datetime64[ns]")
-    return np.where(np.isnat(known), np.nan, (known - known[:1]).astype("int64") * 1e-9)
-
-
 def _channel(
     name: str, column: ColumnSource, values: np.ndarray, table: ForeignTable, unit: str | None, zero: float, ambient: float,
     where: str,
@@ -636,18 +631,3 @@ def _channel(
         check_vacuum(name, foreign.label, values, ambient, table.place, where)
     kind = "command" if name.split(".")[-1] == "command" else "measured"
     return Channel(values, si, kind)
-
-
-def _zero(name: str, zeros: float | Mapping[str, float], where: str) -> float:
-    zero = zeros.get(name, 0.0) if isinstance(zeros, Mapping) else zeros
-    if not math.isfinite(zero):
-        raise InputError("pressure_zero", zero, "must be a finite pressure [Pa]", where=where)
-    return zero
-
-
-def _check_alive(channels: Mapping[str, Channel], where: str) -> None:
-    sensors = {n: c for n, c in channels.items() if c.kind != "command"} or channels
-    if all(np.ptp(c.values) == 0.0 for c in sensors.values()):
-        name, channel = next(iter(sensors.items()))
-        problem = f"is {with_unit(float(channel.values[0]), channel.unit)} throughout, and no channel changes"
-        raise InputError(name, None, problem, where=where)

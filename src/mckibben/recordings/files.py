@@ -19,8 +19,9 @@ Further formats come from other packages: see `formats`. What the columns of a t
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -173,7 +174,11 @@ def understand(
         if kind == "map":
             points = read_force_map(path, **of_map)
             return FileReading(points, title, _channel_uses(content.recording), (*content.remarks, *points.remarks), {})
-        _refuse_options(path, columns=columns, units=units, period=step)
+        for option, value in {"column": columns, "unit": units, "period": step}.items():
+            if value:
+                problem = "a recording of mckibben says these itself; they are for files of others"
+                shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
+                raise InputError(option, shown, problem, where=str(path))
         return FileReading(content.recording, title, _channel_uses(content.recording), tuple(content.remarks), {})
     if (kind or _kind_of(content, columns or {}, step, str(path))) == "recording":
         result = assemble(
@@ -253,10 +258,11 @@ def _map_uses(table: ForeignTable, columns: Mapping[str, str | int], units: Mapp
     return tuple(uses)
 
 
-def read_recording(path: str | Path) -> Recording:
+def read_recording(path: str | Path | Recording) -> Recording:
     """Read a recording: netCDF and CSV as `Recording.save` wrote them, or the live log of a bench (``.mcap``).
 
-    What a log lost, because it was never closed or is damaged, stands in the metadata's ``warnings``.
+    What a log lost, because it was never closed or is damaged, stands in the metadata's ``warnings``. What is a recording
+    already passes as it is.
 
     Raises:
         InputError: there is no such file, it is no recording, or a newer version wrote it.
@@ -268,6 +274,8 @@ def read_recording(path: str | Path) -> Recording:
         >>> mk.read_recording(path) == recording
         True
     """
+    if isinstance(path, Recording):
+        return path
     path = Path(path)
     if path.suffix.lower() not in RECORDINGS:
         raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
@@ -281,26 +289,44 @@ def read_recording(path: str | Path) -> Recording:
     return content.recording
 
 
+def path_of(source: str | Path | Recording) -> str | None:
+    """The path of what a recording is read from; None of what is a recording already."""
+    return None if isinstance(source, Recording) else str(Path(source))
+
+
+@contextlib.contextmanager
+def naming_file(source: str | Path | Recording) -> Iterator[None]:
+    """Name a recording's file in errors about what is in it."""
+    try:
+        yield
+    except InputError as error:
+        raise error if (path := path_of(source)) is None else error.at(path) from None
+
+
+def select_between(recording: Recording, start: float | None, end: float | None) -> Recording:
+    """Samples from a time to another [s]; all of them where neither is stated."""
+    if start is None and end is None:
+        return recording
+    try:
+        return recording.select(start, end)
+    except InputError as error:
+        raise error.changed(field="{start}, {end}") from None
+
+
 def read_any(
-    path: str | Path,
+    path: str | Path | Recording,
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
-    period: float | None = None,
+    period: float | str | None = None,
     **options: JsonValue,
 ) -> ImportResult:
     """Read a recording of mckibben, or a file of another program as a recording, with a line for each thing left out."""
+    if isinstance(path, Recording):
+        return ImportResult(path, [])
     reading = understand(path, columns=columns, units=units, period=period, kind="recording", **options)
     assert isinstance(reading.data, Recording)
     return ImportResult(reading.data, list(reading.remarks))
-
-
-def _refuse_options(path: Path, **options: Any) -> None:
-    for option, value in options.items():
-        if value:
-            problem = "a recording of mckibben says these itself; they are for files of others"
-            shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
-            raise InputError(option.removesuffix("s"), shown, problem, where=str(path))
 
 
 def read_record(
@@ -364,7 +390,7 @@ def convert(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
-    period: float | None = None,
+    period: float | str | None = None,
     **options: JsonValue,
 ) -> ImportResult:
     """Read a file, and write it in the format of the target's suffix, atomically.

@@ -271,10 +271,13 @@ def map_of_table(
             data[quantity] = np.array([_word(cell) for cell in column.values])
             continue
         numbers = column_numbers(column, table.rows, where)
-        _check_finite(numbers, label, table, where)
+        if np.isinf(numbers).any():
+            i = int(np.argmax(np.isinf(numbers)))
+            raise InputError(f"{label}{table.place(i)}", str(numbers[i]), "must be a finite number", where=where)
         data[quantity] = numbers
     used = {header.index(label): data[quantity] for quantity, label in chosen.items()}
-    keep, remarks = without_blank_rows(_labelled(table, header), used, where)
+    labelled = [c._replace(label=label) for c, label in zip(table.columns, header, strict=True)]
+    keep, remarks = without_blank_rows(table._replace(columns=labelled), used, where)
     for quantity, label in chosen.items():
         data[quantity] = data[quantity][keep]
         if quantity not in TEXT_QUANTITIES:
@@ -349,17 +352,6 @@ def _checked_header(table: ForeignTable, where: str) -> list[str]:
         first = ",".join(str(column.values[0]) for column in table.columns)
         raise InputError("header", first, "the first row must name the columns, such as length_mm", where=where)
     return table_labels(table)
-
-
-def _labelled(table: ForeignTable, header: list[str]) -> ForeignTable:
-    return table._replace(columns=[c._replace(label=label) for c, label in zip(table.columns, header, strict=True)])
-
-
-def _check_finite(numbers: np.ndarray, label: str, table: ForeignTable, where: str) -> None:
-    wrong = np.isinf(numbers)
-    if wrong.any():
-        i = int(np.argmax(wrong))
-        raise InputError(f"{label}{table.place(i)}", str(numbers[i]), "must be a finite number", where=where)
 
 
 def choose_map_columns(header: list[str], columns: Mapping[str, str | int], where: str) -> dict[str, str]:

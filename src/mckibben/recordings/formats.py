@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 # Suffix without its dot -> module beside this one and the name of its format.
 BUILT_IN = {
-    "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_matlab:FORMAT", "tdms": "_tdms:FORMAT",
-    "parquet": "_parquet:FORMAT", "txt": "_store:TEXT", "tsv": "_store:TEXT", "dat": "_store:TEXT", "gz": "_store:TEXT",
-    "xlsx": "_spreadsheets:FORMAT", "xls": "_spreadsheets:FORMAT", "ods": "_spreadsheets:FORMAT",
-    "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_ros2:FORMAT", "bag": "_ros2:FORMAT", "ddf": "_ddf:FORMAT",
+    "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_exchange:MATLAB", "tdms": "_exchange:TDMS",
+    "parquet": "_exchange:PARQUET", "txt": "_store:TEXT", "tsv": "_store:TEXT", "dat": "_store:TEXT", "gz": "_store:TEXT",
+    "xlsx": "text:SPREADSHEETS", "xls": "text:SPREADSHEETS", "ods": "text:SPREADSHEETS",
+    "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_messages:BAGS", "bag": "_messages:BAGS", "ddf": "_ddf:FORMAT",
 }  # fmt: skip
 
 
@@ -207,7 +207,8 @@ def load(path: Path, **options: object) -> ImportResult | ForeignTable:
             known = f"they take {', '.join(file_format.options)}" if file_format.options else "they take no options"
             raise InputError(name, str(stated[name]), f"{file_format.title} have no such option; {known}", where=where)
     try:
-        if _is_bounded(path):
+        # So small a text takes bounded memory and time without a process of its own.
+        if path.suffix.lower() in PLAIN_TEXT and path.stat().st_size <= SMALL_TEXT:
             return file_format.read(path, **stated)
         try:
             return call_outside(read_as_format, path, **stated)
@@ -235,8 +236,3 @@ def _format_there(path: Path) -> FileFormat:
     if file_format is None:  # of the program that asks, such as a script that added it
         raise InputError(_NOT_THERE)
     return file_format
-
-
-def _is_bounded(path: Path) -> bool:
-    """Whether a file is so small a text that reading it takes bounded memory and time without a process of its own."""
-    return path.suffix.lower() in PLAIN_TEXT and path.stat().st_size <= SMALL_TEXT

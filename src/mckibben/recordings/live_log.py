@@ -25,8 +25,8 @@ import numpy as np
 
 from ..documents import JsonValue
 from ..errors import InputError
-from ._meta import freeze
 from ._sidecar import dumps
+from .metadata import freeze
 from .recording import Channel, check_name
 from .text import plain_names
 

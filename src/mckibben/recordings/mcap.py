@@ -34,6 +34,7 @@ from ._mcap_records import (
     records_inside,
 )
 from ._messages import (
+    JOINT_REMARK,
     LoggedMessage,
     json_message,
     message_columns,
@@ -42,7 +43,6 @@ from ._messages import (
     ros_message,
     ros_units,
 )
-from ._ros2 import JOINT_REMARK
 from ._sidecar import KEY, Sidecar, loads
 from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
 from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog

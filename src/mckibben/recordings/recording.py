@@ -1,6 +1,7 @@
 """The recording: what happened, as channels over one time.
 
 It separates production from evaluation: simulation or hardware produce it, and nothing that evaluates it knows which.
+Values of its channels are in SI units, to which any other unit is converted.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -21,21 +23,20 @@ from ..answers import Caution
 from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..extras import library
-from ._meta import Frozen, file_attributes, freeze
-from .cautions import cautions_of
+from ..quantities import to_si
 from .formats import writer_of
-from .units import is_si
+from .metadata import Frozen, cautions_of, file_attributes, freeze
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
     from ..analysis.energy_parts import EnergyAccount
-    from ..analysis.lever import ContractionTiming, LeverLoop
+    from ..analysis.lever import ContractionTiming, LeverLoop, StimulatedContraction, StimulatedLoop
     from ..analysis.loops import TensionLoop
-    from ..analysis.stimulation import StimulatedContraction, StimulatedLoop
     from ..report.figures.plots import RecordingPlots
     from .force_map import ForceMap
+
 
 KINDS = ("true", "measured", "command")
 SAVED = (".nc", ".csv")  # suffixes that `Recording.save` takes: they hold all that a recording has
@@ -415,7 +416,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or nothing was stimulated at constant length.
         """
-        each: tuple[StimulatedContraction, ...] = implementation("analysis.stimulation:stimulated_contractions")(self)
+        each: tuple[StimulatedContraction, ...] = implementation("analysis.lever:stimulated_contractions")(self)
         return each
 
     def stimulated_loops(self) -> tuple[StimulatedLoop, ...]:
@@ -424,7 +425,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or no step has full cycles.
         """
-        each: tuple[StimulatedLoop, ...] = implementation("analysis.stimulation:stimulated_loops")(self)
+        each: tuple[StimulatedLoop, ...] = implementation("analysis.lever:stimulated_loops")(self)
         return each
 
     def force_map(
@@ -533,3 +534,53 @@ def _comparable(meta: Mapping[str, JsonValue]) -> str:
 def channel_attributes(name: str, channel: Channel) -> dict[str, str]:
     """The attributes of a channel's variable in a netCDF file."""
     return {"units": channel.unit, "long_name": channel.meaning or name, "kind": channel.kind}
+
+
+# Whole SI units without prefixes. Coulomb, farad, tesla and henry are left out: "C" and "F" are temperatures in most files.
+_SI_WORDS = frozenset("1 m kg s A K mol cd rad sr N Pa J W V Hz Ohm S Wb lx lm".split())
+_PRESSURES = ("Pa", "N/m^2", "J/m^3")
+# What a unit that is not SI may become, tried in order; angles apart, as they have no dimension of their own.
+_TARGETS = (
+    *("Pa", "s", "m", "N", "kg/s", "m^3/s", "K", "V", "A", "m^3", "m^2", "m/s", "m/s^2", "kg", "J", "W", "Hz"),
+    *("Ohm", "Pa/s", "N/s", "N/m", "kg/m^3", "1"),
+)
+_ANGLES = ("rad", "rad/s", "rad/s^2")
+_ANGLE_WORDS = re.compile(r"deg(rees?)?\b|°(?![CF])|rpm|rev|turn|rad\b|arcmin|arcsec")
+_TEMPERATURES = {"°C": "degC", "C": "degC", "°F": "degF", "F": "degF"}
+
+
+def is_si(unit: str) -> bool:
+    """Whether every word of a unit such as ``m^3/(s Pa)`` is an SI unit without a prefix."""
+    words = re.split(r"[ */()^]+", unit.removesuffix(")"))
+    return words[0] in _SI_WORDS and all(word in _SI_WORDS or re.fullmatch(r"-?\d+(\.\d+)?", word) for word in words)
+
+
+def is_pressure(si_unit: str) -> bool:
+    """Whether an SI unit is that of a pressure."""
+    return si_unit in _PRESSURES
+
+
+def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, float, float]:
+    """SI unit of a unit, and the conversion: value [SI] = value * scale + offset.
+
+    Raises:
+        InputError: the unit is unknown.
+    """
+    if is_pressure(unit):
+        return "Pa", 1.0, 0.0
+    if is_si(unit):
+        return unit, 1.0, 0.0
+    word = _TEMPERATURES.get(unit, unit)
+    for target in _ANGLES if _ANGLE_WORDS.search(word) else _TARGETS:
+        try:
+            offset = to_si(0.0, word, target, field=field)
+        except (InputError, SyntaxError, TokenError):  # pint meets "m mm)" with the latter two
+            continue
+        # Only temperatures have an offset; a thousand degrees apart leave no rounding in the scale.
+        scale = (
+            to_si(1.0, word, target, field=field)
+            if offset == 0.0
+            else round((to_si(1000.0, word, target, field=field) - offset) / 1000.0, 12)
+        )
+        return target, scale, offset
+    raise InputError(field, unit, "must be a unit such as kPa, bar, psi, ms, mm, V, degC or 1", where=where)

@@ -1,4 +1,7 @@
-"""Tables of cells of other programs: text of any dialect, and where in the rows the names, units and numbers stand."""
+"""Tables of cells of other programs: text of any dialect, or one sheet of a spreadsheet (``.xlsx``, ``.xls``, ``.ods``).
+
+It is found where in the rows the names, units and numbers stand.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,10 @@ import gzip
 import itertools
 import re
 import unicodedata
+import zipfile
 import zlib
 from collections.abc import Callable, Container, Iterable, Sequence
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +22,10 @@ import numpy as np
 
 from ..documents import no_file
 from ..errors import InputError
+from ..extras import library
 from ..isolation import call_outside, check_unpacked
-from .formats import ForeignColumn, ForeignTable
+from ._sidecar import unreadable
+from .formats import FileFormat, ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
 MARKS = ("\t", ";", ",", None)  # None stands for blanks
@@ -186,8 +193,10 @@ def table_of_rows(rows: Rows, where: str) -> ForeignTable:
     preamble = [" ".join(cell for cell in map(str.strip, row) if cell) for _, row in rows[: begin - lines]]
     table, remarks = _without_words(rows[begin:], [row for _, row in rows[begin - lines : begin]])
     width = len(header) if header is not None else len(rows[begin][1])
-    if header is not None and table and all(len(row) == width + 1 for _, row in table) and _numbered(table):
-        header, width = ["", *header], width + 1  # R names its rows and not their column
+    if header is not None and table and all(len(row) == width + 1 for _, row in table):
+        firsts = [row[0].strip() for _, row in table]
+        if firsts == [str(i) for i in range(1, len(table) + 1)] or not any(map(is_number, firsts)):
+            header, width = ["", *header], width + 1  # R numbers or names its rows, and not their column
     fitting = [
         (n, row[:width] if len(row) > width and not any(map(str.strip, row[width:])) else row) for n, row in table
     ]
@@ -278,12 +287,6 @@ def _is_units(row: list[str]) -> bool:
     cells = [cell.strip() for cell in row]
     known = sum(cell.strip("[]()").split(" ")[0] in _UNIT_WORDS for cell in cells)
     return known > 0 and all(_SHORT.fullmatch(cell) for cell in cells) and 2 * known >= sum(map(bool, cells))
-
-
-def _numbered(rows: Rows) -> bool:
-    """Whether the first cells number or name the rows."""
-    firsts = [row[0].strip() for _, row in rows]
-    return firsts == [str(i) for i in range(1, len(rows) + 1)] or not any(map(is_number, firsts))
 
 
 def with_points(cells: Sequence[str], numbers: Sequence[int], column: str, where: str) -> Sequence[str]:
@@ -388,3 +391,92 @@ def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int 
             taken = f"{stem}_{count}"
         found.append(taken)
     return found
+
+
+def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable:
+    """Read the cells of a sheet as a table.
+
+    Args:
+        path: the file.
+        sheet: name, or number from 1; by default the only one with rows of numbers.
+
+    Raises:
+        InputError: the file cannot be read, there is no such sheet, or several have cells and none is named.
+    """
+    where = str(path)
+    calamine = library("python_calamine", "Spreadsheets need", where=where)
+    with unreadable("a spreadsheet", where):
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as packed:
+                check_unpacked(0.25 * sum(one.file_size for one in packed.infolist()))  # most of it is tags
+        book = calamine.CalamineWorkbook.from_path(where)
+        names = list(book.sheet_names)
+        filled = {
+            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in _asked(names, sheet, where)
+        }
+    tables = {
+        name: [(i, [_cell_text(cell) for cell in row]) for i, row in enumerate(rows, 1)]
+        for name, rows in filled.items()
+    }
+    tables = {
+        name: [(i, row) for i, row in rows if any(row) and not row[0].startswith("#")] for name, rows in tables.items()
+    }
+    tables = {name: rows for name, rows in tables.items() if rows}
+    remarks: list[str] = []
+    if len(tables) > 1:
+        measured = {name: rows for name, rows in tables.items() if any(mostly_numbers(row) for _, row in rows)}
+        if len(measured) == 1:
+            remarks = [
+                f"sheet {name} is left out: it has no rows of numbers" for name in tables if name not in measured
+            ]
+            tables = measured
+    if len(tables) > 1:
+        problem = f"the sheets {', '.join(tables)} have tables; say which one is meant"
+        raise InputError("sheet", ", ".join(tables), problem, sentence=problem, where=where, remedy="sheet")
+    if not tables:
+        raise InputError("file", None, "is empty", where=where)
+    ((name, rows),) = tables.items()
+    table = table_of_rows(_trimmed(rows), where)
+    return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
+
+
+def sheet_names(path: Path) -> list[str]:
+    """Names of the sheets that have cells."""
+    where = str(path)
+    calamine = library("python_calamine", "Spreadsheets need", where=where)
+    with unreadable("a spreadsheet", where):
+        book = calamine.CalamineWorkbook.from_path(where)
+        return [name for name in book.sheet_names if book.get_sheet_by_name(name).to_python(nrows=1)]
+
+
+def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
+    if sheet is None:
+        return names
+    if isinstance(sheet, int) or (sheet.isdecimal() and sheet not in names):
+        if 1 <= int(sheet) <= len(names):
+            return [names[int(sheet) - 1]]
+        raise InputError("sheet", int(sheet), f"must be between 1 and {len(names)}", where=where)
+    if sheet not in names:
+        raise InputError("sheet", sheet, known=names, where=where)
+    return [sheet]
+
+
+def _trimmed(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """The rows without columns at the left and right in which all cells are blank."""
+    filled = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
+    return [(n, row[filled[0] : filled[-1] + 1]) for n, row in rows]
+
+
+def _cell_text(cell: object) -> str:
+    if isinstance(cell, float):
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    if isinstance(cell, bool):
+        return str(int(cell))
+    if isinstance(cell, datetime | date | time):
+        return cell.isoformat(sep=" ") if isinstance(cell, datetime) else cell.isoformat()
+    if isinstance(cell, timedelta):
+        return repr(cell.total_seconds())
+    return str(cell).strip()
+
+
+SPREADSHEETS = FileFormat(title="Spreadsheets", read=read_spreadsheet, options=("sheet",), parts=sheet_names)

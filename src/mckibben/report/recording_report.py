@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.cycles import find_cycles
+from ..analysis.channels import find_cycles
+from ..analysis.lever import StimulatedContraction, StimulatedLoop, stimulated_contractions, stimulated_loops
 from ..analysis.loops import loops_by_held, mean_loop
 from ..analysis.segments import segments, steps_of, varied
-from ..analysis.stimulation import StimulatedContraction, StimulatedLoop, stimulated_contractions, stimulated_loops
 from ..answers import Caution, collect
 from ..citations import bibtex, known_keys
 from ..documents import JsonValue

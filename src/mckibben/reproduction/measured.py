@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..analysis.characteristics import circle_area
-from ..analysis.lag import CorrectedLoop, corrected_loop
+from ..analysis.frequency import CorrectedLoop, corrected_loop
 from ..analysis.loops import (
     LinearTensionFit,
     StaticPoint,

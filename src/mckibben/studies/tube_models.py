@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..analysis.lag import time_lead
+from ..analysis.frequency import time_lead
 from ..components import Environment
 from ..components.flow import TwoPort
 from ..engine import ramped

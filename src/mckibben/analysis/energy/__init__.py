@@ -9,10 +9,29 @@ longer report of the same work, whose Part IV this is.
 """
 
 from ..._lazy import lazy_submodules
-from .curves import CycleLoops, CyclePath, EnergyCurve, best_pressure, cycle_loops, energy_curve, zero_pressure
-from .cycles import CYCLES, READINGS, Conditions, EnergyCycle, energy_cycle
-from .muscle import VOLUMES, CycleMuscle, cycle_muscle, has_paper_volume
-from .working_cycles import LOSSES, WorkingCycles, energy
+from .cycles import (
+    CYCLES,
+    READINGS,
+    VOLUMES,
+    Conditions,
+    CycleMuscle,
+    EnergyCycle,
+    cycle_muscle,
+    energy_cycle,
+    has_paper_volume,
+)
+from .working_cycles import (
+    LOSSES,
+    CycleLoops,
+    CyclePath,
+    EnergyCurve,
+    WorkingCycles,
+    best_pressure,
+    cycle_loops,
+    energy,
+    energy_curve,
+    zero_pressure,
+)
 
 __all__ = [
     "CYCLES",

@@ -1,7 +1,7 @@
 """Calibration: gain, zero and skew with uncertainties, from readings and a reference, stored in a file.
 
 `session` asks a person for each point and reads the sensors, `estimate` fits, `file` keeps; `recordings.calibration` is what
-comes out and `recordings.recalibration` applies it to a recording.
+comes out and `recordings.calibration` applies it to a recording.
 """
 
 from ..._lazy import lazy_submodules

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...analysis.frequency import FrequencyResponse
-from ...analysis.loop_residuals import LoopResiduals, loop_residuals, measured_channels
+from ...analysis.loops import LoopResiduals, loop_residuals, measured_channels
 from ...analysis.repeatability import Repeatability
 from ...batch.store import parameter_units, read_results
 from ...errors import InputError
 from ...quantities import with_unit
 from ...recordings import Channel, ForceMap, Recording
-from ...recordings.differences import labels
+from ...recordings.provenance import labels
 from . import style
 from .places import describe, recording_source
 from .recording_figures import ChannelPanel, checked_names, panels, path

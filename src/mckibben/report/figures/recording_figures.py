@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...analysis.lever import stimulated_contractions
 from ...analysis.segments import amount_of, steps_of
-from ...analysis.stimulation import stimulated_contractions
 from ...documents import JsonValue
 from ...errors import InputError
 from ...experiments.amounts import read_amount

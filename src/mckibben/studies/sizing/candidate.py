@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._jax import Scalar
-from ...analysis.energy.muscle import PotentialMuscle, Probe
+from ...analysis.energy.cycles import PotentialMuscle, Probe
 from ...answers import brief
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit

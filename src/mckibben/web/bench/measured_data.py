@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.cycles import Cycle, find_cycles
+from ...analysis.channels import Cycle, find_cycles
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...muscles.build import built_muscle

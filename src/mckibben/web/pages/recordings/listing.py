@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from ....analysis.cycles import find_cycles
+from ....analysis.channels import find_cycles
 from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....recordings import Recording, read_any
-from ....recordings.cautions import cautions_of
-from ....recordings.conditions import conditions, differing
+from ....recordings.metadata import cautions_of
+from ....recordings.provenance import conditions, differing_conditions
 from ....report.blocks import is_number, mapping, significant
 from ....report.origins import known_specimen
 from ...elements import Element
@@ -243,7 +243,7 @@ def filters(words: dict[str, str], entries: Sequence[RecordingEntry], change: Ca
 def shown_differences(entries: Sequence[RecordingEntry]) -> tuple[list[str], str]:
     """Names of the conditions by which entries differ, and a sentence about those that all share."""
     read = [dict(e.conditions) for e in entries if e.conditions]
-    names = differing(read) if len(read) > 1 else []
+    names = differing_conditions(read) if len(read) > 1 else []
     shared = {n: v for n, v in (read[0] if read else {}).items() if n not in names}
     words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in list(shared.items())[:MOST_SHARED])
     more = len(shared) - MOST_SHARED

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....analysis.cycles import find_cycles
+from ....analysis.channels import find_cycles
 from ....analysis.loops import loops
 from ....analysis.segments import segments as recorded_steps
 from ....analysis.segments import varied
@@ -21,7 +21,7 @@ from ....errors import InputError, MckibbenError
 from ....muscles.build import built_muscle
 from ....quantities import from_si, parse
 from ....recordings import Note, Recording
-from ....recordings.conditions import told_apart
+from ....recordings.provenance import told_apart
 from ....report.origins import known_specimen
 from ...charts import Axis, Chart, ChartLine, Mark
 from ...elements import page_document

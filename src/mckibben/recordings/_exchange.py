@@ -1,0 +1,297 @@
+"""Recordings in files of MATLAB, LabVIEW (TDMS) and Parquet, each with a line of JSON from which it reads back exactly.
+
+MATLAB files are written as version 5, and read as version 5 and 7.3. Written are ``time``, a column per channel under a
+name that MATLAB allows, the struct ``units`` with the unit of each, and ``mckibben``, a line of JSON with names, kinds,
+meanings and meta. Of another program's file vectors are read, nested structs too; a struct ``units`` in it says units.
+
+Of a TDMS file written are a group ``recording`` with the channel ``time`` and one of each channel's name, with the
+properties ``unit_string``, ``description`` and ``kind``, and at the root title and ``mckibben``, a line of JSON with the
+metadata.
+
+A Parquet file has a column ``name [unit]`` per channel after ``time [s]``, and a line of JSON in the file's metadata.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import struct
+import warnings
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..documents import ErrorKeepingFile, JsonValue
+from ..errors import InputError
+from ..extras import library
+from ._hdf5 import check_self_contained
+from ._sidecar import KEY, dumps, loads, one_line, unreadable
+from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
+from .recording import Recording
+from .text import plain_names
+
+_LARGEST = 2**31 - 1  # [B] of a variable of version 5
+_KEYWORDS = frozenset(
+    "break case catch classdef continue else elseif end for function global if otherwise parfor persistent return spmd"
+    " switch try while".split()
+)
+# Compressed variables have a checksum.
+_KEPT: dict[str, Any] = {"long_field_names": True, "do_compression": True}
+_PLAIN, _COMPRESSED = 14, 15  # types of variables
+_BLOCK = 1 << 20  # [B]
+_DEEPEST = 20  # structs in structs
+
+
+def write_matlab(recording: Recording, path: Path) -> list[str]:
+    """Write a ``.mat`` file of version 5; a remark states which names MATLAB would not permit."""
+    from scipy.io import savemat
+
+    if len(recording) * 8 > _LARGEST:
+        allowed = f"a MATLAB file of version 5 holds {_LARGEST // 8}; take netCDF, which MATLAB reads too"
+        raise InputError("samples", len(recording), allowed, where=str(path))
+    names = matlab_names(recording.channels)
+    columns = {plain: recording[name] for plain, name in zip(names, recording.channels, strict=True)}
+    units = {plain: recording.unit(name) for plain, name in zip(names, recording.channels, strict=True)}
+    more = {"units": {"time": "s", **units}, KEY: dumps(recording.channels, recording.meta)}
+    savemat(path, {"time": recording.time, **columns, **more}, appendmat=False, oned_as="column", **_KEPT)
+    renamed = [(name, plain) for name, plain in zip(recording.channels, names, strict=True) if name != plain]
+    if not renamed:
+        return []
+    name, plain = renamed[0]
+    example = f"such as {plain} for {name}; mckibben reads the names as they were"
+    return [f"{len(renamed)} names are written as MATLAB allows them, {example}"]
+
+
+def matlab_names(names: Iterable[str]) -> list[str]:
+    """Names of channels as MATLAB allows them, none taken twice."""
+    reserved = ["time", "units", KEY]
+    return plain_names([*reserved, *names], _allowed)[len(reserved) :]
+
+
+def _allowed(name: str) -> str:
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"x{plain}" if plain in _KEYWORDS else plain
+
+
+def read_matlab(path: Path) -> ImportResult | ForeignTable:
+    """Read a recording of mckibben, or of another program's file the vectors, with small values for the metadata.
+
+    Raises:
+        InputError: the file cannot be read, or a newer version wrote it.
+    """
+    where = str(path)
+    library("pymatreader", "MATLAB files need", where=where)
+    with unreadable("a MATLAB file", where):
+        _check_structure(path)
+        variables, warned = content(path)
+    remarks = list(dict.fromkeys(warned))
+    line = variables.get(KEY)
+    if isinstance(line, str) and line.startswith("{"):
+        sidecar = loads(line, where)
+        # the reader makes one number of an array of one
+        numbers = {k: np.atleast_1d(v) for k, v in variables.items() if isinstance(v, np.ndarray | int | float)}
+        recording = sidecar.from_columns(numbers, "time", matlab_names(sidecar.channels), where)
+        return ImportResult(recording, [])
+    units = variables.get("units")
+    words = {k: v for k, v in units.items() if isinstance(v, str)} if isinstance(units, Mapping) else {}
+    columns: list[ForeignColumn] = []
+    notes: dict[str, Any] = {}
+    for label, value in _leaves({k: v for k, v in sorted(variables.items()) if k != "units" or not words}, "", 0):
+        array = np.asarray(value) if isinstance(value, np.ndarray | list) else None
+        if array is not None and array.ndim and array.size > 1:
+            unit = words.get(label, words.get(label.rpartition(".")[2]))
+            columns.append(ForeignColumn(label, array, unit, f"{len(array)} samples"))
+        elif isinstance(value, str | int | float | bool | np.number | np.bool_):
+            notes[label] = value.item() if isinstance(value, np.generic) else value
+    return ForeignTable(columns, {"values": {k.replace("$", "_"): v for k, v in notes.items()}}, remarks)
+
+
+def content(path: str | Path) -> tuple[dict[str, JsonValue], list[str]]:
+    """The variables of a file, and the reader's warnings."""
+    import pymatreader
+
+    check_self_contained(path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        variables = pymatreader.read_mat(path)
+    return variables, [one_line(w.message) for w in caught if isinstance(w.message, Warning)]
+
+
+def _check_structure(path: Path) -> None:
+    """Refuse a file of version 5 with a variable whose length or checksum is wrong; scipy may crash on it."""
+    with open(path, "rb") as stream:
+        head, size = stream.read(520), os.fstat(stream.fileno()).st_size
+        if head[512:] == b"\x89HDF\r\n\x1a\n":
+            return
+        if head[124:128] != b"\x00\x01IM":
+            # version 4 begins with a small number, and 5 may come from a machine with the other order of bytes
+            if len(head) < 20 or not (0 in head[:4] or head[124:128] == b"\x01\x00MI"):
+                raise ValueError("its head is none of version 4, 5 or 7.3")
+            return
+        at = 128
+        while at < size:
+            stream.seek(at)
+            kind, length = struct.unpack("<II", stream.read(8))
+            if kind not in (_PLAIN, _COMPRESSED) or at + 8 + length > size:
+                raise ValueError("a variable is damaged or cut off")
+            if kind == _PLAIN:
+                return
+            unpacker, left = zlib.decompressobj(), length
+            while left:
+                block = stream.read(min(left, _BLOCK))
+                left -= len(block)
+                while block:
+                    unpacker.decompress(block, _BLOCK)
+                    block = unpacker.unconsumed_tail
+            if not unpacker.eof:
+                raise ValueError("a variable is cut off")
+            at += 8 + length
+
+
+def _leaves(tree: Mapping[str, JsonValue], before: str, depth: int) -> list[tuple[str, Any]]:
+    """All values that are no structs, under their dotted names."""
+    leaves: list[tuple[str, Any]] = []
+    for key, value in tree.items():
+        if key.startswith("__"):
+            continue
+        if isinstance(value, Mapping) and depth < _DEEPEST:
+            leaves += _leaves(dict(sorted(value.items())), f"{before}{key}.", depth + 1)
+        else:
+            leaves.append((f"{before}{key}", value))
+    return leaves
+
+
+MATLAB = FileFormat(title="MATLAB files", read=read_matlab, write=write_matlab)
+
+
+GROUP = "recording"
+# Where LabVIEW, DAQmx and DIAdem say the unit of a channel.
+_UNITS = ("unit_string", "NI_UnitDescription", "NI_ChannelUnit", "unit")
+
+
+def write_tdms(recording: Recording, path: Path) -> list[str]:
+    """Write a ``.tdms`` file."""
+    nptdms = library("nptdms", "TDMS files need", where=str(path))
+    root = {KEY: dumps(recording.channels, recording.meta)}
+    title = recording.meta.get("title")
+    if isinstance(title, str) and title:
+        root["title"] = title
+    parts = [
+        nptdms.RootObject(root),
+        nptdms.GroupObject(GROUP, {}),
+        nptdms.ChannelObject(GROUP, "time", recording.time, {"unit_string": "s"}),
+    ]
+    for name, c in recording.channels.items():
+        properties = {"unit_string": c.unit, "kind": c.kind, "description": c.meaning or name}
+        parts.append(nptdms.ChannelObject(GROUP, name, c.values, properties))
+    # A stream, for of a path the library would make an index file of the same name beside it.
+    with open(path, "wb") as stream, nptdms.TdmsWriter(stream) as writer:
+        writer.write_segment(parts)
+    return []
+
+
+def read_tdms(path: Path) -> ImportResult | ForeignTable:
+    """Read a recording of mckibben, or of another program's file the channels, with its properties for the metadata.
+
+    Raises:
+        InputError: the file cannot be read, or a newer version wrote it.
+    """
+    where = str(path)
+    nptdms = library("nptdms", "TDMS files need", where=where)
+    with unreadable("a TDMS file", where):
+        with open(path, "rb") as stream, _library_log() as logged:
+            file = nptdms.TdmsFile.read(stream)
+        line = file.properties.get(KEY)
+        if isinstance(line, str):
+            columns = {channel.name: np.asarray(channel[:]) for channel in file[GROUP].channels()}
+        else:
+            foreign = [column for group in file.groups() for column in _group(group, bool(logged))]
+            properties = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
+    if isinstance(line, str):
+        if logged:
+            raise InputError("file", None, f"is damaged or cut off ({logged[0]})", where=where)
+        sidecar = loads(line, where)
+        return ImportResult(sidecar.from_columns(columns, "time", list(sidecar.channels), where), [])
+    return ForeignTable(foreign, {"properties": properties}, list(dict.fromkeys(logged)))
+
+
+@contextmanager
+def _library_log() -> Iterator[list[str]]:
+    """Catch what the library writes to its log while it reads, as lines; it would print them."""
+    lines: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: lines.append(record.getMessage()[:200])  # type: ignore[method-assign]
+    # Each module of the library has a log of its own, and the one above them none.
+    logs = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms.")]
+    before = [log.handlers for log in logs]
+    for log in logs:
+        log.handlers = [handler]
+    try:
+        yield lines
+    finally:
+        for log, handlers in zip(logs, before, strict=True):
+            log.handlers = handlers
+
+
+def _group(group: Any, cut_off: bool) -> list[ForeignColumn]:
+    """Channels of a group; of a truncated file, as many samples as all of them have."""
+    columns = {channel.name: np.asarray(channel[:]) for channel in group.channels()}
+    most = min(map(len, columns.values()), default=0) if cut_off else None
+    return [_column(group.name, channel, columns[channel.name][:most]) for channel in group.channels()]
+
+
+def _column(group: str, channel: Any, values: np.ndarray) -> ForeignColumn:
+    properties = channel.properties
+    unit = next((str(properties[key]) for key in _UNITS if properties.get(key)), None)
+    step, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
+    time, clock = None, f"{len(values)} samples"
+    if isinstance(step, float) and step > 0.0 and np.isfinite(step):
+        time = float(offset) + step * np.arange(len(values))
+        clock += f" every {step:g} s from {offset:g} s"
+    return ForeignColumn(f"{group}.{channel.name}", values, unit, clock, time)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic) and value.dtype.kind in "fiub":
+        return value.item()
+    return value if isinstance(value, str | int | float | bool) else str(value)
+
+
+TDMS = FileFormat(title="TDMS files", read=read_tdms, write=write_tdms, requires="nptdms")
+
+
+def write_parquet(recording: Recording, path: Path) -> list[str]:
+    """Write a ``.parquet`` file."""
+    polars = library("polars", "Parquet files need", where=str(path))
+    columns = {f"{name} [{c.unit}]": c.values for name, c in recording.channels.items()}
+    table = polars.DataFrame({"time [s]": recording.time, **columns})
+    with ErrorKeepingFile(path) as stream:
+        table.write_parquet(stream, metadata={KEY: dumps(recording.channels, recording.meta)})
+    return []
+
+
+def read_parquet(path: Path) -> ImportResult | ForeignTable:
+    """Read a recording of mckibben, or the columns of another program's table.
+
+    Raises:
+        InputError: the file cannot be read, or a newer version wrote it.
+    """
+    where = str(path)
+    polars = library("polars", "Parquet files need", where=where)
+    with unreadable("a Parquet file", where):
+        line = polars.read_parquet_metadata(path).get(KEY)
+        table = polars.read_parquet(path, glob=False)
+        columns = {name: np.asarray(table[name].to_numpy()) for name in table.columns}
+    if line is None:
+        return ForeignTable([ForeignColumn(n, values, None, f"{len(values)} samples") for n, values in columns.items()])
+    sidecar = loads(line, where)
+    names = [f"{name} [{c.unit}]" for name, c in sidecar.channels.items()]
+    return ImportResult(sidecar.from_columns(columns, "time [s]", names, where), [])
+
+
+PARQUET = FileFormat(title="Parquet files", read=read_parquet, write=write_parquet, requires="polars")
