@@ -12,4 +12,6 @@ from ..components import Scalar
 
 def stop_tension(length: Scalar, *, begins_at: Scalar, stiffness: Scalar) -> Scalar:
     """nl(L) = knl max(L - Lnl, 0)^2 [N]; lengths [m], stiffness knl [N/m^2]."""
-    return stiffness * jnp.maximum(length - begins_at, 0.0) ** 2
+    beyond = length - begins_at
+    beyond = jnp.where(beyond < 0.0, 0.0, beyond)
+    return stiffness * (beyond * beyond)

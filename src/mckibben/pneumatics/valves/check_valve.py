@@ -14,6 +14,7 @@ from ..._jax import Tree, jnp
 from ...components import Scalar, field
 from ...components.flow import Gases, GasState, TwoPort
 from ...quantities import quantity
+from ..gas import REFERENCE_TEMPERATURE
 from ..orifice import Orifice, conductance_flow, opening_flow, steepest_slope
 from .shares import EASED_SLOPE, eased
 
@@ -43,7 +44,7 @@ class CheckValve(TwoPort):
         lifted = self.cracking_pressure + self.band
         flow = conductance_flow(
             a.pressure_abs,
-            a.temperature,
+            REFERENCE_TEMPERATURE / a.temperature,
             jnp.maximum(a.pressure_abs - lifted, 0.0),
             conductance=self.passage.conductance,
             critical_ratio=self.passage.critical_ratio,
