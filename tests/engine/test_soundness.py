@@ -15,6 +15,7 @@ from mckibben.engine.soundness import (
     OPEN,
     Soundness,
     balance_errors,
+    possible,
     soundness,
     switched,
     unsound_sentence,
@@ -75,6 +76,13 @@ def test_the_code_is_that_of_the_worst_balance_before_it_broken_threads_and_firs
 ):
     worst, found = soundness(Anything(), np.float64(state), (), {"m.broken": np.asarray(broken)}, errors)
     assert int(found) == code and float(worst) == max(errors.values())
+
+
+@pytest.mark.parametrize("wrong", [(np.nan, 0.0), (np.inf, 0.0), (0.0, -np.inf), (np.inf, -np.inf), (np.inf, np.inf)])
+def test_a_state_of_which_any_number_is_not_finite_cannot_be(wrong):
+    large = 1e300  # far beyond what any state is, and no reason to end a run
+    assert bool(possible(Anything(), {"a": np.float64(large), "b": np.zeros(3)}, (np.full(2, -large),)))
+    assert not bool(possible(Anything(), {"a": np.float64(wrong[0]), "b": np.zeros(3)}, (np.array([1.0, wrong[1]]),)))
 
 
 def test_each_code_has_a_meaning_at_its_place():

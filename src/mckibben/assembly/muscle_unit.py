@@ -131,6 +131,7 @@ HALVINGS = 64  # of a bracket: from any length to the last bit
 END_MASS = 0.02  # of a fitting between braid and tendon [kg]
 SLACK_TIME = 1e-3  # in which a slack braid relaxes where it is stiffest, unless its damping is stated [s]
 SLACK_PRESSURES = np.linspace(0.0, 10e5, 11)  # at which its stiffness is looked up for that, gauge [Pa]
+STUCK = 2.0**-40  # stretch that no element yields to, a power of two: products with it are exact [m]
 LEAST_DAMPING = 1e-3  # of a slack braid that nothing draws to a free length [N s/m]
 RETURN_RATE = 1e3  # at which a sag below zero, which is an error of a step, is forgotten [1/s]
 RESERVE = 2.0  # tension over the force by which a shortening braid would keep up with its span [1]
@@ -294,16 +295,17 @@ class MuscleUnit(Module):
         held = own + self.memory_force(memory, span_velocity, pressure)
         reserve = held + resisting * span_velocity
         sags = (state.sag > 0.0) | (reserve < 0.0)
-        pull = jnp.minimum(held + self.damping(length) * span_velocity, RESERVE * reserve)
+        pull, most = held + self.damping(length) * span_velocity, RESERVE * reserve
+        pull = jnp.where(pull < most, pull, most)
         # Friction that depends on velocity slows a slack braid and may stop it, but never turns it back.
         still = own + self.memory_force(memory, 0.0, pressure)
         free = own + self.memory_force(memory, -still / resisting, pressure)
-        free = jnp.where(still > 0.0, jnp.where(free > 0.0, free, 0.0), jnp.where(free < 0.0, free, 0.0))
+        free = jnp.where(free * still > 0.0, free, 0.0)
         return BraidMotion(
             length,
             jnp.where(sags, -free / resisting, span_velocity - RETURN_RATE * state.sag),
             jnp.where(sags, free, held),
-            jnp.where(sags | (pull < 0.0), 0.0, pull),
+            jnp.where(sags, 0.0, jnp.where(pull < 0.0, 0.0, pull)),
         )
 
     def tension(
@@ -322,7 +324,8 @@ class MuscleUnit(Module):
 
     def _slack_damping(self, length: Scalar) -> Scalar:
         """Damping of the slack braid [N s/m]: no less than the taut one's, or what is slack could not get taut."""
-        return jnp.maximum(self.slack_damping, self.damping(length))
+        taut = self.damping(length)
+        return jnp.where(self.slack_damping > taut, self.slack_damping, taut)
 
     def load_tension(self, memory: dict[str, MuscleLedger], tension: Scalar) -> Scalar:
         """Tension that acts on the load, behind the bone [N]."""
@@ -430,8 +433,8 @@ class MuscleUnit(Module):
 
 def memory_stiffness(unit: MuscleUnit, pressure: Scalar) -> Scalar:
     """Stiffness of friction and creep while no element slips or relaxes [N/m]; gauge pressure [Pa]."""
-    relaxed = unit.initial_memory()
-    return derivative(lambda dx: unit.memory_force(stuck_states(unit, relaxed, dx, pressure), 0.0, pressure), 0.0)
+    stretched = stuck_states(unit, unit.initial_memory(), STUCK, pressure)
+    return unit.memory_force(stretched, 0.0, pressure) / STUCK
 
 
 def stuck_states(

@@ -108,22 +108,22 @@ def _rk4(
     counted = bool(jax.tree.leaves(sums))
 
     def stage(carry: Tree, tableau: Any) -> tuple[Any, None]:
-        k, change, gain = carry
+        k, change, sums = carry
         ahead, share, weight = tableau
         at = axpy(ahead * h, k, y)
         now = inputs(share)
         k = rate_of(system, at, z, now)
         if counted:
-            gain = axpy(weight * h, integrands(system, at, z, now), gain)
-        return (k, axpy(weight * h, k, change), gain), None
+            sums = axpy(weight * h, integrands(system, at, z, now), sums)
+        return (k, axpy(weight * h, k, change), sums), None
 
-    carry = jax.tree.map(jnp.zeros_like, (y, y, sums))
+    carry = (*jax.tree.map(jnp.zeros_like, (y, y)), sums)
     if len(jax.tree.leaves(y)) > UNROLLED:
         carry, _ = jax.lax.scan(stage, carry, tuple(jnp.array(TABLEAU).T))
     else:
         for row in TABLEAU:
             carry, _ = stage(carry, row)
-    return axpy(1.0, carry[1], y), axpy(1.0, carry[2], sums)
+    return axpy(1.0, carry[1], y), carry[2]
 
 
 def _ros2(

@@ -44,7 +44,7 @@ def _rounded(y: Scalar) -> Scalar:
     u2 = u * u
     u4 = u2 * u2
     beyond = y - 1.0
-    return (u4 * u) * ((7.0 - 14.0 * u) + u2 * (10.0 - 2.5 * u)) + jnp.where(beyond <= 0.0, 0.0, beyond)
+    return (u4 * u) * ((7.0 - 14.0 * u) + u2 * (10.0 - 2.5 * u)) + jnp.where(beyond < 0.0, 0.0, beyond)
 
 
 @custom_jvp
@@ -55,8 +55,8 @@ def _slope(y: Scalar) -> Scalar:
 
 
 def _within(y: Scalar) -> Scalar:
-    above = jnp.where(y <= 0.0, 0.0, y)  # what is no number stays none
-    return jnp.where(above >= 1.0, 1.0, above)
+    above = jnp.where(y < 0.0, 0.0, y)  # what is no number stays none
+    return jnp.where(above > 1.0, 1.0, above)
 
 
 @_rounded.defjvp

@@ -114,4 +114,6 @@ def stop_tension(length: Scalar, *, begins_at: Scalar, stiffness: Scalar) -> Sca
     their regular range. Here it is a one-sided parabola: zero with zero slope inside the working range, so that no printed
     value changes, and stiffening beyond.
     """
-    return stiffness * jnp.maximum(length - begins_at, 0.0) ** 2
+    beyond = length - begins_at
+    beyond = jnp.where(beyond < 0.0, 0.0, beyond)
+    return stiffness * (beyond * beyond)

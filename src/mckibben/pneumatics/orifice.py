@@ -34,13 +34,13 @@ GALLON_PER_MINUTE = 3.785411784e-3 / 60.0  # US gallon [m^3/s]
 
 
 def conductance_flow(
-    p1: Scalar, temperature1: Scalar, p2: Scalar, *, conductance: Scalar, critical_ratio: Scalar, linear_band: Scalar
+    p1: Scalar, cold1: Scalar, p2: Scalar, *, conductance: Scalar, critical_ratio: Scalar, linear_band: Scalar
 ) -> Scalar:
     """Mass flow from upstream to downstream [kg/s], zero or positive; p1 >= p2.
 
     Args:
         p1: upstream absolute pressure [Pa].
-        temperature1: upstream temperature [K].
+        cold1: temperature of the reference atmosphere over that upstream, T0/T1 [1].
         p2: downstream absolute pressure [Pa].
         conductance: sonic conductance C [m^3/(s Pa)].
         critical_ratio: b [1].
@@ -48,11 +48,11 @@ def conductance_flow(
     """
     # With d the part of the difference that is felt and K = p1 (1 - b) that at choking, psi^2 = d (2 K - d)/K^2 needs no
     # ratio, p1 psi = sqrt(d (2 K - d))/(1 - b), and K itself cancels.
-    choking = p1 * (1.0 - critical_ratio)
-    drop, band = jnp.minimum(p1 - p2, choking), jnp.minimum(linear_band, 0.5 * choking)
-    root = smooth_root(
-        drop * (2.0 * choking - drop), band * (2.0 * choking - band), REFERENCE_TEMPERATURE / temperature1
-    )
+    # Choices, and in this order: one instruction each, where `minimum` asks of both sides whether they are numbers.
+    choking, difference = p1 * (1.0 - critical_ratio), p1 - p2
+    drop = jnp.where(choking < difference, choking, difference)
+    band = jnp.where(0.5 * choking < linear_band, 0.5 * choking, linear_band)
+    root = smooth_root(drop * (2.0 * choking - drop), band * (2.0 * choking - band), cold1)
     return conductance * REFERENCE_DENSITY / (1.0 - critical_ratio) * root
 
 
@@ -61,8 +61,9 @@ def smooth_root(square: Scalar, start: Scalar, factor: Scalar = 1.0) -> Scalar:
 
     Range: start > 0.
     """
-    share = jnp.minimum(square / start, 1.0)
-    return jnp.sqrt(factor * jnp.maximum(square, start)) * (share * (1.5 - 0.5 * share))
+    share = square / start
+    share = jnp.where(share < 1.0, share, 1.0)
+    return jnp.sqrt(factor * jnp.where(start > square, start, square)) * (share * (1.5 - 0.5 * share))
 
 
 class OrificeOptions(TypedDict, total=False):
@@ -200,7 +201,8 @@ def opening_flow(
     flow = conductance_flow(
         # a choice, not max and min: at equal pressures their derivatives would cancel
         jnp.where(forward, a.pressure_abs, b.pressure_abs),
-        jnp.where(forward, a.temperature, b.temperature),
+        # of each node and then chosen: one division for all restrictions at a node, none where its temperature is given
+        jnp.where(forward, REFERENCE_TEMPERATURE / a.temperature, REFERENCE_TEMPERATURE / b.temperature),
         jnp.where(forward, b.pressure_abs, a.pressure_abs),
         conductance=(orifice.conductance if conductance is None else conductance) * opening,
         critical_ratio=orifice.critical_ratio,

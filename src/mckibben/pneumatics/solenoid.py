@@ -27,7 +27,7 @@ from ..quantities import quantity
 def share(x: Scalar) -> Scalar:
     """A number held to 0 to 1."""
     x = jnp.asarray(x, float)
-    return jnp.where(x < 0.0, 0.0, jnp.where(x > 1.0, 1.0, x))
+    return between(x, 0.0, 1.0)
 
 
 def eased(x: Scalar) -> Scalar:
@@ -48,7 +48,8 @@ def switched(command: Scalar) -> Scalar:
 def between(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
     """A number held between two bounds."""
     x = jnp.asarray(x, float)
-    return jnp.where(x < low, low, jnp.where(x > high, high, x))
+    x = jnp.where(x > high, high, x)
+    return jnp.where(x < low, low, x)
 
 
 WIDTH = 0.1  # flux beyond one half at which the plunger has its full speed; W above

@@ -185,8 +185,8 @@ class LumpedTube(TwoPort):
         flux = state / self.area
         sonic = flux * self.gas.sound_speed(temperature) / self.gas.heat_ratio
         # The pressure in whichever bore is the exit, as choices: at a tie a maximum has half a derivative.
-        p1 = jnp.where(a.pressure_abs <= -sonic, -sonic, a.pressure_abs)
-        p2 = jnp.where(b.pressure_abs <= sonic, sonic, b.pressure_abs)
+        p1 = jnp.where(a.pressure_abs < -sonic, -sonic, a.pressure_abs)
+        p2 = jnp.where(b.pressure_abs < sonic, sonic, b.pressure_abs)
         drop, twice = p1 - p2, 1.0 / (p1 + p2)
         volume = 2.0 * self.gas.gas_constant * temperature * twice  # of the mean gas per mass
         size = jnp.abs(flux)
@@ -198,7 +198,7 @@ class LumpedTube(TwoPort):
         pipe = share * haaland(reynolds, self.roughness / self.diameter) * slender
         # 2 ln(P1/P2) = 4 atanh x, by a series that is within 0.6 % up to P1 = 5 P2
         x = jnp.where(forward, drop, -drop) * twice
-        x = jnp.where(x <= 0.0, 0.0, x)
+        x = jnp.where(x < 0.0, 0.0, x)
         accelerating = 4.0 * x * (1.0 + x * x * (1.0 / 3.0 + x * x * (0.2 + x * x / 7.0)))
         loss = volume * flux * (laminar + 0.5 * size * (pipe + self.ends + accelerating))
         return (drop - loss) / inertance(length=self.length, area=self.area)

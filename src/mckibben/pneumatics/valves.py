@@ -55,7 +55,7 @@ class CheckValve(TwoPort):
         lifted = self.cracking_pressure + self.band
         flow = conductance_flow(
             a.pressure_abs,
-            a.temperature,
+            REFERENCE_TEMPERATURE / a.temperature,
             jnp.maximum(a.pressure_abs - lifted, 0.0),
             conductance=self.passage.conductance,
             critical_ratio=self.passage.critical_ratio,

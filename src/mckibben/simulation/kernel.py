@@ -102,6 +102,7 @@ class SampleKernel:
         self._now = 0  # which of the two is the present one
         self._commands = np.zeros((*commands.shape, *many))
         self._observed = np.zeros((len(programs.fields) + BEHIND, *many))
+        self._before = np.zeros_like(self._observed)  # of the lanes, at the start of the sample
         self._inner = np.zeros((), np.int64)
         self._calls: dict[bool, list[Callable[[], None]]] = {}
         self.rate_bound, self.steps_taken, self.stiff = 0.0, inner, False
@@ -152,11 +153,10 @@ class SampleKernel:
             ConvergenceError: a state is not finite or not possible, a balance does not close, or no step is short enough.
         """
         if self.lanes is not None:
-            before = self._observed.copy()
             broken = self.step_lanes()
             if broken:
                 self._now ^= 1
-                self._observed[:] = before
+                self._observed[:] = self._before
                 lane = min(broken)
                 raise ConvergenceError(f"Lane {lane} cannot go on. {broken[lane]}")
             return
@@ -177,7 +177,8 @@ class SampleKernel:
             Lanes that stay where they were, each with the sentence that says why.
         """
         assert self.lanes is not None
-        before = self._observed.copy()
+        before = self._before  # one place for it: new memory of this size costs more than the copy
+        before[:] = self._observed
         self._run(self.inner, False)
         allowed = RK4_LIMIT / self._usual
         steady = (before[-2] <= allowed) & (self._observed[-2] <= allowed) & (self._observed[-1] == SOUND)

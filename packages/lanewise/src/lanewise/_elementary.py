@@ -100,10 +100,16 @@ class Builder:
         """An operation on whole numbers."""
         return self.g.make(op, (a, self.i(b) if isinstance(b, int) else b))
 
+    def low_bits(self, k: Node) -> Node:
+        """The lowest bits of a real that is whole and not large, as those of a whole number.
+
+        They are the last of the mantissa once a large number is added: many processors convert no vectors of float64.
+        """
+        return self.g.make("bits", (self.add(k, 1.5 * 2.0**self.form.mantissa),), kind="int")
+
     def power_of_two(self, k: Node, less: int = 0) -> Node:
         """2^(k - less) of a real that is whole."""
-        number = self.g.make("int", (k,), kind="int")
-        shifted = self.whole("shl", self.whole("add", number, self.form.bias - less), self.form.mantissa)
+        shifted = self.whole("shl", self.whole("add", self.low_bits(k), self.form.bias - less), self.form.mantissa)
         return self.g.make("unbits", (shifted,), kind="real")
 
 
@@ -222,7 +228,7 @@ def _sine(b: Builder, x: Node, quarter: int) -> Node:
     even = b.series(z, [(-1.0) ** j / math.factorial(2 * j) for j in range(2, 10)])
     sine = b.fma(b.mul(r, z), odd, r)
     cosine = b.fma(b.mul(z, z), even, b.fma(z, -0.5, 1.0))
-    turn = b.whole("add", b.g.make("int", (q,), kind="int"), quarter)
+    turn = b.whole("add", b.low_bits(q), quarter)
     swapped = b.g.make("eq", (b.whole("iand", turn, 1), b.i(1)))
     minus = b.g.make("eq", (b.whole("iand", turn, 2), b.i(2)))
     value = b.where(swapped, cosine, sine)

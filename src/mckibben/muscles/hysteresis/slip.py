@@ -45,7 +45,9 @@ LEAST_TRAVEL = 1e-12
 
 def slip(deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
     """The stop operator: deflection after a displacement, held within the yield travel of the end (all one unit)."""
-    return jnp.minimum(jnp.maximum(deflection + displacement, -travel), travel)
+    moved = deflection + displacement
+    moved = jnp.where(moved < -travel, -travel, moved)  # choices, which leave what is no number as it is
+    return jnp.where(moved > travel, travel, moved)
 
 
 def contact_force(stiffness: Scalar, deflection: Scalar) -> Scalar:
@@ -103,7 +105,8 @@ class Contacts(Hysteresis):
 
     def travel(self, pressure: Scalar) -> Scalar:
         """Yield travel d(P') of each contact [m]."""
-        return self.limit.force(per_contact(pressure)) / self.stiffness
+        # a limit of travels: what does not change is divided before the steps of a run, and not in each of them
+        return self.limit.scaled(1.0 / self.stiffness).force(per_contact(pressure))
 
     def largest_force(self, pressure: Scalar) -> Scalar:
         """Sum of the contacts' limits [N]."""
