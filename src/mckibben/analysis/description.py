@@ -187,7 +187,7 @@ class FileDescription(Answer):
         """Whether the content is a force map, not a recording."""
         return isinstance(self.reading.data, recordings.ForceMap)
 
-    def data(self) -> dict[str, Sequence[Any]]:
+    def data(self) -> dict[str, Any]:
         """Columns in SI units: of a map length, pressure and tension, of a recording time and channels."""
         content = self.reading.data
         if isinstance(content, recordings.ForceMap):

@@ -28,7 +28,7 @@ from ..pneumatics.circuit import DeadState
 from ..pneumatics.gas import AIR
 from ..quantities import with_unit
 from ..recordings import Recording, read_recording
-from ..recordings.files import path_of
+from ..recordings.files import path_of, select_between
 from ..specimens import Specimen, muscle_specimen
 from ..verbs import BarePressure, MuscleName, RecordingFile, Time, verb
 from ._energy_samples import Flows, RecordedMachine, whole_pieces
@@ -68,7 +68,7 @@ def energy_account(
         InputError: names the channel or the parameter that the account needs and the recording has not.
     """
     whole = read_recording(record)
-    part = whole if start is None and end is None else whole.select(start, end)
+    part = select_between(whole, start, end)
     stated = options if muscle is None else {"muscle": muscle} | options
     about = whole.meta.get("energy")
     if measured or not about:

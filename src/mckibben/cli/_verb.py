@@ -124,7 +124,8 @@ class VerbCommand:
         word = p.type.word
         taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
         if p.required and not p.keyword:
-            kind = Annotated[taken | None if p.several else taken, typer.Argument(metavar=word, help=p.about)]
+            taken = taken | None if p.several else taken
+            kind = Annotated[taken, typer.Argument(metavar=word, help=p.about)]
             default = None if p.several else inspect.Parameter.empty
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         if p.flag:

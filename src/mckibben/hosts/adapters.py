@@ -224,7 +224,9 @@ class _LoopMechanism(HostedMechanism):
         if moment.position is not None and moment.rate is not None:
             self._position, self._rate = moment.position, moment.rate
         spans, rates = mechanism.span(self._position), mechanism.span_rate(self._rate)
-        readings = self.instance.step(h, spans, rates, moment.commands)  # the part first, then the mechanism
+        readings: PartReadings = self.instance.step(
+            h, spans, rates, moment.commands
+        )  # the part first, then the mechanism
         if moment.position is not None:
             self._position += h * self._rate
             return readings

@@ -264,10 +264,10 @@ def rest(part: HostedMuscles, inputs: HostInputs) -> PartState:
     still = HostInputs(inputs.span, dict.fromkeys(inputs.rate, jnp.zeros(())), inputs.command)
     physics, memory = machine.at_rest(pressures, _moment(part, still, lines))
 
-    numbers = physics, memory, dict(inputs.span), dict(inputs.command)
-    numbers = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), numbers)
+    given = (physics, memory, dict(inputs.span), dict(inputs.command))
+    physics, memory, reach, command = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), given)
     work, accounts = (dict.fromkeys(names, jnp.zeros(())) for names in (part.muscles, ACCOUNTS))
-    return PartState(jnp.ones(()), *numbers, lines, work, accounts)
+    return PartState(jnp.ones(()), physics, memory, reach, command, lines, work, accounts)
 
 
 def advance(

@@ -225,7 +225,7 @@ class Part:
                 spec, _ = at_rest_length(spec, name_of_law, {"rest_length": float(rest)})
             units[name] = unit_from_specimen(spec).replace(law=node.law)
             moved = node.length is None and node.signal
-            usual[name] = float(values[node.signal][0]) if moved else float(node.length or 0)
+            usual[name] = float(values[str(node.signal)][0]) if moved else float(node.length or 0)
         if not units:
             raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
         spans = usual | _by_muscle(span, "m", "span", units)
@@ -248,7 +248,8 @@ class Part:
         self._masses_in_state = np.array([int(at) for at in numbered.physics["circuit"]["mass"].values()], int)
         names = _output_names(self.muscles)
         self.outputs = tuple(names)
-        self._Outputs: Any = namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
+        observation: Any = namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
+        self._Outputs = observation
 
     def __repr__(self) -> str:
         spans = ", ".join(f"{name} {with_unit(span, 'm')}" for name, span in self.span.items())

@@ -250,7 +250,11 @@ def required_fields(kind: type[TensionLaw]) -> list[str]:
 
 def default_parameters(kind: type[TensionLaw]) -> dict[str, float]:
     """Declared parameters of a law that have a default, with that default [SI]."""
-    return {f.name: float(f.default) for f in dataclasses.fields(kind) if "quantity" in f.metadata and _has_default(f)}
+    return {
+        f.name: float(cast(float, f.default))
+        for f in dataclasses.fields(kind)
+        if "quantity" in f.metadata and _has_default(f)
+    }
 
 
 def _has_default(field: Any) -> bool:

@@ -154,7 +154,8 @@ class TensionLaw(Module):
     def braid_volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
         length, pressure = _together(length, pressure)
-        return _held_volume(self, _within(self, length).length, pressure)
+        volume: Scalar = _held_volume(self, _within(self, length).length, pressure)
+        return volume
 
     @evaluated
     def braid_stiffness(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -336,13 +337,15 @@ def _held_volume(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
     return _volume(law, length, pressure)
 
 
-@_held_volume.defjvp
-def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
+def _volume_change(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
     # What the length changes by comes last: the slope by itself has nearly all in common with the tension, and no step of a
     # run then takes it twice.
     law, length, pressure = primals
     value, change = jax.jvp(lambda w, p: _volume(w, length, p), (law, pressure), (tangents[0], tangents[2]))
     return value, change + derivative(lambda x: _volume(law, x, pressure), length) * tangents[1]
+
+
+_held_volume.defjvp(_volume_change)
 
 
 def _within(law: TensionLaw, length: Scalar) -> threads.HeldLength:

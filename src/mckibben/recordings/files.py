@@ -303,12 +303,12 @@ def naming_file(source: str | Path | Recording) -> Iterator[None]:
         raise error if (path := path_of(source)) is None else error.at(path) from None
 
 
-def select_between(recording: Recording, start: float | None, end: float | None) -> Recording:
+def select_between(recording: Recording, start: float | str | None, end: float | str | None) -> Recording:
     """Samples from a time to another [s]; all of them where neither is stated."""
     if start is None and end is None:
         return recording
     try:
-        return recording.select(start, end)
+        return recording.select(*(None if at is None else float(at) for at in (start, end)))
     except InputError as error:
         raise error.changed(field="{start}, {end}") from None
 

@@ -372,8 +372,8 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
         "the tension, height at that of the length, both positive where the muscle takes work in; friction is half the "
         "height. Work per cycle is positive where the muscle does it"
     )
-    said = tuple(f"{c.text[:1].upper()}{c.text[1:]}." for c in collect(*cautions))
-    return [ReportTable(columns, tuple(rows), words), *([NoteBox("Caution", said)] if cautions else [])]
+    notes = tuple(f"{c.text[:1].upper()}{c.text[1:]}." for c in collect(*cautions))
+    return [ReportTable(columns, tuple(rows), words), *([NoteBox("Caution", notes)] if cautions else [])]
 
 
 def stimulation_tables(record: Recording) -> dict[str, ReportTable]:

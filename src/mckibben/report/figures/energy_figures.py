@@ -150,7 +150,7 @@ def printed_joules() -> Printed:
 
 def efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
     """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
-    lines = []
+    lines: list[EfficiencyLine] = []
     for volume, friction, dash, colour in looks:
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
             muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)

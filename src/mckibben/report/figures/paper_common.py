@@ -93,7 +93,7 @@ def label(figure: str) -> str:
 def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
     """Add a second vertical axis, its title above it at the right."""
     other = ax.twinx()
-    look = {"fontweight": "bold", "fontsize": SMALL + 0.5, "rotation": 0, "ha": "right", "va": "bottom"}
+    look: dict[str, Any] = {"fontweight": "bold", "fontsize": SMALL + 0.5, "rotation": 0, "ha": "right", "va": "bottom"}
     other.set_ylabel(words, color=style.colour(quantity), **look)
     other.yaxis.set_label_coords(1.0, 1.0, transform=ax.transAxes + style.shift(ax, 18, 5))
     style.tick_numbers(other.yaxis)

@@ -314,7 +314,7 @@ def end_labels(
         moved = abs(place - at[1]) > 2.0
         offset = (right - at[0] + (13 if moved else 5), place - at[1])
         pointer = {"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1} if moved else None
-        look = {"va": "center_baseline", "ha": "left", "fontweight": "bold" if bold else "normal"}
+        look: dict[str, Any] = {"va": "center_baseline", "ha": "left", "fontweight": "bold" if bold else "normal"}
         look |= {"color": colour(quantity), "annotation_clip": False, "arrowprops": pointer}
         label = beside(ax, text, (x, y), offset, **look)
         set_place(label, ArtistPlace(ax, "end", x, y, 13.0 if moved else 5.0))
@@ -337,13 +337,15 @@ def note(
 
 def beside(ax: Axes, text: str, at: Any, by: tuple[float, float], **look: Any) -> Annotation:
     """Write small text `by` points from a place, which is one of the data unless `xycoords` says of what."""
-    return ax.annotate(text, at, by, **{"fontsize": SMALL, "textcoords": "offset points"} | look)
+    style: dict[str, Any] = {"fontsize": SMALL, "textcoords": "offset points"} | look
+    return ax.annotate(text, at, by, **style)
 
 
-def key(owner: Axes | Figure, *entries: Any, **look: Any) -> Legend:
+def key(owner: Any, *entries: Any, **look: Any) -> Legend:
     """Add a key of small, close lines without a frame; `entries` and `look` are those of a legend of matplotlib."""
     usual = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
-    return owner.legend(*entries, **usual | look)
+    legend: Legend = owner.legend(*entries, **usual | look)
+    return legend
 
 
 def rule(ax: Axes, start: float, end: float, above: float) -> None:

@@ -234,7 +234,9 @@ class Diagnosis(Answer):
         """Each fault alone, below the diagnosis in words."""
         columns = (
             Column("title", "each fault alone"),
-            *(Column(*names, right=True) for names in (("value",), ("interval", "95 %"), ("limit", "seen from"))),
+            Column("value", right=True),
+            Column("interval", "95 %", right=True),
+            Column("limit", "seen from", right=True),
             Column("ratio", "likelihood ratio", "1", places=".1f"),
         )
         rows = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -312,10 +312,10 @@ def size(
             raise InputError(name, str(value), "must be left out beside a wish, which states it")
         if space is not None and name in ("length", "diameter") and value is not None:
             raise InputError(name, str(value), "must be left out beside a space, which states both")
-    for name, value in {"speed": speed, "valve": valve}.items():
-        if value is not None and not lines:
+    for name, needing in (("speed", speed), ("valve", valve)):
+        if needing is not None and not lines:
             raise InputError(name, None, f"is allowed only without {{lines=False}}: a {name} takes a valve and a tube")
-    said = pressure_caution(pressure if wish is None else wish.pressure, text=typed(pressure))
+    said = pressure_caution(float(pressure) if wish is None else wish.pressure, text=typed(pressure))
     if wish is None:
         wish = _requirements(
             {
@@ -409,7 +409,7 @@ def stages(*, lines: bool = True, speed: bool = False) -> int:
     return 3 + (tried + 1 if lines else 0)
 
 
-def _force_of(force: float | None, load: float | None) -> float | None:
+def _force_of(force: Any, load: Any) -> Any:
     """The force, or the weight of the load [N]."""
     if load is None:
         return force
@@ -431,7 +431,7 @@ def _check_muscle(name: str | None) -> None:
         raise InputError("muscle", name, "the candidates are", known=known)
 
 
-def _requirements(values: Mapping[str, float | None], *, spaced: bool) -> Requirements:
+def _requirements(values: Mapping[str, Any], *, spaced: bool) -> Requirements:
     """The requirements; errors name what was given: the space instead of its length and diameter, rate for frequency."""
     for name in ("force", "stroke"):
         if values[name] is None:
@@ -439,7 +439,7 @@ def _requirements(values: Mapping[str, float | None], *, spaced: bool) -> Requir
                 name, "missing", f"must be a {name}", sentence=f"Sizing needs a {name}, such as {EXAMPLES[name]!r}"
             )
     try:
-        return Requirements(**values)  # type: ignore[arg-type]
+        return Requirements(**values)
     except InputError as error:
         given = {"frequency": "rate"} | ({"length": "space", "diameter": "space"} if spaced else {})
         raise error.changed(field=given.get(error.field, error.field)) from None

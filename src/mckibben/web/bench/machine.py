@@ -23,9 +23,9 @@ from ...quantities import with_unit
 from ...recordings.recording import Recording
 from ..shelf import plain
 from ..stream import Columns, Stream, of_cycle
+from ..widgets import sentence
 from .chosen import BenchSelection
 from .manual import HardwareSpec, ManualView
-from .protocol import sentence
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -313,12 +314,10 @@ class SizePage:
                 text("legend", heading)
                 for one in group:
                     self.fields[one.name] = InputField(
-                        one.label, getattr(question, one.name), lambda words, n=one.name: self._take(n, words),  # type: ignore[misc]
+                        one.label, getattr(question, one.name), functools.partial(self._take, one.name),
                         name=f"size-{one.name}", about=one.about, colour=one.quantity,
                     )  # fmt: skip
-                    self.fields[one.name].input.on_value(
-                        "entered", lambda words, n=one.name: self._enter(n, str(words))
-                    )  # type: ignore[misc]
+                    self.fields[one.name].input.on_value("entered", functools.partial(self._enter, one.name))
         self.fields |= {name: self.fields[field] for name, field in FIELD_OF.items()}
         with box("fieldset", "form"):
             text("legend", "Which muscle")

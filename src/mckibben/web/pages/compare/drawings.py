@@ -186,7 +186,7 @@ def bar(row: PropertyRow, i: int, largest: float, paper: float | None, living: b
         return f'<b class="none">{DASH}</b>{said}'
     share = 100.0 / largest if largest > 0.0 else 0.0
     marks = ""
-    if ranged and ends[0] * share < 100.0:
+    if ranged and ends is not None and ends[0] * share < 100.0:
         begins = _within(ends[0] * share)
         wide = max(_within(ends[1] * share) - begins, 0.8)
         marks = f'<rect x="{begins:.2f}" y="0" width="{wide:.2f}" height="10" fill="none" stroke="var(--ink-3)"/>'

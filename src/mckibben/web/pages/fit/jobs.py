@@ -24,9 +24,9 @@ from ....recordings import ForceMap, read_any, read_force_map
 from ....recordings.force_map import TablePreview, preview_table
 from ....recordings.formats import part_options, parts_of
 from ....specimens import Specimen, map_file, specimen
-from ...bench.protocol import sentence
 from ...reader import check_rows
 from ...shelf import SharedResults
+from ...widgets import sentence
 from ...workspace import Workspace
 
 KINDS = ("table", "recording", "map")  # an uploaded file, one of the recordings, a specimen that ships with a map

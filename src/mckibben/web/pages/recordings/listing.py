@@ -29,9 +29,8 @@ from ...elements import Element
 from ...reader import read_outside
 from ...shelf import SharedResults, Shelf
 from ...stream import places
-from ...widgets import SIGNS, box, raw, select
+from ...widgets import SIGNS, THIN, box, raw, select
 from ...workspace import Workspace
-from ..fit.results import THIN
 
 WHOLE = 6  # whole recordings that are kept
 WHOLE_BYTES = 32 * 2**20  # of the channels of these; a larger one is there as long as a page shows it [B]
