@@ -237,7 +237,7 @@ class CycleControls:
             self._pressure()
             self.choices = box("div").style(display="contents")
         self.more = box("details", "panel conditions")
-        self.under, self.remarked = box("div", "e-under"), box("div", "e-under")
+        self.under, self.remarked = box("div", "e-under"), box("div", "e-under e-about")
         self.rebuild()
 
     def rebuild(self) -> None:
