@@ -147,7 +147,13 @@ class Parameter:
     def read(self, value: Any) -> Any:
         """A value as the function takes it: text with a unit becomes SI."""
         unit = self.type.unit
-        if value is None or not unit:
+        if value is None:
+            return value
+        if self.flag and not isinstance(value, bool):
+            raise InputError(self.name, None, f"must be True or False, got {value!r}")
+        if not unit:
+            if self.many and (isinstance(value, Mapping) or not isinstance(value, Iterable)):
+                raise InputError(self.name, None, f"must be a name or several, got {value!r}")
             return value
         if not self.many:
             number = in_si(value, unit, field=self.name)

@@ -18,7 +18,7 @@ from ..components.paths import resolved
 from ..components.system import Value
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
-from ..muscles.plausible import pressure_caution
+from ..muscles.plausible import reached_cautions
 from ..pneumatics.circuit import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
@@ -147,11 +147,12 @@ def _record(
 
 
 def _reached(plan: CircuitPlan, record: Recording) -> list[Caution | None]:
-    """Cautions about the highest pressure that each muscle had."""
+    """Cautions about the lengths and the highest pressure that each muscle had."""
     muscles = [name for name, node in plan.nodes.items() if node.law is not None]
     return [
-        pressure_caution(float(record[f"{n}.pressure"].max()), plan.specimen_of(n), name=f"pressure of {n}")
+        caution
         for n in muscles
+        for caution in reached_cautions(record[f"{n}.length"], record[f"{n}.pressure"], plan.specimen_of(n), n)
     ]
 
 

@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..accessors import implementation
-from ..documents import JsonValue, parse_toml, read_text
+from ..documents import JsonValue, parse_toml, path_text, read_text
 from ..errors import InputError
 from ..quantities import split_values
 from ..registry import with_own_references
@@ -217,7 +217,7 @@ def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
         >>> mk.protocol("quasi-static", pressure=["2 bar", "5 bar"], cycles=1)
         Protocol('quasi-static': Quasi-static triangle at constant pressure; 2 cases)
     """
-    path = os.fspath(name)
+    path = path_text(name, "protocol")
     is_file = path.lower().endswith(".toml") or os.sep in path
     base = implementation("bench.software.waveform_import:read_protocol")(path) if is_file else shipped(path)
     return with_values(base, in_words(base, values))

@@ -6,9 +6,29 @@ import contextlib
 
 from ..errors import InputError, NoVolumeError
 from ..quantities import declared, with_unit
+from .braid import braid_of
 from .law import TensionLaw, law_name
 
 FACTORS = [1.025**n for step in range(1, 66) for n in (step, -step)]  # of a value that are tried: from near 1 to 5
+
+
+def check_geometry(law: TensionLaw, rest_length: float) -> None:
+    """Refuse a muscle that cannot be: a wall that fills its braid at rest, or parameters that leave no gas in it.
+
+    Raises:
+        InputError: names the parameter, and values that would do.
+    """
+    shape, wall = braid_of(law), getattr(law, "wall_thickness", None)
+    # where the law states a bore, the wall lies around it
+    if shape is not None and wall is not None and not hasattr(law, "rest_diameter"):
+        bore = shape.diameter(rest_length)
+        if 2.0 * float(wall) >= bore:
+            at = f"{with_unit(bore, 'm', 3)} wide at {with_unit(rest_length, 'm', 3)}"
+            problem = f"must be less than {with_unit(0.5 * bore, 'm', 3)}, or it fills the braid, which is {at}"
+            raise InputError(f"{law_name(law)}.wall_thickness", with_unit(float(wall), "m", 3), problem)
+    error = volume_contradiction(law, rest_length)
+    if error is not None:
+        raise error
 
 
 def volume_contradiction(law: TensionLaw, span: float) -> InputError | None:

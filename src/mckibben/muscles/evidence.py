@@ -98,14 +98,22 @@ def measured_rest_lengths(spec: Specimen) -> list[float]:
     return sorted(value if isinstance(value, list) else [value])
 
 
-def law_cautions(spec: Specimen | None, law: str) -> tuple[Caution, ...]:
-    """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length."""
+def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tuple[Caution, ...]:
+    """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length or braid.
+
+    Args:
+        spec: the specimen.
+        law: name of the law.
+        at_rest: whether to say by how much the laws of a braid differ at its rest length; not where each point says it.
+    """
     error = error_of(spec, law)
     if spec is None:
         return ()
     large = error is not None and error.worst > NOTABLE
     said = Caution(f"the tension of {spec.id} by {law} may be off by {error}", "law") if large else None
-    return collect(said, _rest_length_caution(spec, law, error))
+    from .sleeve import braid_caution
+
+    return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, law) if at_rest else None)
 
 
 def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:

@@ -137,6 +137,49 @@ def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, nam
     )
 
 
+def start_pressure_caution(
+    pressure: float, ambient: float, spec: Specimen | None = None, *, text: str, name: str = "start pressure"
+) -> Caution | None:
+    """Caution about the gauge pressure of a muscle at the start [Pa].
+
+    Args:
+        pressure: gauge [Pa].
+        ambient: absolute pressure of the surroundings [Pa].
+        spec: the muscle.
+        text: as it was typed.
+        name: of the pressure, in the sentence; the parameter of the caution.
+
+    Raises:
+        InputError: it is no number, or there is no such pressure.
+    """
+    if not pressure > -ambient:
+        problem = f"must be a gauge pressure above vacuum, {with_unit(-ambient, 'Pa')}"
+        raise InputError(name, with_unit(pressure, "Pa"), problem)
+    if pressure < 0.0:
+        shown = with_unit(pressure, "Pa")
+        return Caution(f"a {name} of {shown} is below that of the room, and inflates nothing", name)
+    return pressure_caution(pressure, spec, text=text, name=name)
+
+
+def free_length_caution(law: Any, pressures: Iterable[float], spec: Specimen | None) -> Caution | None:
+    """Caution about free lengths at gauge pressures [Pa] outside of the measured lengths; None if all are within."""
+    if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
+        return None
+    free = sorted(float(law.free_length(pressure)) for pressure in pressures)
+    return measured_length_caution(free, spec, "free length")
+
+
+def reached_cautions(
+    lengths: np.ndarray, pressures: np.ndarray, spec: Specimen | None, name: str
+) -> tuple[Caution, ...]:
+    """Cautions about the lengths of a braid [m] and the gauge pressures [Pa] that a muscle reached in a run."""
+    ends = (float(np.min(lengths)), float(np.max(lengths)))
+    return collect(
+        pressure_caution(float(np.max(pressures)), spec, name=f"pressure of {name}"),
+        measured_length_caution(ends, spec, f"length of {name}"),
+    )
+
+
 def likely_pressure(text: str) -> str:
     """A question after a pressure that can only be a slip, such as ``; was 500 kPa meant?``; nothing if it is none."""
     return likely_unit(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)

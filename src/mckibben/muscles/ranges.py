@@ -46,7 +46,7 @@ def _ends(spec: Specimen, name: str, law: TensionLaw) -> list[dict[str, Any]]:
 
     units = {key: q.unit for key, q in declared(law).items()}
     varied = varied_law(spec, name, law)
-    changes: list[dict[str, Any]] = [] if varied is None else varied.of_dimensions
+    changes = [] if varied is None else [one for ends in varied.of_dimensions.values() for one in ends]
     for key, number in spec.laws[name].items():
         if number.range is None or key not in units or (varied is not None and key not in varied.unseen):
             continue

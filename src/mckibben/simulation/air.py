@@ -116,7 +116,9 @@ class Air(Stated):
         Raises:
             InputError: names what does not fit.
         """
-        room = self.environment or Environment()
+        room = Environment() if self.environment is None else self.environment
+        if not isinstance(room, Environment):
+            raise InputError("environment", None, f"must be an Environment, got {room!r}")
         valve = self._valve()
         supply = self.si("supply")
         line = AirLine(
