@@ -209,7 +209,9 @@ class Part:
         for name, muscle in named.items():
             if not isinstance(muscle, MuscleUnit):
                 cord = tendons.get(name)
-                made += of_unit(name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon))
+                made += of_unit(
+                    name, units[name], muscle, usual_tendon=cord is not None and not isinstance(cord, Tendon)
+                )
             if name not in stated:
                 made.append(Assumption(f"span of {name}", self.span[name], "m", USUAL_SPAN))
         self.assumptions = tuple(made)

@@ -313,7 +313,7 @@ def built_muscle(
             raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
         built = build_law(name, _in_si(name, parameters))
         check_geometry(built, rest_length_of(None, built))
-        return Muscle(built, _own(friction), creep)
+        return Muscle(built, _own(friction), creep, stated=tuple(parameters))
     spec = name if isinstance(name, Specimen) else muscle_specimen(name)
     chosen = (law if isinstance(law, str) else LAWS.stated_as(law, spec.laws)) if law else spec.law
     spec, changes = at_rest_length(spec, chosen, _in_si(chosen, parameters))
@@ -322,7 +322,8 @@ def built_muscle(
         return Muscle(fibre, _own(friction), creep, specimen=spec)
     built = law_from_specimen(spec, chosen, changes=changes)
     check_geometry(built, rest_length_of(spec, built))
-    return Muscle(built, _usual_friction(spec, friction), creep or _stated_creep(spec), specimen=spec)
+    chain = creep or _stated_creep(spec)
+    return Muscle(built, _usual_friction(spec, friction), chain, specimen=spec, stated=tuple(parameters))
 
 
 class MuscleFactory:

@@ -52,6 +52,7 @@ class Muscle(Module):
         friction: friction of the braid with memory.
         creep: viscoelastic elements beside the braid.
         specimen: where the numbers come from.
+        stated: names of the parameters of the law that a person has given, in place of the specimen's or the defaults.
 
     Examples:
         >>> import mckibben as mk
@@ -66,6 +67,7 @@ class Muscle(Module):
     friction: Hysteresis | None = None
     creep: MemoryElement | None = None
     specimen: Specimen | None = field(static=True, default=None)
+    stated: tuple[str, ...] = field(static=True, default=())
 
     plot: ClassVar[Accessor[MusclePlots]] = Accessor("report.figures.plots:MusclePlots")
     """Plots: ``plot.force_map``, ``plot.free_length``, ``plot.volume`` and ``plot.braid``, see `report.figures.plots`."""

@@ -157,7 +157,9 @@ class Mechanism(Stated, abc.ABC):
         for name, muscle in self.muscles.items():
             if not isinstance(muscle, MuscleUnit):
                 tendon = self.tendons()[name]
-                made += of_unit(name, units[name], usual_tendon=tendon is not None and not isinstance(tendon, Tendon))
+                made += of_unit(
+                    name, units[name], muscle, usual_tendon=tendon is not None and not isinstance(tendon, Tendon)
+                )
         return (*made, *(Assumption(field, span, "m", note) for field, (span, note) in spans.items()))
 
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:

@@ -13,7 +13,7 @@ from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import built_muscle, changed_parameters, missing_parameters, needed_words
-from ..quantities import declared, shown_unit, values, with_unit
+from ..quantities import MOST_VALUES, declared, shown_unit, values, with_unit
 from ..specimens import Specimen, muscle_specimen, specimens
 from ..verbs import (
     Activation,
@@ -160,6 +160,10 @@ def tension(
     biological = built.specimen is not None and built.specimen.kind == "biological"
     lengths = _lengths(length, contraction, built)
     drives = _drives(target_tension, pressure, activation, built, lengths, muscle, biological)
+    if len(lengths) * len(drives) > MOST_VALUES:
+        count = f"{len(lengths):,} lengths by {len(drives):,} drives"
+        problem = f"and its drive must be at most {MOST_VALUES:,} points together, got {count}"
+        raise InputError("length" if contraction is None else "contraction", None, problem)
     points = [_point(built.law, at, drive, biological) for at in lengths for drive in drives]
     said = collect(*built.length_cautions(lengths, text=typed(length)))
     said += () if biological else _cautions(built, chosen, drives, pressure)
