@@ -1,4 +1,4 @@
-"""Values that a person could slip into the public functions: each is meant, or refused in a sentence; none ends in a traceback."""
+"""Values that a person could slip into the public functions: each is refused in a sentence, and none ends in a traceback."""
 
 import numpy as np
 import pytest
@@ -83,7 +83,7 @@ SLIPS = {
     "a word of C++ as the name of a muscle": lambda: Part({"class": "nylon"}),
     "number as the title of a part": lambda: Part("nylon", title=3),
     "a parameter of a part out of bounds": lambda: Part("nylon").with_parameters(
-        {next(p for p in Part("nylon").declared if p.endswith("passive_stiffness")): -1.0}
+        {next(p for p in Part("nylon").declared() if p.endswith("passive_stiffness")): -1.0}
     ),
 }
 

@@ -221,7 +221,9 @@ class Simulation:
         try:
             for name, value in commands.items():
                 place, low, high = self.command_entries[name]
-                if not low <= value <= high or value is True or value is False:  # or it is no number
+                if value is True or value is False:
+                    raise TypeError(value)
+                if not low <= value <= high:  # or it is no number
                     self.check_command(name, value)
                 buffer[place] = value
         except (KeyError, TypeError, ValueError):
