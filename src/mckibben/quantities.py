@@ -384,7 +384,7 @@ def _numbers(value: Any, si_unit: str, field: str, where: str | None = None) -> 
     kind = getattr(getattr(value, "dtype", None), "kind", "")
     if kind and kind in "fiu" or type(value) in (float, int):
         return value
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | range):
         with contextlib.suppress(ValueError, TypeError):
             array = np.asarray(value)
             if array.dtype.kind in "fiu" and not any(isinstance(one, bool) for one in value):

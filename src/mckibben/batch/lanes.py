@@ -253,7 +253,7 @@ class LanePlanner:
                 return refused, groups
 
     def cautions(self, variants: Variants) -> dict[int, tuple[str, ...]]:
-        """What must be said of variants, by row: of the first with each word, and of each varied number from its ends inwards.
+        """What must be said of variants, by row: of the first with each word, and of numbers from their ends inwards.
 
         Between two values of which nothing is said nothing is either, so that not every variant is built for it.
         """
