@@ -81,12 +81,32 @@ Pressure = Annotated[float | str, QUANTITIES["PRESSURE"]]
 Force = Annotated[float | str, QUANTITIES["FORCE"]]
 Contraction = Annotated[float | str, QUANTITIES["CONTRACTION"]]
 Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
+Mass = Annotated[float | str, QUANTITIES["MASS"]]
+Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
+Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
+# What one asks of a muscle is within narrower bounds than what a rig or a recording may have.
+WorkingForce = Annotated[float | str, ParameterType("FORCE", "N", (1e-2, 2e4))]
+Stroke = Annotated[float | str, ParameterType("LENGTH", "m", (1e-4, 2.0))]
+OverallLength = Annotated[float | str, ParameterType("LENGTH", "m", (1e-2, 5.0))]
+TubeLength = Annotated[float | str, ParameterType("LENGTH", "m", (5e-3, 50.0))]
+WorkingSpeed = Annotated[float | str, ParameterType("SPEED", "m/s", (1e-4, 5.0))]
+CycleRate = Annotated[float | str, ParameterType("FREQUENCY", "1/s", (1e-4, 100.0))]
+TimePerDay = Annotated[float | str, ParameterType("TIME", "s", (1.0, 1e5))]
 MuscleName = Annotated[Any, ParameterType("SPECIMEN")]
 MuscleOrLaw = Annotated[Any, ParameterType("SPECIMEN|LAW")]
 LawName = Annotated[str, ParameterType("LAW")]
 CycleName = Annotated[str, ParameterType("CYCLE")]
+SpaceText = Annotated[str, ParameterType("LENGTHxDIAMETER")]
+TankText = Annotated[str, ParameterType("TANK")]
+ValveName = Annotated[str, ParameterType("VALVE")]
 VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
+RigName = Annotated[Any, ParameterType("RIG")]
+PlumbingName = Annotated[str, ParameterType("PLUMBING")]
+RecordingFile = Annotated[Any, ParameterType("RECORDING")]
+HostName = Annotated[Any, ParameterType("HOST")]
+ScenarioName = Annotated[str, ParameterType("SCENARIO")]
+NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
 
@@ -134,6 +154,8 @@ class Parameter:
         many: whether it takes several values: of a quantity a list or a range in one text.
         flag: whether it is true or false.
         about: words of help.
+
+    What has neither a type nor is a flag only Python gives, such as a function that is told of progress.
     """
 
     name: str
@@ -186,8 +208,13 @@ def described(place: str) -> Description:
     head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
     section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
     words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", section, re.M | re.S)}
-    arguments = [*node.args.args, *node.args.kwonlyargs]
-    defaults = [*[None] * (len(node.args.args) - len(node.args.defaults)), *node.args.defaults, *node.args.kw_defaults]
+    several = [] if node.args.vararg is None else [node.args.vararg]
+    arguments = [*node.args.args, *several, *node.args.kwonlyargs]
+    defaults = [None] * (len(node.args.args) - len(node.args.defaults)) + [
+        *node.args.defaults,
+        *[None for _ in several],
+    ]
+    defaults += node.args.kw_defaults
     parameters = {}
     for argument, default in zip(arguments, defaults, strict=True):
         annotation = ast.unparse(cast(ast.expr, argument.annotation))
@@ -198,7 +225,7 @@ def described(place: str) -> Description:
             types[0] if types else ParameterType(),
             None if default is None else ast.literal_eval(default),
             default is None,
-            "Sequence" in annotation,
+            "Sequence" in annotation or argument in several,
             annotation == "bool",
             words.get(argument.arg, ""),
         )
@@ -215,7 +242,7 @@ def verb(function: Callable[P, A]) -> Callable[P, A]:
     """Make of a function one that takes text with units, and whose answer says which values can only be slips.
 
     Cautions of the answer go out as warnings too. A sentence that is to be read at a command line as well names other
-    parameters in braces: ``"is allowed only without {pressure}"``.
+    parameters in braces: ``"is allowed only without {pressure}"``, or ``"{lines=False}"`` with the value of a flag.
     """
 
     @functools.wraps(function)
@@ -242,12 +269,19 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
     place = f"{function.__module__.partition('.')[2]}:{function.__name__}"
     parameters = described(place).parameters
     try:
-        found = function(**{name: parameters[name].read(value) for name, value in values.items()})
+        texts = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
+        read = {name: parameters[name].read(value) for name, value in (texts | dict(values)).items()}
+        several = next((n for n, p in inspect.signature(function).parameters.items() if p.kind is p.VAR_POSITIONAL), "")
+        found = function(*read.pop(several, ()), **read)
     except InputError as error:
+        for slip in _slips(parameters, values):
+            if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
+                error = error.changed(problem=f"{error.problem}; was {slip.text.partition('; was ')[2]}")
         raise _renamed(error, parameters, shown) from None
     said = {one.parameter for one in found.cautions}
     slips = (one for one in _slips(parameters, values) if one.parameter not in said)
-    return cast(A, dataclasses.replace(cast(Any, found), cautions=collect(*found.cautions, *slips)))
+    cautions = collect(*found.cautions, *slips)
+    return found if cautions == found.cautions else cast(A, dataclasses.replace(cast(Any, found), cautions=cautions))
 
 
 def load(place: str) -> Callable[..., Answer]:
@@ -260,7 +294,11 @@ def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Call
     """An error with parameters called as somebody calls them."""
 
     def called(text: str) -> str:
-        return re.sub(r"\{(\w+)\}", lambda m: shown(m[1]) if m[1] in parameters else m[0], text)
+        return re.sub(r"\{(\w+)(=\w+)?\}", one, text)
+
+    def one(found: re.Match[str]) -> str:
+        value = (found[2] or "") if shown is str else ""  # an option of its own stands for a flag with its value
+        return shown(found[1]) + value if found[1] in parameters else found[0]
 
     name, dot, key = error.field.partition(".")
     name = name if name in parameters else f"{name}s"  # one of several
@@ -272,12 +310,12 @@ def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Call
 
 
 def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[Caution]:
-    """Cautions about texts whose size can only be a slip."""
+    """Cautions about values whose size can only be a slip."""
     for name, value in values.items():
         kind = parameters[name].type
         texts: Sequence[tuple[str, Any]] = [*value.items()] if isinstance(value, Mapping) else [(name, value)]
         for key, text in texts:
-            if isinstance(text, str) and (kind.range or isinstance(value, Mapping)):
+            if isinstance(text, str | int | float) and (kind.range or isinstance(value, Mapping)):
                 from .slips import size_caution
 
                 slip = size_caution(text, kind.unit, name=key.replace("_", " "), usual=kind.range)
