@@ -72,3 +72,7 @@ def test_columns_of_a_played_table_that_are_no_command_are_named(tmp_path, capsy
     with pytest.raises(SystemExit):
         main(["joint", "nylon", "--play", str(table)])
     assert "has columns that are no command, and are not used: extensr" in capsys.readouterr().err
+
+
+def test_a_list_of_tasks_takes_no_models(capsys):
+    assert "--earlier is allowed only without --list" in refused(["benchmark", "--list", "--earlier", "x.json"], capsys)
