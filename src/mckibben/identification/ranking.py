@@ -204,7 +204,8 @@ def fit(
     dimensions = known_of(spec) | known_in_si(named_values(known or {}, "known"), law)
     if train_below is not None:
         options["train_below"] = float(in_si(train_below, "Pa", field="train_below"))
-    takes = inspect.signature(fit_law if isinstance(law, str | type) else fit_all).parameters
+    several = {} if isinstance(law, str | type) else inspect.signature(fit_all).parameters  # hands the rest to each fit
+    takes = {**several, **inspect.signature(fit_law).parameters}
     for name in options:
         if name not in takes:
             raise InputError("option", name, known=[key for key, one in takes.items() if one.kind is one.KEYWORD_ONLY])
