@@ -46,3 +46,51 @@ def test_a_name_is_given_once():
     numbers = Registry("mckibben.numbers", "number", {"pi": "math:pi"})
     with pytest.raises(InputError, match="another number has that name"):
         numbers.add("pi", 3.0)
+
+
+LAW = """
+from mckibben.muscles.laws.ideal import Ideal
+
+class Law(Ideal):
+    title = "{0}"
+"""
+
+
+def test_a_relative_path_means_the_file_of_the_folder_where_it_is_read(tmp_path, monkeypatch):
+    """Of two folders with a file of one name; a class that came from the one stays itself in the other."""
+    monkeypatch.setenv(registry.CODE, "")
+    first, second, empty = (tmp_path / name for name in ("first", "second", "empty"))
+    for folder in (first, second, empty):
+        folder.mkdir()
+    for folder in (first, second):
+        (folder / "canary.py").write_text(LAW.format(folder.name), encoding="utf-8")
+        registry.allow_code(folder / "canary.py")
+    laws = Registry("mckibben.no_group", "law", {}, accept=lambda _: None)
+    kinds = {}
+    for folder in (first, second):
+        monkeypatch.chdir(folder)
+        kinds[folder.name] = laws.find("canary.py:Law")
+        assert kinds[folder.name].title == folder.name
+    name = laws.register(kinds["first"])  # in the second folder
+    assert laws[name] is laws.find(name) is kinds["first"]
+    monkeypatch.chdir(empty)
+    assert laws[laws.register(kinds["first"])] is kinds["first"]
+    with pytest.raises(InputError, match="File not found: canary.py"):
+        laws.find("canary.py:Law")
+
+
+def test_a_class_in_place_of_a_stated_one_counts_for_that_file_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv(registry.CODE, "")
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "canary.py").write_text(LAW.format(name), encoding="utf-8")
+        registry.allow_code(tmp_path / name / "canary.py")
+    laws = Registry("mckibben.no_group", "law", {}, accept=lambda _: None)
+
+    class Law:
+        title = "of a notebook"
+
+    monkeypatch.chdir(tmp_path / "first")
+    assert laws[laws.stated_as(Law, ["canary.py:Law"])] is Law
+    monkeypatch.chdir(tmp_path / "second")
+    assert laws["canary.py:Law"].title == "second"

@@ -39,6 +39,20 @@ _LONG_NUMBER = re.compile(r"\d{301}")
 _JSON = re.compile(r""""(?:\\.|[^"\\])*"|(?P<open>[\[{])|(?P<close>[\]}])|(?P<lost>")""", re.DOTALL)
 
 
+def path_text(path: Any, field: str = "file") -> str:
+    """The text of a path, or of a name in whose place a path may stand.
+
+    Raises:
+        InputError: it is neither, or no file can have that name.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(field, None, f"must be a name or the path of a file, got {path!r}")
+    text = os.fspath(path)
+    if not isinstance(text, str) or "\0" in text:
+        raise not_found(repr(text), "file" if field == "file" else f"{field} file")
+    return text
+
+
 def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     """The text of a file.
 
@@ -49,7 +63,7 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
     Raises:
         InputError: there is no such file, or it is no text.
     """
-    where = os.fspath(path)
+    where = path_text(path, field if field.isalpha() else "file")
 
     def at_once(path: str, flags: int) -> int:  # also a pipe into which nobody writes
         return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

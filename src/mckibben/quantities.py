@@ -10,10 +10,13 @@ the package every number is an SI float; ``parse`` turns words such as ``"12 cm"
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import math
 import re
+from collections.abc import Mapping
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ._jax import Array, Scalar, is_loaded, is_traced, jax, jnp
@@ -74,7 +77,7 @@ class Quantity(NamedTuple):
 
     def check(self, name: str, value: object, *, where: str | None = None) -> None:
         """Raise `InputError` when a concrete value is not finite or out of bounds."""
-        number = np.asarray(value, float)
+        number = np.asarray(_numbers(value, self.unit, name, where), float)
         low, high = self.bounds
         bad = ~np.isfinite(number) | (number < low) | (number > high)
         if np.any(bad):
@@ -372,7 +375,45 @@ def in_si(value: Any, si_unit: str, *, field: str) -> Scalar:
         return parse(value, si_unit, field=field)
     if isinstance(value, list | tuple) and any(isinstance(one, str) for one in value):
         return np.array([in_si(one, si_unit, field=field) for one in value])
-    return np.asarray(value) if isinstance(value, list | tuple) else value
+    return value if value is None else _numbers(value, si_unit, field)
+
+
+def _numbers(value: Any, si_unit: str, field: str, where: str | None = None) -> Any:
+    """A number or an array of numbers as it is, a list as an array; what NumPy would make a number of is refused."""
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
+    if kind and kind in "fiu" or type(value) in (float, int):
+        return value
+    if isinstance(value, list | tuple | range):
+        with contextlib.suppress(ValueError, TypeError):
+            array = np.asarray(value)
+            if array.dtype.kind in "fiu" and not any(isinstance(one, bool) for one in value):
+                return array
+    elif isinstance(value, Real) and not isinstance(value, bool):
+        return value
+    wanted = "a number" if si_unit == "1" else f"a number in {si_unit}, or words with a unit"
+    raise InputError(field, None, f"must be {wanted}, or an array of them, got {value!r}", where=where)
+
+
+def whole_number(value: Any, field: str, *, least: int = 0) -> int:
+    """A whole number, such as a count or the seed of a noise.
+
+    Raises:
+        InputError: it is none, or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise InputError(field, None, f"must be a whole number from {least}, got {value!r}")
+    return int(value)
+
+
+def named_values(values: Any, field: str) -> Mapping[str, Any]:
+    """Values by name as they are.
+
+    Raises:
+        InputError: they are not by name, as a list is.
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(field, None, f"must be values by name, as in {{'name': value}}, got {values!r}")
+    return values
 
 
 # Sizes of numbers that a person can mean: their squares and quotients stay within what a float holds.

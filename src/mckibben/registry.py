@@ -141,6 +141,12 @@ def registered_name(kind: object) -> str | None:
     return name
 
 
+def _absolute(name: str) -> str:
+    """A reference with the whole path of its file, so that it means the same in every folder; other names as they are."""
+    match = _REFERENCE.fullmatch(name)
+    return name if match is None else f"{Path(match['path']).resolve()}:{match['name']}"
+
+
 def load_reference(reference: str, *, field: str, where: str | None = None) -> Any:
     """Load what a reference such as ``my.py:MyLaw`` names; a file that has changed is loaded again.
 
@@ -189,7 +195,7 @@ def _module_of(path: Path, field: str, reference: str, where: str | None) -> typ
     if title in sys.modules:
         return sys.modules[title]
     module = types.ModuleType(title)
-    module.__file__ = str(path)
+    module.__file__ = str(path.resolve())
     sys.modules[title] = module  # where the types of the file are looked for while they are made
     folder = str(path.resolve().parent)
     sys.path.insert(0, folder)
@@ -234,8 +240,9 @@ class Registry(Mapping[str, T], Generic[T]):
         self._known: dict[str, Any] = dict(known)
 
     def __getitem__(self, name: str) -> T:
-        if name not in self._known:
+        if _absolute(name) not in self._known:
             return self._of_file(name) if self._is_file(name) else _named(name, plugins(self.group)[name])
+        name = _absolute(name)
         entry = self._known[name]
         if isinstance(entry, str):
             module, _, attribute = entry.partition(":")
@@ -265,7 +272,10 @@ class Registry(Mapping[str, T], Generic[T]):
         )
         known = registered_name(kind) or next((name for name, entry in self._known.items() if entry == place), None)
         if known is not None:
-            return known
+            # a file named from another folder: its short name is another file here, or none
+            file = getattr(sys.modules.get(getattr(kind, "__module__", "")), "__file__", None)
+            whole = f"{file}:{known.rpartition(':')[2]}"
+            return whole if is_reference(known) and whole != _absolute(known) else known
         demand = "a kind of its own" if self.accept is None else self.accept(kind)
         title = getattr(kind, "__name__", type(kind).__name__)
         if demand is not None:
@@ -307,7 +317,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def put(self, name: str, kind: T) -> None:
         """Name a kind that a file declares, such as a sensor of a rig, in place of any other of that name."""
-        self._known[name] = kind
+        self._known[_absolute(name)] = kind
 
     def own(self) -> tuple[T, ...]:
         """Kinds of this package and registered ones, without a search for installed packages."""
@@ -324,7 +334,7 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises:
             InputError: there is none of that name.
         """
-        if self._is_file(name) and name not in self._known:
+        if self._is_file(name) and _absolute(name) not in self._known:
             return self._of_file(name, field, where)
         if name.endswith(".py"):
             said = f"{name} must be followed by the name of a {self.noun} in it, as in {name}:Name"

@@ -209,12 +209,18 @@ class Parameter:
     def read(self, value: Any) -> Any:
         """A value as the function takes it: text with a unit becomes SI."""
         unit = self.type.unit
-        if self.parts and value is not None:
+        if value is None:
+            return value
+        if self.flag and not isinstance(value, bool):
+            raise InputError(self.name, None, f"must be True or False, got {value!r}")
+        if self.parts:
             known = {part.name: part for part in self.parts}
             if not isinstance(value, Mapping):
                 raise InputError(self.name, str(value), f"must be a table with some of {', '.join(known)}")
             return {name: known[name].read(one) if name in known else one for name, one in value.items()}
-        if value is None or not unit:
+        if not unit:
+            if self.many and isinstance(value, Mapping | int | float):
+                raise InputError(self.name, None, f"must be a name or several, got {value!r}")
             return value
         if not self.many:
             typed_bare = self.type.bare and isinstance(value, str)

@@ -60,9 +60,7 @@ VARIES = {
     r"/dev/pts/\d+": "TERMINAL",
     r"0x[0-9a-f]{8,}": "ADDRESS",
     r'("(?:processor_minutes|steps_per_s|seconds)": )[-\d.e]+': r"\1SPEED",
-    # a study that measures what its models cost, and judges that
-    r"(mckibben study tube .*\n---- exit code\n)[01]": r"\1VERDICT",
-    r'"verdict": "(?:not )?held"(,\s*"numbers": \{\s*"time of a run")': r'"verdict": VERDICT\1',
+    # a study that tells what its models cost in time
     r'("(?:time of a run|cost)": \{)[^{}]*"ratio"[^{}]*\}': r"\1SPEED}",
     r'("?\b(?:mckibben|lanewise|python|jax|jaxlib|numpy|scipy|mujoco)"?[:=]? ?"?)v?\d+\.\d+(\.\w+)*': r"\1VERSION",
     r'("version": ")[^"]*': r"\1VERSION",

@@ -323,3 +323,43 @@ def test_no_load_draws_a_braid_out_of_its_threads_and_a_longer_muscle_pulls_more
     strongest = float(law.tension(upper, 7e5))
     # a muscle without pressure holds the load that it lifts at most before it is as long as its threads
     assert float(law.tension(threads, 0.0)) > strongest
+
+
+WIDE = {
+    "rest_length": 0.2, "diameter": 8e-3, "braid_angle": np.deg2rad(25.0), "thread_diameter": 0.25e-3,
+    "bladder_thickness": 2e-3,
+}  # fmt: skip
+
+
+def test_every_answer_about_a_braid_says_its_range_at_rest_and_the_laws_that_differ(tmp_path, capsys):
+    """A run, a joint, the energy, a comparison and what is shown; `tension` says it of its own point instead."""
+    spec = from_braid(**WIDE)
+    save_specimen(spec, tmp_path / "wide.toml")
+    muscle = str(tmp_path / "wide.toml")
+    low, high = mk.muscle(spec).tension_range(0.2, 5e5)
+    ranges = f"{low:.3g} N to {high:.3g} N with what was not measured in its ranges"
+    for words in (
+        ["show", muscle],
+        ["energy", muscle, "--cycle", "maximal"],
+        ["compare", muscle],
+        ["run", "isometric-step", "--muscle", muscle, "--rig", "modern", "--set", "cycles=1"],
+        ["joint", muscle, "--command", "flexor=0, 0.3 @ 5 ms", "--duration", "20 ms"],
+    ):
+        with pytest.raises(SystemExit):
+            main([*words, "--json"])
+        said = capsys.readouterr()
+        assert ranges in said.err and "its laws differ" in said.err and "Trust linear_threshold" in said.err, words[0]
+        if words[0] != "run":
+            assert any(ranges in one for one in json.loads(said.out)["warnings"]), words[0]
+
+
+def test_a_size_from_a_braid_moves_its_dimensions_and_asks_neither_a_push_nor_less_than_no_air(tmp_path):
+    save_specimen(from_braid(**WIDE), tmp_path / "wide.toml")
+    sizing = mk.size(force="10 N", stroke="3 cm", pressure="5 bar", muscle=str(tmp_path / "wide.toml"), lines=False)
+    spread = sizing.spread
+    assert set(DIMENSIONS) - {"shore"} <= set(spread.from_numbers) and not spread.without_range
+    assert 0.0 <= spread.force[0] < sizing.chosen.end_force < spread.force[1]
+    assert 0.0 < spread.air[0] < spread.air[1]
+    for source in sizing.sources:
+        assert 0.0 < source.energy_range[0] <= source.energy <= source.energy_range[1]
+        assert source.cycles_range is None or 0 <= source.cycles_range[0] <= source.cycles_range[1]

@@ -7,12 +7,14 @@ the unit of another dimension, and as something else than a number.
 import dataclasses
 import math
 import warnings
+from importlib import resources
 
 import pytest
 
 import mckibben as mk
 from mckibben.muscles.plausible import span_cautions
 from mckibben.quantities import amounts
+from mckibben.simulation import air as air_module
 from mckibben.simulation.mechanisms import Stated
 
 MECHANISMS = {
@@ -231,3 +233,26 @@ def test_a_muscle_is_taut_at_its_default_span_at_half_the_usual_pressure(name):
     span, law = sim.start_commands()["span"], sim.units["muscle"].law
     # the rule leaves a twentieth of the rest length of a free contraction of a fifth: a tenth of the blocked tension
     assert float(law.tension(span, 2.5e5)) > 0.1 * float(law.tension(mk.muscle(name).rest_length, 2.5e5))
+
+
+def test_what_a_person_or_a_file_states_is_not_assumed_though_it_equals_the_default(tmp_path):
+    def assumed(muscle, air=None):
+        return {one.parameter for one in mk.Simulation(mk.Plate(muscle), air).assumptions}
+
+    left = assumed("nylon", mk.Air())
+    strain, thread = "units.muscle.largest_strain", "units.muscle.law.thread_strain"
+    of_air = {"air.tube.length", "air.tube.diameter", "air.port_volume", "air.heat_conductance"}
+    assert {strain} | of_air <= left and thread not in left  # its file states the strain of its threads
+    length, bore = air_module.USUAL_TUBE
+    stated = mk.Air(
+        tube=(float(str(length)), float(str(bore))), port_volume=float(str(air_module.USUAL_PORT)),
+        heat=float(str(air_module.USUAL_HEAT)),
+    )  # fmt: skip
+    assert not of_air & assumed("nylon", stated)
+    dimensions = {"thread_length": 0.16, "turns": 3.2}
+    assert thread in assumed(mk.muscle("ideal", **dimensions))
+    assert thread not in assumed(mk.muscle("ideal", thread_strain=0.005, **dimensions))
+    text = (resources.files("mckibben.specimens") / "data" / "nylon.toml").read_text(encoding="utf-8")
+    text += '\n[properties.largest_strain]\nvalue = 3.5\nunit = "%"\n'
+    (tmp_path / "own.toml").write_text(text.replace('id = "nylon"', 'id = "own"'), encoding="utf-8")
+    assert strain not in assumed(str(tmp_path / "own.toml"))

@@ -206,3 +206,48 @@ def test_a_fit_states_its_errors(tmp_path: Path):
     assert error.rms < error.largest < 0.03 and "predicted with their pressure left out" in error.source
     assert measured_rest_lengths(own) == [0.3] and own.property_si("rest_length", "m") == 0.3
     assert read_force_map(table, rest_length=0.3).tension.max() == pytest.approx(points.tension.max())
+
+
+@measured("festo_datasheet")
+def test_the_printed_contraction_of_the_muscle_of_40_mm_is_the_end_of_its_curves_and_not_its_free_contraction():
+    rows = np.genfromtxt(FOLDER / "festo_datasheet" / "DMSP-40_force_contraction.csv", delimiter=",", names=True)
+    before, last = np.sort(rows[rows["pressure_kPa_gauge"] == 600.0], order="contraction_fraction")[-2:]
+    assert last["contraction_fraction"] == 0.25 and last["force_N"] > 1000.0
+    slope = (last["force_N"] - before["force_N"]) / (last["contraction_fraction"] - before["contraction_fraction"])
+    of_curve = last["contraction_fraction"] - last["force_N"] / slope
+    free = 1.0 - float(law_from_specimen(specimen("DMSP-40-400")).free_length(6e5)) / 0.4
+    assert free == pytest.approx(of_curve, abs=0.015)  # the law still bends: 30.3 of 31.4 %
+    note = specimen("DMSP-40-400").note
+    assert f"contracts by {100.0 * free:.1f} %" in note and f"points by {100.0 * of_curve:.1f} %" in note
+
+
+BEYOND = "of 27.9 cm is beyond the measured ones of DMSP-40-400, 30 cm to 40 cm"
+
+
+def test_a_free_length_that_nothing_measured_is_said_with_every_answer_that_uses_it(capsys):
+    """By Python, the command line and JSON, a comparison, a working cycle; and not where it was measured."""
+    with pytest.warns(PlausibilityWarning, match=f"free length {BEYOND}"):
+        mk.muscle("DMSP-40-400").free_length("6 bar")
+    for words in (
+        ["tension", "DMSP-40-400", "--length", "38 cm", "--pressure", "6 bar", "--json"],
+        ["energy", "DMSP-40-400", "--pressure", "6 bar", "--cycle", "maximal", "--json"],
+        ["compare", "DMSP-40-400", "--pressure", "6 bar", "--json"],
+    ):
+        with pytest.raises(SystemExit):
+            main(words)
+        said = capsys.readouterr()
+        assert f"free length {BEYOND}" in said.err and any(BEYOND in one for one in json.loads(said.out)["warnings"])
+    for pressure in ("2 bar", "6 bar"):
+        with pytest.raises(SystemExit):
+            main(["tension", "nylon", "--length", "14 cm", "--pressure", pressure])
+        assert "free length" not in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("ignore::mckibben.errors.PlausibilityWarning")
+def test_a_run_says_a_length_that_it_reached_beyond_the_measured_ones():
+    light = mk.Simulation(mk.Weight("DMSP-40-400", mass=5.0), mk.Air())
+    light.reset(pressure=0)
+    for _ in range(400):
+        light.step(muscle=1.0)
+    said = light.recording().meta["warnings"]
+    assert any("length of muscle of" in one and "beyond the measured ones of DMSP-40-400" in one for one in said)

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from mckibben.studies.tube_study import (
     PARTLY,
     QUICK_SEEDS,
     QUICK_THERMALS,
+    Cost,
     TubeStudy,
     claims,
     rising_speeds,
@@ -197,6 +199,17 @@ def test_verdicts_of_the_references_make_one():
     assert together([HELD, HELD, HELD]) == HELD
     assert together([NOT, NOT]) == NOT
     assert together([HELD, NOT]) == together([PARTLY, HELD]) == PARTLY
+
+
+def test_no_measured_time_decides_a_verdict():
+    """Times of another run, a hundredfold of the other model's, are told; the operations alone are judged."""
+    verdicts = set()
+    for times in (0.01, 1.0, 100.0):
+        cost = Cost(1.0, times, times, times, times, 1000, operations_ratio=1.5)
+        judged = claims(SimpleNamespace(has=lambda _: False, thermals=(), cost=cost))
+        verdicts |= {(one.claim, one.verdict) for one in judged}
+        assert judged[0].numbers["time of a run"]["ratio"] == times
+    assert verdicts == {("the improved model costs less than twice the inertial one", HELD)}
 
 
 @pytest.mark.slow  # all fits of the study

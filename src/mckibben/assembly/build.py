@@ -17,7 +17,7 @@ from ..muscles import Muscle
 from ..muscles.build import at_rest_length, built_muscle
 from ..muscles.dimensions import REST_LENGTH
 from ..muscles.elements import Tendon
-from ..muscles.law import THREAD_STRAIN
+from ..muscles.law import THREAD_STRAIN, law_name
 from ..muscles.plausible import LARGEST_STRAIN, largest_strain
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.orifice import Orifice
@@ -402,21 +402,24 @@ def inferred_assumption(parameter: str, key: str) -> Assumption:
     return Assumption(parameter, stated.value, unit.split(" at ")[0].replace(" ", "*"), f"{note}; {low:g} to {high:g}")
 
 
-def unit_assumptions(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tuple[Assumption, ...]:
+def unit_assumptions(
+    name: str, unit: MuscleUnit, muscle: str | Specimen | Muscle, *, usual_tendon: bool
+) -> tuple[Assumption, ...]:
     """What a muscle that was named by its specimen or law has beside it.
 
     Args:
         name: of the muscle.
         unit: the muscle in a machine.
+        muscle: as it was named; what it or its file states was not assumed.
         usual_tendon: whether only the stiffness of its tendon was stated.
     """
-    at = f"units.{name}"
+    at, stated = f"units.{name}", _stated(muscle, law_name(unit.law))
     made = [inferred_assumption(f"{at}.{key}", key) for key in ("viscosity", "stop_damping", "stop_travel")]
     for field, value, usual, note in (
         ("largest_strain", unit.largest_strain, LARGEST_STRAIN, "beyond the longest length; where aramid yarn breaks"),
         ("law.thread_strain", unit.law.thread_strain, THREAD_STRAIN, "of the threads at 10 bar, a seventh of that"),
     ):
-        if float(value) == usual:
+        if float(value) == usual and field.rpartition(".")[2] not in stated:
             made.append(Assumption(f"{at}.{field}", usual, "1", note))
     if unit.tendon is None:
         note = f"what relaxes the slack braid in {with_unit(SLACK_TIME, 's')} where it is stiffest"
@@ -427,6 +430,14 @@ def unit_assumptions(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tupl
             inferred_assumption(f"{at}.tendon.{n}", f"tendon_{k}") for n, k in (("toe_length", "toe"), ("loss", "loss"))
         ]
     return tuple(made)
+
+
+def _stated(muscle: str | Specimen | Muscle, law: str) -> set[str]:
+    """Names of the numbers that a person has stated of a muscle, or its file does."""
+    spec = muscle if isinstance(muscle, Specimen) else muscle.specimen if isinstance(muscle, Muscle) else None
+    spec = muscle_specimen(muscle) if isinstance(muscle, str) else spec
+    of_file = set() if spec is None else {*spec.properties, *spec.laws.get(law, {})}
+    return of_file | set(muscle.stated if isinstance(muscle, Muscle) else ())
 
 
 def assumption_table(assumptions: Iterable[Assumption]) -> dict[str, JsonValue]:

@@ -43,7 +43,7 @@ from ..accessors import implementation
 from ..answers import Caution, brief, collect
 from ..components import Environment, FlowElement, paths
 from ..components.module import map_leaves
-from ..documents import JsonValue, parse_toml, read_text, with_own_paths
+from ..documents import JsonValue, parse_toml, path_text, read_text, with_own_paths
 from ..engine import STEP, Signal, fastest_rate, held, ramped
 from ..engine.rates import RK4_LIMIT
 from ..errors import InputError
@@ -53,7 +53,7 @@ from ..muscles.plausible import parameter_cautions, pressure_caution, span_cauti
 from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import Reservoir
-from ..quantities import Quantity, parse
+from ..quantities import Quantity, named_values, parse
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
 from ..specimens import Specimen, specimen
@@ -303,7 +303,7 @@ class CircuitPlan:
             InputError: names the path, the value and what is allowed.
         """
         document, overrides = self.document, dict(self.overrides)
-        for path, value in changes.items():
+        for path, value in named_values(changes, "changes").items():
             known = dict(paths.parameters(self.owner))
             words = with_bare_unit(value, known[path].unit) if path in known else str(value)
             if path in known and not has(document, path):
@@ -423,7 +423,7 @@ def read_circuit(path: str | os.PathLike[str]) -> CircuitPlan:
         >>> recording.meta["result"]
         'done'
     """
-    where = os.fspath(path)
+    where = path_text(path, "circuit")
     text = read_text(path)
     document = with_own_references(with_own_paths(parse_toml(text, where=where), where), where)
     return build_plan(document, where=where, digest=hashlib.sha256(text.encode()).hexdigest())

@@ -214,6 +214,9 @@ class VariantFamily:
         return arrays
 
 
+LOOKED = 32  # values from either end of a varied number of which it is asked whether they can be meant
+
+
 class LanePlanner:
     """Converts the variants of a template to lanes; results of the analysis are reused."""
 
@@ -233,20 +236,33 @@ class LanePlanner:
                 return refused, groups
 
     def cautions(self, variants: Variants) -> dict[int, tuple[str, ...]]:
-        """What must be said of variants, by row: of the first with each word, and with the ends of each varied number.
+        """What must be said of variants, by row: of the first with each word, and of numbers from their ends inwards.
 
-        Between its ends a number is meant where both ends are, so that not every variant is built for it.
+        Between two values of which nothing is said nothing is either, so that not every variant is built for it.
         """
-        rows: dict[int, None] = {}
-        for path, column in variants.columns.items():
-            ends = self.ranges.get(path, ()) if column.dtype == float else dict.fromkeys(column)
-            rows |= dict.fromkeys(int(at[0]) for end in ends if (at := np.flatnonzero(column == end)).size)
-        said: dict[int, tuple[str, ...]] = {}
-        for row in rows:
-            with contextlib.suppress(InputError):  # refused, with its reason
-                if found := self.factory.bench(variants.row(row)).cautions:
-                    said[row] = found
-        return said
+        known: dict[int, tuple[str, ...]] = {}
+
+        def look(row: int) -> tuple[str, ...]:
+            if row not in known:
+                known[row] = ()
+                with contextlib.suppress(InputError):  # refused, with its reason
+                    known[row] = self.factory.bench(variants.row(row)).cautions
+            return known[row]
+
+        ends: list[list[int]] = []  # rows from each end of a varied number inwards
+        for column in variants.columns.values():
+            if column.dtype != float:
+                for word in dict.fromkeys(column):
+                    look(int(np.flatnonzero(column == word)[0]))
+                continue
+            _, first = np.unique(column, return_index=True)
+            ends += [first.tolist(), first[::-1].tolist()]
+        always = set.intersection(*(set(look(rows[0])) for rows in ends)) if ends else set()  # of all, not of a number
+        for rows in ends:
+            for row in rows[:LOOKED]:
+                if not set(look(row)) - always:
+                    break
+        return {row: said for row, said in known.items() if said}
 
     def _plan(self, variants: Variants) -> tuple[dict[int, str], list[LaneGroup]]:
         before = len(self.apart)

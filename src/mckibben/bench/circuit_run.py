@@ -18,7 +18,7 @@ from ..components.paths import resolved
 from ..components.system import Value
 from ..engine import Run, Signal, integrate
 from ..errors import ConvergenceError
-from ..muscles.plausible import pressure_caution
+from ..muscles.plausible import reached_cautions
 from ..pneumatics.circuit import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
@@ -136,10 +136,11 @@ def _record(
         "created": created(),
     }
     record = Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
-    reached = [  # the highest pressure that each muscle had
-        pressure_caution(float(record[f"{n}.pressure"].max()), plan.specimen_of(n), name=f"pressure of {n}")
+    reached = [  # the lengths and the highest pressure that each muscle had
+        caution
         for n, node in plan.nodes.items()
         if node.law is not None
+        for caution in reached_cautions(record[f"{n}.length"], record[f"{n}.pressure"], plan.specimen_of(n), n)
     ]
     warnings = [*map(str, collect(*plan.cautions, *reached)), *_unsettled(plan, record)]
     return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record

@@ -35,7 +35,8 @@ from ..muscles import Muscle
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
 from ..muscles.law import law_name
-from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
+from ..muscles.plausible import measured_length_caution, parameter_cautions, pressure_caution, span_cautions
+from ..quantities import in_si, whole_number, with_unit
 from ..recordings.memory import INTEGRATED, check_memory
 from ..specimens import Specimen, muscle_specimen
 from .rig import Rig
@@ -145,6 +146,9 @@ class RunSegment(NamedTuple):
         return float(before.low) if before.known else 0.0
 
 
+MOST_STEPS = 100_000  # of the physics between two samples; more are a slip of units, and take forever
+
+
 @dataclass(frozen=True)
 class PreparedRun:
     """A protocol on a rig with a muscle, planned and checked, ready to start.
@@ -203,7 +207,9 @@ class PreparedRun:
         tops = {float(s.pressure.max()) for s in steps if isinstance(s.pressure, np.ndarray) and s.pressure.size}
         said = [pressure_caution(top, self.specimen, text=f"{top:g}") for top in sorted(tops)]
         spans = [s.motor for s in steps if s.mode == "span" and isinstance(s.motor, np.ndarray) and s.motor.size]
-        for span in sorted({float(end) for motor in spans for end in (motor.min(), motor.max())}):
+        ends = sorted({float(end) for motor in spans for end in (motor.min(), motor.max())})
+        said.append(measured_length_caution(ends, self.specimen, "span"))
+        for span in ends:
             try:
                 said += span_cautions(span, self.unit.law, self.plan.rest_length, self.specimen)
             except InputError as error:
@@ -271,7 +277,8 @@ def prepare(
         >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
         True
     """
-    wanted = read.named_protocol(protocol, values)
+    wanted, seed = read.named_protocol(protocol, values), whole_number(seed, "seed")
+    step = float(in_si(step, "s", field="step"))
     if "stimulator" in wanted.required():
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
@@ -289,6 +296,10 @@ def prepare(
     layout = on.layout(wanted, plumbing)
     rest = rest_length_of(spec, unit.law)
     plan = _plan(wanted, rest)
+    if step > 0.0 and 1.0 / plan.sample_rate > MOST_STEPS * step:
+        shortest = with_unit(1.0 / plan.sample_rate / MOST_STEPS, "s")
+        problem = f"must be {shortest} or more: between two samples it takes at most {MOST_STEPS:,} steps"
+        raise InputError("step", with_unit(step, "s"), problem)
     check_memory(plan.samples / plan.sample_rate, 1.0 / plan.sample_rate, bytes_per_sample=INTEGRATED)
     findings = check_plan(plan, on.limits(layout), expected(unit) if foresee else None)
     known = [*on.sensors, *(["span"] if on.encoder is not None else [])]

@@ -31,11 +31,11 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from ..components import Environment, Module
 from ..components.flow import FlowElement
-from ..documents import JsonValue, parse_toml, read_toml, with_own_paths
+from ..documents import JsonValue, parse_toml, path_text, read_toml, with_own_paths
 from ..errors import InputError
 from ..pneumatics.build import ELEMENTS, build_element, put_value
 from ..pneumatics.volume import HeatModel, Isothermal, WallHeat
-from ..quantities import Quantity, declared, parse
+from ..quantities import Quantity, declared, named_values, parse
 from ..registry import load_reference, with_own_references
 from ..schema import FileTable, read_table
 from ..specimens import specimen
@@ -89,7 +89,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
         >>> float(mk.rig("paper", {"plumbing.direct.tube.length": "1 m"}).plumbing["direct"].tube.length)
         1.0
     """
-    text = os.fspath(name)
+    text = path_text(name, "rig")
     if text.lower().endswith(".toml") or os.sep in text:
         document, where = with_own_references(with_own_paths(read_toml(text, field="rig"), text), text), text
     else:
@@ -100,7 +100,7 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
         document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
     if "base" in document:
         document = _derived(document, where)
-    for path_, value in (changes or {}).items():
+    for path_, value in named_values(changes or {}, "changes").items():
         put_rig_value(document, path_, value, where)
     return read_rig(document, where=where)
 

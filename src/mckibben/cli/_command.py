@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import typer
 import typer.core
 
+from ..errors import InputError
 from ..registry import allow_code, named_by_person
 from . import _progress, _terminal, _values
 
@@ -33,6 +34,22 @@ OWN_INTERRUPTS = (
     "calibrate encoder", "calibrate skew",
 )  # fmt: skip
 QUIET = ("-q", "--quiet")
+# Options that count only beside another, or only without it, by the command: what nothing takes is not ignored.
+WITH, WITHOUT = True, False
+_SIMULATED = (("--seed", WITH, "--simulate"),)
+CONDITIONS: dict[str, tuple[tuple[str, bool, str], ...]] = {
+    "joint": (
+        *((option, WITH, "--angle") for option in ("--stiffness", "--seed")),
+        *((option, WITHOUT, "--angle") for option in ("--supply", "--valve", "--start-pressure", "--period")),
+    ),
+    "fit": (("--draws", WITH, "--posterior"),),
+    "circuit fit": (("--draws", WITH, "--posterior"),),
+    "run": (("--draws", WITH, "--from-posterior"),),
+    "reproduce": (("--format", WITH, "--figure"),),
+    "benchmark": tuple((option, WITHOUT, "--list") for option in ("--earlier", "--model", "--data", "--all")),
+    "device check": _SIMULATED,
+    **{f"calibrate {name}": _SIMULATED for name in ("zero", "weights", "pressure", "encoder", "skew")},
+}
 COMMON = (
     ("--code FILE.py", "Python file of your own that names in files, such as my.py:MyLaw, may run. [repeatable]"),
     ("-q, --quiet", "Print only errors, and what --json or --out - asks for."),
@@ -107,6 +124,7 @@ class CommandWithHelp(typer.core.TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Call the function with ``-`` for standard input resolved, and cautions about unlikely values."""
+        self._check_conditions(ctx)
         _allow_named_code(self.params, ctx.params)
         with _standard_input(self.params, ctx.params) as values:
             ctx.params.update(values)
@@ -119,6 +137,18 @@ class CommandWithHelp(typer.core.TyperCommand):
                 result = super().invoke(ctx)
         _terminal.say_cautions()
         return result
+
+    def _check_conditions(self, ctx: Any) -> None:
+        """Refuse an option that was typed where it does not count."""
+        typed = {
+            option
+            for param in self.params
+            if param.param_type_name == "option" and ctx.get_parameter_source(param.name).name == "COMMANDLINE"
+            for option in param.opts
+        }
+        for option, beside, other in CONDITIONS.get(self.words, ()):
+            if option in typed and (other in typed) is not beside:
+                raise InputError(option, None, f"is allowed only {'with' if beside else 'without'} {other}")
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help: usage, description, arguments, options and examples."""

@@ -232,17 +232,25 @@ def _clean(value: Any) -> Any:
 def assignments(words: Iterable[str] | None) -> dict[str, str]:
     """Parse ``PATH=VALUE`` arguments to a table; the path may begin with ``muscle.`` or ``law.``."""
     table = pairs(words, "--set", "thread_length='16 cm'")
-    return {path.removeprefix("muscle.").removeprefix("law."): value for path, value in table.items()}
+    changes: dict[str, str] = {}
+    for path, value in table.items():
+        name = path.removeprefix("muscle.").removeprefix("law.")
+        if name in changes:
+            raise InputError(f"--set {path}", value, f"must be given once; {name} is {changes[name]} too")
+        changes[name] = value
+    return changes
 
 
 def pairs(words: Iterable[str] | None, option: str, example: str) -> dict[str, str]:
     """Parse ``NAME=VALUE`` arguments of an option to a table."""
-    table = {}
+    table: dict[str, str] = {}
     for word in words or []:
-        name, equals, value = word.partition("=")
-        if not equals or not name.strip() or not value.strip():
+        name, equals, value = (part.strip() for part in word.partition("="))
+        if not equals or not name or not value:
             raise InputError(option, word, f"must be NAME=VALUE, such as {example}")
-        table[name.strip()] = value.strip()
+        if name in table:
+            raise InputError(f"{option} {name}", value, f"must be given once; it is {table[name]} too")
+        table[name] = value
     return table
 
 

@@ -56,7 +56,8 @@ def braid(
             name, rest_length=length, diameter=diameter, braid_angle=angle, thread_diameter=thread,
             bladder_thickness=bladder, shore=shore,
         )  # fmt: skip
-        warnings = caution(muscles.sleeve.slenderness_caution(spec))
+        of_laws = muscles.sleeve.braid_caution(spec, spec.law)
+        warnings = [*caution(muscles.sleeve.slenderness_caution(spec)), str(of_laws)]
         heading = f"computed by mckibben {__version__} from the dimensions of a braid; not measured"
         files.write("specimen", lambda path: save_specimen(spec, path, heading=heading))
         errors = {law: [error._asdict() for error in known] for law, known in muscles.sleeve.ERRORS.items()}
@@ -66,6 +67,7 @@ def braid(
             print_json(content)
         else:
             _print(spec)
+            typer.echo(f"\n{str(of_laws)[:1].upper()}{str(of_laws)[1:]}.")
             files.say()
 
 
@@ -92,7 +94,6 @@ def _print(spec: Specimen) -> None:
     ]
     typer.echo("")
     table("Errors on published muscles, of the largest tension: rms, largest", ["law", *makes], shares)
-    typer.echo(f"\n{muscles.sleeve.TRUST}.")
 
 
 def _amount(number: SpecimenNumber) -> str:

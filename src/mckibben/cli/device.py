@@ -19,6 +19,7 @@ from ._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, t
 from .run import Change, On, Protocol, prepared
 
 LOOK = 0.2  # at whether it is ended [s]
+LONGEST_SERVICE = 31_557_600.0  # [s]; a longer one is a slip
 
 
 def serve(
@@ -42,8 +43,10 @@ def serve(
     $ mckibben device serve work-loop --muscle nylon --out port.txt
     """
     seconds = None if duration is None else parse(duration, "s", field="--duration", bare=True)
-    if seconds is not None and seconds < 0.0:
-        raise InputError("--duration", duration, "must be 0 s or more")
+    if seconds is not None and not 0.0 <= seconds <= LONGEST_SERVICE:
+        raise InputError(
+            "--duration", duration, f"must be from 0 s to {LONGEST_SERVICE:g} s, a year; without it Ctrl-C ends it"
+        )
     if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):
         raise InputError("--out", str(port), "must be a file in a folder that is there")
     bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)

@@ -188,6 +188,11 @@ def _table(path: Path, known: tuple[str, ...]) -> tuple[dict[str, Any], float]:
     if not courses:
         has = ", ".join(record.names())
         raise InputError("--play", str(path), f"must have a column named {' or '.join(known)}; it has {has}")
+    if "fingerprint" not in record.meta:  # of a table; a recording has more than its commands
+        unused = [name for name in record.names() if name not in known and name not in (f"{n}.command" for n in known)]
+        caution(
+            f"{path.name} has columns that are no command, and are not used: {', '.join(unused)}" if unused else None
+        )
     return courses, float(record.time[-1] - record.time[0])
 
 

@@ -142,6 +142,8 @@ def run_protocol(
     if biological is not None:
         _check_biological(
             muscle,
+            rig=rig != "paper",
+            step=step != "50 us",
             from_posterior=from_posterior,
             plumbing=plumbing,
             on=machine,

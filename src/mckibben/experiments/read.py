@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..accessors import implementation
-from ..documents import JsonValue, parse_toml
+from ..documents import JsonValue, parse_toml, path_text
 from ..errors import InputError
 from ..quantities import split_values
 from ..registry import with_own_references
@@ -214,7 +214,7 @@ def named_protocol(name: Protocol | str | os.PathLike[str], values: Mapping[str,
     if isinstance(name, Protocol):
         base = name
     else:
-        path = os.fspath(name)
+        path = path_text(name, "protocol")
         is_file = path.lower().endswith(".toml") or os.sep in path
         base = implementation("bench.prepare:read_protocol")(path) if is_file else shipped(path)
     return with_values(base, in_words(base, values)) if values else base

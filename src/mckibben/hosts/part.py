@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import keyword
 import os
 import threading
 from collections import namedtuple
@@ -38,8 +39,8 @@ from ..errors import ConvergenceError, InputError
 from ..muscles.build import at_rest_length
 from ..muscles.elements import Tendon
 from ..muscles.law import law_name
-from ..muscles.plausible import pressure_caution, span_limits
-from ..quantities import Quantity, with_unit
+from ..muscles.plausible import span_limits, start_pressure_caution
+from ..quantities import Quantity, named_values, with_unit
 from ..simulation.air import Air, air_circuit
 from ..simulation.mechanisms import (
     USUAL_SPAN,
@@ -57,6 +58,14 @@ from ..slips import size_caution
 from ..specimens import specimen
 from .coupling import OF_MUSCLES, HostedMuscles, HostInputs, HostStep, PartOutputs, advance, observe, rest
 
+# Words of C, C++ and Python, which no name in an exported source can be.
+RESERVED = frozenset((*keyword.kwlist, *"""
+    alignas alignof and_eq asm auto bitand bitor bool case catch char compl const constexpr decltype default delete do double
+    dynamic_cast enum explicit export extern false float friend goto inline int long mutable namespace new noexcept not_eq
+    nullptr operator or_eq private protected public register reinterpret_cast restrict short signed sizeof static
+    static_assert static_cast struct switch template this thread_local throw true typedef typeid typename union unsigned
+    using virtual void volatile wchar_t xor xor_eq
+""".split()))  # fmt: skip
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]
 USUAL_SUBSTEPS = (1e-6, 2e-3)  # [s]
@@ -133,14 +142,19 @@ class Part:
         tendon: TendonOption | Mapping[str, TendonOption] = None,
     ) -> None:
         named = dict(muscles) if isinstance(muscles, Mapping) else {"muscle": muscles}
+        if not isinstance(title, str):
+            raise InputError("title", None, f"must be text, got {title!r}")
+        for name in named:
+            if not isinstance(name, str):
+                raise InputError("muscles", None, f"must be by name, got {name!r} for one")
         tendons = dict(tendon) if isinstance(tendon, Mapping) else dict.fromkeys(named, tendon)
         for name in tendons:
             if name not in named:
                 raise InputError("tendon", name, known=tuple(named))
         units = {name: muscle_unit(muscle, name, tendons.get(name)) for name, muscle in named.items()}
         for name in units:
-            if not name.isidentifier():
-                raise InputError("muscles", name, "must be a name of letters, digits and _")
+            if not name.isidentifier() or name in RESERVED:
+                raise InputError("muscles", name, "must be a name of letters, digits and _ that no language reserves")
         self.air = air_circuit(air, units)
         load = HostLoad(held=tuple(units))
         machine = Machine.of(self.air.circuit, units, load, self.air.environment)
@@ -164,7 +178,8 @@ class Part:
         for name, muscle in named.items():
             of, spec, start = "" if len(units) == 1 else f" of {name}", published(muscle), starts[name]
             said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
-            said.append(pressure_caution(start, spec, text=f"{start:g}", name=f"start pressure{of}"))
+            ambient = float(self.air.environment.pressure_abs)
+            said.append(start_pressure_caution(start, ambient, spec, text=f"{start:g}", name=f"start pressure{of}"))
         self.cautions: tuple[Caution, ...] = collect(*said)
         warn(self.cautions)
         self.hosted: HostedMuscles = HostedMuscles.of(
@@ -185,7 +200,7 @@ class Part:
             if not isinstance(muscle, MuscleUnit):
                 cord = tendons.get(name)
                 made += unit_assumptions(
-                    name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon)
+                    name, units[name], muscle, usual_tendon=cord is not None and not isinstance(cord, Tendon)
                 )
             if name not in stated:
                 made.append(Assumption(f"span of {name}", self.span[name], "m", USUAL_SPAN))
@@ -471,9 +486,12 @@ class Part:
         """
         if not changes:
             return self
-        for path in changes:
-            paths.declaration(self.hosted, path)
-        return self._with_hosted(paths.put(self.hosted, changes))
+        numbers = {}
+        for path, value in named_values(changes, "changes").items():
+            stated = paths.declaration(self.hosted, path)
+            numbers[path] = in_si(value, stated.unit, path)
+            stated.check(path, numbers[path])
+        return self._with_hosted(paths.put(self.hosted, numbers))
 
     def _with_hosted(self, hosted: HostedMuscles) -> Part:
         other = object.__new__(Part)

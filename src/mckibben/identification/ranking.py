@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,7 +21,7 @@ from ..extras import library
 from ..muscles.build import law_from_specimen
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
-from ..quantities import declared, in_si
+from ..quantities import declared, in_si, named_values
 from ..recordings import ForceMap, read_force_map
 from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, map_file, muscle_specimen, save_specimen, specimen_ids
@@ -195,12 +196,19 @@ def fit(
     if isinstance(law, ForceMap):
         table, law = law, str(table)
     if law is not None and not isinstance(law, str | type):
+        if not isinstance(law, Iterable):
+            raise InputError("law", None, f"must be the name of a law, its class, or several of them, got {law!r}")
         law = list(law)
     named_by_person(*([law] if isinstance(law, str | type) else law or ()), *options.get("beside", ()))
     points, spec = load_table(table, like=like, rest_length=rest_length)
-    dimensions = known_of(spec) | known_in_si(known or {}, law)
+    dimensions = known_of(spec) | known_in_si(named_values(known or {}, "known"), law)
     if train_below is not None:
         options["train_below"] = float(in_si(train_below, "Pa", field="train_below"))
+    several = {} if isinstance(law, str | type) else inspect.signature(fit_all).parameters  # hands the rest to each fit
+    takes = {**several, **inspect.signature(fit_law).parameters}
+    for name in options:
+        if name not in takes:
+            raise InputError("option", name, known=[key for key, one in takes.items() if one.kind is one.KEYWORD_ONLY])
     if isinstance(law, str | type):
         one = fit_law(law, points, known=dimensions, progress=progress, **options)
         return one if hysteresis is None else one.with_hysteresis(hysteresis, progress=progress)
@@ -226,6 +234,8 @@ def load_table(
     Raises:
         InputError: the file cannot be read, or a specimen is unknown or ships without a table.
     """
+    if not (like is None or isinstance(like, str | Specimen)):
+        raise InputError("like", None, f"must be the name of a muscle, or a specimen, got {like!r}")
     spec = muscle_specimen(like) if isinstance(like, str) else like
     rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     if isinstance(table, ForceMap):
@@ -251,12 +261,10 @@ def known_in_si(
     fields = {key: q for name in names for key, q in declared(law_type(name)).items()} if known else {}
     values = {}
     for name, value in known.items():
-        if name in fields:
-            values[name] = in_si(value, fields[name].unit, field=f"known.{name}")
-        elif isinstance(value, str):
-            raise InputError(f"known.{name}", value, "the parameters are", known=sorted(fields))
-        else:
-            values[name] = value
+        if name not in fields:
+            raise InputError(f"known.{name}", None, "the parameters are", known=sorted(fields))
+        values[name] = in_si(value, fields[name].unit, field=f"known.{name}")
+        fields[name].check(f"known.{name}", values[name])
     return values
 
 

@@ -597,6 +597,8 @@ def read_recordings(
     Raises:
         InputError: there is no such file, it is no recording, or nothing was named.
     """
+    if not isinstance(sources, Iterable | os.PathLike | Recording):
+        raise InputError("hysteresis", None, f"must be recordings, or their files, got {sources!r}")
     named = isinstance(sources, Mapping)
     found: dict[str, Recording] = dict(sources) if isinstance(sources, Mapping) else {}
     listed = [sources] if isinstance(sources, Recording | str | os.PathLike) else list(() if named else sources)

@@ -15,13 +15,13 @@ from ..accessors import implementation
 from ..components import Hysteresis, MemoryElement
 from ..documents import JsonValue
 from ..errors import InputError, MissingParametersError
-from ..quantities import Quantity, declared, has_dimension, in_si, parse, shown_unit, with_unit
+from ..quantities import Quantity, declared, has_dimension, in_si, named_values, parse, shown_unit, with_unit
 from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, SpecimenNumber, muscle_specimen, specimens
 from . import dimensions
 from .biological import BiologicalMuscle
 from .elements import MaxwellChain
-from .evidence import measured_rest_lengths
+from .evidence import check_geometry, measured_rest_lengths
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
 from .laws import LAWS, law_key, law_type
@@ -188,7 +188,7 @@ def law(name: str | type[TensionLaw], parameters: Mapping[str, JsonValue]) -> Te
 
     Args:
         name: of a law of the package or of an installed one, or a class in a file such as ``my.py:MyLaw``.
-        parameters: by name [SI].
+        parameters: by name: numbers [SI] or text with a unit.
 
     Raises:
         InputError: a parameter is missing, unknown or out of bounds.
@@ -200,7 +200,8 @@ def law(name: str | type[TensionLaw], parameters: Mapping[str, JsonValue]) -> Te
         58.52
     """
     named_by_person(name)
-    return build_law(law_key(name), parameters)
+    key = law_key(name)
+    return build_law(key, _in_si(key, named_values(parameters, "parameters")))
 
 
 def build_law(name: str, parameters: Mapping[str, JsonValue], *, where: str | None = None) -> TensionLaw:
@@ -270,10 +271,19 @@ def built_muscle(
     **parameters: Any,
 ) -> Muscle:
     """A muscle as `MuscleFactory` makes it, of names that may stand in a file and allow no code."""
+    if not (creep is None or isinstance(creep, MemoryElement)):
+        raise InputError("creep", None, f"must be an element such as MaxwellChain, got {creep!r}")
+    if not (friction is None or isinstance(friction, str | Hysteresis)):
+        raise InputError("friction", None, f"must be a friction such as MaxwellSlip, or its name, got {friction!r}")
+    for key, value in parameters.items():
+        if not isinstance(value, str) and np.ndim(value):
+            raise InputError(key, None, f"must be one number, got {value!r}")
     if isinstance(name, str) and name in LAWS:
         if law is not None:
             raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
-        return Muscle(build_law(name, _in_si(name, parameters)), _own(friction), creep)
+        built = build_law(name, _in_si(name, parameters))
+        check_geometry(built, rest_length_of(None, built))
+        return Muscle(built, _own(friction), creep, stated=tuple(parameters))
     spec = name if isinstance(name, Specimen) else muscle_specimen(name)
     chosen = (law if isinstance(law, str) else LAWS.stated_as(law, spec.laws)) if law else spec.law
     spec, changes = at_rest_length(spec, chosen, _in_si(chosen, parameters))
@@ -281,7 +291,9 @@ def built_muscle(
         fibre = cast(TensionLaw, _biological(spec, chosen, changes))  # it answers the questions of a law
         return Muscle(fibre, _own(friction), creep, specimen=spec)
     built = law_from_specimen(spec, chosen, changes=changes)
-    return Muscle(built, _usual_friction(spec, friction), creep or _stated_creep(spec), specimen=spec)
+    check_geometry(built, rest_length_of(spec, built))
+    chain = creep or _stated_creep(spec)
+    return Muscle(built, _usual_friction(spec, friction), chain, specimen=spec, stated=tuple(parameters))
 
 
 class MuscleFactory:
@@ -368,9 +380,11 @@ def changed_parameters(
     changes: Mapping[str, float | str] | None, law: str, of: Specimen | None = None
 ) -> dict[str, float]:
     """Parameters of a law [SI], and of its specimen, as a person changes them; text without a unit is taken as SI."""
-    known = declared(law_type(law)) | ({} if of is None else {"rest_length": dimensions.REST_LENGTH})
+    fibre = of is not None and of.kind == "biological"
+    known = declared(BiologicalMuscle if fibre else law_type(law))
+    known = known if of is None else {"rest_length": dimensions.REST_LENGTH} | known
     numbers = {}
-    for name, value in (changes or {}).items():
+    for name, value in named_values(changes or {}, "parameters").items():
         if name not in known:
             raise InputError(f"parameters.{name}", value, f"{law} has", known=known)
         field = f"parameters.{name}"
@@ -521,4 +535,8 @@ def _biological(spec: Specimen, name: str, changes: dict[str, Any]) -> Biologica
             raise InputError(f"laws.{name}.{key}", None, known=known, where=spec.where)
         parameters[key] = p.si(known[key].unit, field=f"laws.{name}.{key}", where=spec.where)
         known[key].check(f"{name}.{key}", parameters[key], where=spec.where)
+    for key, value in changes.items():
+        if key not in known:
+            raise InputError(f"{name}.{key}", None, known=known, where=spec.where)
+        known[key].check(f"{name}.{key}", value, where=spec.where)
     return BiologicalMuscle(**(parameters | changes))

@@ -14,7 +14,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,14 +103,22 @@ def measured_rest_lengths(spec: Specimen) -> list[float]:
     return sorted(value if isinstance(value, list) else [value])
 
 
-def law_cautions(spec: Specimen | None, law: str) -> tuple[Caution, ...]:
-    """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length."""
+def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tuple[Caution, ...]:
+    """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length or braid.
+
+    Args:
+        spec: the specimen.
+        law: name of the law.
+        at_rest: whether to say by how much the laws of a braid differ at its rest length; not where each point says it.
+    """
     error = error_of(spec, law)
     if spec is None:
         return ()
     large = error is not None and error.worst > NOTABLE
     said = Caution(f"the tension of {spec.id} by {law} may be off by {error}", "law") if large else None
-    return collect(said, _rest_length_caution(spec, law, error))
+    from .sleeve import braid_caution
+
+    return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, law) if at_rest else None)
 
 
 def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:
@@ -166,7 +174,7 @@ def tension_range(
 
     units = {key: q.unit for key, q in declared(law).items()}
     varied = varied_law(spec, name, law)
-    ends: list[dict[str, Any]] = [] if varied is None else varied.of_dimensions
+    ends = [] if varied is None else [one for pair in varied.of_dimensions.values() for one in pair]
     for key, number in spec.laws[name].items():
         if number.range is None or key not in units or (varied is not None and key not in varied.unseen):
             continue
@@ -183,6 +191,25 @@ def tension_range(
 
 
 FACTORS = [1.025**n for step in range(1, 66) for n in (step, -step)]  # of a value that are tried: from near 1 to 5
+
+
+def check_geometry(law: TensionLaw, rest_length: float) -> None:
+    """Refuse a muscle that cannot be: a wall that fills its braid at rest, or parameters that leave no gas in it.
+
+    Raises:
+        InputError: names the parameter, and values that would do.
+    """
+    shape, wall = braid_of(law), getattr(law, "wall_thickness", None)
+    # where the law states a bore, the wall lies around it
+    if shape is not None and wall is not None and not hasattr(law, "rest_diameter"):
+        bore = shape.diameter(rest_length)
+        if 2.0 * float(wall) >= bore:
+            at = f"{with_unit(bore, 'm', 3)} wide at {with_unit(rest_length, 'm', 3)}"
+            problem = f"must be less than {with_unit(0.5 * bore, 'm', 3)}, or it fills the braid, which is {at}"
+            raise InputError(f"{law_name(law)}.wall_thickness", with_unit(float(wall), "m", 3), problem)
+    error = volume_contradiction(law, rest_length)
+    if error is not None:
+        raise error
 
 
 def volume_contradiction(law: TensionLaw, span: float) -> InputError | None:

@@ -25,7 +25,7 @@ from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
 from .evidence import LawError, error_of, law_cautions, tension_range
 from .law import LawState, TensionLaw, law_name
-from .plausible import length_caution, measured_length_caution, pressure_caution, stretch_caution
+from .plausible import free_length_caution, length_caution, measured_length_caution, pressure_caution, stretch_caution
 
 if TYPE_CHECKING:
     from ..report.figures.plots import MusclePlots
@@ -52,6 +52,7 @@ class Muscle(Module):
         friction: friction of the braid with memory.
         creep: viscoelastic elements beside the braid.
         specimen: where the numbers come from.
+        stated: names of the parameters of the law that a person has given, in place of the specimen's or the defaults.
 
     Examples:
         >>> import mckibben as mk
@@ -66,6 +67,7 @@ class Muscle(Module):
     friction: Hysteresis | None = None
     creep: MemoryElement | None = None
     specimen: Specimen | None = field(static=True, default=None)
+    stated: tuple[str, ...] = field(static=True, default=())
 
     plot: ClassVar[Accessor[MusclePlots]] = Accessor("report.figures.plots:MusclePlots")
     """Plots: ``plot.force_map``, ``plot.free_length``, ``plot.volume`` and ``plot.braid``, see `report.figures.plots`."""
@@ -98,7 +100,10 @@ class Muscle(Module):
 
     def free_length(self, pressure: Quantity) -> Scalar:
         """Length at which the unloaded muscle settles [m] at a gauge pressure [Pa]."""
-        length: Scalar = self._ask("free_length", self._drive(pressure))
+        drive = self._drive(pressure)
+        length: Scalar = self._ask("free_length", drive)
+        if _largest(drive) is not None and not self.is_biological:
+            warn(collect(free_length_caution(self.law, np.ravel(drive), self.specimen)), stacklevel=3)
         return length
 
     def state(self, length: Quantity, pressure: Quantity) -> LawState:
@@ -117,7 +122,7 @@ class Muscle(Module):
         Raises:
             UnreachableError: if no pressure in that range gives the tension.
         """
-        force, span = float(in_si(tension, "N", field="tension")), float(self._length(length))
+        force, span = _scalar(in_si(tension, "N", field="tension"), "tension"), _scalar(self._length(length), "length")
         if self.is_biological:
             fibre: Any = self.law
             return float(fibre.activation_for(force, span))
@@ -135,6 +140,10 @@ class Muscle(Module):
             max(F + direction Fc(P'), 0): the paper's suggestion where a simple friction is enough (eqs. 12, 13).
         """
         length, gauge = in_si(span, "m", field="span"), in_si(pressure, "Pa", field="pressure")
+        if not is_traced(direction) and not np.all(np.isin(_quantity(direction, "1", "direction"), (-1, 0, 1))):
+            raise InputError(
+                "direction", None, f"must be 1 while lengthening, -1 while shortening, or 0, got {direction!r}"
+            )
         force = self.law.braid_tension(length, gauge)
         if self.friction is not None:
             force = force + direction * self.friction.largest_force(gauge)
@@ -286,6 +295,12 @@ class Muscle(Module):
         return pressure
 
     def _ask(self, question: str, *arguments: Any) -> Any:
+        try:
+            np.broadcast_shapes(*map(np.shape, arguments))
+        except ValueError:
+            shapes = " and ".join(str(np.shape(one)) for one in arguments)
+            drive = "activation" if self.is_biological else "pressure"
+            raise InputError("length", None, f"and {drive} must have shapes that fit together, got {shapes}") from None
         answer = getattr(self.law, question)(*arguments)
         parts = answer if isinstance(answer, LawState) else (answer,)
         if any(map(is_jax_array, arguments)) or any(map(is_traced, parts)):
@@ -316,6 +331,13 @@ def _quantity(value: Any, unit: str, field: str) -> Any:
     if value is None or isinstance(value, bool | Mapping | set):
         raise InputError(field, None, f"must be a number in {unit}, an array or text with a unit, got {value!r}")
     return in_si(value, unit, field=field)
+
+
+def _scalar(value: Any, field: str) -> float:
+    """One number; several are refused."""
+    if np.ndim(value):
+        raise InputError(field, None, f"must be one number, got {np.size(value)} of them")
+    return float(value)
 
 
 def _largest(value: Any) -> float | None:

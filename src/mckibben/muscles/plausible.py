@@ -108,22 +108,66 @@ def pressure_caution(
     return Caution(said, name)
 
 
-def measured_length_caution(lengths: Iterable[float], spec: Specimen | None) -> Caution | None:
+def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, name: str = "length") -> Caution | None:
     """Caution about lengths outside of those to which a muscle's laws were fitted; None if all are within, or not known.
 
     Args:
         lengths: between the anchors [m].
         spec: the muscle, whose file may state the measured lengths.
+        name: of the length, in the sentence; the parameter of the caution.
     """
     if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
         return None
-    low, high = (spec.property_si(name, "m") for name in MEASURED_LENGTHS)
+    low, high = (spec.property_si(end, "m") for end in MEASURED_LENGTHS)
     beyond = [length for length in lengths if not (1.0 - BEYOND) * low <= length <= (1.0 + BEYOND) * high]
     if not beyond:
         return None
     shown, ends = with_unit(beyond[0], "m"), f"{with_unit(low, 'm', 3)} to {with_unit(high, 'm', 3)}"
-    said = f"a length of {shown} is beyond the measured ones of {spec.id}, {ends}"
-    return Caution(f"{said}: the law alone answers there", "length")
+    said = f"a {name} of {shown} is beyond the measured ones of {spec.id}, {ends}"
+    return Caution(f"{said}: the law alone answers there", name)
+
+
+def start_pressure_caution(
+    pressure: float, ambient: float, spec: Specimen | None = None, *, text: str, name: str = "start pressure"
+) -> Caution | None:
+    """Caution about the gauge pressure of a muscle at the start [Pa].
+
+    Args:
+        pressure: gauge [Pa].
+        ambient: absolute pressure of the surroundings [Pa].
+        spec: the muscle.
+        text: as it was typed.
+        name: of the pressure, in the sentence; the parameter of the caution.
+
+    Raises:
+        InputError: it is no number, or there is no such pressure.
+    """
+    if not pressure > -ambient:
+        problem = f"must be a gauge pressure above vacuum, {with_unit(-ambient, 'Pa')}"
+        raise InputError(name, with_unit(pressure, "Pa"), problem)
+    if pressure < 0.0:
+        shown = with_unit(pressure, "Pa")
+        return Caution(f"a {name} of {shown} is below that of the room, and inflates nothing", name)
+    return pressure_caution(pressure, spec, text=text, name=name)
+
+
+def free_length_caution(law: Any, pressures: Iterable[float], spec: Specimen | None) -> Caution | None:
+    """Caution about free lengths at gauge pressures [Pa] outside of the measured lengths; None if all are within."""
+    if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
+        return None
+    free = sorted(float(law.free_length(pressure)) for pressure in pressures)
+    return measured_length_caution(free, spec, "free length")
+
+
+def reached_cautions(
+    lengths: np.ndarray, pressures: np.ndarray, spec: Specimen | None, name: str
+) -> tuple[Caution, ...]:
+    """Cautions about the lengths of a braid [m] and the gauge pressures [Pa] that a muscle reached in a run."""
+    ends = (float(np.min(lengths)), float(np.max(lengths)))
+    return collect(
+        pressure_caution(float(np.max(pressures)), spec, name=f"pressure of {name}"),
+        measured_length_caution(ends, spec, f"length of {name}"),
+    )
 
 
 def likely_pressure(text: str) -> str:

@@ -26,17 +26,18 @@ import numpy as np
 from .._jax import Scalar, Tree, jit, jnp
 from ..answers import Caution
 from ..errors import InputError
-from ..quantities import Quantity, declared, from_si, parse, shown_unit
+from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_unit
 from ..specimens import Specimen, SpecimenNumber
 from . import braid
 from .bladder import BLADDER_SHARE
 from .build import law_from_specimen
+from .evidence import tension_range
 from .law import TensionLaw
 from .laws.hyperelastic_braid import HyperelasticBraid
 from .laws.ideal import Ideal
 from .laws.linear_threshold import LinearThreshold
 from .laws.thick_wall import ThickWall
-from .plausible import HIGHEST_PRESSURE
+from .plausible import HIGHEST_PRESSURE, usual_pressure
 
 
 class InferredDimension(NamedTuple):
@@ -283,9 +284,9 @@ def _stated_error(known: tuple[BraidError, ...]) -> SpecimenNumber:
 
 
 class VariedLaw(NamedTuple):
-    """Changes of a law's parameters [SI] by a reading that is off, and parameters that no reading tells."""
+    """Changes of a law's parameters [SI] by each reading that is off, and parameters that no reading tells."""
 
-    of_dimensions: list[dict[str, Any]]
+    of_dimensions: dict[str, list[dict[str, Any]]]
     unseen: frozenset[str]
 
 
@@ -308,13 +309,14 @@ def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
     at = {key: spec.property_si(path, unit) for key, path, unit in zip(DIMENSIONS, _PROPERTIES, units, strict=True)}
     built = _computed(_varied(at, spec.properties["shore_hardness"].inferred))[0][name]
     unseen = {*_MODULI, *_UNSEEN, *(INFERRED if name == "linear_threshold" else ())}
-    changes: list[dict[str, Any]] = []
+    changes: dict[str, list[dict[str, Any]]] = {}
     count = 1 + 2 * len(DIMENSIONS)
     seen = (name for name in declared(law) if name not in unseen)
     columns = {n: np.broadcast_to(np.asarray(getattr(built, n), float), (count,)) for n in seen}
     for k in range(1, count):
         off = {n: float(getattr(law, n)) + c[k] - c[0] for n, c in columns.items() if c[k] != c[0]}
-        changes += [off] if off else []
+        if off:
+            changes.setdefault(list(DIMENSIONS)[(k - 1) // 2], []).append(off)
     return VariedLaw(changes, frozenset(unseen))
 
 
@@ -334,6 +336,24 @@ def differing_caution(spec: Specimen, name: str, tension: float, others: Mapping
     shown = ", ".join(f"{pull:.3g} N by {law}" for law, pull in pulls.items())
     said = f"nothing of {spec.id} was measured, and its laws differ: {shown}. {TRUST}"
     return Caution(said, "law")
+
+
+def braid_caution(spec: Specimen, name: str) -> Caution | None:
+    """What is not known of the tension of a braid at its rest length; None of a specimen that no dimensions made.
+
+    An answer that has no length and pressure of its own, such as a run, says with it how far its tensions may be off.
+    """
+    if name not in ERRORS or name not in spec.laws or not {*_PROPERTIES} <= set(spec.properties):
+        return None
+    rest, pressure, law = spec.property_si("rest_length", "m"), usual_pressure(spec), law_from_specimen(spec, name)
+    pull = float(law.tension(rest, pressure))
+    ends = tension_range(spec, name, law, np.asarray(rest), np.asarray(pressure))
+    assert ends is not None  # a braid has ranges
+    low, high = (with_unit(float(end), "N", 3) for end in ends)
+    at = f"at its rest length and {with_unit(pressure, 'Pa')} {spec.id} pulls {with_unit(pull, 'N', 3)} by {name}"
+    differing = differing_caution(spec, name, pull, other_laws(spec, name, rest, pressure))
+    said = "" if differing is None else f"; {differing.text}"
+    return Caution(f"{at}, and {low} to {high} with what was not measured in its ranges{said}", "law")
 
 
 def slenderness_caution(spec: Specimen) -> str | None:

@@ -27,7 +27,7 @@ from typing import Any, Literal, NamedTuple
 
 from ..documents import JsonValue, write_whole
 from ..errors import InputError
-from ..quantities import in_si, with_unit
+from ..quantities import in_si, named_values, with_unit
 from .columns import (
     AMBIENT,
     assemble,
@@ -85,6 +85,9 @@ class FileReading(NamedTuple):
     columns: tuple[ColumnUse, ...]
     remarks: tuple[str, ...]
     notes: Mapping[str, Any]
+
+
+LOWEST_AMBIENT, HIGHEST_AMBIENT = 0.3e5, 1.5e5  # where people measure: on the highest mountain, in a caisson [Pa]
 
 
 def read(
@@ -161,8 +164,14 @@ def understand(
     path = Path(path)
     if kind not in (None, "map", "recording"):
         raise InputError("kind", kind, known=("map", "recording"))
+    for name, mapping in (("columns", columns), ("units", units)):
+        if mapping is not None:
+            named_values(mapping, name)
     step = None if period is None else float(in_si(period, "s", field="period"))
     zero, air = float(in_si(pressure_zero, "Pa", field="pressure_zero")), float(in_si(ambient, "Pa", field="ambient"))
+    if not LOWEST_AMBIENT <= air <= HIGHEST_AMBIENT:
+        ends = f"from {with_unit(LOWEST_AMBIENT, 'Pa')} to {with_unit(HIGHEST_AMBIENT, 'Pa')}"
+        raise InputError("ambient", with_unit(air, "Pa"), f"must be the absolute pressure of the room, {ends}")
     rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     of_map: dict[str, Any] = {
         "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,

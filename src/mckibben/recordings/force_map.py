@@ -70,6 +70,15 @@ class ForceMap:
         for name in _ARRAYS:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, np.asarray(getattr(self, name)))
+        for name in _ARRAYS:
+            column = getattr(self, name)
+            if column is None:
+                continue
+            if column.shape != self.length.shape or column.ndim != 1:
+                problem = f"must be one number per point, {self.length.shape}, got an array {column.shape}"
+                raise InputError(name, None, problem, where=self.name)
+            if name in UNITS and column.dtype.kind not in "fiu":
+                raise InputError(name, None, f"must be numbers in {UNITS[name]}", where=self.name)
 
     def __len__(self) -> int:
         return len(self.length)

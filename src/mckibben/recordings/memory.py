@@ -51,7 +51,7 @@ def check_memory(
     longest = float(f"{SHARE * free * period / (bytes_per_sample * runs):.2g}")
     each = f" for each of {runs} runs" if runs > 1 else ""
     problem = (
-        f"must be at most {longest:g} s{each} at a period of {with_unit(period, 's')}; it would need {1e-9 * need:,.1f} GB "
-        f"of memory, of which {1e-9 * free:,.1f} GB are free: a shorter run or a longer period would do"
+        f"must be at most {longest:g} s{each} at a period of {with_unit(period, 's')}; it would need {1e-9 * need:.4g} GB "
+        f"of memory, of which {1e-9 * free:.3g} GB are free: a shorter run or a longer period would do"
     )
     raise InputError(field, with_unit(duration, "s"), problem, where=where or None)

@@ -114,7 +114,9 @@ class Air(Stated):
         Raises:
             InputError: names what does not fit.
         """
-        room = self.environment or Environment()
+        room = Environment() if self.environment is None else self.environment
+        if not isinstance(room, Environment):
+            raise InputError("environment", None, f"must be an Environment, got {room!r}")
         valve = self._valve()
         supply = self.si("supply")
         line = AirLine(
@@ -150,13 +152,14 @@ class Air(Stated):
         )
 
     def _assumptions(self) -> tuple[Assumption, ...]:
+        # the very objects that are the defaults: who states a number that equals one has not left it out
         made = [
             inferred_assumption(f"air.{name.replace('_', '.') if name.startswith('tube') else name}", name)
             for name, left in (
-                ("tube_length", self.tube is None or self.tube == USUAL_TUBE),
-                ("tube_diameter", self.tube is None or self.tube == USUAL_TUBE),
-                ("port_volume", self.port_volume in (None, USUAL_PORT)),
-                ("heat_conductance", self.heat is None or self.heat == USUAL_HEAT),
+                ("tube_length", self.tube is None or self.tube is USUAL_TUBE),
+                ("tube_diameter", self.tube is None or self.tube is USUAL_TUBE),
+                ("port_volume", self.port_volume is None or self.port_volume is USUAL_PORT),
+                ("heat_conductance", self.heat is None or self.heat is USUAL_HEAT),
             )
             if left
         ]

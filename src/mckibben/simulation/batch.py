@@ -12,6 +12,8 @@ from .._jax import Scalar, Tree
 from ..answers import Caution, brief
 from ..components import paths
 from ..errors import InputError
+from ..quantities import whole_number
+from ..recordings.memory import SHARE, free_memory
 from ..recordings.recording import Recording
 from .kernel import SampleKernel
 from .mechanisms import StartPressure
@@ -61,8 +63,13 @@ class SimulationBatch:
     """
 
     def __init__(self, simulation: Simulation, lanes: int, changes: Mapping[str, Scalar]) -> None:
-        if not (isinstance(lanes, int) and lanes >= 1):
-            raise InputError("lanes", None, f"must be a whole number from 1, got {lanes!r}")
+        lanes = whole_number(lanes, "lanes", least=1)
+        need = (
+            2 * 8 * (simulation.programs.layouts.carry.size + len(simulation.parameters))
+        )  # bytes of one, old and new
+        if need * lanes > SHARE * free_memory():
+            most = int(SHARE * free_memory() / need)
+            raise InputError("lanes", lanes, f"must be at most {most:,}, for which there is memory")
         self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
         self.commands, self.Observation = simulation.commands, simulation.Observation
         self._changes = {path: self._checked(path, values) for path, values in changes.items()}

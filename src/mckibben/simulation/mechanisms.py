@@ -157,7 +157,7 @@ class Mechanism(Stated, abc.ABC):
             if not isinstance(muscle, MuscleUnit):
                 tendon = self.tendons()[name]
                 made += unit_assumptions(
-                    name, units[name], usual_tendon=tendon is not None and not isinstance(tendon, Tendon)
+                    name, units[name], muscle, usual_tendon=tendon is not None and not isinstance(tendon, Tendon)
                 )
         return (*made, *(Assumption(field, span, "m", note) for field, (span, note) in spans.items()))
 

@@ -17,7 +17,7 @@ from ..engine import sampled
 from ..engine.native import call_compiled
 from ..muscles.evidence import about_laws
 from ..muscles.law import law_name
-from ..muscles.plausible import pressure_caution
+from ..muscles.plausible import reached_cautions
 from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from .kernel import RecordingKernel
@@ -89,12 +89,13 @@ def record(
 
 
 def _reached(simulation: Simulation, channels: Mapping[str, Channel]) -> list[Caution | None]:
-    """Cautions about the highest pressure that each muscle had."""
+    """Cautions about the lengths and the highest pressure that each muscle had."""
     return [
-        pressure_caution(
-            float(channels[f"{name}.pressure"].values.max()), published(muscle), name=f"pressure of {name}"
-        )
+        caution
         for name, muscle in simulation.system.muscles.items()
+        for caution in reached_cautions(
+            channels[f"{name}.length"].values, channels[f"{name}.pressure"].values, published(muscle), name
+        )
     ]
 
 

@@ -16,6 +16,7 @@ import keyword
 import math
 from collections import namedtuple
 from collections.abc import Callable, Mapping
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,8 +28,8 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.plausible import pressure_caution
-from ..quantities import with_unit
+from ..muscles.plausible import start_pressure_caution
+from ..quantities import named_values, with_unit
 from ..recordings.recording import Recording
 from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
@@ -49,6 +50,7 @@ from .stepping import (
 if TYPE_CHECKING:
     from .rollout import Rollout
 
+MOST_STEPS = 100_000  # of the physics in one period; more are a slip of units, and take forever
 LONGEST_PERIOD = 10.0  # of the samples [s]; longer ones are frequencies in Hz
 STEP = 2e-4  # largest step of the physics unless stated otherwise [s]
 USUAL_PERIODS, USUAL_STEPS = (1e-5, 0.5), (1e-6, 2e-2)  # [s]
@@ -99,6 +101,8 @@ class Simulation:
     ) -> None:
         if not isinstance(system, Mechanism):
             raise InputError("system", type(system).__name__, "must be a Joint, Chain, Weight, Spring or Plate")
+        if not isinstance(title, str):
+            raise InputError("title", None, f"must be text, got {title!r}")
         self.system, self.period = system, in_si(period, "s", "period")
         self.inner = _whole_steps(self.period, in_si(step, "s", "step"))
         times = (("period", period, USUAL_PERIODS), ("step", step, USUAL_STEPS))
@@ -217,6 +221,8 @@ class Simulation:
         try:
             for name, value in commands.items():
                 place, low, high = self.command_entries[name]
+                if value is True or value is False:
+                    raise TypeError(value)
                 if not low <= value <= high:  # or it is no number
                     self.check_command(name, value)
                 buffer[place] = value
@@ -357,13 +363,8 @@ class Simulation:
             if name not in starts:
                 raise InputError("pressure", name, known=starts)
             starts[name] = in_si(value, "Pa", f"pressure of {name}")
-            if not starts[name] > -ambient:
-                raise InputError(f"pressure of {name}", f"{starts[name]:g} Pa", "must be a gauge pressure above vacuum")
             spec, called = published(self.system.muscles[name]), f"start pressure of {name}"
-            said = pressure_caution(starts[name], spec, text=str(value), name=called)
-            if starts[name] < 0.0:
-                shown = with_unit(starts[name], "Pa")
-                said = Caution(f"a {called} of {shown} is below that of the room, and inflates nothing", called)
+            said = start_pressure_caution(starts[name], ambient, spec, text=str(value), name=called)
             self.caution(said, stacklevel=4)
         return starts
 
@@ -380,10 +381,10 @@ class Simulation:
 
     def _checked_noise(self, noise: Mapping[str, float]) -> np.ndarray | None:
         names = [name for name, _ in self.plant.shown]
-        for name, value in noise.items():
+        for name, value in named_values(noise, "noise").items():
             if name not in names:
                 raise InputError("noise", name, known=names)
-            if not (np.isfinite(value) and value >= 0.0):
+            if isinstance(value, bool) or not isinstance(value, Real) or not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
         return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
 
@@ -458,7 +459,7 @@ class Simulation:
             InputError: names an unknown path, or a value out of bounds.
         """
         numbers, said = {}, []
-        for path, value in changes.items():
+        for path, value in named_values(changes, "changes").items():
             stated = paths.declaration(self.machine, path)
             numbers[path] = np.asarray(in_si(value, stated.unit, path))
             stated.check(path, numbers[path])
@@ -490,6 +491,9 @@ def _whole_steps(period: float, step: float) -> int:
     if period > LONGEST_PERIOD:
         hint = f"; {period:g} Hz are a period of {with_unit(1.0 / period, 's')}"
         raise InputError("period", None, f"must be at most {LONGEST_PERIOD:g} s, got {period:g} s{hint}")
+    if period > MOST_STEPS * step:
+        problem = f"must be {with_unit(period / MOST_STEPS, 's')} or more at a period of {with_unit(period, 's')}"
+        raise InputError("step", with_unit(step, "s"), f"{problem}: a period takes at most {MOST_STEPS:,} steps")
     return max(1, math.ceil(period / step - 1e-9))
 
 

@@ -22,6 +22,7 @@ KNOWN_PROPERTIES = {
     "rest_length": "m",
     "upper_length": "m",
     "stretched_length": "m",
+    "largest_strain": "1",  # of the braid beyond the longest length of its law, at which its threads break
     "diameter_shortened": "m",
     "outer_diameter": "m",
     "thread_diameter": "m",

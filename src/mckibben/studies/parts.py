@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..accessors import implementation
 from ..citations import known_keys, reference
-from ..documents import JsonValue
+from ..documents import JsonValue, path_text
 from ..errors import InputError
 from ..extras import library
 from ..muscles.biological import BiologicalMuscle
@@ -206,6 +206,7 @@ def part(name: str) -> ListedPart:
         >>> mk.part("PU-4x2").value("inner_diameter")
         0.002
     """
+    name = path_text(name, "part")
     if name.lower().endswith(".toml"):
         return part_of_specimen(specimen(name))
     plain = name.lower().replace("/", "-")

@@ -13,7 +13,7 @@ from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import built_muscle, changed_parameters, missing_parameters, needed_words
-from ..quantities import declared, shown_unit, values, with_unit
+from ..quantities import MOST_VALUES, declared, shown_unit, values, with_unit
 from ..specimens import Specimen, muscle_specimen, specimens
 from ..verbs import (
     Activation,
@@ -160,8 +160,13 @@ def tension(
     biological = built.specimen is not None and built.specimen.kind == "biological"
     lengths = _lengths(length, contraction, built)
     drives = _drives(target_tension, pressure, activation, built, lengths, muscle, biological)
+    if len(lengths) * len(drives) > MOST_VALUES:
+        count = f"{len(lengths):,} lengths by {len(drives):,} drives"
+        problem = f"and its drive must be at most {MOST_VALUES:,} points together, got {count}"
+        raise InputError("length" if contraction is None else "contraction", None, problem)
     points = [_point(built.law, at, drive, biological) for at in lengths for drive in drives]
-    said = () if biological else _cautions(built, chosen, lengths, length, drives, pressure)
+    said = collect(*built.length_cautions(lengths, text=typed(length)))
+    said += () if biological else _cautions(built, chosen, drives, pressure)
     said += _add_ranges(points, built, chosen)
     if posterior is not None:
         said += _add_bands(points, posterior, built, chosen, str(muscle))
@@ -186,7 +191,7 @@ def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscle
             it = "it" if len(missing) == 1 else "them"
             sentence = f"The law {name} needs {needed_words(missing)}. Give {it} with {words}{others}"
             raise InputError(f"{name}.{missing[0][0]}", "not given", f"give {words}", sentence=sentence)
-        built = muscles.Muscle(muscles.build.build_law(name, stated))
+        built = built_muscle(name, **stated)
         return built, name, tuple(n for n in declared(type(built.law)) if n not in stated)
     spec = name if isinstance(name, Specimen) else muscle_specimen(name)
     if spec.kind == "valve":
@@ -194,8 +199,7 @@ def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscle
     if law is not None and not law.strip():
         raise InputError("law", law, f"{spec.id} states", known=spec.laws)
     chosen = law or spec.law
-    replaced: dict[str, Any] = {} if spec.kind == "biological" else dict(changed_parameters(changes, chosen, of=spec))
-    return built_muscle(spec, law=chosen, **replaced), chosen, ()
+    return built_muscle(spec, law=chosen, **changed_parameters(changes, chosen, of=spec)), chosen, ()
 
 
 def _lengths(length: Any, contraction: Any, muscle: muscles.Muscle) -> list[float]:
@@ -262,14 +266,12 @@ def _point(law: Any, length: float, drive: float, biological: bool) -> dict[str,
     return point | {"free_length": float(law.free_length(drive))}
 
 
-def _cautions(
-    muscle: muscles.Muscle, law: str, lengths: list[float], length: Any, drives: list[float], pressure: Any
-) -> tuple[Caution, ...]:
-    """Cautions about lengths, pressures and the law of a McKibben muscle."""
+def _cautions(muscle: muscles.Muscle, law: str, drives: list[float], pressure: Any) -> tuple[Caution, ...]:
+    """Cautions about pressures and the law of a McKibben muscle."""
     spec = muscle.specimen
     high = None if pressure is None else muscles.plausible.pressure_caution(max(drives), spec, text=typed(pressure))
-    about_lengths = muscle.length_cautions(lengths, text=typed(length))
-    return collect(*about_lengths, high, *muscles.evidence.law_cautions(spec, law))
+    free = muscles.plausible.free_length_caution(muscle.law, drives, spec)
+    return collect(high, free, *muscles.evidence.law_cautions(spec, law, at_rest=False))
 
 
 def _add_ranges(points: list[dict[str, Any]], muscle: muscles.Muscle, name: str) -> tuple[Caution, ...]:

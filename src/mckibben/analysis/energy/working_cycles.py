@@ -20,7 +20,7 @@ from ...muscles.build import muscle as built_muscle
 from ...muscles.evidence import law_cautions
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
-from ...muscles.plausible import length_caution, pressure_caution, usual_pressure
+from ...muscles.plausible import free_length_caution, length_caution, pressure_caution, usual_pressure
 from ...quantities import values, with_unit
 from ...specimens import Specimen, muscle_specimen
 from ...verbs import (
@@ -500,6 +500,7 @@ def energy(
     said = collect(
         *law_cautions(spec, law),
         pressure_caution(conditions.pressure, spec, text=typed(pressure)),
+        free_length_caution(own.law, [conditions.pressure], spec) if "maximal" in names else None,
         None
         if stretched_length is None
         else length_caution(length, longest, text=typed(stretched_length), name="stretched length"),

@@ -7,10 +7,12 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from ..._lazy import LazyModule
-from ...answers import collect
+from ...answers import Caution, collect
 from ...errors import InputError
 from ...muscles import Muscle
-from ...muscles.plausible import pressure_caution
+from ...muscles.evidence import law_cautions
+from ...muscles.law import law_name
+from ...muscles.plausible import free_length_caution, pressure_caution
 from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import published_ranges
 from ...verbs import LawName, MuscleName, NamedValues, Pressure, RecordingFile, RigName, typed, verb
@@ -70,7 +72,7 @@ def compare(
     full = float(pressure)
     subjects = _subjects(muscles, full, law)
     braided = [s for s in subjects if s.unit is not None]
-    said = collect(*(pressure_caution(full, s.spec, text=typed(pressure)) for s in braided))
+    said = collect(*(one for s in braided for one in _cautions(s, full, typed(pressure))))
     target = None if match is None else _target(match, subjects)
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:
@@ -101,6 +103,9 @@ def _subjects(
 ) -> list[ComparedMuscle]:
     """Load the muscles with their full drive [Pa]; with a law where they state it."""
     single = (str, os.PathLike, Specimen, Muscle, ComparedMuscle)
+    for one in muscles:
+        if not isinstance(one, (*single, Iterable)):
+            raise InputError("muscles", None, f"must be names of muscles, files or muscles, got {one!r}")
     listed = [one for m in muscles for one in ([m] if isinstance(m, single) else m)]
     read = [muscle_specimen(one) if isinstance(one, str | os.PathLike) else one for one in listed]
     laws = dict.fromkeys(name for one in read if isinstance(one, Specimen) for name in one.laws)
@@ -114,6 +119,14 @@ def _subjects(
             chosen = law if isinstance(one, Specimen) and law in one.laws else None
             subjects.append(subject(one, pressure=pressure, law=chosen))
     return subjects
+
+
+def _cautions(subject: ComparedMuscle, pressure: float, text: str | None) -> tuple[Caution, ...]:
+    """Cautions about a braided muscle at its highest pressure [Pa]: its law, and how far it shortens."""
+    assert subject.unit is not None
+    law, spec = subject.unit.law, subject.spec
+    at_pressure = (pressure_caution(pressure, spec, text=text), free_length_caution(law, [pressure], spec))
+    return collect(*at_pressure, *law_cautions(spec, law_name(law)))
 
 
 def _target(name: str, subjects: Sequence[ComparedMuscle]) -> ComparedMuscle:

@@ -29,7 +29,7 @@ from ...bench.recorder import ASKED
 from ...bench.rig import DRIFT, Plumbing, Rig, RigFaults
 from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
-from ...documents import JsonValue
+from ...documents import JsonValue, path_text
 from ...errors import InputError
 from ...identification.uncertainty import Estimate, akaike, widening
 from ...muscles import Muscle
@@ -326,7 +326,7 @@ def diagnose(
         >>> mk.diagnose(mk.run("work-loop", leaking, muscle="nylon", cycles=2)).fault
         'leak'
     """
-    record = recording if isinstance(recording, Recording) else read_recording(Path(recording))
+    record = recording if isinstance(recording, Recording) else read_recording(Path(path_text(recording, "recording")))
     where = None if isinstance(recording, Recording) else str(recording)
     _check_stated(record, rig, muscle, plumbing, where)
     try:

@@ -31,7 +31,7 @@ POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, an
 class LawEnds(NamedTuple):
     """A law with each inferred number at both ends of its range, by the number's name; and those without a range."""
 
-    pairs: Mapping[str, tuple[TensionLaw, TensionLaw]]
+    pairs: Mapping[str, tuple[TensionLaw, ...]]
     without_range: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -307,6 +307,16 @@ def size(
         "force": force, "stroke": stroke, "load": load, "length": length, "diameter": diameter, "speed": speed,
         "rate": rate, "working_time": working_time,
     }  # fmt: skip
+    if not (wish is None or isinstance(wish, Requirements)):
+        raise InputError("wish", None, f"must be Requirements, got {wish!r}; a force is given as force=")
+    for name, value in {"space": space, "muscle": muscle, "tank": tank, "law": law}.items():
+        if not (value is None or isinstance(value, str)):
+            raise InputError(name, None, f"must be text, got {value!r}")
+    if isinstance(valve, Mapping) or not (valve is None or isinstance(valve, Iterable)):
+        raise InputError("valve", None, f"must be the name of a valve, or several, got {valve!r}")
+    for name, value in (stated | {"pressure": pressure, "tube_length": tube_length}).items():
+        if not (value is None or isinstance(value, str)) and (isinstance(value, bool) or np.ndim(value)):
+            raise InputError(name, None, f"must be one number or words with a unit, got {value!r}")
     for name, value in (stated | {"space": space}).items():
         if wish is not None and value is not None:
             raise InputError(name, str(value), "must be left out beside a wish, which states it")

@@ -1,12 +1,14 @@
 """How far the answers of a sizing may be off because of numbers that no source prints.
 
 Each inferred number that has a range is moved to both of its ends, the others being as they are; the changes towards one
-side are added, which is the worst case to first order. A number without a range is left out, and named. Bounds of a gas
+side are added, which is the worst case to first order; a muscle that would push is slack, and less air is a smaller share
+of it, never less than nothing. A number without a range is left out, and named. Bounds of a gas
 source are exact: its answers rise or fall with each of its numbers, so that all stand at their poor or their good end.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,6 +16,7 @@ from typing import NamedTuple
 from ...answers import brief
 from ...errors import InputError
 from ...muscles.law import TensionLaw
+from ...muscles.sleeve import varied_law
 from ...quantities import declared
 from ...specimens import Specimen, SpecimenNumber
 from ...specimens.parts import KINDS as PART_UNITS
@@ -63,9 +66,13 @@ def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Inferred
         forces.append([muscle.end_force + one.friction - friction for friction in one.friction_range])
         moved.append("friction")
     airs = [[air_of_cycle(replace(one, law=law), wish, dead) for law in pair] for pair in ends.pairs.values()]
+    force = tuple(max(0.0, end) for end in _summed(muscle.end_force, forces))
+    air = air_of_cycle(one, wish, dead)
+    # as factors: what is added up to first order would be less than no air where the ranges are wide
+    least = air * math.prod(min(1.0, *(end / air for end in pair)) for pair in airs)
     return InferredRanges(
-        _summed(muscle.end_force, forces),
-        _summed(air_of_cycle(one, wish, dead), airs),
+        (force[0], force[1]),
+        (least, _summed(air, airs)[1]),
         tuple(moved),
         ends.without_range,
     )
@@ -102,7 +109,9 @@ def _si(number: SpecimenNumber, value: float, unit: str, field: str) -> float:
 
 
 def ends_of_specimen(spec: Specimen, law: TensionLaw, name: str, scale: Mapping[str, float] | None = None) -> LawEnds:
-    """A law with each inferred parameter of a specimen at the ends of its range.
+    """Vary a law to the ends of the range of each inferred parameter of its specimen.
+
+    The parameters of a braid follow from its dimensions, which are moved in their place.
 
     Args:
         spec: the specimen.
@@ -111,9 +120,16 @@ def ends_of_specimen(spec: Specimen, law: TensionLaw, name: str, scale: Mapping[
         scale: factors of parameters that were scaled.
     """
     units = {key: q.unit for key, q in declared(law).items()}
-    pairs, without = {}, []
+    varied = varied_law(spec, name, law)
+    of_dimensions = {} if varied is None else varied.of_dimensions
+    pairs: dict[str, tuple[TensionLaw, ...]] = {
+        key: tuple(law.replace(**one) for one in changes) for key, changes in of_dimensions.items()
+    }
+    without = []
     for key, number in spec.laws.get(name, {}).items():
         if not number.inferred or key not in units:
+            continue
+        if varied is not None and key not in varied.unseen:  # upper_length too: as the dimensions make it
             continue
         if number.range is None:
             without.append(key)
