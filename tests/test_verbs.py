@@ -14,7 +14,7 @@ from mckibben import verbs
 from mckibben.analysis import description, energy_accounts, frequency, repeatability
 from mckibben.analysis.lever_answers import work_loops
 from mckibben.answers import Column, Table
-from mckibben.cli import _values, _verb, verb_commands
+from mckibben.cli import _verb, verb_commands
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.studies.tension import tension
 
@@ -27,15 +27,6 @@ def test_help_is_read_from_the_source_and_imports_nothing_that_computes():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     heavy = {"jax", "scipy", "numpy", "mckibben.studies.tension", "mckibben.analysis.energy"}
     assert heavy & set(done.stdout.split()) == set()
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_each_parameter_has_words_of_help_and_a_kind_that_the_command_line_knows(name):
-    for one in verbs.described(COMMANDS[name].place).parameters.values():
-        assert one.about and one.about[0].isupper() and one.about.endswith("."), one.name
-        for typed in one.parts or (one,):
-            assert not typed.type.word or typed.type.word in _values.KINDS, typed.name
-            assert "[" not in typed.about.replace("'F [N]'", "")
 
 
 def test_text_with_a_unit_and_a_number_in_si_are_one_question():

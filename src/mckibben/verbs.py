@@ -107,6 +107,11 @@ TankText = Annotated[str, ParameterType("TANK")]
 ValveName = Annotated[str, ParameterType("VALVE")]
 VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
+RigName = Annotated[Any, ParameterType("RIG")]
+PlumbingName = Annotated[str, ParameterType("PLUMBING")]
+HostName = Annotated[Any, ParameterType("HOST")]
+ScenarioName = Annotated[str, ParameterType("SCENARIO")]
+NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
 Time = Annotated[float | str, QUANTITIES["TIME"]._replace(bare=True)]
@@ -185,6 +190,7 @@ class Parameter:
         flag: whether it is true or false.
         about: words of help.
         parts: parameters that it has under their names; whoever types them gives each by itself.
+        variadic: whether it takes all further positional values, of which there may be none.
 
     What has neither a type nor is a flag only Python gives, such as a function that is told of progress.
     """
@@ -198,6 +204,7 @@ class Parameter:
     flag: bool
     about: str
     parts: tuple[Parameter, ...] = ()
+    variadic: bool = False
 
     def read(self, value: Any) -> Any:
         """A value as the function takes it: text with a unit becomes SI."""
@@ -245,8 +252,13 @@ def described(place: str) -> Description:
     head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
     section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
     words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}[*\w]|\Z)", section, re.M | re.S)}
-    arguments = [*node.args.args, *node.args.kwonlyargs]
-    defaults = [*[None] * (len(node.args.args) - len(node.args.defaults)), *node.args.defaults, *node.args.kw_defaults]
+    several = [] if node.args.vararg is None else [node.args.vararg]
+    arguments = [*node.args.args, *several, *node.args.kwonlyargs]
+    defaults = [None] * (len(node.args.args) - len(node.args.defaults)) + [
+        *node.args.defaults,
+        *[None for _ in several],
+    ]
+    defaults += node.args.kw_defaults
     parameters = {}
     for argument, default in zip(arguments, defaults, strict=True):
         annotation = ast.unparse(cast(ast.expr, argument.annotation))
@@ -260,10 +272,11 @@ def described(place: str) -> Description:
             None if default is None else ast.literal_eval(default),
             required=default is None,
             keyword=argument in node.args.kwonlyargs,
-            many="Sequence" in annotation or kind.listed,
+            many="Sequence" in annotation or kind.listed or argument in several,
             flag=annotation == "bool",
             about=words.get(argument.arg, ""),
             parts=tuple(described(whole).parameters[part] for part in names),
+            variadic=argument in several,
         )
     return Description(name, tuple(_words(p) for p in head.split("\n\n") if p.strip()), parameters)
 
@@ -309,8 +322,9 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
     words = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
     values = words | dict(values)
     try:
-        read = {name: parameters[name].read(value) for name, value in values.items() if name in parameters}
-        found = function(**{**values, **read})
+        read = {name: parameters[name].read(value) if name in parameters else value for name, value in values.items()}
+        several = next((name for name, one in parameters.items() if one.variadic), "")
+        found = function(*read.pop(several, ()), **read)
     except InputError as error:
         for slip in _slips(parameters, values):
             if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
@@ -319,7 +333,8 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
         raise _renamed(error, parts | dict(parameters), shown) from None
     own = [dataclasses.replace(one, text=_called(one.text, parameters, shown)) for one in found.cautions]
     slips = (one for one in _slips(parameters, values) if one.parameter not in {said.parameter for said in own})
-    return cast(A, dataclasses.replace(cast(Any, found), cautions=collect(*own, *slips)))
+    cautions = collect(*own, *slips)
+    return found if cautions == found.cautions else cast(A, dataclasses.replace(cast(Any, found), cautions=cautions))
 
 
 def load(place: str) -> Callable[..., Answer]:

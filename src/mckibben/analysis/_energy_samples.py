@@ -22,9 +22,8 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import construct
 from ..muscles.elements import Tendon
-from ..muscles.law import TensionLaw
+from ..muscles.law import TensionLaw, stored_along
 from ..muscles.laws import LAWS, law_type
-from ..muscles.stored import stored_along
 from ..pneumatics.circuit import DeadState, Seen
 from ..pneumatics.gas import Gas
 from ..quantities import declared

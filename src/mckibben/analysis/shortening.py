@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..muscles.biological.hill import velocity_curve
+from ..muscles.biological import velocity_curve
 from ..recordings import Recording
 from .channels import (
     Interval,

@@ -13,6 +13,7 @@ import typer
 
 from .. import verbs
 from ..answers import Answer
+from ..citations import reference
 from ..errors import InputError
 from . import _progress
 from ._outputs import OutputKinds, Paths
@@ -68,6 +69,7 @@ class VerbCommand:
         written: options that name a file each.
         top: rows of rankings that are shown and written where ``--top`` states no other; 0 for all, without the option.
         doing: word for what takes long, and the number of its stages by what was given.
+        pair: example of a value that is NAME=VALUE.
         failed: exit code where what was asked for was not reached.
     """
 
@@ -82,12 +84,15 @@ class VerbCommand:
     written: Mapping[str, Written] = field(default_factory=dict)
     top: int = 0
     doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
+    pair: str = ""
     failed: int = 1
 
     def option(self, parameter: str) -> str:
-        """The option of a parameter; a flag that is set by default has one that takes it away."""
+        """The option of a parameter, an argument's own name; a flag that is set by default has one that takes it away."""
         one = verbs.described(self.place).parameters.get(parameter)
         name = (SINGULAR | dict(self.options)).get(parameter, parameter).replace("_", "-")
+        if one is not None and one.required and not one.keyword:
+            return name
         return f"--no-{name}" if one is not None and one.flag and one.default else f"--{name}"
 
     def function(self) -> Callable[..., None]:
@@ -121,8 +126,9 @@ class VerbCommand:
         word = p.type.word
         taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
         if p.required and not p.keyword:
-            kind = Annotated[taken, typer.Argument(metavar=word, help=p.about)]
-            return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind)
+            kind = Annotated[taken | None if p.variadic else taken, typer.Argument(metavar=word, help=p.about)]
+            default = None if p.variadic else inspect.Parameter.empty
+            return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         if p.flag:
             about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
             return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=about)], False)
@@ -177,7 +183,7 @@ class VerbCommand:
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
                 given |= {p.name: stated} if stated else {}
-        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
+        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self.option)
         with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
             if self.doing is None:
                 return ask(given)
@@ -185,18 +191,14 @@ class VerbCommand:
             with _progress.told(title, stages(given)) as tell:
                 return ask(given | {"progress": tell})
 
-    def _called(self, parameter: str) -> str:
-        one = verbs.described(self.place).parameters.get(parameter)
-        return parameter if one is not None and one.required and not one.keyword else self.option(parameter)
-
     def _given(self, p: verbs.Parameter, value: Any) -> Any:
         """A value as the verb takes it: of NAME=VALUE a table, in which columns may be numbers."""
-        word = p.type.word
+        word, examples = p.type.word, PAIRS | {"NAME=VALUE": self.pair}
         if p.flag and p.default:
             return not value  # --no-lines
-        if word not in PAIRS:
+        if word not in examples:
             return assignments(value) if word == "PATH=VALUE" else value
-        named = pairs(value, self.option(p.name), PAIRS[word])
+        named = pairs(value, self.option(p.name), examples[word])
         return {name: int(one) if word == "NAME=COLUMN" and one.isdecimal() else one for name, one in named.items()}
 
 
@@ -232,6 +234,9 @@ def show(answer: Answer) -> None:
     typer.echo("\n" if len(tables) > 1 and remarks else "", nl=False)
     for remark in remarks:
         typer.echo(remark)
+    typer.echo("\n" if answer.sources else "", nl=False)
+    for key in answer.sources:
+        typer.echo(f"[{key}] {reference(key)}")
 
 
 def _plain(text: str) -> str:

@@ -114,7 +114,7 @@ def _apply(
         )
     if off and skew:
         raise InputError("--skew", None, "is allowed only beside --calibration")
-    new = None if calibration is None else calibrate.file.read_calibration(calibration)
+    new = None if calibration is None else calibrate.session.read_calibration(calibration)
     known = recordings.read_recording(recording)
     try:
         done = calibration_module.recalibrate(known, new, skew=skew)
@@ -195,7 +195,7 @@ def print_outcome(whole: Calibration, outcome: CalibrationOutcome, out: Path | N
 def _known(file: Path) -> Calibration:
 
     if file.suffix.lower() == ".toml":
-        return calibrate.file.read_calibration(file)
+        return calibrate.session.read_calibration(file)
     try:
         calibration = calibration_module.carried(recordings.read_recording(file))
     except InputError as error:

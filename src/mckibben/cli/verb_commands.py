@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds
+from ..errors import InputError
+from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds
 from ._verb import Shorthand, VerbCommand, Written
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from ..analysis.energy_parts import EnergyAccount
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
+    from ..studies.comparison import MuscleTable
     from ..studies.sizing import Sizing
 
 
@@ -93,6 +95,50 @@ size = VerbCommand(
 )
 
 
+diagnose = VerbCommand(
+    "studies.diagnosis.fault_fit:diagnose",
+    OutputKinds(table=TABLE, result=OBJECT),
+    ("diagnose work-loop.nc",),
+)
+
+
+def _draw_compared(answer: MuscleTable, path: Path) -> None:
+    from ..report.figures import comparison_figures, style
+
+    if not answer.muscles:
+        raise InputError("--out", None, "needs a specimen: a recording alone has no law to draw")
+    style.save(comparison_figures.table_figure(answer), path)
+
+
+def _compare_stages(given: Mapping[str, Any]) -> int | None:
+    from ..specimens import muscle_specimen
+    from ..studies.comparison import stages
+
+    named = [muscle_specimen(name) for name in given.get("muscles", ())]
+    return stages(named, protocols=given["protocols"], match=given.get("match")) or None
+
+
+compare = VerbCommand(
+    "studies.comparison.side_by_side:compare",
+    OutputKinds(report=REPORT, figure=FIGURE, table=TABLE, result=OBJECT),
+    ("compare nylon fast-fibre --out compared.csv --out compared.svg",),
+    options={"recordings": "recording"},
+    draw=_draw_compared,
+    writes={"report": lambda answer, path: answer.report(path)},
+    doing=("comparing", _compare_stages),
+    pair="phase='60 deg' or duty=0.3",
+)
+
+
+conform = VerbCommand(
+    "hosts.conformance:conform",
+    OutputKinds(result=OBJECT),
+    ("conform python --scenario hang --out python.json",),
+    options={"scenarios": "scenario"},
+    doing=("conforming", lambda given: None),
+)
+
+
 # ---- files and recordings
 
 ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
@@ -108,21 +154,21 @@ def _draw_account(answer: EnergyAccount, path: Path) -> None:
 
 
 def _draw_response(answer: ChannelResponse, path: Path) -> None:
-    from ..report.figures import frequency_figures, style
+    from ..report.figures import analysis_figures, style
 
-    titles = frequency_figures.BodeTitles(f"{answer.target} over {answer.source}", answer.title, answer.unit)
-    style.save(frequency_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff()), path)
+    titles = analysis_figures.BodeTitles(f"{answer.target} over {answer.source}", answer.title, answer.unit)
+    style.save(analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff()), path)
 
 
 def _draw_courses(answer: CourseRepeatability, path: Path) -> None:
     from ..quantities import from_si, shown_unit
-    from ..report.figures import frequency_figures, style
+    from ..report.figures import analysis_figures, style
 
     shown = shown_unit(answer.unit)
     scaled = answer.compared._replace(courses=from_si(1.0, answer.unit, shown) * answer.compared.courses)
     channel = f"{answer.channel.replace('.', ' ').replace('_', ' ').capitalize()}, {shown}"
     over = "Phase of the cycle" if answer.each == "cycle" else "Time, s"
-    style.save(frequency_figures.repeatability_figure(scaled, title=answer.title, channel=channel, over=over), path)
+    style.save(analysis_figures.repeatability_figure(scaled, title=answer.title, channel=channel, over=over), path)
 
 
 read = VerbCommand(

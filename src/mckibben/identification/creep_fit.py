@@ -21,7 +21,7 @@ import numpy as np
 
 from .._jax import Scalar
 from ..errors import InputError, choice
-from ..muscles.creep import KelvinVoigtChain
+from ..muscles.elements import KelvinVoigtChain
 from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
 LAWS = ("free", "logarithmic")

@@ -28,7 +28,7 @@ from .._jax import Array, Scalar, Tree, jax, jnp
 from ..components import Hysteresis
 from ..documents import JsonValue
 from ..errors import InputError, choice
-from ..muscles.creep import MaxwellChain
+from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
 from ._checks import require_influence, require_progress

@@ -24,7 +24,7 @@ import numpy as np
 from .._jax import Array, Tree, jax, jnp
 from ..answers import brief
 from ..errors import InputError
-from ..muscles.creep import MaxwellChain
+from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import FrictionLimit, MaxwellSlip
 from .uncertainty import NORMAL_QUANTILE, Estimate, uncertainty, widening
 

@@ -39,7 +39,7 @@ import numpy as np
 
 from ..._jax import Scalar, jnp
 from ...components import Environment, Module, derivative, jit_arrays
-from ...components.evaluation import evaluated
+from ...components.programs import evaluated
 from ...errors import InputError, NoVolumeError
 from ...muscles.build import law_from_specimen
 from ...muscles.law import TensionLaw, law_name
