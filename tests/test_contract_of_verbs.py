@@ -1,20 +1,23 @@
 """What every verb keeps, whatever it computes: its faces say the same, and each parameter is declared, told and refused."""
 
 import json
+import math
 import os
 
 import pytest
 
-from machine_records import machine_record
 from mckibben import verbs
 from mckibben.cli import _values, main, verb_commands
 from mckibben.cli._terminal import json_text
 from mckibben.cli._verb import VerbCommand
-from mckibben.cli.app import COMMANDS as TABLE
+from mckibben.cli.app import COMMANDS as EVERY
 from mckibben.errors import InputError
 
-COMMANDS = {name: one for name, one in vars(verb_commands).items() if isinstance(one, VerbCommand)}
-WORDS = {place.removeprefix("verb_commands:"): words for words, (place, _) in TABLE.items()}
+COMMANDS = {
+    words: getattr(verb_commands, place.partition(":")[2])
+    for words, (place, _) in EVERY.items()
+    if place.startswith("verb_commands:")
+}
 # A question for each verb, by the words of its command; with cautions where there are any to be had.
 ASKED = {
     "tension": "nylon --length 11:12:0.5cm --pressure 5bar",
@@ -22,14 +25,12 @@ ASKED = {
     "size": "--force 35N --stroke 2.8cm --pressure 5bar --no-lines --cycles 1Hz --working-time 8h",
     "compare": "nylon fast-fibre --pressure 12bar",
     "conform": "python --scenario hang --no-states",
-    "read": "{record}",
-    "record_show": "{record}",
-    "record_energy": "{record} --measured --muscle nylon",
-    "record_frequency": "{record} --input span --output tension --from 13s --to 13.5s",
-    "record_repeatability": "{record}",
-    "record_contraction": "no.ddf",  # as below; tests/analysis/test_lever.py has answers
-    "record_work_loops": "no.ddf",
-    "diagnose": "no.nc",  # refused in one sentence; tests/studies/test_diagnosis.py has answers
+    "read": "pull.csv --as recording --unit force=N --unit length=mm",
+    "record show": "pull.csv --unit force=N --unit length=mm",
+    "record frequency": "pull.csv --unit force=N --unit length=mm --input length --output force",
+    # refused in one sentence; other tests have their answers
+    **dict.fromkeys(("diagnose", "record energy", "record contraction", "record work-loops"), "no.nc"),
+    "record repeatability": "no.nc",
 }
 QUANTITIES = [
     (name, p)
@@ -37,11 +38,6 @@ QUANTITIES = [
     for p in verbs.described(command.place).parameters.values()
     if p.type.unit
 ]
-
-
-@pytest.fixture(scope="module")
-def record(tmp_path_factory):
-    return str(machine_record(pressure=["1 bar", "5 bar"]).save(tmp_path_factory.mktemp("records") / "loops.nc"))
 
 
 @pytest.fixture
@@ -61,14 +57,18 @@ def ask(capsys, monkeypatch):
     return call
 
 
-def test_every_verb_is_asked_here():
+def test_every_verb_has_a_command_and_is_asked_here():
     assert set(ASKED) == set(COMMANDS)
+    assert len(COMMANDS) == sum(isinstance(one, VerbCommand) for one in vars(verb_commands).values())
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_terminal_json_table_and_python_say_the_same(ask, name, record, tmp_path):
-    asked = ASKED[name].format(record=record).split()
-    code, out, err, answer = ask(WORDS[name], *asked)
+def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    times = [0.01 * i for i in range(600)]
+    lines = [f"{t},{100.0 + math.sin(t * t)},{30.0 + 5.0 * math.sin(t * t - 0.1)}" for t in times]
+    (tmp_path / "pull.csv").write_text("\n".join(["time [s],length,force", *lines]), encoding="utf-8")
+    code, out, err, answer = ask(name, *ASKED[name].split())
     if answer is None:
         assert code == 2 and out == "" and err.count("\n") == 1
         return
@@ -83,7 +83,7 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, record, tmp_path
     cautions = [one.text for one in answer.cautions]
     assert [line.partition("caution: ")[2] for line in err.splitlines() if "caution: " in line] == cautions
     file = tmp_path / "rows.json"
-    code, printed, *_ = ask(WORDS[name], *asked, "--json", "--out", str(file))
+    code, printed, *_ = ask(name, *ASKED[name].split(), "--json", "--out", str(file))
     assert code == 0 and json.loads(printed) == json.loads(file.read_text())
     assert json.loads(printed) == json.loads(json_text(few.to_dict() | {"warnings": cautions}))
 
@@ -105,14 +105,13 @@ def test_each_quantity_refuses_another_dimension_by_the_name_that_its_user_gave(
 def test_each_parameter_is_told_in_the_help_with_its_kind(name, capsys, monkeypatch):
     monkeypatch.setitem(os.environ, "COLUMNS", "100")
     with pytest.raises(SystemExit):
-        main([*WORDS[name].split(), "--help"])
+        main([*name.split(), "--help"])
     told = " ".join(capsys.readouterr().out.split())
-    for p in (
-        typed for one in verbs.described(COMMANDS[name].place).parameters.values() for typed in one.parts or (one,)
-    ):
-        if not p.flag and not p.type.word:
-            continue  # only Python gives it
-        assert p.about and p.about[0].isupper() and p.about.endswith("."), p.name
-        assert "[" not in p.about.replace("'F [N]'", "") and (p.flag or p.type.word in _values.KINDS), p.name
-        assert p.required or COMMANDS[name].option(p.name) in told, p.name
-        assert p.about[1:60].split(" ", 1)[1] in told, p.name
+    for one in verbs.described(COMMANDS[name].place).parameters.values():
+        for p in one.parts or (one,):
+            if not p.flag and not p.type.word:
+                continue  # only Python gives it
+            assert p.about and p.about[0].isupper() and p.about.endswith("."), p.name
+            assert "[" not in p.about.replace("'F [N]'", "") and (p.flag or p.type.word in _values.KINDS), p.name
+            assert p.required or COMMANDS[name].option(p.name) in told, p.name
+            assert p.about[1:60].split(" ", 1)[1] in told, p.name

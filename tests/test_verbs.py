@@ -82,18 +82,18 @@ def test_a_recording_and_its_file_are_one_question(record, tmp_path):
         assert repr({k: v for k, v in one.items() if k not in names}) == repr(
             {k: v for k, v in other.items() if k not in names}
         )
-    with pytest.raises(InputError, match="^start, end from 900 s on holds no sample"):
+    with pytest.raises(InputError, match="^start, end from 900 s to inf s holds no sample"):
         repeatability.repeatability(record, start=900.0)
 
 
 def test_how_a_file_is_read_is_one_table_in_python_and_an_option_each_at_the_command_line(tmp_path):
-    (tmp_path / "pull.csv").write_text("F,p\n1,2\n3,2\n", encoding="utf-8")
+    (tmp_path / "pull.csv").write_text("F,p\n1,2\n2,2\n3,2\n", encoding="utf-8")
     read = {"period": "2 ms", "columns": {"force": "F"}, "units": {"force": "kN"}}
     found = description.describe_recording(tmp_path / "pull.csv", read=read)
-    assert found.content["channels"]["force"]["max"] == 3e3 and found.content["end"] == 2e-3
+    assert found.content["channels"]["force"]["max"] == 3e3 and found.content["end"] == 4e-3
     typed = [one.name for one in verbs.described(COMMANDS["record_show"].place).parameters["read"].parts]
     assert set(read) < set(typed) and {*typed} <= {*verbs.described(COMMANDS["read"].place).parameters}
-    with pytest.raises(InputError, match="period must be a time such as '20 ms', got '2 bar'|period .* got '2 bar'"):
+    with pytest.raises(InputError, match="period must be a time such as '20 ms', got 2 bar"):
         description.describe_recording(tmp_path / "pull.csv", read={"period": "2 bar"})
     with pytest.raises(InputError, match="read must be a table with some of columns, units"):
         description.describe_recording(tmp_path / "pull.csv", read="2 ms")

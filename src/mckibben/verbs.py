@@ -186,11 +186,11 @@ class Parameter:
         default: in the signature.
         required: whether it has none.
         keyword: whether it is given by its name only.
+        several: whether any number of values are given in its place.
         many: whether it takes several values: of a quantity a list or a range in one text.
         flag: whether it is true or false.
         about: words of help.
         parts: parameters that it has under their names; whoever types them gives each by itself.
-        variadic: whether it takes all further positional values, of which there may be none.
 
     What has neither a type nor is a flag only Python gives, such as a function that is told of progress.
     """
@@ -200,11 +200,11 @@ class Parameter:
     default: Any
     required: bool
     keyword: bool
+    several: bool
     many: bool
     flag: bool
     about: str
     parts: tuple[Parameter, ...] = ()
-    variadic: bool = False
 
     def read(self, value: Any) -> Any:
         """A value as the function takes it: text with a unit becomes SI."""
@@ -254,11 +254,8 @@ def described(place: str) -> Description:
     words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}[*\w]|\Z)", section, re.M | re.S)}
     several = [] if node.args.vararg is None else [node.args.vararg]
     arguments = [*node.args.args, *several, *node.args.kwonlyargs]
-    defaults = [None] * (len(node.args.args) - len(node.args.defaults)) + [
-        *node.args.defaults,
-        *[None for _ in several],
-    ]
-    defaults += node.args.kw_defaults
+    without = len(node.args.args) - len(node.args.defaults)
+    defaults = [*[None] * without, *node.args.defaults, *[None] * len(several), *node.args.kw_defaults]
     parameters = {}
     for argument, default in zip(arguments, defaults, strict=True):
         annotation = ast.unparse(cast(ast.expr, argument.annotation))
@@ -272,11 +269,11 @@ def described(place: str) -> Description:
             None if default is None else ast.literal_eval(default),
             required=default is None,
             keyword=argument in node.args.kwonlyargs,
+            several=argument in several,
             many="Sequence" in annotation or kind.listed or argument in several,
             flag=annotation == "bool",
             about=words.get(argument.arg, ""),
             parts=tuple(described(whole).parameters[part] for part in names),
-            variadic=argument in several,
         )
     return Description(name, tuple(_words(p) for p in head.split("\n\n") if p.strip()), parameters)
 
@@ -322,9 +319,10 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
     words = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
     values = words | dict(values)
     try:
-        read = {name: parameters[name].read(value) if name in parameters else value for name, value in values.items()}
-        several = next((name for name, one in parameters.items() if one.variadic), "")
-        found = function(*read.pop(several, ()), **read)
+        read = {name: parameters[name].read(value) for name, value in values.items() if name in parameters}
+        every = {**values, **read}
+        several = next((name for name, p in parameters.items() if p.several), "")
+        found = function(*every.pop(several, ()), **every)
     except InputError as error:
         for slip in _slips(parameters, values):
             if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:

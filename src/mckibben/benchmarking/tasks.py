@@ -116,13 +116,15 @@ def _each_value_out(record: BenchmarkRecord, quantity: str, unit: float, text: s
     ]
 
 
-def _pressure_out(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    bar = to_si(1.0, "bar", "Pa", field="pressure")
-    return tuple(fold for record in _maps(located) for fold in _each_value_out(record, "pressure", bar, "bar"))
+BAR, MM = to_si(1.0, "bar", "Pa", field="pressure"), to_si(1.0, "mm", "m", field="length")
 
 
-def _length_out(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return tuple(fold for record in _maps(located) for fold in _each_value_out(record, "length", 1e-3, "mm"))
+def _map_value_out(
+    quantity: str, unit: float, text: str
+) -> Callable[[Sequence[tuple[Path, ...]]], tuple[DataSplit, ...]]:
+    return lambda located: tuple(
+        fold for record in _maps(located) for fold in _each_value_out(record, quantity, unit, text)
+    )
 
 
 def _above(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
@@ -133,21 +135,18 @@ def _above(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
 
 def _sheet(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     record = replace(_table(located[0][0], "DMSP-20-300"), name="DMSP-20 sheet", muscle="DMSP-20 sheet")
-    return tuple(_each_value_out(record, "pressure", to_si(1.0, "bar", "Pa", field="pressure"), "bar"))
+    return tuple(_each_value_out(record, "pressure", BAR, "bar"))
 
 
 # ---- muscles of other lengths
 
 
-def _ten_millimetres(rest: float) -> dict[str, float]:
-    return _dimensions("DMSP-10-250") | {"rest_length": rest}
-
-
 def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     points = read_force_map(located[0][0], pressure_zero=AARL_ZERO)
     rests = np.zeros(0) if points.rest_length is None else points.rest_length
+    known = _dimensions("DMSP-10-250")  # the three differ in length only
     records = [
-        _static_record(points.select(rests == rest), f"{1e3 * rest:.0f} mm", _ten_millimetres(float(rest)))
+        _static_record(points.select(rests == rest), f"{1e3 * rest:.0f} mm", known | {"rest_length": float(rest)})
         for rest in np.unique(rests)
     ]
     return _muscle_out(records, lambda record: record.outputs["tension"] > 0.0)
@@ -171,22 +170,6 @@ def _runs(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     known = {k: v for k, v in _dimensions("DMSP-10-250").items() if k != "rest_length"}
     records = datasets.isometric_runs(located[0], known, AARL_ZERO)
     return _muscle_out(records, lambda record: record.outputs["tension"] > 0.0)
-
-
-def _loop(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return datasets.loop_folds(located[0][0].parent)
-
-
-def _creep(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return datasets.creep_folds(located[0][0].parent)
-
-
-def _robot(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return datasets.robot_folds(list(dict.fromkeys(path.parent for path in located[0])))
-
-
-def _antagonist(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return datasets.antagonist_folds(located[0][0])
 
 
 ONE_MUSCLE = (
@@ -247,7 +230,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "tension from length and pressure",
             "each gauge pressure of a map in turn; trained on the rest of that map",
             (datasets.DMSP_10, datasets.DMSP_20),
-            _pressure_out,
+            _map_value_out("pressure", BAR, "bar"),
             note=f"{TWO_MUSCLES} {ON_MAPS}",
         ),
         BenchmarkTask(
@@ -265,7 +248,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "tension from length and pressure",
             "each length of a map in turn; trained on the rest of that map",
             (datasets.DMSP_10, datasets.DMSP_20),
-            _length_out,
+            _map_value_out("length", MM, "mm"),
             note=f"{TWO_MUSCLES} {ON_MAPS}",
         ),
         BenchmarkTask(
@@ -301,7 +284,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "stroke along a path from pressure along it",
             "every other run of ten samples; trained on the others, which alternate with them",
             (datasets.LOOP,),
-            _loop,
+            lambda located: datasets.loop_folds(located[0][0].parent),
             note=f"{ONE_MUSCLE} {INTERLEAVED}",
             of_swing=True,
         ),
@@ -311,7 +294,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "stroke in time from pressure in time",
             "the second half of each held step; trained on the first",
             (datasets.LOOP,),
-            _creep,
+            lambda located: datasets.creep_folds(located[0][0].parent),
             note=ONE_MUSCLE,
             of_swing=True,
         ),
@@ -321,7 +304,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "pressures of a tank and four muscles in time from commands of the valves and angles of the joints",
             "each jump in turn; trained on the three others",
             (datasets.JUMPS,),
-            _robot,
+            lambda located: datasets.robot_folds(list(dict.fromkeys(path.parent for path in located[0]))),
             note=f"{ONE_ROBOT} {ON_JUMPS}",
             of_swing=True,
         ),
@@ -331,7 +314,7 @@ TASKS: dict[str, BenchmarkTask] = {
             "displacement and both pressures in time from the force that a motor puts on",
             "each of three periods in turn; trained on the two others",
             (datasets.ANTAGONIST,),
-            _antagonist,
+            lambda located: datasets.antagonist_folds(located[0][0]),
             note=f"{ONE_PAIR} {SMOOTHED}",
             of_swing=True,
         ),

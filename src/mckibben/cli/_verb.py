@@ -88,11 +88,9 @@ class VerbCommand:
     failed: int = 1
 
     def option(self, parameter: str) -> str:
-        """The option of a parameter, an argument's own name; a flag that is set by default has one that takes it away."""
+        """The option of a parameter; a flag that is set by default has one that takes it away."""
         one = verbs.described(self.place).parameters.get(parameter)
         name = (SINGULAR | dict(self.options)).get(parameter, parameter).replace("_", "-")
-        if one is not None and one.required and not one.keyword:
-            return name
         return f"--no-{name}" if one is not None and one.flag and one.default else f"--{name}"
 
     def function(self) -> Callable[..., None]:
@@ -126,8 +124,8 @@ class VerbCommand:
         word = p.type.word
         taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
         if p.required and not p.keyword:
-            kind = Annotated[taken | None if p.variadic else taken, typer.Argument(metavar=word, help=p.about)]
-            default = None if p.variadic else inspect.Parameter.empty
+            kind = Annotated[taken | None if p.several else taken, typer.Argument(metavar=word, help=p.about)]
+            default = None if p.several else inspect.Parameter.empty
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         if p.flag:
             about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
@@ -183,7 +181,7 @@ class VerbCommand:
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
                 given |= {p.name: stated} if stated else {}
-        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self.option)
+        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
         with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
             if self.doing is None:
                 return ask(given)
@@ -191,14 +189,18 @@ class VerbCommand:
             with _progress.told(title, stages(given)) as tell:
                 return ask(given | {"progress": tell})
 
+    def _called(self, parameter: str) -> str:
+        one = verbs.described(self.place).parameters.get(parameter)
+        return parameter if one is not None and one.required and not one.keyword else self.option(parameter)
+
     def _given(self, p: verbs.Parameter, value: Any) -> Any:
         """A value as the verb takes it: of NAME=VALUE a table, in which columns may be numbers."""
-        word, examples = p.type.word, PAIRS | {"NAME=VALUE": self.pair}
+        word = p.type.word
         if p.flag and p.default:
             return not value  # --no-lines
-        if word not in examples:
+        if not word.startswith("NAME="):
             return assignments(value) if word == "PATH=VALUE" else value
-        named = pairs(value, self.option(p.name), examples[word])
+        named = pairs(value, self.option(p.name), PAIRS.get(word, self.pair))
         return {name: int(one) if word == "NAME=COLUMN" and one.isdecimal() else one for name, one in named.items()}
 
 

@@ -96,15 +96,15 @@ def braid_of(law: object) -> BraidShape | None:
 _SHAPE = ("thread_length", "turns", "rest_length", "rest_angle", "angle_correction", "rest_diameter", "rest_radius")
 
 
-def inner_volume(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_thickness: Scalar) -> Scalar:
-    """Volume inside a wall of constant thickness [m^3] (eq. 9), zero where the wall fills the braid."""
-    bore = diameter(length, thread_length=thread_length, turns=turns) - 2.0 * wall_thickness
-    return 0.25 * jnp.pi * jnp.maximum(bore, 0.0) ** 2 * length
-
-
 def inner_diameter(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_thickness: Scalar) -> Scalar:
     """Inner diameter [m], zero where the wall fills the braid."""
     return jnp.maximum(diameter(length, thread_length=thread_length, turns=turns) - 2.0 * wall_thickness, 0.0)
+
+
+def inner_volume(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_thickness: Scalar) -> Scalar:
+    """Volume inside a wall of constant thickness [m^3] (eq. 9), zero where the wall fills the braid."""
+    bore = inner_diameter(length, thread_length=thread_length, turns=turns, wall_thickness=wall_thickness)
+    return 0.25 * jnp.pi * bore**2 * length
 
 
 def stop_tension(length: Scalar, *, begins_at: Scalar, stiffness: Scalar) -> Scalar:

@@ -15,11 +15,13 @@ from .orifice import Orifice, conductance_flow, opening_flow, steepest_slope
 from .solenoid import EASED_SLOPE, PilotStage, Solenoid, between, eased, share
 
 
-def _choked_flow(edge: Orifice, a: GasState, b: GasState) -> Scalar:
-    """Mass flow of an open edge once it chokes [kg/s], what its opening can change at most."""
+def _steepest_while_moving(edge: Orifice, a: GasState, b: GasState, growth: Scalar, band: Scalar) -> Scalar:
+    """Slope of an open edge and of its opening, which grows by at most growth / band [kg/(s Pa)]."""
     upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
     choked = edge.conductance * REFERENCE_DENSITY * jnp.sqrt(REFERENCE_TEMPERATURE / upstream)
-    return choked * jnp.maximum(a.pressure_abs, b.pressure_abs)
+    # the flow once it chokes is the most that an opening can change
+    choked = choked * jnp.maximum(a.pressure_abs, b.pressure_abs)
+    return steepest_slope(edge, a, b) + choked * growth / band
 
 
 class CheckValve(TwoPort):
@@ -102,7 +104,7 @@ class QuickExhaust(FlowElement):
     def steepest(self, gas: Gases, state: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Slopes of the restrictions, and of their openings while the shuttle moves [kg/(s Pa)]."""
         pairs = (self.feed, gas[0], gas[1]), (self.vent, gas[1], gas[2])
-        return tuple(steepest_slope(*pair) + EASED_SLOPE * _choked_flow(*pair) / self.band for pair in pairs)
+        return tuple(_steepest_while_moving(*pair, EASED_SLOPE, self.band) for pair in pairs)
 
     def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Opening of the vent [1]."""
@@ -389,7 +391,7 @@ class PressureRegulator(FlowElement):
         """Slopes of the restrictions, and of their openings by the outlet's pressure [kg/(s Pa)]."""
         pairs = (self.fill, gas[0], gas[1]), (self.relief, gas[1], gas[2])
         growth = 1.0 + self.supply_effect
-        return tuple(steepest_slope(*pair) + _choked_flow(*pair) * growth / self.band for pair in pairs)
+        return tuple(_steepest_while_moving(*pair, growth, self.band) for pair in pairs)
 
     def delay(self) -> Scalar:
         """Dead time of the command [s]."""

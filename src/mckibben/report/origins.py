@@ -91,7 +91,8 @@ def inferred_inputs(meta: Mapping[str, JsonValue]) -> list[InferredInput]:
                 note = "; ".join(filter(None, (note, f"plausible {tied(ends, printed.unit)}")))
             inputs.append(InferredInput(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
         elif stated is not None:
-            inputs.append(InferredInput(name, f"rig {meta.get('rig')}", "; ".join(_lines(stated)), ""))
+            said = "; ".join(minus(f"{n} {text}".strip()) for n, text in flat(stated))
+            inputs.append(InferredInput(name, f"rig {meta.get('rig')}", said, ""))
         else:
             inputs.append(InferredInput(name, "", "", ""))
     return inputs
@@ -183,10 +184,6 @@ def _walk(table: Any, name: str) -> Any:
     for word in name.split("."):
         table = mapping(table).get(word)
     return table
-
-
-def _lines(stated: Any) -> list[str]:
-    return [minus(f"{name} {text}".strip()) for name, text in flat(stated)]
 
 
 def _printed(one: SpecimenNumber) -> str:

@@ -90,12 +90,13 @@ def write_characterisation_report(found: Characterisation, path: str | Path) -> 
 
 def characterisation_document(found: Characterisation) -> Document:
     """Build the report; arguments as for `write_characterisation_report`."""
+    papers = tuple(dict.fromkeys([*law_type(found.law).cites, "findley1976", "albender2005"]))
     sections = (
         Section("Result", tuple(_result(found)), "result"),
         Section("Prediction", tuple(_prediction(found)), "prediction"),
         Section("Measurement", tuple(_measurement(found)), "measurement"),
         Section("How to read this", (KeyValues(READING),), "reading"),
-        Section("Papers this rests on", (References(tuple(_papers(found))),), "papers"),
+        Section("Papers this rests on", (References(papers),), "papers"),
         Section("Versions", (Paragraph(versions_text()),), "versions"),
     )
     lead = "An unknown muscle, measured on its own in one run: its law, friction, relaxation and leak."
@@ -214,10 +215,6 @@ def _measurement(found: Characterisation) -> list[Block]:
     ]
 
 
-def _papers(found: Characterisation) -> list[str]:
-    return list(dict.fromkeys([*law_type(found.law).cites, "findley1976", "albender2005"]))
-
-
 CURVES = {"force_length": "Force over length", "passive": "Passive force", "force_velocity": "Force over velocity"}
 PAPER = "chou1996"
 
@@ -314,17 +311,16 @@ def _match(match: Match) -> list[Block]:
         rows,
         "Root mean square difference over the tension at rest length",
     )
-    elements = tuple(TableRow((p.title, *_values(p.start, p.value, unit=p.unit), _hit(p))) for p in match.parameters)
+    elements = tuple(
+        TableRow((p.title, *(minus(with_unit(v, p.unit)) for v in (p.start, p.value)), _hit(p)))
+        for p in match.parameters
+    )
     columns = headed("Element", *numeric("As built", "Found"), TableColumn("", wide=True))
     blocks: list[Block] = [Heading(title), curves, ReportTable(columns, elements)]
     if match.simulated is not None:
         words = f"The twitch with elements on the test machine, circuit and all: {significant(match.rms_simulated, 3)}."
         blocks.append(Paragraph(words))
     return blocks
-
-
-def _values(*values: float, unit: str) -> list[str]:
-    return [minus(with_unit(v, unit)) for v in values]
 
 
 def _hit(p: Any) -> str:

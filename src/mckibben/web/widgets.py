@@ -208,7 +208,7 @@ def check(words: str, on: bool, change: Callable[[bool], object], more: str = ""
 def sentence(words: object) -> str:
     """Words with a capital and a full stop."""
     said = str(words).rstrip(".")
-    return f"{said[:1].upper()}{said[1:]}."
+    return f"{said[:1].upper()}{said[1:]}{'' if said.endswith('?') else '.'}"
 
 
 def grouped(value: float | None, places: int = 2) -> str:

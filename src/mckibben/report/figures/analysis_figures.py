@@ -82,7 +82,7 @@ def measured_loop_figure(
         else:
             lower.plot(at, error, color=colour, lw=style.LINE, ls=dash, label=words)
     if lower.get_legend_handles_labels()[0]:
-        style.key(lower, loc="upper left", bbox_to_anchor=(1.005, 1.06))
+        style.key(lower, loc="upper left", bbox_to_anchor=(1.005, 1.06), labelspacing=0.5)
     style.quantity_axes(upper, x=("", x.quantity), y=(y.heading, y.quantity))
     unit = y.heading.partition(",")[2]
     style.quantity_axes(lower, x=(x.heading, x.quantity), y=(f"Simulated less measured,{unit}", y.quantity))
@@ -120,7 +120,7 @@ def draw_measured_loop(
     step = max(len(values[0]) // MOST_POINTS, 1)
     look: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.0, "mfc": PANEL, "mec": INK, "mew": 0.7}
     ax.plot(values[0][::step], values[1][::step], label="measured", zorder=3, **look)
-    style.key(ax, loc="best")
+    style.key(ax, loc="best", labelspacing=0.5)
 
 
 # ---- over a swept parameter

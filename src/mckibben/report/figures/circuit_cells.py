@@ -310,7 +310,9 @@ def element_cell(
     free = [i for i, s in enumerate(sides) if s == 0]
     inward = {i for i in free if type(element).__name__ == "Compressor" and all(i == a for a, _ in element.paths)}
     triangles, texts = _outside(symbol, free, inward, ends, low, marks)
-    taken = [*triangles, *(t.box for t in texts), *(_along(p.route) for p in ports if len(p.route) > 1)]
+    routes = [p.route for p in ports if len(p.route) > 1]
+    lines = [around([Box(x - 1.0, y - 1.0, x + 1.0, y + 1.0) for x, y in route]) for route in routes]
+    taken = [*triangles, *(t.box for t in texts), *lines]
     label = stacked(words, 0.0, symbol.box.y0 - NEAR, "center")
     if any(t.box.overlaps(b, by=-3.0) for t in label for b in taken):
         label = stacked(words, 0.0, min(b.y0 for b in [*taken, symbol.box]) - NEAR, "center")
@@ -320,10 +322,6 @@ def element_cell(
     if command is not None:
         marks, texts = _command(marks, texts, command, symbol.top, COLOURS["valve"])
     return SymbolCell(tuple(marks), symbol.box, tuple(triangles), tuple(texts), tuple(ports))
-
-
-def _along(points: Sequence[Point]) -> Box:
-    return around([Box(x - 1.0, y - 1.0, x + 1.0, y + 1.0) for x, y in points])
 
 
 def _routes(symbol: Symbol, ends: Sequence[str], sides: Sequence[int]) -> tuple[list[Route], float]:

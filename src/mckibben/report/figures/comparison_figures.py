@@ -320,5 +320,7 @@ def _matched(ax: Axes, match: Match, name: str) -> None:
             bbox_to_anchor=(1.02, 0.56),
             fontsize=style.SMALL - 1.0,
             handlelength=2.0,
+            labelspacing=0.5,
+            borderpad=0.4,
             labelcolor=INK_2,
         )

@@ -275,16 +275,13 @@ def distinguish(ax: Axes) -> None:
 
 def series(ax: Axes) -> list[Line2D]:
     """Lines and rows of marks that show data: neither rules nor single marks."""
-    return [line for line in ax.get_lines() if line.get_visible() and np.size(line.get_xdata()) > 2 and _drawn(line)]
+    shown = [line for line in ax.get_lines() if line.get_visible() and np.size(line.get_xdata()) > 2]
+    return [line for line in shown if np.isfinite(np.asarray(line.get_ydata(), float)).any()]
 
 
 def appearance(line: Line2D) -> tuple[object, str]:
     """Dash, in multiples of the width, and marker of a line: what is left of it without colour."""
     return _dash(line), _marker(line)
-
-
-def _drawn(line: Line2D) -> bool:
-    return bool(np.isfinite(np.asarray(line.get_ydata(), float)).any())
 
 
 def _dash(line: Line2D) -> Any:

@@ -106,7 +106,11 @@ class MechanismPicture:
                 level = low + tall * wanted["pressure"] / FULL
                 ax.plot([0.044, 0.068], [level] * 2, color=INK, lw=1.6, zorder=8)
         ax.text(0.03, 0.965, self.title, transform=ax.transAxes, fontweight="bold", fontsize=style.SMALL, va="center")
-        lines = [f"{time:.2f} s", *self._numbers(readings, wanted)]
+        said = [
+            f"{name.replace('_', ' ')} {_shown(name, readings[name])}, wanted {_shown(name, value)}"
+            for name, value in wanted.items()
+        ]
+        lines = [f"{time:.2f} s", *said]
         for k, line in enumerate(lines):
             ax.text(
                 0.03, 0.925 - 0.035 * k, line, transform=ax.transAxes, fontsize=style.SMALL, color=INK_2, va="center"
@@ -123,10 +127,6 @@ class MechanismPicture:
         if isinstance(self.system, Joint):
             return -0.21, -0.165, 0.42
         return (-0.15, -0.25, 0.30) if isinstance(self.system, Weight) else (-0.05, -0.125, 0.25)
-
-    def _numbers(self, readings: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
-        return [f"{name.replace('_', ' ')} {_shown(name, readings[name])}, wanted {_shown(name, value)}"
-                for name, value in wanted.items()]  # fmt: skip
 
     def _draw_joint(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         arms = _arms(self.system)

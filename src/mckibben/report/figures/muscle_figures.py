@@ -235,7 +235,8 @@ def muscle_drawing(
     head_text = ax.text(
         14.0 * per_point, 16.0 * per_point, title, fontsize=style.NORMAL, fontweight="bold", va="center"
     )
-    words = f"braid to scale, {_ratio(scale)} on paper"
+    ratio = f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
+    words = f"braid to scale, {ratio} on paper"
     if across >= style.MIDDLE:
         words += f"; {threads} threads each way drawn"
     style.beside(ax, words, (1, 0), (7, 0), xycoords=head_text, color=INK_3, va="bottom")
@@ -276,10 +277,6 @@ def _check_lengths(shape: BraidShape, lengths: Sequence[float]) -> None:
                 None,
                 f"must be between 0 m and {shape.thread_length:.4g} m, the thread length, got {value:.4g} m",
             )
-
-
-def _ratio(scale: float) -> str:
-    return f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
 
 
 def draw_braid(

@@ -70,14 +70,9 @@ def _rows(study: Ranking) -> list[_Row]:
     size = study.points.largest
     for title, error in study.published:
         both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
-        rows.append(
-            _Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both)
-        )
+        name = title.split(",")[0] if len(title) > 24 else title  # what follows the comma has no room beside the bars
+        rows.append(_Row(name=name, remark="published", converged=True, predicted=None, beyond=None, fitted=both))
     return rows
-
-
-def _shorter(title: str) -> str:
-    return title.split(",")[0] if len(title) > 24 else title
 
 
 def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False) -> None:

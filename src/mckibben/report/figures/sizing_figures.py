@@ -182,6 +182,7 @@ def _keyed(ax: Axes, shown: list[Judged], sizing: Sizing) -> None:
         columnspacing=1.4,
         handletextpad=0.6,
         labelspacing=0.25,
+        borderpad=0.4,
     )
 
 
@@ -266,6 +267,8 @@ def design_front(study: DesignStudy) -> Figure:
                 borderaxespad=0.0,
                 columnspacing=1.2,
                 handletextpad=0.3,
+                handlelength=2.0,
+                borderpad=0.4,
             )
     listed = []
     for i, design in enumerate(study.front[:LISTED]):

@@ -83,6 +83,7 @@ def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
         handlelength=2.4,
         handletextpad=0.7,
         labelspacing=0.55,
+        borderpad=0.4,
         labelcolor=INK_2,
     )
     _rms(fig, study, left + 0.75)

@@ -136,7 +136,7 @@ export function dryRun () {
   }).join('')
   const first = d.findings[0]
   // what does not prevent the run, but has to be known of it
-  const cautions = (d.cautions ?? []).map(c => `<div class="note" role="note" style="margin-top:4px"><span>${escape(say(`${c[0].toUpperCase()}${c.slice(1)}.`))}</span></div>`).join('')
+  const cautions = (d.cautions ?? []).map(c => `<div class="note" role="note" style="margin-top:4px"><span>${escape(say(`${c[0].toUpperCase()}${c.slice(1)}${c.endsWith('?') ? '' : '.'}`))}</span></div>`).join('')
   box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}${cautions}`
   const b = $('#cure')
   if (b) b.onclick = () => asks('cure')
