@@ -49,14 +49,15 @@ class RecordingDescription(Answer):
         """What the recording is of, its steps, and its channels."""
         about = [{"name": name, "value": value} for name, value in self._about() if value]
         title = str(self.content["title"] or self.content["file"] or "Recording")
+        sentence = str(self.content["sentence"] or "").removeprefix(f"{title}. ")
+        if len(sentence) > SENTENCE:
+            sentence = sentence[:SENTENCE].rsplit(" ", 1)[0] + " ..."
+        title = f"{title}\n{sentence}" if sentence else title
         tables = [Table(title, (Column("name", ""), Column("value", "")), about)]
         return [*tables, *([self._steps()] if self.content["steps"] else []), self._channels()]
 
     def _about(self) -> Iterator[tuple[str, str]]:
         known = self.content
-        if known["sentence"]:
-            text = str(known["sentence"]).removeprefix(f"{known['title']}. ")
-            yield "about", text if len(text) <= SENTENCE else text[:SENTENCE].rsplit(" ", 1)[0] + " ..."
         for key in ("protocol", "specimen", "rig", "created"):
             yield key, _named(known[key]) if known[key] else ""
         rate, gaps = known["sample_rate"], known["gaps"]

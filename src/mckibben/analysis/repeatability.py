@@ -14,7 +14,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import Recording, read_recording
-from ..recordings.files import path_of, select_between
+from ..recordings.files import naming_file, path_of, select_between
 from ..verbs import ChannelName, Count, RecordingFiles, Time, verb
 from .channels import Interval, find_cycles, finite, known, linear_fit
 
@@ -246,11 +246,14 @@ def repeatability(
         raise InputError("recordings", None, "must be one or several")
     records = [select_between(read_recording(one), start, end) for one in sources]
     one = len(records) == 1
-    compared = (
-        between_cycles(records[0], channel=channel, drive=drive, skip=skip)
-        if one
-        else between_runs(records, channel=channel)
-    )
+    for source, record in zip(sources, records, strict=True):
+        with naming_file(source):
+            for name in (channel, drive) if one else (channel,):
+                known(record, name)  # refuses what the file has not, before parameters of that name are looked at
+    if one:
+        compared = between_cycles(records[0], channel=channel, drive=drive, skip=skip)
+    else:
+        compared = between_runs(records, channel=channel)
     drift = None
     if compared.repetitions > 2:
         drift = trend(range(compared.repetitions), compared.peaks.tolist()).slope
