@@ -26,8 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..estimation import Estimate
 from .posterior import Posterior
-from .uncertainty import Estimate
 
 GRID = (7, 9)  # lengths and pressures of the candidates
 MOVE, VENT, READ = 2.0, 3.0, 1.0  # time to a point, to an empty muscle at another length, and of a reading [s]
@@ -310,7 +310,6 @@ def contrast_of(
 
 
 def _noise(posterior: Posterior) -> float:
-    """Standard deviation of a reading [N]."""
     return float(np.median(posterior.noise) * posterior.sensor_noise)
 
 

@@ -161,16 +161,14 @@ def robot_folds(
         raise InputError("trials", ", ".join(names), demand)
     folds, trials = [], []
     for left in folders:
-        tell = None if progress is None else functools.partial(_without, progress, Path(left).name)
+        tell = None
+        if progress is not None:
+            tell = functools.partial(lambda name, words: progress(f"without {name}: {words}"), Path(left).name)
         fitted = [folder for folder in folders if folder != left]
         result, all_trials = robot_study(fitted, [left], free=free, evaluations=evaluations, progress=tell)
         folds.append(RobotFold(Path(left).name, result))
         trials.append(all_trials[-1])
     return tuple(folds), trials
-
-
-def _without(tell: Callable[[str], None], name: str, words: str) -> None:
-    tell(f"without {name}: {words}")
 
 
 def merged_folds(folds: Sequence[RobotFold]) -> CircuitFit:

@@ -1,4 +1,14 @@
-"""Search behind `match`: free parameters, their curves, and bounded least squares from several starts."""
+"""Match of a McKibben muscle with a biological one: added elements, and the search for their parameters.
+
+The elements are a parallel spring and damper, a tendon in series, and a delay before the valve:
+
+    T = tendon(X - L) = max(braid(L, P') + spring(L) - Fc(P') + c v, 0)       in steady shortening at v = dX/dt < 0
+
+Beside the braid the spring becomes part of its law, so that tension and volume still come from one potential. The static
+solution here and the motion in `twitch_of` are those of a `MuscleUnit`, which a test machine takes as it is. Chou and
+Hannaford propose these elements, IEEE Trans. Robotics and Automation 12(1), 1996, doi:10.1109/70.481753 (discussion).
+Free parameters are searched by bounded least squares of the curves of the muscle, from several starts.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +17,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._jax import Scalar, jax, jnp
+from ..._jax import Array, Tree, jax, jnp
 from ...analysis.characteristics import dynamic_range
 from ...analysis.segments import segments
 from ...answers import brief
+from ...assembly.muscle_unit import BraidMotion, MusclePath, MuscleUnit, UnitState
 from ...bench.rig_file import rig as rig_of
-from ...components import paths
+from ...components import Module, Scalar, paths
+from ...components.system import Moment, System, Value
 from ...documents import JsonValue
+from ...engine import march, ramped
 from ...errors import InputError, choice
+from ...estimation import Estimation, Parameter, bounds_of
 from ...experiments.read import with_values
+from ...muscles.elements import PassiveSpring
+from ...muscles.law import TensionLaw
+from ...quantities import quantity
 from ...recordings import Recording
-from .assisted import Assisted, steady, twitch_of, with_spring
 from .protocols import Curve, normalised, record_of, rig_for
 from .table import ComparedMuscle
 
-# What is free, and the size [SI] from which on it is searched by its logarithm: u = log(1 + p/size).
+# What is free, its name, and the size [SI] from which on it is searched by its logarithm.
 FREE = {
     "unit.law.spring.rest_length": 0.1,
     "unit.law.spring.stiffness": 10.0,
@@ -47,6 +63,154 @@ DRAWS, SEED = 4, 1  # starts beside the bare muscle
 EVALUATIONS = 40  # most of each start
 STAGES = DRAWS + 3  # progress reports of `match`: two twitches, and a search from every start
 HIT = 1e-3  # of the range of u: nearer than that a parameter is at its bound
+HALVINGS = 50
+
+
+class Accompanied(TensionLaw):
+    """A law with a parallel spring: one length, added forces. The spring does not affect the gas.
+
+    Range: that of the law.
+    """
+
+    law: TensionLaw  # type: ignore[misc]  # all quantities are keyword-only
+    spring: PassiveSpring  # type: ignore[misc]
+
+    title = "With a spring beside it"
+    cites = ("chou1996",)
+    fitted = ()
+
+    def elastic_tension(self, length: Scalar) -> Scalar:
+        """Elastic tension of the braid and the spring [N]."""
+        return self.law.elastic_tension(length) + self.spring.force(length)
+
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Gas energy of the law [J]."""
+        return self.law.gas_energy(length, pressure)
+
+    def length_range(self) -> tuple[Scalar, Scalar]:
+        """Range of lengths of the law [m]."""
+        return self.law.length_range()
+
+    def has_volume(self) -> bool:
+        """Whether the law has a known volume."""
+        return self.law.has_volume()
+
+
+class Assisted(Module):
+    """A muscle with added elements; its span at rest; and a pure delay of its command."""
+
+    unit: MuscleUnit
+    rest_span: Scalar = quantity("m", (1e-3, 100.0), "span that counts as the rest length", symbol="X0")
+    delay: Scalar = quantity("s", (0.0, 0.2), "pure delay of the command", symbol="td", default=0.0)
+
+
+def with_spring(unit: MuscleUnit, *, rest_length: float) -> MuscleUnit:
+    """Return the muscle with a parallel spring that is slack at first; `rest_length` of the spring in [m]."""
+    spring = PassiveSpring(rest_length=rest_length, stiffness=0.0)
+    law = Accompanied(law=unit.law, spring=spring, thread_strain=unit.law.thread_strain)
+    changed: MuscleUnit = unit.replace(law=law)
+    return changed
+
+
+def steady(
+    unit: MuscleUnit, span: Scalar, pressure: Scalar, velocity: Scalar = 0.0, direction: Scalar = 0.0
+) -> tuple[Tree, Tree]:
+    """Tension of the tendon [N] and length of the braid [m] at rest or in steady motion, elementwise.
+
+    Args:
+        unit: the muscle, with a tendon.
+        span: between the anchors [m].
+        pressure: gauge pressure [Pa].
+        velocity: velocity of span and braid alike [m/s], positive while lengthening.
+        direction: +1 with the full friction of lengthening, -1 of shortening, 0 without.
+    """
+    span, pressure, velocity, direction = jnp.broadcast_arrays(
+        *(jnp.asarray(x, float) for x in (span, pressure, velocity, direction))
+    )
+    tendon = unit.tendon
+    assert tendon is not None
+    rubbing = 0.0 if unit.friction is None else unit.friction.largest_force(pressure)
+    resisting = direction * rubbing + unit.viscosity * velocity
+
+    def pull(length: Scalar) -> Any:
+        return unit.law.braid_tension(length, pressure) + resisting
+
+    def excess(length: Scalar) -> Any:
+        return pull(length) - tendon.force(span - length)
+
+    longest = span - tendon.slack_length
+
+    def halve(_: int, ends: tuple[Tree, Tree]) -> tuple[Tree, Tree]:
+        middle = 0.5 * (ends[0] + ends[1])
+        over = excess(middle) > 0.0
+        return jnp.where(over, ends[0], middle), jnp.where(over, middle, ends[1])
+
+    low = 0.05 * span
+    start = jax.lax.stop_gradient(
+        0.5 * sum(jax.lax.fori_loop(0, HALVINGS, halve, jax.lax.stop_gradient((low, longest))))
+    )
+    # One Newton step carries the derivative through the implicit function, as in the law's free length.
+    off, stiffness = jax.jvp(excess, (start,), (jnp.ones_like(start),))
+    stiffness = jax.lax.stop_gradient(stiffness)
+    length = start - jnp.where(stiffness > 0.0, off / jnp.where(stiffness > 0.0, stiffness, 1.0), 0.0)
+    taut = pull(longest) > 0.0
+    return jnp.where(taut, tendon.force(span - length), 0.0), jnp.where(taut, length, longest)
+
+
+class Mounted(System):
+    """A muscle between fixed ends under a known pressure: input ``pressure`` [Pa], gauge."""
+
+    unit: MuscleUnit
+    span: Scalar
+
+    def rate(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
+        """Rates of change of length and velocity of the braid."""
+        return self.unit.rate(state, self._motion(state, memory, inputs), jnp.zeros(()))
+
+    def _motion(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> BraidMotion:
+        return self.unit.motion(state, memory, inputs["pressure"].value, self.span, jnp.zeros(()))
+
+    def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
+        """Return no integrands."""
+        return ()
+
+    def advance_memory(self, memory: Tree, start: Moment, end: Moment, duration: Scalar) -> Tree:
+        """Advance the friction along the path."""
+        moved = end.state.length - start.state.length
+        pressures = start.inputs["pressure"].value, end.inputs["pressure"].value
+
+        def pull(kept: Tree) -> Scalar:
+            return self._motion(end.state, kept, end.inputs).tension
+
+        return self.unit.advance_memory(memory, MusclePath(moved, jnp.zeros(()), *pressures, pull), duration)
+
+    def outputs(self, state: UnitState, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Tension and length."""
+        return {"tension": self._motion(state, memory, inputs).tension, "length": state.length}
+
+
+def twitch_of(muscle: Assisted, pressure: Array, period: float) -> jax.Array:
+    """Compute the tension [N] between fixed ends at the rest span for a course of pressure, by the stiff method.
+
+    The pressure is that of a muscle that was recorded before; that it would change a little with the length is left out,
+    and a run on the test machine shows how little.
+
+    Args:
+        muscle: with its elements.
+        pressure: gauge pressure at the samples (n,) [Pa], from rest.
+        period: period of the samples [s].
+
+    Returns:
+        (n,) [N].
+    """
+    _, length = steady(muscle.unit, muscle.rest_span, pressure[0])
+    start = UnitState(length, jnp.zeros(()))
+    signal = ramped(pressure).delayed(muscle.delay)
+    system = Mounted(unit=muscle.unit, span=muscle.rest_span)
+    memory = muscle.unit.initial_memory()
+    _, outputs = march(system, start, memory, {"pressure": signal}, period, 1, len(pressure) - 1, True)
+    twitch: jax.Array = outputs[2]["tension"]
+    return twitch
 
 
 class Tuned(NamedTuple):
@@ -89,71 +253,61 @@ class Search:
     """Least-squares search over u = log(1 + p/size)."""
 
     def __init__(
-        self, before: Assisted, goal: Goal, free: dict[str, float], bounds: dict[str, tuple[float, float]]
+        self, before: Assisted, goal: Goal, free: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]
     ) -> None:
-        self.before, self.goal, self.free, self.bounds = before, goal, free, bounds
-        self.sizes = np.array(list(free.values()))
-        self.low, self.high = (np.log1p(np.array([b[i] for b in bounds.values()]) / self.sizes) for i in (0, 1))
-        self.start = np.log1p(np.array([float(paths.get(before, path)) for path in free]) / self.sizes)
-        self._residuals = jax.jit(self._all)
-        self._slopes = jax.jit(jax.jacfwd(self._all))
+        self.before, self.goal = before, goal
+        self.parameters = {
+            path: Parameter(
+                float(paths.get(before, path)), *bounds[path], paths.declaration(before, path).unit, size, "log1p"
+            )
+            for path, size in free.items()
+        }
+        self.low, self.high = bounds_of(self.parameters)
+        self.start = np.array([p.scaled(p.start) for p in self.parameters.values()])
         self._curves = jax.jit(lambda u: curves_of(self.muscle(u), self.goal))
 
     def muscle(self, u: Scalar) -> Assisted:
         """Muscle at a point of the search."""
-        values = jnp.asarray(self.sizes) * jnp.expm1(jnp.asarray(u))
-        changed: Assisted = paths.put(self.before, {path: values[i] for i, path in enumerate(self.free)})
+        sizes = jnp.asarray([p.size for p in self.parameters.values()])
+        values = sizes * jnp.expm1(jnp.asarray(u))
+        changed: Assisted = paths.put(self.before, {path: values[i] for i, path in enumerate(self.parameters)})
         return changed
 
-    def _all(self, u: Scalar) -> Any:
-        curves = curves_of(self.muscle(u), self.goal)
-        parts = [(curves[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
-        return jnp.concatenate(parts)
-
-    def residuals(self, u: Scalar) -> np.ndarray:
-        """Residuals of all curves; a very large value where a point has no solution, so that the search avoids it."""
-        residuals: np.ndarray = np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
-        return residuals
-
-    def slopes(self, u: Scalar) -> np.ndarray:
-        """Derivatives of the residuals."""
-        slopes: np.ndarray = np.nan_to_num(np.asarray(self._slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
-        return slopes
-
     def run(self, draws: int, evaluations: int, tell: Callable[[str], None]) -> np.ndarray:
-        """Search from all starts; return the best point."""
-        from scipy.optimize import least_squares
+        """Search from the muscle as built and from points drawn within the usual ranges; return the best point."""
 
-        inside = 1e-6 * (self.high - self.low)
-        best: np.ndarray = self.start
-        cost = float(np.sum(self.residuals(best) ** 2))
-        for number, first in enumerate([self.start, *self._drawn(draws)], 1):
-            tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
-            begin = np.clip(first, self.low + inside, self.high - inside)
-            solution = least_squares(
-                self.residuals,
-                begin,
-                jac=self.slopes,
-                bounds=(self.low, self.high),
-                max_nfev=evaluations,
-                xtol=1e-6,
-                ftol=1e-5,
-                gtol=1e-8,
-            )
-            if 2.0 * solution.cost < cost:
-                best, cost = solution.x, 2.0 * float(solution.cost)
-        return best
+        def off(u: Scalar) -> Any:
+            curves = curves_of(self.muscle(u), self.goal)
+            parts = [(curves[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
+            return jnp.concatenate(parts)
 
-    def _drawn(self, draws: int) -> list[np.ndarray]:
-        """Draw points within the usual ranges, or near the muscle as built."""
+        compiled, slopes = jax.jit(off), jax.jit(jax.jacfwd(off))
+
+        # a very large value where a point has no solution, so that the search avoids it
+        def residual(u: np.ndarray) -> np.ndarray:
+            return np.nan_to_num(np.asarray(compiled(u)), nan=10.0, posinf=10.0, neginf=-10.0)
+
+        def jacobian(u: np.ndarray) -> np.ndarray:
+            return np.nan_to_num(np.asarray(slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
+
         chance, low, high = np.random.default_rng(SEED), [], []
-        for i, path in enumerate(self.free):
+        for (path, p), start in zip(self.parameters.items(), self.start, strict=True):
             q = paths.declaration(self.before, path)
-            usual = q.typical != q.bounds
-            ends = np.log1p(np.array(q.typical) / self.sizes[i]) if usual else self.start[i] + np.array([-0.3, 0.3])
+            usual = q.typical != q.bounds  # else points are drawn near the muscle as built
+            ends = np.log1p(np.array(q.typical) / p.size) if usual else start + np.array([-0.3, 0.3])
             low.append(ends[0])
             high.append(ends[1])
-        return [chance.uniform(low, high) for _ in range(draws)]
+        options = {"x_scale": 1.0, "max_nfev": evaluations, "xtol": 1e-6, "ftol": 1e-5, "gtol": 1e-8}
+        margin = 1e-6 * (self.high - self.low)
+        estimation = Estimation(self.parameters, residual, jacobian, margin, options)
+        best: np.ndarray = self.start
+        cost = float(np.sum(residual(best) ** 2))
+        for number, first in enumerate([best, *(chance.uniform(low, high) for _ in range(draws))], 1):
+            tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
+            end = estimation.descend(first)
+            if 2.0 * end.cost < cost:
+                best, cost = end.x, 2.0 * end.cost
+        return best
 
     def curves(self, u: Scalar) -> dict[str, Curve]:
         """Curves at the abscissae of the target's."""
@@ -167,14 +321,12 @@ class Search:
 
     def tuned(self, u: np.ndarray) -> tuple[Tuned, ...]:
         """Parameters at a point."""
-        parameters, near = [], HIT * (self.high - self.low)
-        for i, path in enumerate(self.free):
-            low, high = self.bounds[path]
+        tuned, near = [], HIT * (self.high - self.low)
+        for i, (path, p) in enumerate(self.parameters.items()):
             hit = "low" if u[i] - self.low[i] < near[i] else "high" if self.high[i] - u[i] < near[i] else ""
-            first, last = (float(self.sizes[i] * np.expm1(v[i])) for v in (self.start, u))
-            unit = paths.declaration(self.before, path).unit
-            parameters.append(Tuned(path, NAMES[path], unit, first, last, low, high, hit))
-        return tuple(parameters)
+            first, last = (float(p.value(v[i])) for v in (self.start, u))
+            tuned.append(Tuned(path, NAMES[path], p.unit, first, last, p.low, p.high, hit))
+        return tuple(tuned)
 
 
 TWITCH = "isometric-twitch"
@@ -270,7 +422,10 @@ def match(
     goal = goal_of(muscle, target, known[muscle.id], known[target.id])
     unit = with_spring(muscle.unit, rest_length=muscle.rest_length)
     before = Assisted(unit=unit, rest_span=muscle.rest_length)
-    search = Search(before, goal, dict(free), _bounds(muscle, before, free))
+    bounds = {path: paths.declaration(before, path).bounds for path in free}
+    if "rest_span" in bounds:  # within the braid's range, from its free length on
+        bounds["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
+    search = Search(before, goal, free, bounds)
     best = search.run(draws, evaluations, tell)
     after = search.muscle(best)
     result = Match(
@@ -312,14 +467,6 @@ def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, want
     }
     name = "muscle.pressure" if "muscle.pressure" in part else "pressure"
     return Goal(curves, np.asarray(part[name]), part.period, muscle.full)
-
-
-def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Bounds of the parameters, as declared; the span at rest within the braid's range from its free length on."""
-    bounds = {path: paths.declaration(before, path).bounds for path in free}
-    if "rest_span" in bounds:
-        bounds["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
-    return bounds
 
 
 def simulated(match: Match, *, rig: str) -> Match:

@@ -116,7 +116,6 @@ def _subjects(
 
 
 def _target(name: str, subjects: Sequence[ComparedMuscle]) -> ComparedMuscle:
-    """Load the biological muscle that McKibben muscles are brought close to."""
     target = subject(name)
     if target.fibre is None:
         raise InputError("match", name, "must be a biological muscle; it is a McKibben muscle")

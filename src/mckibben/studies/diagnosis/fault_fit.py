@@ -32,7 +32,7 @@ from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
 from ...documents import JsonValue
 from ...errors import InputError
-from ...identification.uncertainty import Estimate, akaike, widening
+from ...estimation import Estimate, akaike, descend_in_lanes, widening
 from ...muscles import Muscle
 from ...pneumatics.valves import PressureRegulator
 from ...quantities import declared, with_unit
@@ -786,7 +786,6 @@ def _ladder(name: str, linear: float, bounds: tuple[float, float]) -> np.ndarray
 
 
 def _narrowed(tried: Mapping[float, float], bounds: tuple[float, float]) -> np.ndarray:
-    """Values between the neighbours of the best one so far."""
     values = np.array(sorted(tried))
     at = int(np.argmin([tried[v] for v in values]))
     low, high = values[max(at - 1, 0)], values[min(at + 1, len(values) - 1)]
@@ -816,7 +815,6 @@ def _vertex(tried: Mapping[float, float], widened: float, spread: float) -> tupl
 
 
 def _interval(value: float, error: float) -> tuple[float, float]:
-    """95 % interval of a normal distribution."""
     return value - NORMAL * error, value + NORMAL * error
 
 
@@ -931,24 +929,18 @@ def _least_over_slips(
         starts: slips from which the search begins, by what is searched of the grip [m].
         slack: of a slack clamp [m], a third of the largest slip.
     """
-    step = SLIP_STEP * slack
-    grips = np.array([v for v, some in starts.items() for _ in some])
-    slips = np.array([slip for some in starts.values() for slip in some])
-    least, best = np.full(len(grips), np.inf), slips
-    for last in (*[False] * SLIP_ROUNDS, True):
-        more = (0.0,) if last else (0.0, step)
-        sets = [{CLAMP_GRIP: v, START_SLIP: slip + d} for v, slip in zip(grips, slips, strict=True) for d in more]
-        off = compare.scaled(compare.measured - compare.predict(sets)).reshape(len(grips), len(more), -1)
-        misfits = np.nan_to_num((off[:, 0] ** 2).sum(axis=1), nan=np.inf)
-        better = misfits < least
-        least, best = np.where(better, misfits, least), np.where(better, slips, best)
-        if not last:
-            slope = (off[:, 1] - off[:, 0]) / step
-            change = -(off[:, 0] * slope).sum(axis=1) / np.maximum((slope**2).sum(axis=1), LEAST_EFFECT)
-            slips = np.clip(np.nan_to_num(best + np.where(better, change, 0.5 * (slips - best))), 0.0, 3.0 * slack)
+    grips = [v for v, some in starts.items() for _ in some]
+    slips = np.array([[slip] for some in starts.values() for slip in some])
+
+    def off(at: np.ndarray) -> np.ndarray:
+        sets = [{CLAMP_GRIP: v, START_SLIP: slip} for v, row in zip(grips, at[..., 0], strict=True) for slip in row]
+        return compare.scaled(compare.measured - compare.predict(sets)).reshape(*at.shape[:2], -1)
+
+    step, bounds = np.array([SLIP_STEP * slack]), (np.zeros(1), np.array([3.0 * slack]))
+    best, least = descend_in_lanes(off, slips, step=step, bounds=bounds, rounds=SLIP_ROUNDS, least=LEAST_EFFECT)
     ends = np.cumsum([len(some) for some in starts.values()])
     found = [a + int(np.argmin(least[a:b])) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
-    return [(float(least[i]), float(best[i])) for i in found]
+    return [(float(least[i]), float(best[i, 0])) for i in found]
 
 
 def _explains(compare: _Comparison, names: Sequence[str], best: str, value: float, widened: float) -> bool:
