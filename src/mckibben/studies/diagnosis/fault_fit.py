@@ -32,7 +32,7 @@ from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
 from ...documents import JsonValue
 from ...errors import InputError
-from ...estimation import Estimate, akaike, descend_in_lanes, widening
+from ...estimation import NORMAL_QUANTILE, Estimate, akaike, descend_in_lanes, widening
 from ...muscles import Muscle
 from ...pneumatics.valves import PressureRegulator
 from ...quantities import declared, with_unit
@@ -112,7 +112,6 @@ SHOWN = {
 LEAVES, LEAVES_SHARE, MOST_ZERO = 4.0, 0.01, 5e-3
 # Units in which the zero of a sensor is shown, and factors to them.
 ZERO_SHOWN = {"span": ("mm", 1e3), "pressure": ("mbar", 1e-2), "valve_pressure": ("mbar", 1e-2), "tension": ("N", 1.0)}
-NORMAL = 1.96  # standard errors of a 95 % interval
 FEWEST_BLOCKS, SCALINGS = 20, 5
 NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
@@ -367,7 +366,9 @@ def _check_stated(
         missing.append("it does not state its muscle, so name the sound one")
     inputs = [name for name in ("span", "valve.command") if name not in record]
     missing += [f"it has no channel {name}, which drives the sound rig" for name in inputs]
-    changes = _changes_by_hand(record)
+    events = record.meta.get("events")
+    texts = [str(e.get("text")) for e in events if isinstance(e, Mapping)] if isinstance(events, list | tuple) else []
+    changes = [text for text in texts if text.startswith(ASKED)]
     missing += [f"in its run the operator was {ask}, after which it is another rig or muscle" for ask in changes[:1]]
     if not any(name in record for name in CHANNELS):
         missing.append(f"it has none of {', '.join(CHANNELS)}, to compare with the sound rig")
@@ -378,20 +379,11 @@ def _check_stated(
         raise InputError("recording", None, sentence, sentence=sentence, where=where)
 
 
-def _changes_by_hand(record: Recording) -> list[str]:
-    """What the operator was asked to do during a run, as its recording says it."""
-    events = record.meta.get("events")
-    texts = [str(e.get("text")) for e in events if isinstance(e, Mapping)] if isinstance(events, list | tuple) else []
-    return [text for text in texts if text.startswith(ASKED)]
-
-
 def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> Rig:
-    import dataclasses
-
     if isinstance(rig, Rig):
-        return dataclasses.replace(rig, faults=RigFaults())
+        return replace(rig, faults=RigFaults())
     if rig is not None:
-        return dataclasses.replace(rig_of(rig), faults=RigFaults())
+        return replace(rig_of(rig), faults=RigFaults())
     document = record.meta.get("rig_document")
     if not isinstance(document, Mapping):
         raise InputError("rig", None, "is missing: the recording does not state its rig")
@@ -606,7 +598,9 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
     if max(likelihoods.values()) <= THRESHOLD:
-        intervals = {n: _interval(values[n], spread[n]) for n in names}
+        intervals = {
+            n: (values[n] - NORMAL_QUANTILE * spread[n], values[n] + NORMAL_QUANTILE * spread[n]) for n in names
+        }
         for name in (n for n in names if n in RUNGS and likelihoods[n] > TELLING):
             searched, ends, _ = _search(compare, [name], values, spread, residual, widened, only=name)
             values, intervals = values | searched, intervals | ends
@@ -741,7 +735,7 @@ def _search(
     for n in names:
         vertex, error = _vertex(tried[n], widened, spread[n])
         best[n] = float(np.clip(vertex, *bounds[n]))
-        low, high = _interval(vertex, error)
+        low, high = vertex - NORMAL_QUANTILE * error, vertex + NORMAL_QUANTILE * error
         if n in RUNGS:
             least, largest = _profile_interval(tried[n], widened)
             low, high = min(low, least), max(high, largest)
@@ -814,10 +808,6 @@ def _vertex(tried: Mapping[float, float], widened: float, spread: float) -> tupl
     return float(values[at]) + shift, size * float(np.sqrt(widened / curvature))
 
 
-def _interval(value: float, error: float) -> tuple[float, float]:
-    return value - NORMAL * error, value + NORMAL * error
-
-
 def _profile_interval(tried: Mapping[float, float], widened: float) -> tuple[float, float]:
     """95 % interval by the likelihood itself, as for a fault whose misfit has kinks and several minima.
 
@@ -826,13 +816,13 @@ def _profile_interval(tried: Mapping[float, float], widened: float) -> tuple[flo
     """
     values = np.array(sorted(tried))
     off = np.sqrt(np.maximum(np.array([tried[v] for v in values]) - min(tried.values()), 0.0) / widened)
-    inside = np.flatnonzero(off <= NORMAL)
+    inside = np.flatnonzero(off <= NORMAL_QUANTILE)
     ends = []
     for at, beyond in ((inside[0], inside[0] - 1), (inside[-1], inside[-1] + 1)):
         if not 0 <= beyond < len(values) or not np.isfinite(off[beyond]):
             ends.append(float(values[at]))
         else:
-            share = (NORMAL - off[at]) / (off[beyond] - off[at])
+            share = (NORMAL_QUANTILE - off[at]) / (off[beyond] - off[at])
             ends.append(float(values[at] + share * (values[beyond] - values[at])))
     return ends[0], ends[1]
 
@@ -889,18 +879,14 @@ def _slipped_before(
         for v, (misfit, slip) in zip(starts, _least_over_slips(compare, starts, slack), strict=True):
             tried[v], slips[v] = misfit, slip
         new = np.concatenate([_narrowed(tried, bounds), _around_ends(tried, widened)])
-        starts = {v: (slips[_better_neighbour(tried, v)],) for v in new.tolist() if v not in tried}
+        values_tried, starts = sorted(tried), {}
+        for v in (v for v in new.tolist() if v not in tried):
+            at = int(np.searchsorted(values_tried, v))  # the search begins at the slip of the better neighbour
+            starts[v] = (slips[min(values_tried[max(at - 1, 0) : at + 1], key=tried.__getitem__)],)
     sets = {v: {CLAMP_GRIP: v, START_SLIP: slips[v]} for v in tried}
     interval = _interval_over_motions(compare, sets, tried, widened)
     best = min(tried, key=tried.__getitem__)
     return _SlippedBefore(best, interval, slips[best], (float(residual @ residual) - tried[best]) / widened)
-
-
-def _better_neighbour(tried: Mapping[float, float], value: float) -> float:
-    """Of the values that were tried next to another one, that of less misfit."""
-    values = sorted(tried)
-    at = int(np.searchsorted(values, value))
-    return min(values[max(at - 1, 0) : at + 1], key=tried.__getitem__)
 
 
 def _around_ends(tried: Mapping[float, float], widened: float) -> np.ndarray:
@@ -909,7 +895,7 @@ def _around_ends(tried: Mapping[float, float], widened: float) -> np.ndarray:
     The hollow of a grip may lie between two grips of a plateau, the last one of which stands on its far slope already.
     """
     values = np.array(sorted(tried))
-    inside = np.flatnonzero(np.array([tried[v] for v in values]) - min(tried.values()) <= NORMAL**2 * widened)
+    inside = np.flatnonzero(np.array([tried[v] for v in values]) - min(tried.values()) <= NORMAL_QUANTILE**2 * widened)
     places = np.clip(
         [inside[0] - 1, inside[0], inside[0] + 1, inside[-1] - 1, inside[-1], inside[-1] + 1], 0, len(values) - 1
     )
