@@ -46,8 +46,10 @@ class Column:
         title: words at its head; the key by default.
         unit: SI unit of numbers, ``1`` for pure ones; empty for words.
         shown: unit in which a person reads them, ``%`` for shares; the usual one by default.
-        places: format of a number.
+        places: format of a number; empty for three digits, or all of a whole number.
         right: whether words stand at the right, as numbers do.
+        ends: keys of the ends of a range that is shown in brackets where it is one.
+        missing: stands for what there is not.
     """
 
     key: str
@@ -56,6 +58,8 @@ class Column:
     shown: str = ""
     places: str = ".4g"
     right: bool = False
+    ends: tuple[str, str] | None = None
+    missing: str = ""
 
     @property
     def head(self) -> str:
@@ -64,25 +68,34 @@ class Column:
         unit = self.shown or shown_unit(self.unit)
         return title if unit in ("", "1") or not title else f"{title}, {unit}"
 
+    def cell(self, row: Mapping[str, Any]) -> str:
+        """The value of a row as a person reads it, with its range in brackets."""
+        words = self.text(row.get(self.key))
+        if self.ends is None or row.get(self.ends[0]) is None:
+            return words
+        low, high = (self.text(row[end]) for end in self.ends)
+        return words if low == high == words else f"{words} ({low} to {high})"
+
     def text(self, value: Any) -> str:
-        """A value as a person reads it; nothing where it is missing or not a number."""
+        """A value as a person reads it; `missing` where there is none or it is not a number."""
         if value is None or value != value:
-            return ""
+            return self.missing
         if not self.unit:
             return str(value)
         unit = self.shown or shown_unit(self.unit)
         number = 100.0 * value if unit == "%" else value if unit == self.unit else from_si(value, self.unit, unit)
-        text = f"{number:{self.places}}"
-        return text.lstrip("-") if float(text) == 0.0 else text  # what is rounded to zero has no sign
+        text = f"{number:{self.places or ('.0f' if abs(number) >= 100.0 else '.3g')}}"
+        return text if text.strip("-0.%") else text.lstrip("-")  # what is rounded to zero has no sign
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of values [SI] below their columns; whoever shows them asks `heads` and `cells`."""
+    """Rows of values [SI] below their columns, with sentences below; whoever shows them asks `heads` and `cells`."""
 
     title: str
     columns: tuple[Column, ...]
     rows: Sequence[Mapping[str, Any]]
+    notes: tuple[str, ...] = ()
 
     @property
     def heads(self) -> list[str]:
@@ -96,7 +109,7 @@ class Table:
 
     def cells(self) -> list[list[str]]:
         """All values as a person reads them."""
-        return [[column.text(row.get(column.key)) for column in self.columns] for row in self.rows]
+        return [[column.cell(row) for column in self.columns] for row in self.rows]
 
 
 class Answer:
@@ -130,6 +143,14 @@ class Answer:
     def remarks(self) -> Sequence[str]:
         """Sentences below the tables."""
         return ()
+
+    def first(self, count: int) -> Answer:
+        """The same with the first rows of its rankings only."""
+        return self
+
+    def failure(self) -> str | None:
+        """Why what was asked for was not reached, empty where the tables say it; None if it was."""
+        return None
 
 
 def collect(*cautions: Caution | None) -> tuple[Caution, ...]:

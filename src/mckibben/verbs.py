@@ -81,10 +81,24 @@ Pressure = Annotated[float | str, QUANTITIES["PRESSURE"]]
 Force = Annotated[float | str, QUANTITIES["FORCE"]]
 Contraction = Annotated[float | str, QUANTITIES["CONTRACTION"]]
 Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
+Mass = Annotated[float | str, QUANTITIES["MASS"]]
+Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
+Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
+# What one asks of a muscle is within narrower bounds than what a rig or a recording may have.
+WorkingForce = Annotated[float | str, ParameterType("FORCE", "N", (1e-2, 2e4))]
+Stroke = Annotated[float | str, ParameterType("LENGTH", "m", (1e-4, 2.0))]
+OverallLength = Annotated[float | str, ParameterType("LENGTH", "m", (1e-2, 5.0))]
+TubeLength = Annotated[float | str, ParameterType("LENGTH", "m", (5e-3, 50.0))]
+WorkingSpeed = Annotated[float | str, ParameterType("SPEED", "m/s", (1e-4, 5.0))]
+CycleRate = Annotated[float | str, ParameterType("FREQUENCY", "1/s", (1e-4, 100.0))]
+TimePerDay = Annotated[float | str, ParameterType("TIME", "s", (1.0, 1e5))]
 MuscleName = Annotated[Any, ParameterType("SPECIMEN")]
 MuscleOrLaw = Annotated[Any, ParameterType("SPECIMEN|LAW")]
 LawName = Annotated[str, ParameterType("LAW")]
 CycleName = Annotated[str, ParameterType("CYCLE")]
+SpaceText = Annotated[str, ParameterType("LENGTHxDIAMETER")]
+TankText = Annotated[str, ParameterType("TANK")]
+ValveName = Annotated[str, ParameterType("VALVE")]
 VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
@@ -134,6 +148,8 @@ class Parameter:
         many: whether it takes several values: of a quantity a list or a range in one text.
         flag: whether it is true or false.
         about: words of help.
+
+    What has neither a type nor is a flag only Python gives, such as a function that is told of progress.
     """
 
     name: str
@@ -209,7 +225,7 @@ def verb(function: Callable[P, A]) -> Callable[P, A]:
     """Make of a function one that takes text with units, and whose answer says which values can only be slips.
 
     Cautions of the answer go out as warnings too. A sentence that is to be read at a command line as well names other
-    parameters in braces: ``"is allowed only without {pressure}"``.
+    parameters in braces: ``"is allowed only without {pressure}"``, or ``"{lines=False}"`` with the value of a flag.
     """
 
     @functools.wraps(function)
@@ -236,8 +252,12 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
     place = f"{function.__module__.partition('.')[2]}:{function.__name__}"
     parameters = described(place).parameters
     try:
-        found = function(**{name: parameters[name].read(value) for name, value in values.items()})
+        texts = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
+        found = function(**{name: parameters[name].read(value) for name, value in (texts | dict(values)).items()})
     except InputError as error:
+        for slip in _slips(parameters, values):
+            if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
+                error = error.changed(problem=f"{error.problem}; was {slip.text.partition('; was ')[2]}")
         raise _renamed(error, parameters, shown) from None
     said = {one.parameter for one in found.cautions}
     slips = (one for one in _slips(parameters, values) if one.parameter not in said)
@@ -254,7 +274,11 @@ def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Call
     """An error with parameters called as somebody calls them."""
 
     def called(text: str) -> str:
-        return re.sub(r"\{(\w+)\}", lambda m: shown(m[1]) if m[1] in parameters else m[0], text)
+        return re.sub(r"\{(\w+)(=\w+)?\}", one, text)
+
+    def one(found: re.Match[str]) -> str:
+        value = (found[2] or "") if shown is str else ""  # an option of its own stands for a flag with its value
+        return shown(found[1]) + value if found[1] in parameters else found[0]
 
     name, dot, key = error.field.partition(".")
     name = name if name in parameters else f"{name}s"  # one of several
@@ -266,12 +290,12 @@ def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Call
 
 
 def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> Iterator[Caution]:
-    """Cautions about texts whose size can only be a slip."""
+    """Cautions about values whose size can only be a slip."""
     for name, value in values.items():
         kind = parameters[name].type
         texts: Sequence[tuple[str, Any]] = [*value.items()] if isinstance(value, Mapping) else [(name, value)]
         for key, text in texts:
-            if isinstance(text, str) and (kind.range or isinstance(value, Mapping)):
+            if isinstance(text, str | int | float) and (kind.range or isinstance(value, Mapping)):
                 from .slips import size_caution
 
                 slip = size_caution(text, kind.unit, name=key.replace("_", " "), usual=kind.range)

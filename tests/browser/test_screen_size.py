@@ -6,7 +6,7 @@ import pytest
 from screen_server import says
 
 from mckibben.errors import InputError
-from mckibben.studies.sizing import size, tables_of
+from mckibben.studies.sizing import size
 from mckibben.web.pages.size.page import ROWS, answer
 from mckibben.web.pages.size.question import FIELDS, LINKED, SizeQuestion, from_link
 
@@ -29,11 +29,11 @@ def open_page(visit, **changes):
 
 def test_the_answer_is_that_of_the_command_to_the_last_digit(visit, theirs):
     page = open_page(visit)
-    for one in tables_of(theirs, ROWS):
+    for one in theirs.first(ROWS).tables():
         shown = page.get_by_role("table", name=one.title, exact=True)
         rows = shown.locator("tbody tr")
-        assert [row.locator("td").all_inner_texts() for row in rows.all()] == one.rows
-        assert shown.locator("thead th").all_inner_texts() == one.columns
+        assert [row.locator("td").all_inner_texts() for row in rows.all()] == one.cells()
+        assert shown.locator("thead th").all_inner_texts() == one.heads
     says(page, ".size-facts", "nylon", f"{theirs.chosen.promised_force:.1f} N", "own battery of 100 W h")
 
 

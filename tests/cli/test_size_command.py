@@ -53,7 +53,7 @@ def test_the_json_is_one_object_in_si(run):
 def test_the_tables_name_muscles_and_sources(run):
     code, out, _ = run(*ASKED, "--cycles", "1 Hz", "--working-time", "8 h", "--tank", "1 l at 100 bar")
     assert code == 0
-    assert "A day of 8 h: 28800 cycles" in out and "own tank of 1 l at 100 bar" in out and "W h a day" in out
+    assert "A day of 8 h: 28800 cycles" in out and "own tank of 1 l at 100 bar" in out and "a day, W h" in out
     assert "braid-mass" in out and "turns" in out and "CO2 cartridge" in out and "accumulator" in out
 
 

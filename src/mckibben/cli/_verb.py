@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -13,8 +14,20 @@ import typer
 from .. import verbs
 from ..answers import Answer
 from ..errors import InputError
+from . import _progress
 from ._outputs import OutputKinds, Paths
-from ._terminal import FigureLook, FigureWidth, Json, assignments, caution, expect_cautions, print_json, table
+from ._terminal import (
+    FigureLook,
+    FigureWidth,
+    Json,
+    assignments,
+    caution,
+    expect_cautions,
+    print_json,
+    program,
+    table,
+    writable,
+)
 
 
 class Shorthand(NamedTuple):
@@ -23,6 +36,14 @@ class Shorthand(NamedTuple):
     parameter: str
     value: str
     about: str
+
+
+class Written(NamedTuple):
+    """An option that names a file to write, beside ``--out``."""
+
+    suffix: str
+    about: str
+    write: Callable[[Any, Path], object]
 
 
 @dataclass(frozen=True)
@@ -35,7 +56,13 @@ class VerbCommand:
         examples: command lines.
         options: names of options that differ from those of their parameters.
         shorthands: flags that stand for a value, by name.
+        required: parameters that the command line wants stated.
         draw: draws the figure of an answer into a file.
+        writes: what else ``--out`` takes, by its kind in `outputs`.
+        written: options that name a file each.
+        top: rows of rankings that are shown and written where ``--top`` states no other; 0 for all, without the option.
+        doing: word for what takes long, and the number of its stages by what was given.
+        failed: exit code where what was asked for was not reached.
     """
 
     place: str
@@ -43,21 +70,36 @@ class VerbCommand:
     examples: tuple[str, ...]
     options: Mapping[str, str] = field(default_factory=dict)
     shorthands: Mapping[str, Shorthand] = field(default_factory=dict)
+    required: tuple[str, ...] = ()
     draw: Callable[[Any, Path], object] | None = None
+    writes: Mapping[str, Callable[[Any, Path], object]] = field(default_factory=dict)
+    written: Mapping[str, Written] = field(default_factory=dict)
+    top: int = 0
+    doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
+    failed: int = 1
 
     def option(self, parameter: str) -> str:
-        """The option of a parameter."""
-        return f"--{self.options.get(parameter, parameter).replace('_', '-')}"
+        """The option of a parameter; a flag that is set by default has one that takes it away."""
+        one = verbs.described(self.place).parameters[parameter]
+        name = self.options.get(parameter, parameter).replace("_", "-")
+        return f"--no-{name}" if one.flag and one.default else f"--{name}"
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
         verb = verbs.described(self.place)
-        parameters = [self._parameter(one) for one in verb.parameters.values()]
+        parameters = [self._parameter(one) for one in verb.parameters.values() if one.flag or one.type.word]
+        parameters.sort(key=lambda p: p.default is not p.empty)
         for name, one in self.shorthands.items():
             flag = Annotated[bool, typer.Option(f"--{name.replace('_', '-')}", help=one.about)]
             parameters.insert([p.name for p in parameters].index(one.parameter), _keyword(name, flag, False))
         if self.draw is not None:
             parameters += [_keyword("width", FigureWidth, None), _keyword("look", FigureLook, "screen")]
+        for name, written in self.written.items():
+            kind = Annotated[Path | None, typer.Option(f"--{name}", metavar="OUT", help=written.about)]
+            parameters.append(_keyword(name, kind, None))
+        if self.top:
+            rows = typer.Option("--top", metavar="N", min=1, help="Number of rows shown of each ranking.")
+            parameters.append(_keyword("top", Annotated[int, rows], self.top))
         parameters += [_keyword("out", Annotated[Paths, self.outputs.option()], None), _keyword("as_json", Json, False)]
 
         def run(**values: Any) -> None:
@@ -75,21 +117,32 @@ class VerbCommand:
             kind = Annotated[str, typer.Argument(metavar=word, help=p.about)]
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind)
         if p.flag:
-            return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=p.about)], p.default)
+            about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
+            return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=about)], False)
         repeated = word == "PATH=VALUE" or (p.many and not p.type.unit)
         taken: Any = list[str] if repeated else str
         option = typer.Option(self.option(p.name), metavar=word, help=p.about)
+        if p.name in self.required:
+            return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
 
     def _run(self, verb: verbs.Description, values: dict[str, Any]) -> None:
-        paths, as_json = values.pop("out"), values.pop("as_json")
+        paths, as_json, top = values.pop("out"), values.pop("as_json"), values.pop("top", None)
+        beside = {name: values.pop(name) for name in self.written}
+        for name, path in beside.items():
+            writable(f"--{name}", path, self.written[name].suffix)
         with self.outputs.files(paths) as files:
             answer = self._answer(verb, values)
             expect_cautions(())  # the answer has those about typed values
+            writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
+            for kind, write in writes.items():
+                files.write(kind, functools.partial(write, answer))
+            for name, path in beside.items():
+                if path is not None:
+                    self.written[name].write(answer, path)
+            failure = answer.failure()
+            answer = answer if top is None else answer.first(top)
             content = answer.to_dict() | {"warnings": caution(*answer.cautions)}
-            if self.draw is not None:
-                draw = self.draw
-                files.write("figure", lambda path: draw(answer, path))
             files.write_rows(answer.rows(), answer.units)
             files.write_result(content)
             if as_json:
@@ -97,6 +150,12 @@ class VerbCommand:
             else:
                 show(answer)
                 files.say()
+                for path in filter(None, beside.values()):
+                    typer.echo(f"Written: {path}")
+        if failure:
+            typer.echo(f"{program(31)}: {failure}", err=True)
+        if failure is not None:
+            raise typer.Exit(self.failed)
 
     def _answer(self, verb: verbs.Description, values: dict[str, Any]) -> Answer:
         for name, one in self.shorthands.items():
@@ -106,11 +165,19 @@ class VerbCommand:
                         self.option(one.parameter), None, f"is allowed only without --{name.replace('_', '-')}"
                     )
                 values[one.parameter] = one.value
-        given = {name: values[name] for name in verb.parameters if values[name] is not None}
+        given = {name: values[name] for name in verb.parameters if values.get(name) is not None}
+        for name in given:
+            if verb.parameters[name].flag and verb.parameters[name].default:
+                given[name] = not given[name]  # --no-lines
         for name in given:
             if verb.parameters[name].type.word == "PATH=VALUE":
                 given[name] = assignments(given[name])
-        return verbs.answer(verbs.load(self.place), given, self.option)
+        ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self.option)
+        if self.doing is None:
+            return ask(given)
+        title, stages = self.doing
+        with _progress.told(title, stages(given)) as tell:
+            return ask(given | {"progress": tell})
 
 
 def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -123,6 +190,9 @@ def show(answer: Answer) -> None:
     for i, one in enumerate(tables):
         typer.echo("\n" if i else "", nl=False)
         table(one.title, one.heads, one.cells(), right=one.right)
-    typer.echo("\n" if len(tables) > 1 else "", nl=False)
-    for remark in answer.remarks():
+        for note in one.notes:
+            typer.echo(note)
+    remarks = answer.remarks()
+    typer.echo("\n" if len(tables) > 1 and remarks else "", nl=False)
+    for remark in remarks:
         typer.echo(remark)

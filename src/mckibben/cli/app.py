@@ -89,7 +89,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Train models on measured tasks, and score their predictions of what they were not shown.",
     ),
     "parts": ("parts:list_parts", "List valves, tubes, gas sources, laws and muscles with numbers, units and sources."),
-    "size": ("size:size_muscle", "Find the muscle, valve, tube and gas source for a force and a stroke."),
+    "size": ("verb_commands:size", "Find the muscle, valve, tube and gas source for a force and a stroke."),
     "sweep": ("sweep:sweep", "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."),
     "export": (
         "export:export_part",

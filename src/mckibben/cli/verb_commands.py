@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ._outputs import FIGURE, OBJECT, TABLE, OutputKinds
-from ._verb import Shorthand, VerbCommand
+from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds
+from ._verb import Shorthand, VerbCommand, Written
 
 if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
+    from ..studies.sizing import Sizing
 
 
 tension = VerbCommand(
@@ -40,4 +42,49 @@ energy = VerbCommand(
     options={"cycles": "cycle", "stretched_length": "stretched", "curves": "curve", "parameters": "set"},
     shorthands={"no_friction": Shorthand("friction", "0 N", "Compute the cycles without friction.")},
     draw=_draw_cycles,
+)
+
+
+def _draw_sizing(answer: Sizing, path: Path) -> None:
+    from ..report.figures import sizing_figures, style
+
+    style.save(sizing_figures.design_map(answer, law=answer.law), path)
+
+
+def _save_sized(answer: Sizing, path: Path) -> None:
+    from .. import __version__
+    from ..specimens import save_specimen
+
+    save_specimen(answer.to_specimen(), path, heading=f"sized by mckibben {__version__}; not measured")
+
+
+def _write_circuit(answer: Sizing, path: Path) -> None:
+    from ..documents import write_text
+    from ..studies.sizing import toml_of
+
+    write_text(path, toml_of(answer.to_circuit()))
+
+
+def _sizing_stages(given: Mapping[str, Any]) -> int:
+    from ..studies.sizing import stages
+
+    return stages(lines=bool(given["lines"]), speed="speed" in given)
+
+
+size = VerbCommand(
+    "studies.sizing.size:size",
+    OutputKinds(figure=FIGURE, specimen=SPECIMEN, table=TABLE, result=OBJECT),
+    ("size --force '50 N' --stroke '3 cm' --pressure '5 bar' --cycles '1 Hz' --working-time '8 h' --out map.svg",),
+    options={"rate": "cycles", "tube_length": "tube", "posterior": "from_posterior"},
+    required=("stroke", "pressure"),
+    draw=_draw_sizing,
+    writes={"specimen": _save_sized},
+    written={
+        "circuit": Written(
+            ".toml", "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
+        )
+    },
+    top=5,
+    doing=("sizing", _sizing_stages),
+    failed=2,
 )

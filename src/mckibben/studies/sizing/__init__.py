@@ -1,7 +1,7 @@
 """Sizing of muscle, valve, tube and gas source for a force and a stroke.
 
 found = size(Requirements(force=50.0, stroke=0.03, pressure=5e5, length=0.2, diameter=0.03))
-found.muscles[0].margins, found.lines[0].to_force, found.sources[0].cycles
+found.muscles[0].margins, found.lines[0].to_force, found.gas_sources[0].cycles
 """
 
 from ..._lazy import lazy_submodules
@@ -16,7 +16,6 @@ from .requirements import Requirements, Shortfall
 from .size import Sizing, size, stages
 from .sources import DailyUse, SourceResult, sources_for
 from .spread import InferredRanges, spread_of
-from .tables import SizingTable, tables_of
 
 __all__ = [
     "BRAID_LAWS",
@@ -31,7 +30,6 @@ __all__ = [
     "LineResult",
     "Shortfall",
     "Sizing",
-    "SizingTable",
     "SourceResult",
     "Requirements",
     "InferredRanges",
@@ -53,7 +51,6 @@ __all__ = [
     "sources_for",
     "specimen_of",
     "spread_of",
-    "tables_of",
     "tank_of",
     "toml_of",
     "unit_of",

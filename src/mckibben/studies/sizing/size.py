@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from ...accessors import Accessor, implementation
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
-from ...answers import Caution, collect, warn
+from ...answers import Answer, Caution, Table, collect
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...extras import library
 from ...identification.posterior import Band, Posterior, read_posterior
 from ...muscles.plausible import pressure_caution
-from ...quantities import in_si, with_unit
-from ...slips import size_caution
+from ...quantities import with_unit
 from ...specimens import Specimen, specimen_ids
 from ...specimens.parts import parts
-from ...verbs import typed
+from ...verbs import (
+    CycleRate,
+    Diameter,
+    Energy,
+    LawName,
+    Mass,
+    MuscleName,
+    OverallLength,
+    PosteriorFile,
+    Pressure,
+    SpaceText,
+    Stroke,
+    TankText,
+    TimePerDay,
+    TubeLength,
+    ValveName,
+    WorkingForce,
+    WorkingSpeed,
+    typed,
+    verb,
+)
 from . import catalogue
 from .as_files import circuit_of, specimen_of
 from .braid import OBJECTIVES, design
@@ -29,7 +47,7 @@ from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Judged, judged, ranked
 from .lines import LENGTHS, LineResult, dead_volume, lines_for, time_range
 from .own_parts import battery_of, tank_of, valve_of
-from .requirements import ALLOWED, Requirements, Shortfall, parse_space
+from .requirements import Requirements, Shortfall, parse_space
 from .sources import DailyUse, SourceResult, daily_use, sources_for
 from .spread import InferredRanges, spread_of
 
@@ -70,7 +88,7 @@ MOST_TRIED = 3  # muscles whose speed is looked for
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sizing:
+class Sizing(Answer):
     """Result of sizing.
 
     Attributes:
@@ -80,7 +98,7 @@ class Sizing:
         chosen: for which lines and sources were looked for; the best, or the one asked for.
         lines: valves with tubes for it, the best first; empty if none were looked for.
         lengths: the best valve with tubes of other lengths.
-        sources: sources of gas, those that can do it first.
+        gas_sources: sources of gas, those that can do it first.
         piston: input and output of the paper's cycle of maximal shortening without and with an accumulator [J].
         law: of the braids.
         spread: ranges that inferred numbers leave for the chosen muscle; None if no muscle does it.
@@ -89,6 +107,7 @@ class Sizing:
         valves: specimens of the valves of the user's own, by the names in `lines`.
         samples: force and stroke of the chosen muscle by the posterior of its law; None if none was given.
         cautions: what can hardly be meant of the requirements.
+        shown: number of muscles, lines and lengths in tables and JSON; all by default.
     """
 
     wish: Requirements
@@ -97,7 +116,7 @@ class Sizing:
     chosen: Judged
     lines: tuple[LineResult, ...]
     lengths: tuple[LineResult, ...]
-    sources: tuple[SourceResult, ...]
+    gas_sources: tuple[SourceResult, ...]
     piston: dict[str, tuple[float, float] | None]
     law: str = BRAID_LAWS[0]
     spread: InferredRanges | None = None
@@ -106,6 +125,7 @@ class Sizing:
     valves: Mapping[str, Specimen] = field(default_factory=dict)
     samples: PosteriorAnswer | None = None
     cautions: tuple[Caution, ...] = ()
+    shown: int | None = None
 
     plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
 
@@ -155,12 +175,28 @@ class Sizing:
         """
         return circuit_of(self.chosen, self.wish, self.line, self.valves)
 
-    def to_dict(self, top: int | None = None) -> dict[str, JsonValue]:
-        """The whole answer as plain values in SI, for JSON.
+    def first(self, count: int) -> Sizing:
+        """The same with `count` muscles, lines and lengths in tables and JSON."""
+        return replace(self, shown=count)
 
-        Args:
-            top: number of muscles, lines and lengths; all by default.
-        """
+    def tables(self) -> list[Table]:
+        """Muscles, and for the chosen one valves with tubes, other tubes, gas sources and what a day takes."""
+        from .tables import tables_of
+
+        return tables_of(self)
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per muscle, as in `to_dict`."""
+        plain = (one.to_dict() for one in self.muscles[: self.shown])
+        return [{k: v for k, v in one.items() if not isinstance(v, dict | list)} for one in plain]
+
+    def failure(self) -> str | None:
+        """The sentence where nothing reaches it."""
+        return None if self.reached else self.sentence()
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The whole answer as plain values in SI, for JSON."""
+        top = self.shown
         return {
             "reached": self.reached,
             "wish": self.wish.parts(),
@@ -172,7 +208,7 @@ class Sizing:
             ],
             "lines": [line.to_dict() for line in self.lines[:top]],
             "lengths": [line.to_dict() for line in self.lengths[:top]],
-            "sources": [asdict(one) for one in self.sources],
+            "sources": [asdict(one) for one in self.gas_sources],
             "piston": {k: None if v is None else {"input": v[0], "output": v[1]} for k, v in self.piston.items()},
             "ranges": None if self.spread is None else self.spread._asdict() | {"to_force": self.time_range},
             "daily": None if self.daily is None else asdict(self.daily),
@@ -207,52 +243,55 @@ class Sizing:
         return said + (f"; what would do: {could[0].sentence()}" if could else "")
 
 
+@verb
 def size(
     wish: Requirements | None = None,
     *,
-    force: float | str | None = None,
-    stroke: float | str | None = None,
-    pressure: float | str = "5 bar",
-    load: float | str | None = None,
-    space: str | None = None,
-    length: float | str | None = None,
-    diameter: float | str | None = None,
-    speed: float | str | None = None,
-    rate: float | str | None = None,
-    working_time: float | str | None = None,
-    tube_length: float | str = "50 cm",
-    law: str = BRAID_LAWS[0],
-    muscle: str | None = None,
-    valve: str | Sequence[str] | None = None,
-    battery: float | str | None = None,
-    tank: str | None = None,
-    posterior: Posterior | str | os.PathLike[str] | None = None,
+    force: WorkingForce | None = None,
+    load: Mass | None = None,
+    stroke: Stroke | None = None,
+    pressure: Pressure = "5 bar",
+    space: SpaceText | None = None,
+    length: OverallLength | None = None,
+    diameter: Diameter | None = None,
+    speed: WorkingSpeed | None = None,
+    rate: CycleRate | None = None,
+    working_time: TimePerDay | None = None,
+    tube_length: TubeLength = "50 cm",
+    valve: ValveName | Sequence[ValveName] | None = None,
+    battery: Energy | None = None,
+    tank: TankText | None = None,
+    muscle: MuscleName | None = None,
+    posterior: PosteriorFile | None = None,
+    law: LawName = "linear_threshold",
     lines: bool = True,
     progress: Progress | None = None,
 ) -> Sizing:
     """Find the muscle, valve, tube and gas source for a force and a stroke.
 
+    At a command line the exit code is 2 when no muscle meets the requirements.
+
     Args:
         wish: the requirements; by default composed of those that follow.
-        force: force at the end of the stroke, while the muscle shortens [N].
-        stroke: distance by which the muscle shortens [m].
-        pressure: gauge pressure at which it does so [Pa].
-        load: mass that hangs on the muscle [kg], instead of a force.
-        space: length and diameter in words, such as ``"20 cm x 3 cm"``, instead of both.
+        force: force at the end of the stroke [N], while the muscle shortens, such as '50 N'.
+        load: mass that hangs on the muscle [kg], instead of a force, such as '5 kg'.
+        stroke: distance by which the muscle shortens [m], such as '3 cm'.
+        pressure: gauge pressure at which it does so [Pa], such as '5 bar'.
+        space: largest length and diameter, such as '20 cm x 3 cm', instead of both.
         length: largest overall length, fittings included [m].
         diameter: largest outer diameter, when contracted [m].
-        speed: speed of shortening with that force [m/s].
-        rate: frequency of working cycles [1/s].
-        working_time: time at work each day [s], for the energy and air of a day.
+        speed: speed of shortening with that force [m/s], such as '10 cm/s'.
+        rate: frequency of working cycles [1/s], such as '1 Hz'.
+        working_time: time at work each day [s], such as '8 h', for the energy and air of a day.
         tube_length: length of tube between valve and muscle [m].
-        law: law of `BRAID_LAWS`, for the braids.
-        muscle: id of the candidate, or a specimen file, for which lines and sources are looked for; the best by default.
-        valve: valves to try instead of all that ship: ids, specimen files, or numbers of a catalogue such as
-            ``"Cv=0.3, switching_time=8 ms"`` (`own_parts.valve_of`).
-        battery: energy of a battery of one's own that feeds a small compressor [J], such as ``"100 Wh"``.
-        tank: tank of air of one's own, such as ``"2 l at 200 bar"``.
-        posterior: samples of the law of `muscle`, or the file of a fit with them, for intervals of its force and stroke.
-        lines: look for valves and tubes.
+        valve: valve to try instead of all that ship: a name, a .toml file, or numbers of its catalogue, such as
+            'Cv=0.3, switching_time=8 ms'.
+        battery: battery of your own for a small compressor and the valve [J], such as '100 Wh'.
+        tank: tank of air of your own, such as '2 l at 200 bar'.
+        muscle: candidate, or .toml file of a muscle, for which valves and gas sources are sought.
+        posterior: result of `mckibben fit --posterior --out fit.json`, for 95 % bands of the answer.
+        law: law of the braids: linear_threshold, thick_wall or ideal.
+        lines: look for valves and tubes, which are simulated.
         progress: called with a description of the next stage.
 
     Raises:
@@ -273,26 +312,33 @@ def size(
             raise InputError(name, str(value), "must be left out beside a wish, which states it")
         if space is not None and name in ("length", "diameter") and value is not None:
             raise InputError(name, str(value), "must be left out beside a space, which states both")
-    said = _cautions(stated | {"pressure": pressure if wish is None else wish.pressure, "tube": tube_length})
-    warn(said)
+    for name, value in {"speed": speed, "valve": valve}.items():
+        if value is not None and not lines:
+            raise InputError(name, None, f"is allowed only without {{lines=False}}: a {name} takes a valve and a tube")
+    said = pressure_caution(pressure if wish is None else wish.pressure, text=typed(pressure))
     if wish is None:
-        size_limits = dict(zip(("length", "diameter"), parse_space(space), strict=True)) if space is not None else {}
         wish = _requirements(
-            force=_force_of(force, load),
-            stroke=stroke,
-            pressure=pressure,
-            length=size_limits.get("length", length),
-            diameter=size_limits.get("diameter", diameter),
-            speed=speed,
-            frequency=rate,
-            tube_length=tube_length,
-            working_time=working_time,
+            {
+                "force": _force_of(force, load),
+                "stroke": stroke,
+                "pressure": pressure,
+                **dict(
+                    zip(
+                        ("length", "diameter"), (length, diameter) if space is None else parse_space(space), strict=True
+                    )
+                ),
+                "speed": speed,
+                "frequency": rate,
+                "tube_length": tube_length,
+                "working_time": working_time,
+            },
+            spaced=space is not None,
         )
     if law not in BRAID_LAWS:
         raise InputError("law", law, known=BRAID_LAWS)
     _check_muscle(muscle)
     if posterior is not None and muscle is None:
-        raise InputError("posterior", None, "is allowed only with a muscle, whose law was fitted")
+        raise InputError("posterior", None, "is allowed only with {muscle}, whose law was fitted")
     drawn = posterior if posterior is None or isinstance(posterior, Posterior) else read_posterior(posterior)
     own_valves = None if valve is None else [valve_of(one) for one in ([valve] if isinstance(valve, str) else valve)]
     own_sources = [battery_of(battery)] if battery is not None else []
@@ -353,7 +399,7 @@ def size(
         None if spread is None else daily_use(wish, air, spread.air, line),
         {one.id: one for one in own_valves or ()},
         None if drawn is None else answer_of_posterior(drawn, chosen.muscle, wish),
-        said,
+        collect(said),
     )
 
 
@@ -363,35 +409,15 @@ def stages(*, lines: bool = True, speed: bool = False) -> int:
     return 3 + (tried + 1 if lines else 0)
 
 
-USUAL: dict[str, tuple[str, tuple[float, float] | None]] = {
-    "force": ("N", (1e-2, 2e4)), "stroke": ("m", (1e-4, 2.0)), "load": ("kg", (1e-3, 2e3)), "length": ("m", (1e-2, 5.0)),
-    "diameter": ("m", (1e-3, 0.5)), "speed": ("m/s", (1e-4, 5.0)), "rate": ("1/s", (1e-4, 100.0)),
-    "working_time": ("s", (1.0, 1e5)), "tube": ("m", (5e-3, 50.0)),
-}  # fmt: skip
-"""SI unit and usual sizes of a requirement."""
-
-
-def _cautions(stated: Mapping[str, float | str | None]) -> tuple[Caution, ...]:
-    """What can hardly be meant of requirements."""
-    said = [
-        size_caution(stated[name], unit, name=name.replace("_", " "), usual=usual)
-        for name, (unit, usual) in USUAL.items()
-        if stated[name] is not None
-    ]
-    pressure = stated["pressure"]
-    return collect(pressure_caution(float(in_si(pressure, "Pa", field="pressure")), text=typed(pressure)), *said)
-
-
-def _force_of(force: float | str | None, load: float | str | None) -> float | str | None:
+def _force_of(force: float | None, load: float | None) -> float | None:
     """The force, or the weight of the load [N]."""
     if load is None:
         return force
     if force is not None:
         raise InputError("load", None, "must be given without a force: it is the mass whose weight is the force")
-    mass = float(in_si(load, "kg", field="load"))
-    if not 0.0 < mass < 1e5:
-        raise InputError("load", with_unit(mass, "kg"), "must be above 0 kg, up to 1e+05 kg")
-    return mass * GRAVITY
+    if not 0.0 < load < 1e5:
+        raise InputError("load", with_unit(load, "kg"), "must be above 0 kg, up to 1e+05 kg")
+    return load * GRAVITY
 
 
 def _check_muscle(name: str | None) -> None:
@@ -405,15 +431,18 @@ def _check_muscle(name: str | None) -> None:
         raise InputError("muscle", name, "the candidates are", known=known)
 
 
-def _requirements(**values: float | str | None) -> Requirements:
-    """The requirements of numbers [SI] and texts with units."""
+def _requirements(values: Mapping[str, float | None], *, spaced: bool) -> Requirements:
+    """The requirements; errors name what was given: the space instead of its length and diameter, rate for frequency."""
     for name in ("force", "stroke"):
         if values[name] is None:
             raise InputError(
                 name, "missing", f"must be a {name}", sentence=f"Sizing needs a {name}, such as {EXAMPLES[name]!r}"
             )
-    si = {n: None if v is None else float(in_si(v, ALLOWED[n][0], field=n)) for n, v in values.items()}
-    return Requirements(**si)  # type: ignore[arg-type]
+    try:
+        return Requirements(**values)  # type: ignore[arg-type]
+    except InputError as error:
+        given = {"frequency": "rate"} | ({"length": "space", "diameter": "space"} if spaced else {})
+        raise error.changed(field=given.get(error.field, error.field)) from None
 
 
 def _with_lines(

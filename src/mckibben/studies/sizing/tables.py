@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
 
+from ...answers import Column, Table
 from ...identification.posterior import Band
-from ...quantities import from_si, with_unit
+from ...quantities import with_unit
 from .candidate import Judged
-from .lines import LineResult
+from .lines import NOT_KNOWN, LineResult
 from .requirements import ALLOWED
 from .size import Sizing
 from .sources import SourceResult
@@ -15,34 +18,16 @@ from .sources import SourceResult
 SHOWN = ("force", "stroke", "length", "diameter", "speed")  # margins with a column of their own
 
 
-class SizingTable(NamedTuple):
-    """A table of text.
-
-    Attributes:
-        title: heading.
-        columns: headings of the columns; numbers have their unit there.
-        rows: cells.
-        text_columns: number of columns of words, which stand first; the others are numbers.
-        notes: sentences below the table.
-    """
-
-    title: str
-    columns: list[str]
-    rows: list[list[str]]
-    text_columns: int = 1
-    notes: tuple[str, ...] = ()
-
-
-def tables_of(sizing: Sizing, top: int = 5) -> list[SizingTable]:
-    """All tables of an answer that have something to say, with at most `top` rows of muscles and lines."""
-    tables = [muscle_table(sizing, top)]
+def tables_of(sizing: Sizing) -> list[Table]:
+    """All tables of an answer that have something to say."""
+    tables = [muscle_table(sizing)]
     if sizing.lines:
-        tables.append(line_table(sizing, top))
+        tables.append(line_table(sizing))
     if sizing.lengths:
         tables.append(length_table(sizing))
-    if sizing.sources:
+    if sizing.gas_sources:
         tables.append(source_table(sizing))
-    if sizing.daily is not None and sizing.sources:
+    if sizing.daily is not None and sizing.gas_sources:
         tables.append(day_table(sizing))
     return tables
 
@@ -59,45 +44,45 @@ def _asked(name: str, value: float) -> str:
 # ---- muscles
 
 
-def muscle_table(sizing: Sizing, top: int) -> SizingTable:
+def muscle_table(sizing: Sizing) -> Table:
     """Candidates with their margins, and what the inferred numbers leave for the chosen one."""
-    columns = [
-        "muscle", "does it", "promised, N", "law says, N", "error", *SHOWN, "long, cm", "wide, mm", "mass, g", "air, mg",
-    ]  # fmt: skip
-    notes = [_braid_words(one) for one in sizing.muscles[:top] if one.muscle.kind == "braid"][:1]
+    shown = sizing.muscles[: sizing.shown]
+    notes = [_braid_words(one) for one in shown if one.muscle.kind == "braid"][:1]
     notes += range_words(sizing)
     notes += posterior_words(sizing)
     if not sizing.reached:
         notes += [
             f"What would do: {m.sentence()}" if m.reachable else f"Not by itself: {m.part}" for m in sizing.misses
         ]
-    return SizingTable(
-        f"Muscles for {question(sizing)} (margins beyond the error of the law)",
-        columns,
-        [_muscle_row(one) for one in sizing.muscles[:top]],
-        2,
-        tuple(notes),
+    columns = (
+        Column("muscle"),
+        Column("verdict", "does it"),
+        Column("promised_force", "promised", "N", places=".1f"),
+        Column("end_force", "law says", "N", places=".1f"),
+        Column("error", unit="1", places=".1%"),
+        *(Column(f"{name}_margin", name, "1", places="+.0%") for name in SHOWN),
+        Column("overall_length", "long", "m", "cm", ".1f"),
+        Column("diameter", "wide", "m", "mm", ".1f"),
+        Column("mass", "mass", "kg", "g", ".3g"),
+        Column("air", "air", "kg", "mg", ".0f"),
     )
-
-
-def _muscle_row(one: Judged) -> list[str]:
-    m = one.muscle
-    return [
-        m.id,
-        one.verdict,
-        f"{one.promised_force:.1f}",
-        f"{one.end_force:.1f}",
-        f"{m.error.share:.1%}",
-        *(_percent(one.margins[n]) if n in one.margins else "" for n in SHOWN),
-        f"{100 * m.overall_length:.1f}",
-        f"{1e3 * m.diameter:.1f}",
-        "" if m.mass is None else f"{1e3 * m.mass:.3g}",
-        f"{1e6 * one.air:.0f}",
+    rows = [
+        {
+            "muscle": one.muscle.id,
+            "verdict": one.verdict,
+            "promised_force": one.promised_force,
+            "end_force": one.end_force,
+            "error": one.muscle.error.share,
+            **{f"{name}_margin": margin for name, margin in one.margins.items()},
+            "overall_length": one.muscle.overall_length,
+            "diameter": one.muscle.diameter,
+            "mass": one.muscle.mass,
+            "air": one.air,
+        }
+        for one in shown
     ]
-
-
-def _percent(margin: float) -> str:
-    return f"{round(margin, 2) + 0.0:+.0%}"
+    title = f"Muscles for {question(sizing)} (margins beyond the error of the law)"
+    return Table(title, columns, rows, tuple(notes))
 
 
 def _braid_words(one: Judged) -> str:
@@ -167,48 +152,60 @@ def _names(names: tuple[str, ...]) -> str:
 # ---- lines
 
 
-def line_table(sizing: Sizing, top: int) -> SizingTable:
+def line_table(sizing: Sizing) -> Table:
     """Valves and tubes of the chosen muscle."""
-    columns = [
-        "valve", "tube", "to force, ms", "rise, ms", "fall, ms", "valve, g", "W", "bend, N cm2", "air, mg", "leak, mg/s",
-        "speed, cm/s", "best",
-    ]  # fmt: skip
+    shown = sizing.lines[: sizing.shown]
     notes = ["best: no other line is as good in time, mass, power, air and flexibility of its tube at once."]
-    late = [f"{one.valve} with {one.tube}" for one in sizing.lines[:top] if not one.settled]
+    late = [f"{one.valve} with {one.tube}" for one in shown if not one.settled]
     if late:
         said = "their times are" if len(late) > 1 else "its times are"
         notes.append(f"The tension has not settled behind {', '.join(late)}: {said} of a step under way.")
-    if any(line.not_stated for line in sizing.lines[:top]):
+    if any(line.not_stated for line in shown):
         notes.append("Not known: mass or power of a valve of one's own were not given; the ranking takes usual ones.")
-    title = f"Valves and tubes for {sizing.chosen.muscle.id}"
-    return SizingTable(title, columns, [_line_row(one) for one in sizing.lines[:top]], 2, tuple(notes))
-
-
-def _line_row(line: LineResult) -> list[str]:
-    return [
-        line.valve,
-        line.tube,
-        *_times(line),
-        line.valve_mass_shown,
-        line.power_shown,
-        f"{1e4 * line.stiffness:.1f}",
-        f"{1e6 * line.air:.0f}",
-        f"{1e6 * line.leak:.0f}",
-        "" if line.speed is None else f"{100 * line.speed:.0f}",
-        ("*" if line.pareto else "") + ("" if line.keeps_up else " too slow"),
+    columns = (
+        Column("valve"),
+        Column("tube"),
+        *TIMES,
+        Column("valve_mass", "valve", "kg", "g", ".0f", missing=NOT_KNOWN),
+        Column("power", "valve", "W", "W", ".1f", missing=NOT_KNOWN),
+        Column("stiffness", "bend", "N*m^2", "N*cm^2", ".1f"),
+        Column("air", "air", "kg", "mg", ".0f"),
+        Column("leak", "leak", "kg/s", "mg/s", ".0f"),
+        Column("speed", "speed", "m/s", "cm/s", ".0f"),
+        Column("best", right=True),
+    )
+    rows = [
+        {
+            **_line(line),
+            "valve_mass": None if "mass" in line.not_stated else line.valve_mass,
+            "power": None if "power" in line.not_stated else line.power,
+            "best": ("*" if line.pareto else "") + ("" if line.keeps_up else " too slow"),
+        }
+        for line in shown
     ]
+    return Table(f"Valves and tubes for {sizing.chosen.muscle.id}", columns, rows, tuple(notes))
 
 
-def length_table(sizing: Sizing) -> SizingTable:
+TIMES = tuple(
+    Column(name, name.replace("_", " "), "s", "ms", ".1f", missing="never") for name in ("to_force", "rise", "fall")
+)
+
+
+def _line(line: LineResult) -> dict[str, Any]:
+    names = ("valve", "tube", "tube_length", "to_force", "rise", "fall", "stiffness", "air", "leak", "speed")
+    return {name: getattr(line, name) for name in names}
+
+
+def length_table(sizing: Sizing) -> Table:
     """The best valve behind tubes of other lengths."""
     order = sorted(sizing.lengths, key=lambda x: (x.tube, x.tube_length))
-    rows = [[x.tube, with_unit(x.tube_length, "m"), *_times(x), f"{1e6 * x.air:.0f}"] for x in order]
-    columns = ["tube", "length", "to force, ms", "rise, ms", "fall, ms", "air, mg"]
-    return SizingTable(f"{sizing.lengths[0].valve} behind other tubes", columns, rows)
-
-
-def _times(line: LineResult) -> list[str]:
-    return [ms(line.to_force), ms(line.rise), ms(line.fall)]
+    columns = (
+        Column("tube"),
+        Column("tube_length", "length", "m"),
+        *TIMES,
+        Column("air", "air", "kg", "mg", ".0f"),
+    )
+    return Table(f"{sizing.lengths[0].valve} behind other tubes", columns, [_line(one) for one in order])
 
 
 def ms(value: float | None) -> str:
@@ -219,54 +216,58 @@ def ms(value: float | None) -> str:
 # ---- gas sources
 
 
-def source_table(sizing: Sizing) -> SizingTable:
+def source_table(sizing: Sizing) -> Table:
     """Gas sources of the chosen muscle, each number with the range that inferred numbers leave in brackets."""
-    columns = ["gas source", "does it", "J a cycle", "efficiency, %", "cycles", "lasts, min", "mass, kg", "runs, %"]
-    why = [f"{one.title}: {one.note}." for one in sizing.sources if not one.able]
-    if any(one.form == "bottle" and one.able for one in sizing.sources):
+    why = [f"{one.title}: {one.note}." for one in sizing.gas_sources if not one.able]
+    if any(one.form == "bottle" and one.able for one in sizing.gas_sources):
         why.append("The gas of a bottle is throttled from its pressure: most of the filling's work is lost.")
-    notes = (*why, _piston_words(sizing), "In brackets: what the inferred numbers leave.")
-    return SizingTable(
-        f"Gas sources for {sizing.chosen.muscle.id}", columns, [_source_row(one) for one in sizing.sources], 2, notes
+    columns = (
+        Column("title", "gas source"),
+        Column("does", "does it"),
+        _ranged("energy", "a cycle", "J", "J"),
+        Column("efficiency", unit="1", shown="%", places=".1f"),
+        _ranged("cycles", "cycles", "1"),
+        _ranged("run_time", "lasts", "s", "min"),
+        Column("mass", unit="kg", shown="kg", places=".3g"),
+        Column("duty", "runs", "1", "%", ".0f"),
     )
+    rows = [{**row, "does": _does(one)} for one, row in zip(sizing.gas_sources, _sources(sizing), strict=True)]
+    notes = (*why, _piston_words(sizing), "In brackets: what the inferred numbers leave.")
+    return Table(f"Gas sources for {sizing.chosen.muscle.id}", columns, rows, notes)
 
 
-def _source_row(one: SourceResult) -> list[str]:
-    return [
-        one.title,
-        ("yes" if one.surely else "perhaps") if one.able else "no",
-        ranged(one.energy, one.energy_range),
-        f"{100 * one.efficiency:.1f}",
-        ranged(one.cycles, one.cycles_range),
-        ranged(one.run_time, one.run_time_range, 1.0 / 60.0),
-        "" if one.mass is None else f"{one.mass:.3g}",
-        "" if one.duty is None else f"{100 * one.duty:.0f}",
-    ]
+def _does(one: SourceResult) -> str:
+    return ("yes" if one.surely else "perhaps") if one.able else "no"
 
 
-def day_table(sizing: Sizing) -> SizingTable:
+def _sources(sizing: Sizing) -> Iterator[dict[str, Any]]:
+    """Gas sources as rows, with the ends of their ranges."""
+    for one in sizing.gas_sources:
+        row = asdict(one)
+        for name in ("energy", "cycles", "run_time", "daily", "fillings"):
+            row[f"{name}_low"], row[f"{name}_high"] = row[f"{name}_range"] or (None, None)
+        yield row
+
+
+def _ranged(key: str, title: str, unit: str, shown: str = "") -> Column:
+    return Column(key, title, unit, shown, "", ends=(f"{key}_low", f"{key}_high"))
+
+
+def day_table(sizing: Sizing) -> Table:
     """Energy, and fillings or charges, of a day for each source that can do it."""
-    hours = 1.0 / 3600.0
-    rows = [
-        [one.title, ranged(one.daily, one.daily_range, hours), ranged(one.fillings, one.fillings_range)]
-        for one in sizing.sources
-        if one.able and one.daily is not None
-    ]
-    columns = ["gas source", "W h a day", "fillings or charges a day"]
-    return SizingTable(" ".join(daily_words(sizing)), columns, rows, 1)
+    columns = (
+        Column("title", "gas source"),
+        _ranged("daily", "a day", "J", "W h"),
+        _ranged("fillings", "fillings or charges a day", "1"),
+    )
+    rows = [row for row in _sources(sizing) if row["able"] and row["daily"] is not None]
+    return Table(" ".join(daily_words(sizing)), columns, rows)
 
 
-def ranged(value: float | None, ends: tuple[float, float] | None, scale: float = 1.0) -> str:
-    """A value with its range in brackets, both times a scale; nothing where there is no value."""
-    if value is None:
-        return ""
-    words = _number(value * scale)
-    low, high = (words, words) if ends is None else (_number(end * scale) for end in ends)
-    return words if low == high == words else f"{words} ({low} to {high})"
-
-
-def _number(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
+def ranged(value: float | None, ends: tuple[float, float] | None, unit: str, shown: str) -> str:
+    """A value with its range in brackets; nothing where there is no value."""
+    low, high = ends or (None, None)
+    return _ranged("value", "", unit, shown).cell({"value": value, "value_low": low, "value_high": high})
 
 
 def daily_words(sizing: Sizing) -> list[str]:
@@ -277,7 +278,7 @@ def daily_words(sizing: Sizing) -> list[str]:
     low, high = day.air_range
     said = (
         f"A day of {_asked('working_time', day.working_time)}: {day.cycles:.0f} cycles, {day.air:.3g} kg of air "
-        f"({low:.3g} to {high:.3g} kg), {_number(from_si(day.volume, 'm^3', 'l'))} l at the reference atmosphere"
+        f"({low:.3g} to {high:.3g} kg), {ranged(day.volume, None, 'm^3', 'l')} l at the reference atmosphere"
     )
     if day.valve_energy is not None:
         said += f"; {day.valve_energy / 3600.0:.3g} W h for the valve, if it is held all the time"

@@ -125,15 +125,15 @@ def facts_of(sizing: Sizing) -> list[SizingFact]:
     facts.append(
         SizingFact("Air of a cycle", "q", f"{1e6 * air:.0f} mg", "" if spread is None else _brackets(*spread.air, 1e6))
     )
-    source = next((s for s in sizing.sources if s.able), None)
+    source = next((s for s in sizing.gas_sources if s.able), None)
     if source is not None:
         facts.append(SizingFact("Gas source", "", source.title))
-        facts.append(SizingFact("Energy of a cycle", "", f"{ranged(source.energy, source.energy_range)} J"))
+        facts.append(SizingFact("Energy of a cycle", "", f"{ranged(source.energy, source.energy_range, 'J')} J"))
         if source.run_time is not None:
-            facts.append(SizingFact("Lasts", "", f"{ranged(source.run_time, source.run_time_range, 1 / 60.0)} min"))
+            facts.append(SizingFact("Lasts", "", f"{ranged(source.run_time, source.run_time_range, 's', 'min')} min"))
         if source.daily is not None:
             facts.append(
-                SizingFact("Energy of a day", "", f"{ranged(source.daily, source.daily_range, 1 / 3600.0)} W h")
+                SizingFact("Energy of a day", "", f"{ranged(source.daily, source.daily_range, 'J', 'W h')} W h")
             )
     if sizing.daily is not None:
         low, high = sizing.daily.air_range

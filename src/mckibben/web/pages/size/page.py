@@ -13,7 +13,7 @@ from ....errors import InputError, MckibbenError
 from ....specimens import specimen_ids
 from ....specimens.parts import parts
 from ....specimens.write import specimen_toml
-from ....studies.sizing import BRAID_LAWS, OBJECTIVES, Sizing, size, tables_of
+from ....studies.sizing import BRAID_LAWS, OBJECTIVES, Sizing, size
 from ...elements import Element, call_script
 from ...transfers import download
 from ...widgets import box, button, check, empty, link, loading, panel, raw, refused, select, table, tell, text
@@ -190,9 +190,9 @@ class SizePage:
                 if charts.lines is not None:
                     with panel("Valves and tubes", "in full colour: beaten by none in everything"):
                         charts.lines.show()
-            for one in tables_of(sizing, ROWS):
+            for one in sizing.first(ROWS).tables():
                 with panel(one.title):
-                    table(one.columns, one.rows, right=range(one.text_columns, len(one.columns)), name=one.title)
+                    table(one.heads, one.cells(), right=one.right, name=one.title)
                     for note in one.notes:
                         text("p", note, "small dim")
 
