@@ -215,7 +215,7 @@ class Estimation:
     parameters: Parameters
     residual: Callable[[np.ndarray], np.ndarray]
     jacobian: Callable[[np.ndarray], np.ndarray]
-    margin: float = 1e-9
+    margin: float | np.ndarray = 1e-9
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def descend(self, start: np.ndarray) -> Descent:

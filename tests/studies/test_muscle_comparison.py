@@ -19,17 +19,8 @@ from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording
 from mckibben.specimens.published import published_ranges, read_ranges
 from mckibben.studies.comparison import PROPERTIES, ComparedMuscle, compare, subject
-from mckibben.studies.comparison.match import (
-    CURVES,
-    FREE,
-    Assisted,
-    Goal,
-    Search,
-    curves_of,
-    match,
-    steady,
-    with_spring,
-)
+from mckibben.studies.comparison.assisted import Assisted, steady, with_spring
+from mckibben.studies.comparison.match import CURVES, FREE, Goal, Search, curves_of, match
 from mckibben.studies.comparison.protocols import FULL, NAMES, Trials, normalised, record_of, trials
 from mckibben.studies.comparison.table import STATIC, column_of, law_column
 

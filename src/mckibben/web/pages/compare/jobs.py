@@ -16,7 +16,7 @@ from ....errors import InputError
 from ....recordings import read_recording
 from ....specimens.published import published_ranges
 from ....studies.comparison import PROPERTIES, ComparedMuscle, MuscleColumn, MuscleTable, subject
-from ....studies.comparison.match import steady
+from ....studies.comparison.assisted import steady
 from ....studies.comparison.protocols import Trials, trials
 from ....studies.comparison.table import LENGTHS, TENSIONS, PropertyRow, column_of, law_column
 from ...reader import read_outside
