@@ -28,13 +28,12 @@ from mckibben.engine import held, march
 from mckibben.engine.signals import Value, ramped
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import Dahl
-from mckibben.muscles.hysteresis.limit import FrictionLimit
+from mckibben.muscles.hysteresis.slip import FrictionLimit
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
-from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import InertialTube
-from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir, WallHeat
 
 PERIOD, INNER = 1e-3, 10  # outputs and commands at 1 kHz, steps of 100 us [s]
 STEP = PERIOD / INNER

@@ -31,8 +31,7 @@ from mckibben.bench.rig import Rig
 from mckibben.errors import NoVolumeError, StageError
 from mckibben.identification.tension_path_fit import WINDOW
 from mckibben.muscles.build import build_law
-from mckibben.muscles.creep import MaxwellChain
-from mckibben.muscles.elements import Tendon
+from mckibben.muscles.elements import MaxwellChain, Tendon
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 from mckibben.muscles.laws import LAWS
 from mckibben.studies.characterisation.evaluation import MOST_GAIN, advance, gain_change

@@ -46,10 +46,8 @@ from mckibben.muscles.build import build_law
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
 from mckibben.muscles.laws import law_type
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import Isothermal
-from mckibben.pneumatics.leak import Leak
-from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.orifice import Leak, Orifice
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
 from mckibben.quantities import declared, values
 from mckibben.studies.sizing import Requirements, of_specimen
 from mckibben.studies.sizing.candidate import LawAtPressure

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mckibben.benchmarking.models.law import RULER, joined
+from mckibben.benchmarking.physics import RULER, joined
 from mckibben.benchmarking.tasks import task
 from mckibben.errors import MissingDataError
 from mckibben.identification import fit

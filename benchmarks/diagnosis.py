@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mckibben as mk
-from mckibben.bench.faults import DRIFT
+from mckibben.bench.rig import DRIFT
 from mckibben.errors import MckibbenError
 from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of
 
@@ -190,7 +190,7 @@ def measure_faulty(
 
 
 def _words(name: str, size: float) -> str:
-    from mckibben.bench.faults import RigFaults
+    from mckibben.bench.rig import RigFaults
     from mckibben.quantities import declared
 
     unit = declared(RigFaults)[name].unit
@@ -207,7 +207,7 @@ SHORT = {
 
 def draw(results: dict[str, Any]) -> None:
     """Write the figure and the tables between the marks of the documentation's page."""
-    from mckibben.report.figures.diagnosis_figures import confusion_figure
+    from mckibben.report.figures.study_figures import confusion_figure
 
     docs = Path(__file__).resolve().parents[1] / "docs"
     matrix = results["faulty"]["matrix"]

@@ -19,7 +19,7 @@ from typing import Any
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.hosts import Part, conform, export
 from mckibben.hosts.adapters import LoopHost, PartInstance, PartReadings
-from mckibben.hosts.fmi.host import MASSES
+from mckibben.hosts.fmi_host import MASSES
 
 POINTERS = (
     "fmi4c_loadFmu",

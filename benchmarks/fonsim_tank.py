@@ -29,11 +29,8 @@ from mckibben.engine import held, march
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.distributed import DistributedTube, ReservoirEnd, VesselEnd, simulate
 from mckibben.pneumatics.gas import AIR, Gas
-from mckibben.pneumatics.heat import Isothermal
-from mckibben.pneumatics.tubes import LumpedTube
-from mckibben.pneumatics.tubes.inertial import inertance
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
-from mckibben.pneumatics.wall_friction import haaland, turbulence
+from mckibben.pneumatics.tubes import LumpedTube, haaland, inertance, turbulence
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
 from mckibben.quantities import quantity
 
 LENGTH, DIAMETER, ROUGHNESS, TANK = 0.6, 2e-3, 1.5e-6, 120e-6

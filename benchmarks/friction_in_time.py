@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 
 import mckibben as mk
-from mckibben.benchmarking.models import seated_memory
-from mckibben.benchmarking.models.law import LawModel
-from mckibben.benchmarking.moving import VENTING
-from mckibben.benchmarking.records import BenchmarkRecord
+from mckibben.benchmarking import physics
+from mckibben.benchmarking.datasets import VENTING, BenchmarkRecord
+from mckibben.benchmarking.physics import LawModel
 from mckibben.benchmarking.tasks import task
 from mckibben.estimation import akaike
 from mckibben.identification.problem import Problem, solve
@@ -65,7 +64,7 @@ def prepared() -> tuple[list[BenchmarkRecord], Paths, list[np.ndarray], list[np.
     runs = [run.every(step) for run in runs]
     count = min(map(len, runs))
     runs = [run.select(np.arange(len(run)) < count) for run in runs]
-    model = seated_memory.SeatedBraidMemory()
+    model = physics.SeatedBraidMemory()
     model.static = LawModel("seated_braid", length_error=LENGTH_ERROR)
     model.static.fit(runs)
     problem = Problem.of("seated_braid", model.static.points, known=model.static.known, length_error=LENGTH_ERROR)

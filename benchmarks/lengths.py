@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mckibben as mk
-from mckibben.benchmarking.models.law import joined
+from mckibben.benchmarking.physics import joined
 from mckibben.benchmarking.tasks import task
 from mckibben.identification import fit
 from mckibben.identification.problem import CURVE_POINTS, Problem, solve

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from mckibben.components import Scalar
-from mckibben.components.derivative import derivative
 from mckibben.components.flow import GasState
+from mckibben.components.module import derivative
 from mckibben.components.system import Moment, System
 from mckibben.muscles import braid
 from mckibben.pneumatics.gas import REFERENCE_TEMPERATURE

@@ -37,15 +37,13 @@ def parameters(_: Path) -> str:
     from mckibben.components import Environment
     from mckibben.muscles import LAWS, law_type
     from mckibben.muscles.biological import BiologicalMuscle
-    from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
-    from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
+    from mckibben.muscles.elements import KelvinVoigtChain, MaxwellChain, PassiveSpring, Tendon, Viscous
     from mckibben.muscles.hysteresis import HYSTERESES, FrictionLimit, PlayMap
     from mckibben.pneumatics.build import ELEMENTS
     from mckibben.pneumatics.gas import Gas
-    from mckibben.pneumatics.heat import Polytropic, WallHeat
     from mckibben.pneumatics.orifice import Orifice
-    from mckibben.pneumatics.valves import PilotStage, Solenoid
-    from mckibben.pneumatics.volume import CompliantVolume, FixedVolume
+    from mckibben.pneumatics.solenoid import PilotStage, Solenoid
+    from mckibben.pneumatics.volume import CompliantVolume, FixedVolume, Polytropic, WallHeat
 
     parts = []
     for heading, owners in {
@@ -258,9 +256,8 @@ def _names(part: Any) -> str:
 
 def rigs(_: Path) -> str:
     """Return the tables of all keys of a rig file, with the values of the rigs that ship with the package."""
-    from mckibben.bench.faults import RigFaults
     from mckibben.bench.hardware import AnalogOut, Computer, Converter, Encoder, Frame, Motor, Sensor
-    from mckibben.bench.hardware.pneumatics import Plumbing
+    from mckibben.bench.rig import Plumbing, RigFaults
     from mckibben.bench.rig_file import LENGTH, shipped_rigs
     from mckibben.bench.software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
     from mckibben.bench.software.interlocks import Interlocks
@@ -717,8 +714,8 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "biological": (
         "Biological muscle",
-        "One module per effect, and the muscle that combines them.",
-        ["muscles.biological.*"],
+        "The effects, and the muscle that combines them.",
+        ["muscles.biological"],
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
@@ -743,7 +740,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "figures": ("Figures", "Figures.", ["report.figures.**"]),
 }
 # Modules of these pages that are shown on another page.
-ELSEWHERE = {"bench": {"console"}, "components": {"element"}, "studies": {"design"}}
+ELSEWHERE = {"muscles": {"biological"}, "bench": {"console"}, "components": {"element"}, "studies": {"design"}}
 
 
 def list_of_rooms() -> str:

@@ -140,5 +140,5 @@ def test_toml_and_json_are_parsed_in_one_place():
         "registry.py",  # runs a file of the user, as Python
         "components/programs.py",  # its own words, just written
         "isolation.py",  # from a process that it has started
-        "batch/workers.py",  # likewise, and between machines of one cluster
+        "batch/drive.py",  # likewise, and between machines of one cluster
     }

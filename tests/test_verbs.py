@@ -8,11 +8,8 @@ import pytest
 
 from mckibben import verbs
 from mckibben.answers import Column, Table
-from mckibben.cli import _values
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.studies.tension import tension
-
-PLACE = "studies.tension:tension"
 
 
 def test_help_is_read_from_the_source_and_imports_nothing_that_computes():
@@ -21,12 +18,6 @@ def test_help_is_read_from_the_source_and_imports_nothing_that_computes():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     heavy = {"jax", "scipy", "numpy", "mckibben.studies.tension", "mckibben.analysis.energy"}
     assert heavy & set(done.stdout.split()) == set()
-
-
-def test_each_parameter_has_words_of_help_and_a_kind_that_the_command_line_knows():
-    for one in verbs.described(PLACE).parameters.values():
-        assert one.about and one.about[0].isupper() and one.about.endswith("."), one.name
-        assert "[" not in one.about and one.type.word in _values.KINDS
 
 
 def test_text_with_a_unit_and_a_number_in_si_are_one_question():

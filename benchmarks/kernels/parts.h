@@ -1,7 +1,7 @@
 /* What both muscle kernels share: the linear law with threshold, tendon, end mass, gas with wall heat, tube, Dahl's friction.
  *
  * The equations are those of the package (muscles/laws/linear_threshold.py, muscles/bladder.py, assembly/muscle_unit.py,
- * pneumatics/heat.py, pneumatics/tubes/inertial.py, muscles/hysteresis/dahl.py), rearranged by hand: every factor that stays
+ * pneumatics/volume.py, pneumatics/tubes.py, muscles/hysteresis/dahl.py), rearranged by hand: every factor that stays
  * over a run is formed once per lane, divisions share reciprocals, and choices between pieces are clips. SI throughout.
  */
 #ifndef PARTS_H

@@ -25,7 +25,7 @@ import numpy as np
 import mckibben as mk
 from mckibben.assembly.build import unit_from_specimen
 from mckibben.bench.segment import SegmentMachine
-from mckibben.bench.session.setup import ManualSetup
+from mckibben.bench.session.interface import ManualSetup
 from mckibben.specimens import muscle_specimen
 
 BOARDS: dict[str, Any] = {"uno": uno, "stm32f405": stm32f405}

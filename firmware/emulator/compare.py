@@ -28,8 +28,7 @@ import emulated_stm32f405 as stm32f405
 import numpy as np
 
 import mckibben as mk
-from mckibben.bench.hardware.connect import connected
-from mckibben.bench.hardware.interface import Hardware
+from mckibben.bench.hardware.interface import Hardware, connected
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.microcontroller import in_thread

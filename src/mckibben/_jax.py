@@ -184,7 +184,6 @@ def _no_search_for_rocm() -> Iterator[None]:
 
 
 def _configure() -> None:
-    """Switch to float64, and do what waited."""
     global _waiting
     sys.modules["jax"].config.update("jax_enable_x64", True)
     actions, _waiting = _waiting or [], None

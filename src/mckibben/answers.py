@@ -48,7 +48,7 @@ class Column:
         shown: unit in which a person reads them, ``%`` for shares; the usual one by default.
         places: format of a number; empty for three digits, or all of a whole number.
         right: whether words stand at the right, as numbers do.
-        ends: keys of the ends of a range that is shown in brackets where it is one.
+        ends: keys of the ends of a range that is shown in brackets where it is one, or instead of a value.
         missing: stands for what there is not.
     """
 
@@ -74,6 +74,8 @@ class Column:
         if self.ends is None or row.get(self.ends[0]) is None:
             return words
         low, high = (self.text(row[end]) for end in self.ends)
+        if row.get(self.key) is None:
+            return low if low == high else f"{low} to {high}"
         return words if low == high == words else f"{words} ({low} to {high})"
 
     def text(self, value: Any) -> str:
@@ -120,7 +122,7 @@ class Answer:
     Attributes:
         cautions: in the order in which they are shown, each once.
         balances: by name, the share that a balance leaves open [1]; empty where nothing was balanced.
-        sources: references and files that the numbers rest on.
+        sources: keys of the references that the numbers rest on.
     """
 
     cautions: tuple[Caution, ...] = ()

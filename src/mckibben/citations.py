@@ -33,10 +33,10 @@ def bibtex(keys: Iterable[str]) -> str:
 def reference(key: str) -> str:
     """Format one reference as a line of text."""
     entry = _entry(key)
-    parts = [_authors(_field(entry, "author")), f"({_field(entry, 'year')})", _field(entry, "title")]
-    place = (
-        _field(entry, "journal") or _field(entry, "booktitle") or _field(entry, "publisher") or _field(entry, "note")
-    )
+    *most, last = _field(entry, "author").split(" and ")
+    authors = f"{', '.join(most)} and {last}" if most else last
+    parts = [authors, f"({_field(entry, 'year')})", _field(entry, "title")]
+    place = next(filter(None, (_field(entry, name) for name in ("journal", "booktitle", "publisher", "note"))), "")
     volume, number, pages = (_field(entry, name) for name in ("volume", "number", "pages"))
     if volume:
         place += f" {volume}" + (f"({number})" if number else "") + (f", {pages.replace('--', '-')}" if pages else "")
@@ -59,15 +59,8 @@ def _entry(key: str) -> str:
 
 def _field(entry: str, name: str) -> str:
     match = re.search(rf"(?m)^\s*{name}\s*=\s*\{{(.*)\}},?\s*$", entry)
-    return _plain(match.group(1)) if match else ""
-
-
-def _plain(text: str) -> str:
+    if match is None:
+        return ""
     accents = {"'a": "á", "'e": "é", "'o": "ó", "'i": "í", '"o': "ö", '"u': "ü"}
-    text = re.sub(r"\{\\(['\"][a-z])\}", lambda m: accents.get(m.group(1), m.group(1)[-1]), text)
+    text = re.sub(r"\{\\(['\"][a-z])\}", lambda m: accents.get(m.group(1), m.group(1)[-1]), match.group(1))
     return text.replace("{", "").replace("}", "")
-
-
-def _authors(text: str) -> str:
-    names = text.split(" and ")
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -50,8 +50,12 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         InputError: there is no such file, or it is no text.
     """
     where = os.fspath(path)
+
+    def at_once(path: str, flags: int) -> int:  # also a pipe into which nobody writes
+        return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
     try:
-        with open(path, "rb", opener=_open_at_once) as stream:
+        with open(path, "rb", opener=at_once) as stream:
             if stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode):
                 raise no_file(where)
             data = stream.read(LONGEST + 1)
@@ -70,18 +74,12 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
         raise InputError(field, None, f"must be TOML in UTF-8: {error}", where=where) from None
 
 
-def _open_at_once(path: str, flags: int) -> int:
-    """Open a file, or a pipe into which nobody writes."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-
-
-def no_file(path: str | os.PathLike[str], field: str = "file") -> InputError:
+def no_file(path: str | os.PathLike[str]) -> InputError:
     """The error about a path at which no plain file is: nothing, or a pipe or device, which might never end."""
     if not os.path.exists(path) or os.path.isdir(path):
-        return not_found(path, field)
-    return InputError(
-        field, os.fspath(path), "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
-    )
+        return not_found(path)
+    said = "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
+    return InputError("file", os.fspath(path), said)
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:
@@ -99,12 +97,7 @@ def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonV
                 return document
     except (ValueError, RecursionError) as error:  # a number of 5,000 digits is a plain ValueError
         raise InputError(field, None, f"is not TOML: {error}", where=where) from None
-    raise InputError(
-        field,
-        None,
-        f"must have at most {DEEPEST} tables and lists inside one another",
-        where=where,
-    )
+    raise InputError(field, None, f"must have at most {DEEPEST} tables and lists inside one another", where=where)
 
 
 def editable_toml(text: str, *, where: str, field: str = "file") -> Any:
@@ -133,16 +126,15 @@ def parse_json(text: str | bytes, **options: Any) -> JsonValue:
         text = text.decode("utf-8")
     if text.count("[") + text.count("{") > DEEPEST and _is_deep(text, _JSON):
         raise ValueError(f"more than {DEEPEST} lists and objects inside of one another")
+
+    def whole(digits: str) -> int:  # that a float can hold
+        if len(digits) > 300:
+            raise ValueError("a whole number has more than 300 digits")
+        return int(digits)
+
     if _LONG_NUMBER.search(text):
-        options.setdefault("parse_int", _whole)
+        options.setdefault("parse_int", whole)
     return json.loads(text, **options)
-
-
-def _whole(digits: str) -> int:
-    """A whole number that a float can hold."""
-    if len(digits) > 300:
-        raise ValueError("a whole number has more than 300 digits")
-    return int(digits)
 
 
 def _is_deep(text: str, tokens: re.Pattern[str]) -> bool:
@@ -195,18 +187,14 @@ def with_own_paths(document: JsonValue, where: str | os.PathLike[str], key: str 
         where: the file that they come from.
         key: whose values that end in ``.toml`` are paths; others are names of what ships.
     """
+
+    def found(value: Any) -> JsonValue:
+        named = isinstance(value, str) and value.lower().endswith(".toml")
+        return str(Path(where).parent / value) if named else value  # an absolute path stays
+
     if isinstance(document, dict):
-        return {k: _own_path(v, where) if k == key else with_own_paths(v, where, key) for k, v in document.items()}
+        return {k: found(v) if k == key else with_own_paths(v, where, key) for k, v in document.items()}
     return [with_own_paths(v, where, key) for v in document] if isinstance(document, list) else document
-
-
-def _own_path(value: Any, where: str | os.PathLike[str]) -> JsonValue:
-    return own_path(value, where) if isinstance(value, str) and value.lower().endswith(".toml") else value
-
-
-def own_path(path: str, where: str | os.PathLike[str]) -> str:
-    """Path that a file names, relative to the folder of that file; an absolute one stays."""
-    return str(Path(where).parent / path)
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[Path], object], *, field: str = "file") -> Path:
@@ -265,16 +253,10 @@ class ErrorKeepingFile(io.RawIOBase):
         self.error: OSError | None = None
 
     def readable(self) -> bool:
-        """Return True."""
+        """Return True; it is writable and seekable too."""
         return True
 
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
-    def seekable(self) -> bool:
-        """Return True."""
-        return True
+    writable = seekable = readable
 
     def write(self, data: Buffer) -> int:
         """Write, or do as if."""

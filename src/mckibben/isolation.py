@@ -204,16 +204,12 @@ class _Reader:
             dtype = np.dtype(kind)
             if dtype.kind not in _KINDS or any(n < 0 for n in shape):
                 raise ValueError
-            array = (
-                np.empty(shape, dtype)
-                if (total := total + dtype.itemsize * int(np.prod(shape))) <= limits.memory
-                else None
-            )
-            if array is None:
+            total += dtype.itemsize * int(np.prod(shape))
+            if total > limits.memory:
                 raise ValueError
-            self._fill(
-                memoryview(array.reshape(-1).view(np.uint8)) if array.size and dtype.itemsize else memoryview(b"")
-            )
+            array = np.empty(shape, dtype)
+            if array.size and dtype.itemsize:
+                self._fill(memoryview(array.reshape(-1).view(np.uint8)))
             arrays.append(array)
         return tree, iter(arrays)
 
@@ -288,12 +284,11 @@ def call_outside(function: Callable[..., T], path: Path, *arguments: Any, **opti
         return function(path, *arguments, **options)
     size = path.stat().st_size
     limits = ReadingLimits.of(size)
+    place = f"{function.__module__}:{function.__name__}"
     with _places:
         reader = _take()
         try:
-            result: T = reader.call(
-                f"{function.__module__}:{function.__name__}", [str(path), *arguments], options, limits
-            )
+            result: T = reader.call(place, [str(path), *arguments], options, limits)
         except MckibbenError:
             _give(reader, size)
             raise
@@ -333,7 +328,7 @@ def serve() -> None:
     os.dup2(2, 1)
     stdin = os.fdopen(os.dup(0), "rb", buffering=0)
     importlib.import_module(f"{__package__}.recordings.formats")
-    while _asked(stdin):
+    while os.name != "posix" or select.select([stdin], [], [], IDLE)[0]:
         head = stdin.read(_LENGTH.size)
         if len(head) < _LENGTH.size:
             return
@@ -360,12 +355,6 @@ def serve() -> None:
             _write(out, memoryview(array.reshape(-1).view("u1")) if array.size and array.dtype.itemsize else b"")
         del arrays
         leave()
-
-
-def _asked(stdin: Any) -> bool:
-    if os.name != "posix":
-        return True
-    return bool(select.select([stdin], [], [], IDLE)[0])
 
 
 def _outcome(function: str, arguments: list[Any], options: dict[str, Any]) -> tuple[str, Any]:
@@ -414,9 +403,8 @@ def enter(limits: ReadingLimits) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (limits.memory, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(
-            signal.ITIMER_REAL, limits.time + 5.0
-        )  # if nobody else ends it: its parent may have been killed
+        # If nobody else ends it: its parent may have been killed.
+        signal.setitimer(signal.ITIMER_REAL, limits.time + 5.0)
 
 
 def leave() -> None:
@@ -438,8 +426,11 @@ def pack(value: Any, arrays: list[np.ndarray]) -> Any:
     """A value as JSON; its arrays are put into a list."""
     import numpy as np
 
-    if value is None or isinstance(value, bool | int | float | str):
-        return value if type(value) in (type(None), bool, int, float, str) else _plain(value)
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    for kind in (bool, int, float, str):  # of a subclass the plain value
+        if isinstance(value, kind):
+            return kind(value)
     if isinstance(value, np.generic):
         return pack(value.item(), arrays) if value.dtype.kind in "biufU" else str(value)
     name = type(value).__name__
@@ -449,19 +440,14 @@ def pack(value: Any, arrays: list[np.ndarray]) -> Any:
         return _pack_array(value, arrays)
     if isinstance(value, Mapping):
         return {"$": "map", "of": [[pack(k, arrays), pack(v, arrays)] for k, v in value.items()]}
-    if isinstance(value, range) or (
-        isinstance(value, list) and len(value) > 1000 and all(type(v) is int for v in value)
-    ):
+    many = isinstance(value, list) and len(value) > 1000 and all(type(v) is int for v in value)
+    if many or isinstance(value, range):
         with contextlib.suppress(OverflowError):
             arrays.append(np.asarray(value, np.int64))
             return {"$": "numbers"}
     if isinstance(value, list | tuple):
         return [pack(one, arrays) for one in value]
     return str(value)
-
-
-def _plain(value: Any) -> Any:
-    return next(kind(value) for kind in (bool, int, float, str) if isinstance(value, kind))
 
 
 def _pack_array(value: np.ndarray, arrays: list[np.ndarray]) -> Any:
@@ -475,11 +461,9 @@ def _pack_array(value: np.ndarray, arrays: list[np.ndarray]) -> Any:
         text = "\0".join(cells).encode("utf-8", "surrogatepass")
         arrays.append(np.frombuffer(text, np.uint8))
         return {"$": "cells", "shape": value.shape}
-    return {"$": "objects", "shape": value.shape, "of": [_cell(cell) for cell in cells]}
-
-
-def _cell(cell: Any) -> Any:
-    return cell if cell is None or type(cell) in (bool, int, float, str) else str(cell)
+    plain = (type(None), bool, int, float, str)
+    objects = [cell if type(cell) in plain else str(cell) for cell in cells]
+    return {"$": "objects", "shape": value.shape, "of": objects}
 
 
 def unpack(tree: Any, arrays: Iterator[np.ndarray]) -> Any:
@@ -496,23 +480,17 @@ def unpack(tree: Any, arrays: Iterator[np.ndarray]) -> Any:
     if kind == "numbers":
         return next(arrays).tolist()
     if kind in ("cells", "objects"):
-        return _cells(tree, arrays)
+        import numpy as np
+
+        shape = tuple(tree["shape"])
+        values = np.empty(int(np.prod(shape)), object)
+        text = b"" if kind == "objects" else next(arrays).tobytes()
+        cells = tree["of"] if kind == "objects" else text.decode("utf-8", "surrogatepass").split("\0")
+        values[:] = list(itertools.islice(cells, values.size))
+        return values.reshape(shape)
     module, _ = _TYPES[kind]
     made = getattr(importlib.import_module(f"{__package__}.{module}"), kind)
     return made(*[unpack(one, arrays) for one in tree["of"]])
-
-
-def _cells(tree: dict[str, Any], arrays: Iterator[np.ndarray]) -> np.ndarray:
-    import numpy as np
-
-    shape = tuple(tree["shape"])
-    count = int(np.prod(shape))
-    cells = (
-        tree["of"] if tree["$"] == "objects" else next(arrays).tobytes().decode("utf-8", "surrogatepass").split("\0")
-    )
-    values = np.empty(count, object)
-    values[:] = list(itertools.islice(cells, count))
-    return values.reshape(shape)
 
 
 def _error(name: str, args: list[Any], state: dict[str, Any]) -> MckibbenError:

@@ -216,15 +216,16 @@ def base_exponents(si_unit: str) -> dict[str, int]:
     Raises:
         ValueError: the text is no unit, or not a product of powers of base units.
     """
-    symbols = {
-        "kilogram": "kg",
-        "meter": "m",
-        "second": "s",
-        "ampere": "A",
-        "kelvin": "K",
-        "mole": "mol",
-        "radian": "rad",
+    names = {
+        "kg": "kilogram",
+        "m": "meter",
+        "s": "second",
+        "A": "ampere",
+        "K": "kelvin",
+        "mol": "mole",
+        "rad": "radian",
     }
+    symbols = {name: symbol for symbol, name in names.items()}
     based = _registry().Quantity(1.0, _unit(si_unit)).to_base_units()
     powers = dict(based.unit_items())
     if based.magnitude != 1.0 or not all(n in symbols and float(p).is_integer() for n, p in powers.items()):
@@ -273,14 +274,12 @@ def to_si(value: float, unit: str, si_unit: str, *, field: str, where: str | Non
         demand = f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}; the unit is unknown{hint}"
         raise InputError(field, None, demand, where=where) from None
     except pint.DimensionalityError:
-        raise InputError(
-            field, None, f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}", where=where
-        ) from None
+        demand = f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}"
+        raise InputError(field, None, demand, where=where) from None
     except (ArithmeticError, AssertionError, AttributeError, TypeError, ValueError, pint.PintError):
         # pint's parser meets nonsense such as "12 **" with an assertion
-        raise InputError(
-            field, None, f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}; this is no unit", where=where
-        ) from None
+        demand = f"must be {_kind(si_unit)}, got {value:g} {shortened(unit)}; this is no unit"
+        raise InputError(field, None, demand, where=where) from None
 
 
 def _refuse_angular(value: float, unit: str, si_unit: str, *, field: str, where: str | None) -> None:
@@ -425,8 +424,6 @@ def split_values(text: str, *, field: str, where: str | None = None) -> list[str
 
 
 def _refuse_comma(text: str, *, field: str, where: str | None, listed: bool) -> None:
-    import re
-
     if "," not in text or not re.search(r"\d,\d", text):
         return
     apart, pointed = re.sub(r"(?<=\d),(?=\d)", "; ", text), re.sub(r"(?<=\d),(?=\d)", ".", text)
@@ -455,8 +452,6 @@ def has_dimension(text: str, si_unit: str) -> bool:
 
 def leading_number(text: str) -> str | None:
     """The number with which a text begins; None if it begins with something else."""
-    import re
-
     match = re.match(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", text)
     return match.group(1) if match else None
 

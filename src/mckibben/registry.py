@@ -76,11 +76,6 @@ def is_reference(name: object) -> bool:
     return isinstance(name, str) and _REFERENCE.fullmatch(name) is not None
 
 
-def relative_to_file(name: str, where: str | os.PathLike[str]) -> str:
-    """A name that a file states; the path in a reference such as ``my.py:MyLaw`` begins at the folder of that file."""
-    return str(Path(where).parent / name) if is_reference(name) else name
-
-
 def with_own_references(document: object, where: str | os.PathLike[str], field: str = "") -> Any:
     """The tables of a file with every reference such as ``my.py:MyLaw``, key or value, found from the folder of the file.
 
@@ -90,17 +85,16 @@ def with_own_references(document: object, where: str | os.PathLike[str], field: 
         field: dotted path of the tables in it.
     """
     if isinstance(document, Mapping):
-        return {
-            _placed(key, where, field): with_own_references(value, where, f"{field}.{key}".lstrip("."))
-            for key, value in document.items()
-        }
+        below = {key: with_own_references(v, where, f"{field}.{key}".lstrip(".")) for key, v in document.items()}
+        return {_placed(key, where, field): value for key, value in below.items()}
     if isinstance(document, list):
         return [with_own_references(value, where, field) for value in document]
     return _placed(document, where, field) if isinstance(document, str) else document
 
 
 def _placed(name: str, where: str | os.PathLike[str], field: str) -> str:
-    found = relative_to_file(name, where)
+    """A name that a file states; the path in a reference such as ``my.py:MyLaw`` begins at the folder of that file."""
+    found = str(Path(where).parent / name) if is_reference(name) else name
     if found is not name and len(_places) < _MOST_PLACES:
         _places[found] = os.fspath(where), field
     return found
@@ -167,10 +161,8 @@ def load_reference(reference: str, *, field: str, where: str | None = None) -> A
     if not _is_allowed(path):
         stated, stated_field = _places.get(reference, (where, field))
         demand = f"names code, which a file cannot run by itself; if you trust {path}, allow it: --code {path}"
-        said = (
-            f"{field if where else stated_field} {shortened(repr(reference))} {demand}, "
-            "or mckibben.registry.allow_code in Python"
-        )
+        said = f"{field if where else stated_field} {shortened(repr(reference))} {demand}"
+        said = f"{said}, or mckibben.registry.allow_code in Python"
         raise InputError(field, reference, demand, where=where or stated, sentence=said)
     module = _module_of(path, field, reference, where)
     if not hasattr(module, name):
@@ -205,24 +197,18 @@ def _module_of(path: Path, field: str, reference: str, where: str | None) -> typ
         exec(compile(source, str(path), "exec"), module.__dict__)  # noqa: S102 - running the user's file is the purpose
     except Exception as error:
         del sys.modules[title]
-        line = _line_of(error, str(path))
+        line = error.lineno if isinstance(error, SyntaxError) else None
+        trace = error.__traceback__
+        while trace is not None:  # the innermost line of the file itself
+            if trace.tb_frame.f_code.co_filename == str(path):
+                line = trace.tb_lineno
+            trace = trace.tb_next
         kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
         said = f"{path}{f', line {line}' if line else ''}: {kind}{error}"
         raise InputError(field, reference, "must be a file that runs", where=where, sentence=said) from None
     finally:
         sys.path.remove(folder)
     return module
-
-
-def _line_of(error: BaseException, path: str) -> int | None:
-    if isinstance(error, SyntaxError):
-        return error.lineno
-    line, trace = None, error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == path:
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -274,7 +260,10 @@ class Registry(Mapping[str, T], Generic[T]):
         for name, entry in self._known.items():
             if entry is kind:
                 return name
-        known = registered_name(kind) or self._own_name(kind)
+        place = (
+            f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"  # of one that nobody has asked for
+        )
+        known = registered_name(kind) or next((name for name, entry in self._known.items() if entry == place), None)
         if known is not None:
             return known
         demand = "a kind of its own" if self.accept is None else self.accept(kind)
@@ -296,11 +285,6 @@ class Registry(Mapping[str, T], Generic[T]):
             return name
         self.put(references[0], kind)
         return references[0]
-
-    def _own_name(self, kind: object) -> str | None:
-        """The name of a kind of this package that nobody has asked for yet."""
-        place = f"{getattr(kind, '__module__', '')}:{getattr(kind, '__qualname__', '')}"
-        return next((name for name, entry in self._known.items() if entry == place), None)
 
     def __contains__(self, name: object) -> bool:
         return name in self._known or self._is_file(name) or name in plugins(self.group)

@@ -15,7 +15,6 @@ Fields declared with `quantities.quantity` are numbers of their unit and bounds;
 from __future__ import annotations
 
 import dataclasses
-import functools
 import json
 import math
 import re
@@ -297,8 +296,10 @@ def numbers(
     """Declare a list of one or more numbers, each as `number` reads it."""
 
     def read(raw: object, place: Place) -> tuple[float, ...]:
+        if not isinstance(raw, list | tuple) or not raw:
+            raise place.fail(raw, f"must be a list of one or more{_as_list(raw)}")
         si = place.unit(unit)
-        return tuple(read_number(one, si, bounds, place.field, place.where) for one in _listed(raw, place))
+        return tuple(read_number(one, si, bounds, place.field, place.where) for one in raw)
 
     return entry(read, doc, write=lambda values, place: [place.words(v, unit) for v in values], key=key, **options)
 
@@ -475,12 +476,9 @@ def read_table(
 
 def read_stated(kind: type[DataclassInstance], table: FileTable, keys: Iterable[str]) -> dict[str, JsonValue]:
     """Read those of some fields of a type that a table states, by the name of the field; raises as `read_table`."""
-    fields = table_fields(kind)
-    return {
-        fields[key][0]: fields[key][1].read(table.values[key], Place(table.field(key), table.where or None))
-        for key in keys
-        if key in table
-    }
+    fields, where = table_fields(kind), table.where or None
+    stated = ((fields[key], key) for key in keys if key in table)
+    return {name: of.read(table.values[key], Place(table.field(key), where)) for (name, of, _), key in stated}
 
 
 def write_table(
@@ -576,10 +574,15 @@ def _place(table: FileTable, key: str, units: Mapping[str, str], bare: bool, fil
 
 
 def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
-    """Field type of a field that declares none: by its quantity, or by its plain type."""
     if "quantity" in f.metadata:
         q = f.metadata["quantity"]
-        return FieldType(functools.partial(_read_quantity, q), lambda value, place: place.words(value, q.unit), q.doc)
+
+        def read(raw: object, place: Place) -> float:
+            unit = place.unit(q.unit)
+            bounds = q.bounds if unit == q.unit else (-math.inf, math.inf)
+            return read_number(raw, unit, bounds, place.field, place.where, bare=place.bare)
+
+        return FieldType(read, lambda value, place: place.words(value, q.unit), q.doc)
     if f.type in ("int", int):
         return FieldType(_read_integer, doc="whole number")
     if f.type in ("str", str, "str | None"):
@@ -587,28 +590,18 @@ def _implied(f: dataclasses.Field[Any]) -> FieldType | None:
     return FieldType(_read_flag) if f.type in ("bool", bool) else None
 
 
-def _read_quantity(q: Quantity, raw: object, place: Place) -> float:
-    unit = place.unit(q.unit)
-    bounds = q.bounds if unit == q.unit else (-math.inf, math.inf)
-    return read_number(raw, unit, bounds, place.field, place.where, bare=place.bare)
+def _plain(accept: Callable[[Any], bool], demand: str) -> Callable[[Any, Place], Any]:
+    def read(raw: object, place: Place) -> object:
+        if not accept(raw):
+            raise place.fail(raw, demand)
+        return raw
+
+    return read
 
 
-def _read_integer(raw: object, place: Place) -> int:
-    if isinstance(raw, bool) or not isinstance(raw, int):
-        raise place.fail(raw, "must be a whole number")
-    return raw
-
-
-def _read_word(raw: object, place: Place) -> str:
-    if not isinstance(raw, str) or not raw.strip():
-        raise place.fail(raw, "must be a word")
-    return raw
-
-
-def _read_flag(raw: object, place: Place) -> bool:
-    if not isinstance(raw, bool):
-        raise place.fail(raw, "must be true or false")
-    return raw
+_read_integer = _plain(lambda raw: isinstance(raw, int) and not isinstance(raw, bool), "must be a whole number")
+_read_word = _plain(lambda raw: isinstance(raw, str) and bool(raw.strip()), "must be a word")
+_read_flag = _plain(lambda raw: isinstance(raw, bool), "must be true or false")
 
 
 def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonValue:
@@ -625,19 +618,11 @@ def read_part(kind: Kind, raw: object, place: Place, owner: str = "") -> JsonVal
     return read_table(kind, table, units=place.units, bare=place.bare, files=place.files, owner=owner, beside=beside)
 
 
-def _listed(raw: object, place: Place) -> list[Any]:
-    if not isinstance(raw, list | tuple) or not raw:
-        raise place.fail(raw, f"must be a list of one or more{_as_list(raw)}")
-    return list(raw)
-
-
 def _as_list(raw: object) -> str:
-    """Words that show a value that stands alone as the list that was meant; empty for other values."""
     return f", such as [{_written(raw)}]" if isinstance(raw, str | int | float) else ""
 
 
 def _written(raw: object) -> str:
-    """A text, a number or a truth value as a file states it; dots for all else."""
     return json.dumps(raw) if isinstance(raw, str | int | float) else ".."
 
 

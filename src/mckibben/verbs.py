@@ -101,6 +101,12 @@ TankText = Annotated[str, ParameterType("TANK")]
 ValveName = Annotated[str, ParameterType("VALVE")]
 VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
+RigName = Annotated[Any, ParameterType("RIG")]
+PlumbingName = Annotated[str, ParameterType("PLUMBING")]
+RecordingFile = Annotated[Any, ParameterType("RECORDING")]
+HostName = Annotated[Any, ParameterType("HOST")]
+ScenarioName = Annotated[str, ParameterType("SCENARIO")]
+NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
 
@@ -196,8 +202,13 @@ def described(place: str) -> Description:
     head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
     section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
     words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}\w|\Z)", section, re.M | re.S)}
-    arguments = [*node.args.args, *node.args.kwonlyargs]
-    defaults = [*[None] * (len(node.args.args) - len(node.args.defaults)), *node.args.defaults, *node.args.kw_defaults]
+    several = [] if node.args.vararg is None else [node.args.vararg]
+    arguments = [*node.args.args, *several, *node.args.kwonlyargs]
+    defaults = [None] * (len(node.args.args) - len(node.args.defaults)) + [
+        *node.args.defaults,
+        *[None for _ in several],
+    ]
+    defaults += node.args.kw_defaults
     parameters = {}
     for argument, default in zip(arguments, defaults, strict=True):
         annotation = ast.unparse(cast(ast.expr, argument.annotation))
@@ -208,7 +219,7 @@ def described(place: str) -> Description:
             types[0] if types else ParameterType(),
             None if default is None else ast.literal_eval(default),
             default is None,
-            "Sequence" in annotation,
+            "Sequence" in annotation or argument in several,
             annotation == "bool",
             words.get(argument.arg, ""),
         )
@@ -253,7 +264,9 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
     parameters = described(place).parameters
     try:
         texts = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
-        found = function(**{name: parameters[name].read(value) for name, value in (texts | dict(values)).items()})
+        read = {name: parameters[name].read(value) for name, value in (texts | dict(values)).items()}
+        several = next((n for n, p in inspect.signature(function).parameters.items() if p.kind is p.VAR_POSITIONAL), "")
+        found = function(*read.pop(several, ()), **read)
     except InputError as error:
         for slip in _slips(parameters, values):
             if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
@@ -261,7 +274,8 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
         raise _renamed(error, parameters, shown) from None
     said = {one.parameter for one in found.cautions}
     slips = (one for one in _slips(parameters, values) if one.parameter not in said)
-    return cast(A, dataclasses.replace(cast(Any, found), cautions=collect(*found.cautions, *slips)))
+    cautions = collect(*found.cautions, *slips)
+    return found if cautions == found.cautions else cast(A, dataclasses.replace(cast(Any, found), cautions=cautions))
 
 
 def load(place: str) -> Callable[..., Answer]:

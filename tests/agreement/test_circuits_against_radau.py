@@ -12,10 +12,9 @@ from mckibben.engine import Result, held, integrate, ramped
 from mckibben.errors import ConvergenceError
 from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import InertialTube, LumpedTube
-from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir, WallHeat, adiabatic
 from mckibben.specimens import specimen
 
 R, GAMMA, T0, ROOM, SUPPLY = 287.05, 1.4, 293.15, 101325.0, 7e5

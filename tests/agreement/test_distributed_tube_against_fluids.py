@@ -5,7 +5,7 @@ import pytest
 
 from mckibben.pneumatics.distributed import DistributedTube, ReservoirEnd, simulate
 from mckibben.pneumatics.gas import AIR
-from mckibben.pneumatics.wall_friction import friction_factor, haaland
+from mckibben.pneumatics.tubes import friction_factor, haaland
 
 fluids = pytest.importorskip("fluids")
 

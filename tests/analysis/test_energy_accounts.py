@@ -9,8 +9,8 @@ from mckibben.analysis._recorded_machine import RecordedMachine
 from mckibben.analysis.energy_accounts import energy_account
 from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen
+from mckibben.muscles.law import stored_along, stored_change
 from mckibben.muscles.laws import LAWS, law_type
-from mckibben.muscles.stored import stored_along, stored_change
 from mckibben.pneumatics.gas import AIR
 from mckibben.quantities import declared
 from mckibben.recordings import Channel, Recording

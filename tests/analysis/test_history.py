@@ -11,8 +11,8 @@ from test_sampling import law
 from mckibben.analysis.lag import corrected_loop
 from mckibben.analysis.loops import loop, loop_ratio, path_distance, paths, peak_velocity
 from mckibben.analysis.repeatability import between_cycles, spread, trend
-from mckibben.muscles.hysteresis.limit import FrictionLimit
 from mckibben.muscles.hysteresis.maxwell_slip import MaxwellSlip
+from mckibben.muscles.hysteresis.slip import FrictionLimit
 from mckibben.recordings import Recording
 
 LOW, HIGH = 0.110, 0.145  # [m]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.assembly.clamp import Clamp
+from mckibben.assembly.muscle_unit import Clamp
 from mckibben.muscles.elements import Tendon
 
 TENDON = Tendon(stiffness=1e5, slack_length=0.02, toe_length=5e-4)

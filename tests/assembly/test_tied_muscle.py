@@ -9,10 +9,9 @@ import pytest
 
 import mckibben as mk
 from mckibben.assembly.build import rig_cord, several, unit_from_muscle, unit_from_specimen
-from mckibben.assembly.clamp import Clamp
 from mckibben.assembly.linearise import linearise
 from mckibben.assembly.loads import Body, ChainLink, JointLoad, LinkChain, MomentArm
-from mckibben.assembly.muscle_unit import MusclePath, TiedState, UnitState
+from mckibben.assembly.muscle_unit import Clamp, MusclePath, TiedState, UnitState
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
 from mckibben.muscles.hysteresis import Coulomb, FrictionLimit

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mckibben.batch import Variants
+from mckibben.batch.drive import ATTEMPTS, VariantBlock, Workers
 from mckibben.batch.run import Results
-from mckibben.batch.workers import ATTEMPTS, VariantBlock, Workers
 from mckibben.errors import ConvergenceError, InputError
 
 
@@ -73,7 +73,7 @@ def test_a_killed_worker_loses_no_block_and_gives_none_twice(way, tmp_path):
 
 @pytest.mark.parametrize("way", ["processes", pytest.param("dask", marks=pytest.mark.slow)])
 def test_a_block_that_kills_every_worker_is_named_at_last(way, tmp_path, monkeypatch):
-    monkeypatch.setattr("mckibben.batch.workers.GATHERED", 20.0)
+    monkeypatch.setattr("mckibben.batch.drive.GATHERED", 20.0)
     with pytest.raises(ConvergenceError, match=f"variants .* died, {ATTEMPTS} times"):
         gathered(way, Counting(str(tmp_path), deadly=10, times=99), blocks(15, 5), workers=1)
     # a worker that dies takes the blocks in its queue with it, so another block may be blamed one time earlier
@@ -94,7 +94,7 @@ def test_an_unknown_way_is_refused(way, count, said):
 
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
-    monkeypatch.setattr("mckibben.batch.workers.PATIENCE", 1.0)
+    monkeypatch.setattr("mckibben.batch.drive.PATIENCE", 1.0)
     with pytest.raises(InputError, match="tcp://127.0.0.1:9': no Dask scheduler answered"):
         with Workers("tcp://127.0.0.1:9").open():
             pass

@@ -13,12 +13,10 @@ from lanes_and_runs import STEP
 
 import mckibben as mk
 from mckibben.batch import VariantOutcome, grid
-from mckibben.batch.drive import run_sweep
+from mckibben.batch.drive import Workers, run_sweep
 from mckibben.batch.store import read_results
-from mckibben.batch.sweep import run_batch
-from mckibben.batch.sweep_file import read_sweep
+from mckibben.batch.sweep import read_sweep, run_batch
 from mckibben.batch.variants import Variants
-from mckibben.batch.workers import Workers
 from mckibben.errors import InputError
 
 FILE = """

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from mckibben.bench.hardware import clock as clock_module
-from mckibben.bench.hardware.clock import LEAD, Clock
+from mckibben.bench.hardware import simulated as clock_module
+from mckibben.bench.hardware.simulated import LEAD, Clock
 from mckibben.web.bench.machine import GRAIN
 
 

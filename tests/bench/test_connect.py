@@ -4,9 +4,8 @@ import importlib.metadata
 
 import pytest
 
-from mckibben.bench.hardware import connect
-from mckibben.bench.hardware.connect import HardwareRequest, check_connection, connected
-from mckibben.bench.hardware.interface import Hardware
+from mckibben.bench.hardware import interface
+from mckibben.bench.hardware.interface import Hardware, HardwareRequest, check_connection, connected
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError
 
@@ -36,9 +35,9 @@ class Desk(Hardware):
 
 @pytest.fixture
 def desk(monkeypatch):
-    point = importlib.metadata.EntryPoint("desk", f"{__name__}:Desk", connect.GROUP)
+    point = importlib.metadata.EntryPoint("desk", f"{__name__}:Desk", interface.GROUP)
     monkeypatch.setattr(importlib.metadata.EntryPoint, "load", lambda self: Desk)
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point] if group == connect.GROUP else [])
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point] if group == interface.GROUP else [])
 
 
 def test_a_backend_of_another_package_is_opened_by_its_name_and_closed(desk):

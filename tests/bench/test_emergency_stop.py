@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from mckibben.bench.software.emergency_stop import EmergencyStop, sentence
+from mckibben.bench.software.interlocks import EmergencyStop, stop_sentence
 
 ORDINARY, EMERGENCY = True, False
 
@@ -31,12 +31,12 @@ def test_only_an_emergency_after_an_ordinary_stop_replaces_its_reason(first, sec
 
 def test_a_sentence_says_which_kind_of_stop_it_was_and_that_the_machine_vented():
     button = EmergencyStop()
-    assert sentence(button, 1.5) == "emergency stop at 1.5 s: asked to; stopped and vented"
+    assert stop_sentence(button, 1.5) == "emergency stop at 1.5 s: asked to; stopped and vented"
     button.press("by hand", ordinary=True)
-    assert sentence(button, 1.5) == "stopped at 1.5 s: by hand; vented"
+    assert stop_sentence(button, 1.5) == "stopped at 1.5 s: by hand; vented"
     button.press("Esc")
-    assert sentence(button, 1.5) == "emergency stop at 1.5 s: Esc; stopped and vented"
-    assert sentence(lambda: True, 0.1) == "emergency stop at 0.1 s: asked to; stopped and vented"
+    assert stop_sentence(button, 1.5) == "emergency stop at 1.5 s: Esc; stopped and vented"
+    assert stop_sentence(lambda: True, 0.1) == "emergency stop at 0.1 s: asked to; stopped and vented"
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mckibben.assembly.build import rig_unit
-from mckibben.bench.faults import RigFaults
+from mckibben.bench.rig import RigFaults
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError
 from mckibben.muscles.worn_braid import WornBraid
@@ -55,7 +55,7 @@ def test_wear_reaches_the_machine_and_a_slack_clamp_its_tendon(nylon):
 
 
 def test_a_slipping_clamp_reaches_the_machine_with_its_grip(nylon):
-    from mckibben.bench.faults import SOUND_GRIP
+    from mckibben.bench.rig import SOUND_GRIP
 
     on = faulty(clamp_grip="55 N")
     unit = on.machine("direct", nylon, start=0.13, moves=True).units["muscle"]

@@ -13,7 +13,7 @@ from mckibben.bench.hardware import Frame, FrameState, Motor, StandState, TestSt
 from mckibben.engine import Result, Run, held, march
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
-from mckibben.pneumatics.heat import WallHeat
+from mckibben.pneumatics.volume import WallHeat
 
 PERIOD, SAMPLES, INNER = 1e-3, 250, 20
 ROOM, SUPPLY = 101325.0, 6e5

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from short_runs import paper
 
-from mckibben.bench.software.manual import ABANDONED, MANUAL, ROW, Manual
-from mckibben.bench.software.sequencer import SPAN, TENSION, VELOCITY
+from mckibben.bench.software.sequencer import ABANDONED, MANUAL, ROW, SPAN, TENSION, VELOCITY, Manual
 
 DT = 1e-3
 LIMITS = paper().limits("direct")

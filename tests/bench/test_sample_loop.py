@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from short_runs import SHORT, bench, closes, triangle
 
-from mckibben.bench.hardware.clock import Clock
-from mckibben.bench.hardware.simulated import SimulatedHardware
+from mckibben.bench.hardware.simulated import Clock, SimulatedHardware
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import EmergencyStop, run
 from mckibben.bench.segment import SegmentMachine, timing_of

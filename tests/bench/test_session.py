@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from short_runs import bench, closes, paper
 
-from mckibben.bench.hardware.clock import Clock
-from mckibben.bench.hardware.simulated import SimulatedHardware
+from mckibben.bench.hardware.simulated import Clock, SimulatedHardware
 from mckibben.bench.protocol_run import RunState
 from mckibben.bench.run import EmergencyStop, run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.session import Session
-from mckibben.bench.session.status import SampleRing
+from mckibben.bench.session.interface import SampleRing
 from mckibben.errors import InputError, LineLostError
 from mckibben.experiments.read import parse_protocol, protocol
 from mckibben.recordings import read_any

@@ -20,11 +20,10 @@ from mckibben.benchmarking import (
     run_task,
     task,
 )
-from mckibben.benchmarking.models.columns import RecordColumns, held_back
-from mckibben.benchmarking.models.gaussian_process import likelihood
-from mckibben.benchmarking.moving import VENTING
+from mckibben.benchmarking.datasets import VENTING
+from mckibben.benchmarking.learned import RecordColumns, held_back, likelihood
 from mckibben.benchmarking.page import page
-from mckibben.benchmarking.scores import RecordScore, TaskScore, scales, score_record
+from mckibben.benchmarking.run import RecordScore, TaskScore, scales, score_record
 from mckibben.cli.app import app
 from mckibben.errors import InputError, MissingDataError
 

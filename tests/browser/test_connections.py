@@ -15,10 +15,9 @@ from pathlib import Path
 import pytest
 from screen_server import Served
 
-from mckibben.web import connections as bounds
 from mckibben.web import guard
-from mckibben.web.connections import BURST, LONGEST, BoundedLog, Connections
-from mckibben.web.guard import Guard
+from mckibben.web import guard as bounds
+from mckibben.web.guard import BURST, LONGEST, BoundedLog, Connections, Guard
 
 pytest.importorskip("uvicorn", reason="uvicorn is not installed: pip install 'mckibben[web]'")
 

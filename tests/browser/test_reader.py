@@ -15,10 +15,10 @@ from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, MckibbenError
 from mckibben.experiments.dry_run import check_lengths
 from mckibben.experiments.read import protocol_names, shipped, with_values
-from mckibben.web.pages.bench.columns import of_cycle
 from mckibben.web.pages.compare import drawings
 from mckibben.web.reader import ReaderProcess, ReadingStopped, check_rows
 from mckibben.web.shelf import Shelf, plain_name
+from mckibben.web.stream import of_cycle
 
 PAPER = rig("paper").limits("direct")
 

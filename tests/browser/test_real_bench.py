@@ -67,7 +67,7 @@ def open_workspace(folder, mounted, **options):
         spec = HardwareSpec(f"serial:{device.port}", lock_step=True)
         workspace = Workspace(folder, functools.partial(Bench, spec=spec))
         workspace.control.join("me")
-        workspace.begin()
+        workspace.machine.begin()
         try:
             until(lambda: workspace.machine.session.ready, "by hand")
             yield workspace, workspace.machine

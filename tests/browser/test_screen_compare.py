@@ -11,8 +11,8 @@ from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.specimens import specimen
 from mckibben.studies.comparison import compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
-from mckibben.web.pages.compare.jobs import exported
-from mckibben.web.pages.compare.page import _short
+from mckibben.web.pages.compare import _short
+from mckibben.web.pages.compare.drawings import exported
 
 LONG = 180_000  # a law is compiled once [ms]
 
@@ -31,7 +31,7 @@ def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit)
     with open(waiting.value.path(), newline="") as file:
         rows = [r for r in csv.reader(file) if not r[0].startswith("#")]
     assert rows[0][3:5] == ["nylon", "fast-fibre"]
-    expected = compare(["nylon", "fast-fibre"]).rows()
+    expected = compare(["nylon", "fast-fibre"]).properties()
     assert [r[1] for r in rows[1:]] == [row.property.name for row in expected]
     for line, row in zip(rows[1:], expected, strict=True):
         assert [float(w) if w else None for w in line[3:5]] == row.shown(), line[1]
@@ -59,7 +59,7 @@ def test_a_pressure_at_which_nothing_pulls_is_refused_in_the_commands_words(visi
     field.fill("0.5")
     field.press("Enter")
     sentence = "nylon pulls nothing at its rest length of 14 cm; choose a higher one"
-    says(page, ".compare-said", sentence, "The old value, 5, stays in use.", longest=60.0)
+    says(page, ".full-drive", sentence, "The old value, 5, stays in use.", longest=60.0)
     assert "pressure=" not in page.url
 
 

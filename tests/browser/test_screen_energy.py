@@ -8,7 +8,6 @@ from screen_server import says
 from typer.testing import CliRunner
 
 from mckibben.cli.app import app
-from mckibben.errors import PlausibilityWarning
 from mckibben.recordings import Channel, Recording
 
 LONG = 60_000  # a slow machine compiles meanwhile [ms]
@@ -184,11 +183,13 @@ def test_a_narrow_dark_page_does_not_scroll_sideways(visit):
         assert page.locator(place).first.bounding_box()["width"] <= 390
 
 
-def test_a_pressure_that_no_muscle_takes_is_said_beside_the_numbers():
-    from mckibben.web.pages.energy.cycles import cycle_document
-    from mckibben.web.pages.energy.state import EnergyChoice
-
-    assert "at most" not in " ".join(cycle_document(EnergyChoice(pressure=5e5))["more"])
-    with pytest.warns(PlausibilityWarning, match="at most 10 bar"):  # which Python hears too
-        said = cycle_document(EnergyChoice(pressure=500e5))["more"]
-    assert "McKibben muscles take at most 10 bar" in " ".join(said)
+def test_a_pressure_that_no_muscle_takes_is_said_beside_its_field(visit, until):
+    page = open_page(visit)
+    assert page.inner_text(".supply .said") == ""
+    page.fill(".supply .field input", "50 MPa")
+    page.keyboard.press("Tab")
+    says(page, ".supply .said", "McKibben muscles take at most 10 bar", longest=60.0)
+    assert page.get_attribute(".supply .field input", "aria-invalid") == "false"  # it is in use all the same
+    page.fill(".supply .field input", "5")
+    page.keyboard.press("Tab")
+    until(lambda: page.inner_text(".supply .said") == "", 60.0)

@@ -7,8 +7,7 @@ from screen_server import says
 
 from mckibben.errors import InputError
 from mckibben.studies.sizing import size
-from mckibben.web.pages.size.page import ROWS, answer
-from mckibben.web.pages.size.question import FIELDS, LINKED, SizeQuestion, from_link
+from mckibben.web.pages.size import FIELDS, LINKED, ROWS, SizeQuestion, answer, from_link
 
 ASKED = {"force": "35 N", "stroke": "2.8 cm", "battery": "100 Wh", "muscle": "nylon", "lines": "no"}
 LONG = 60_000  # a slow machine compiles meanwhile [ms]
@@ -41,7 +40,7 @@ def test_a_question_is_changed_refused_and_stands_in_the_link(visit):
     page = open_page(visit)
     page.fill("#size-valve", "Cv=0.3, red")
     page.press("#size-valve", "Enter")
-    says(page, "#size-error-valve", "must be KEY=VALUE")
+    says(page, "#size-valve-said", "must be KEY=VALUE")
     assert page.get_attribute("#size-valve", "aria-invalid") == "true"
     page.fill("#size-valve", "")
     page.fill("#size-stroke", "2 cm")
@@ -70,4 +69,22 @@ def test_a_link_is_the_question_and_the_question_is_a_link():
 def test_a_force_beside_a_mass_is_refused_as_on_the_command_line():
     with pytest.raises(InputError, match="load must be given without a force"):
         answer(SizeQuestion(force="50 N", load="20 kg", lines="no"), lambda words: None)
-    assert {one.name for _, group in FIELDS for one in group} | {"muscle", "law", "lines"} == set(LINKED)
+    assert {one.name for group in FIELDS.values() for one in group} | {"muscle", "law", "lines"} == set(LINKED)
+
+
+def test_a_caution_stands_beside_the_field_that_it_is_about(visit):
+    page = open_page(visit, pressure="12 bar")
+    says(page, "#size-pressure-said", "McKibben muscles take at most 10 bar")
+    assert page.get_attribute("#size-pressure", "aria-invalid") == "false"  # it is in use all the same
+    assert page.locator(".size-answer .note").count() == 0  # said once
+
+
+def test_a_table_that_is_wider_than_a_phone_is_scrolled_by_the_keyboard(visit):
+    words = "&".join(f"{name}={quote(value)}" for name, value in ASKED.items())
+    page = visit(f"/size?{words}", width=390, height=844)
+    page.wait_for_selector(".size-facts", timeout=LONG)
+    wide = page.get_by_role("group").filter(has=page.get_by_role("table")).first
+    assert wide.evaluate("e => e.scrollWidth > e.clientWidth")
+    wide.focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function("e => e.scrollLeft > 0", arg=wide.element_handle())

@@ -14,27 +14,30 @@ import pytest
 
 from mckibben.bench.protocol_run import RunState
 from mckibben.bench.rig_file import rig
-from mckibben.bench.software.emergency_stop import EmergencyStop
+from mckibben.bench.software.interlocks import EmergencyStop
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
+from mckibben.web.bench.chosen import braid_table
 from mckibben.web.bench.machine import RunController
+from mckibben.web.bench.protocol import changed, dry_run, faces
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
-from mckibben.web.control import AFTER, HOLD, Control
-from mckibben.web.forms import accept
+from mckibben.web.forms import accept, refusal, shown
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
-from mckibben.web.identity import KEPT as KEPT_PAGES
-from mckibben.web.identity import PageRegistry
-from mckibben.web.live import PageConnection
-from mckibben.web.pages.bench import drawing
-from mckibben.web.pages.bench.dry import dry_run
-from mckibben.web.pages.bench.faces import changed, faces
+from mckibben.web.live import KEPT as KEPT_PAGES
+from mckibben.web.live import PageConnection, PageRegistry
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
-from mckibben.web.stream import CHANNELS, Stream, unpacked
-from mckibben.web.toasts import LASTS, Toasts
-from mckibben.web.workspace import Workspace
+from mckibben.web.stream import CHANNELS, HEAD, Stream
+from mckibben.web.workspace import AFTER, HOLD, LASTS, Control, Toasts, Workspace
+
+
+def unpacked(frame):
+    """A frame as a page decodes it: epoch, number of its first sample and channels (n,)."""
+    _, epoch, first, n, m = HEAD.unpack_from(frame)
+    values = np.frombuffer(frame, "<f4", n * m, HEAD.size).reshape(m, n)
+    return epoch, first, dict(zip(CHANNELS, values, strict=False))
 
 
 def completed(work):
@@ -430,11 +433,13 @@ def test_what_an_earlier_server_saved_of_a_run_is_found_and_nothing_else(workspa
 
 def test_a_field_speaks_as_the_command_line_does_and_keeps_the_old_value():
     roughness = Quantity("m", (0.0, 1e-3), "roughness of the wall", "", (0.0, 1e-3))
-    assert accept("roughness", "0.02", roughness, 1e-5).value == pytest.approx(2e-4)  # in cm, as beside the field
-    assert accept("roughness", "20 um", roughness, 1e-5).value == pytest.approx(2e-5)
+    assert accept("roughness", "0.02", roughness) == pytest.approx(2e-4)  # in cm, as beside the field
+    assert accept("roughness", "20 um", roughness) == pytest.approx(2e-5)
     for words in ("\u22120.01", "abc", "", "1 N", "nan", "1e9"):
-        value, said = accept("roughness", words, roughness, 1e-5)
-        assert value == 1e-5 and said.startswith("roughness must be") and "The old value, 0.001, stays in use." in said
+        with pytest.raises(InputError, match="^roughness must be") as refused:
+            accept("roughness", words, roughness)
+        said = refusal(refused.value, shown(1e-5, roughness))
+        assert said.endswith("The old value, 0.001, stays in use.")
 
 
 @pytest.mark.parametrize("name", protocol_names())
@@ -590,7 +595,7 @@ def test_an_ordinary_stop_of_a_page_hides_no_emergency_and_no_interlock(asked, s
 
 def test_the_drawn_muscle_has_the_braids_angle_and_diameter():
     thread, turns = 0.16, 1.7
-    found = drawing.table(thread, turns)
+    found = braid_table(thread, turns)
     length = thread * np.cos(
         np.radians(np.linspace(2.05, 88.9, 3001))
     )  # between the rows, where a straight line is off most

@@ -137,7 +137,7 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "cli/_command.py",  # standard input, into a folder that goes with the call
         "cli/_terminal.py",  # into nowhere
         "cli/console.py",  # the history of what was typed
-        "hosts/fmi/archive.py",  # what the compiler reads, into a temporary folder
+        "hosts/fmi_export.py",  # what the compiler reads, into a temporary folder
         "recordings/files.py",  # examples of docstrings
         "recordings/force_map.py",  # the same
         "documents.py",

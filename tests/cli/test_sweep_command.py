@@ -100,7 +100,7 @@ def test_a_dry_run_says_what_would_be_run_and_writes_nothing(run, tmp_path):
 
 
 def test_ctrl_c_leaves_a_store_that_goes_on(run, monkeypatch):
-    from mckibben.batch.workers import SerialTeam
+    from mckibben.batch.drive import SerialTeam
 
     def interrupted(self, work, blocks, tell):
         for block in blocks[:1]:
@@ -118,7 +118,7 @@ def test_ctrl_c_leaves_a_store_that_goes_on(run, monkeypatch):
 
 
 def test_ctrl_c_before_a_block_is_done_says_that_nothing_was(run, monkeypatch):
-    from mckibben.batch.workers import SerialTeam
+    from mckibben.batch.drive import SerialTeam
 
     def interrupted(self, work, blocks, tell):
         raise KeyboardInterrupt

@@ -16,10 +16,9 @@ from mckibben.engine.signals import Value
 from mckibben.engine.step import step
 from mckibben.errors import InputError
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import LumpedTube
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, Reservoir, WallHeat
 
 STEP, LANES = 50e-6, 256
 

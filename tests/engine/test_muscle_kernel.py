@@ -18,11 +18,10 @@ from mckibben.engine import held, march
 from mckibben.engine.signals import Value
 from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import Dahl
-from mckibben.muscles.hysteresis.limit import FrictionLimit
+from mckibben.muscles.hysteresis.slip import FrictionLimit
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.volume import MovingVolume, Reservoir
+from mckibben.pneumatics.volume import MovingVolume, Reservoir, WallHeat
 
 ROOM, TEMPERATURE = 101325.0, 293.15
 

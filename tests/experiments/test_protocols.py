@@ -13,18 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mckibben.errors import InputError
-from mckibben.experiments.amounts import read_amount
+from mckibben.experiments.amounts import read_amount, read_until
 from mckibben.experiments.commands import Deferred, DirectionDependent
 from mckibben.experiments.read import (
     build_protocol,
     parse_protocol,
     protocol,
     protocol_names,
-    read_protocol,
     values_of,
     with_values,
 )
-from mckibben.experiments.until import read_until
 from mckibben.experiments.waveforms import Sine, Triangle
 from mckibben.quantities import from_si
 
@@ -132,7 +130,7 @@ order = "random"
 def test_five_lines_are_a_protocol(tmp_path):
     file = tmp_path / "p.toml"
     file.write_text(FIVE_LINES, encoding="utf-8")
-    p = read_protocol(file)
+    p = protocol(file)
     assert len(FIVE_LINES.splitlines()) == 5
     assert len(p.cases()) == 2
     assert {c["pressure"] for c in p.cases()} == {"1 bar", "5 bar"}
@@ -461,7 +459,7 @@ def test_what_is_wrong_in_a_file_is_named(case):
 def test_a_file_that_is_not_there(tmp_path):
     for path in (tmp_path, tmp_path / "none.toml"):
         with pytest.raises(InputError):
-            read_protocol(path)
+            protocol(path)
 
 
 WORDS = ("1 bar", "$a", "1 L0", "shut", "3 s", "tension >= 3 N", "sine", "go on")

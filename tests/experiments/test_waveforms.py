@@ -8,7 +8,7 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.experiments.waveforms import KINDS, Binary, Noise, read_waveform
-from mckibben.experiments.waveforms.random import TAPS, register_bits, uniform
+from mckibben.experiments.waveforms.shapes import TAPS, register_bits, uniform
 
 T = 1e-3 * np.arange(4001)
 TABLES = {
@@ -106,7 +106,7 @@ def test_binary_sequence_repeats_and_starts_where_the_seed_says():
 
 def test_chance_is_the_published_hash_and_so_equal_everywhere():
     # first output of SplitMix64 from a seed of zero, as its authors' programs print it
-    from mckibben.experiments.waveforms.random import _mix
+    from mckibben.experiments.waveforms.shapes import _mix
 
     assert int(_mix(np.asarray(1, np.uint64))) == 0xE220A8397B1DCDAF
     assert not np.array_equal(uniform(0, np.arange(8)), uniform(1, np.arange(8)))

@@ -62,7 +62,7 @@ def test_the_declarations_are_found() -> None:
     # All laws among them, and the friction and creep elements and the environment: else the tests below look at nothing.
     named = {f"{kind.__module__}.{kind.__qualname__}" for kind in LAWS.values()}
     assert {name for name in named if name.startswith("mckibben.")} <= set(TYPES)  # other tests may have added theirs
-    assert "mckibben.components.environment.Environment" in TYPES
+    assert "mckibben.components.flow.Environment" in TYPES
     assert len(TYPES) > len(LAWS) + 5
 
 

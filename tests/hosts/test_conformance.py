@@ -40,7 +40,7 @@ def test_a_loop_in_python_meets_the_limits_and_its_certificate_can_be_read_again
     assert certificate.holds
     judged = ("error at 1 ms", "order", "gap at the border", "tension when slack")
     assert {v.what for v in certificate.verdicts} == {f"hang: {what}" for what in judged}
-    assert read_certificate(certificate.save(tmp_path / "python.json")).document() == certificate.document()
+    assert read_certificate(certificate.save(tmp_path / "python.json")).to_dict() == certificate.to_dict()
 
 
 def test_a_host_that_couples_wrongly_misses_the_limits(certificate):
@@ -94,7 +94,7 @@ def test_an_unknown_host_or_scenario_is_answered_with_the_known_ones(capsys):
 
 
 def test_the_command_prints_the_certificate(certificate, capsys, monkeypatch):
-    monkeypatch.setattr("mckibben.hosts.conformance.conform", lambda *_, **__: certificate)
+    monkeypatch.setattr("mckibben.hosts.conformance._certify", lambda *_, **__: certificate)
     with pytest.raises(SystemExit) as ended:
         main(["conform", "python", "--json"])
     assert ended.value.code == 0

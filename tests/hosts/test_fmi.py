@@ -14,8 +14,8 @@ from host_loops import MASS, START, hanging_part, run_in_host
 from mckibben.errors import InputError
 from mckibben.hosts import Part, export
 from mckibben.hosts.conformance import conform
-from mckibben.hosts.fmi.archive import fmu_cautions, fmu_files
-from mckibben.hosts.fmi.host import instantiate_silently
+from mckibben.hosts.fmi_export import fmu_cautions, fmu_files
+from mckibben.hosts.fmi_host import instantiate_silently
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.valves import SpoolValve
 from mckibben.quantities import base_exponents
@@ -233,7 +233,7 @@ def test_model_exchange_by_an_integrator_that_runs_away_ends_with_an_error_and_s
 def test_a_host_in_c_gets_the_bits_of_the_part(part: Part, fmu: Fmu, tmp_path: Path) -> None:
     if fmu.description.fmiVersion.startswith("2"):
         pytest.skip("the host in C is one of FMI 3.0")
-    headers = str(resources.files("mckibben.hosts.fmi").joinpath("headers"))
+    headers = str(resources.files("mckibben.hosts").joinpath("fmi", "headers"))
     source = str(Path(__file__).with_name("fmu_host.c"))
     host = str(tmp_path / "host")
     subprocess.run([COMPILER, "-std=c99", "-Wall", "-Wextra", f"-I{headers}", source, "-o", host, "-ldl"], check=True)

@@ -11,7 +11,7 @@ import pytest
 from tank_part import tank_part
 
 from mckibben.hosts import Part, export
-from mckibben.hosts.actuators import ActuatorRole, actuator_roles
+from mckibben.hosts.mujoco_muscles import ActuatorRole, actuator_roles
 from mckibben.hosts.part import part_of
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")

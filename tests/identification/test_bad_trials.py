@@ -12,9 +12,8 @@ from mckibben.errors import ConvergenceError, InputError
 from mckibben.identification import Trial, fit_circuit
 from mckibben.identification.trial import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import Isothermal
 from mckibben.pneumatics.tubes import LinearTube
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
 from mckibben.recordings.recording import Channel, Recording
 
 N = 20

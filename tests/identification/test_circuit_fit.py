@@ -14,11 +14,9 @@ from mckibben.engine import held, ramped
 from mckibben.identification import CircuitFit, Trial, fit_circuit
 from mckibben.identification.trial import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import Isothermal
-from mckibben.pneumatics.leak import Leak
-from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.orifice import Leak, Orifice
 from mckibben.pneumatics.tubes import InertialTube, QuadraticTube
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
 from mckibben.recordings import Recording
 
 ROOM = 101325.0

@@ -9,7 +9,7 @@ from mckibben.identification.hysteresis_fit import AREA, ELEMENTS, LONGEST, SHOR
 from mckibben.identification.path_record import PathRecord
 from mckibben.identification.tension_path_fit import SpanPath, relaxation_force
 from mckibben.muscles.build import law_from_specimen
-from mckibben.muscles.creep import MaxwellChain
+from mckibben.muscles.elements import MaxwellChain
 from mckibben.muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from mckibben.specimens import specimen
 

@@ -168,7 +168,7 @@ def test_points_stay_within_budget_map_and_what_the_rig_bears(tmp_path):
     assert np.all(np.diff(plan.pressure)[same] >= 0.0)
     path = tmp_path / "next.toml"
     path.write_text(plan.protocol())
-    assert sum(str(step["label"]).startswith("point") for step in read.read_protocol(path).steps) == len(plan)
+    assert sum(str(step["label"]).startswith("point") for step in read.protocol(path).steps) == len(plan)
 
 
 def test_a_budget_too_short_for_a_point_is_refused():

@@ -17,9 +17,8 @@ from mckibben.identification.circuit_fit import CircuitProblem
 from mckibben.identification.path_record import PathRecord
 from mckibben.identification.problem import Problem
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import Isothermal
-from mckibben.pneumatics.leak import Leak
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.orifice import Leak
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
 from mckibben.recordings import ForceMap
 
 PERIOD, SAMPLES, ROOM = 5e-3, 40, 101325.0

@@ -12,7 +12,7 @@ from mckibben.identification.tension_path_fit import (
     friction_force,
     relaxation_force,
 )
-from mckibben.muscles.creep import MaxwellChain
+from mckibben.muscles.elements import MaxwellChain
 from mckibben.muscles.hysteresis import FrictionLimit, MaxwellSlip
 
 SAMPLES = 1500

@@ -9,13 +9,12 @@ import numpy as np
 from mckibben.assembly.accounts import accounts
 from mckibben.assembly.build import AirLine, antagonist_pair, several, single_muscle, unit_from_specimen
 from mckibben.assembly.loads import Body, MomentArm, PlateLoad
-from mckibben.assembly.wrap import Wrap
+from mckibben.assembly.muscle_unit import Wrap
 from mckibben.engine import Result, Run, held, march
 from mckibben.engine.signals import Value
 from mckibben.muscles.elements import Tendon
-from mckibben.pneumatics.heat import WallHeat
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.volume import FixedVolume
+from mckibben.pneumatics.volume import FixedVolume, WallHeat
 
 PERIOD, SAMPLES, STEP = 1e-3, 250, 50e-6
 ROOM, SUPPLY = 101325.0, 6e5

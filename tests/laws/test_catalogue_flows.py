@@ -7,9 +7,8 @@ from mckibben.assembly.circuit_file import build_plan
 from mckibben.bench.rig_file import rig
 from mckibben.components.flow import GasState
 from mckibben.errors import InputError
-from mckibben.pneumatics.build import build_element, valve_from_specimen
+from mckibben.pneumatics.build import SIZES, build_element, size_as, valve_from_specimen
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.sizes import SIZES, size_as
 from mckibben.specimens import specimen
 from mckibben.web.pages.circuit import inspector
 from mckibben.web.pages.circuit.document import planned, starts

@@ -16,10 +16,9 @@ from hypothesis import strategies as st
 from mckibben.engine import held, integrate, march, ramped
 from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics.circuit import Branch, Circuit, balance
-from mckibben.pneumatics.heat import Isothermal, Polytropic, WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import TUBES, LumpedTube
-from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, MovingVolume, Polytropic, Reservoir, WallHeat, adiabatic
 from mckibben.specimens import specimen
 
 PERIOD, SAMPLES = 1e-3, 241

@@ -11,12 +11,19 @@ from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
 from mckibben.pneumatics.circuit import Branch, Circuit, balance
-from mckibben.pneumatics.heat import Inflow, Isothermal, Polytropic, VolumeState, WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice, steepest_slope
-from mckibben.pneumatics.tubes import TUBES, LumpedTube
-from mckibben.pneumatics.tubes.inertial import inertance
-from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
-from mckibben.pneumatics.wall_friction import friction_factor
+from mckibben.pneumatics.tubes import TUBES, LumpedTube, friction_factor, inertance
+from mckibben.pneumatics.volume import (
+    FixedVolume,
+    Inflow,
+    Isothermal,
+    MovingVolume,
+    Polytropic,
+    Reservoir,
+    VolumeState,
+    WallHeat,
+    adiabatic,
+)
 from mckibben.specimens import specimen
 
 T0 = 293.15

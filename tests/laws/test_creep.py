@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 from mckibben.errors import InputError
-from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
+from mckibben.muscles.elements import KelvinVoigtChain, MaxwellChain
 from mckibben.quantities import declared, to_si
 
 TRIES = settings(max_examples=50, deadline=None, database=None, derandomize=True)

@@ -14,11 +14,11 @@ from mckibben.pneumatics.distributed import (
     VesselEnd,
     simulate,
 )
-from mckibben.pneumatics.distributed.wall import nusselt
+from mckibben.pneumatics.distributed.equations import nusselt
 from mckibben.pneumatics.gas import AIR
-from mckibben.pneumatics.heat import Isothermal, WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.wall_friction import friction_factor, haaland
+from mckibben.pneumatics.tubes import friction_factor, haaland
+from mckibben.pneumatics.volume import Isothermal, WallHeat, adiabatic
 
 R, GAMMA, CP, T0 = 287.05, 1.4, 1.4 / 0.4 * 287.05, 293.15
 SOUND = np.sqrt(GAMMA * R * T0)

@@ -15,7 +15,7 @@ from mckibben.components import Environment
 from mckibben.engine import held, ramped
 from mckibben.pneumatics.circuit import DeadState
 from mckibben.pneumatics.gas import AIR
-from mckibben.pneumatics.heat import Isothermal, WallHeat
+from mckibben.pneumatics.volume import Isothermal, WallHeat
 
 HEATS = {"adiabatic": ADIABATIC, "wall": WALL}
 TIME = 1e-3 * np.arange(SAMPLES + 1)

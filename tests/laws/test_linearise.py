@@ -11,7 +11,7 @@ from machines import PERIOD, ROOM, at, compiled, constant, plate, smooth, unit
 from scipy.linalg import expm
 
 from mckibben.assembly.linearise import LinearModel, Names, linearise, settle, state_names
-from mckibben.assembly.stiffness import joint_stiffness, memory_stiffness, muscle_stiffness
+from mckibben.assembly.pair_map import joint_stiffness, memory_stiffness, muscle_stiffness
 from mckibben.engine import ramped
 from mckibben.errors import ConvergenceError, InputError, UnreachableError
 

@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mckibben.assembly.loads import ChainLink, JointLoad, LinkChain, MomentArm
-from mckibben.assembly.loads.chain import ChainState
-from mckibben.assembly.loads.joint import JointState
+from mckibben.assembly.loads.joint import ChainState, JointState
 from mckibben.errors import InputError
 
 GRAVITY = 9.81

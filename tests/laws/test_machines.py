@@ -30,7 +30,7 @@ from machines import (
 from scipy.integrate import solve_ivp
 
 from mckibben.assembly.build import unit_from_specimen
-from mckibben.assembly.stiffness import joint_stiffness, muscle_stiffness
+from mckibben.assembly.pair_map import joint_stiffness, muscle_stiffness
 from mckibben.engine import held, ramped
 from mckibben.pneumatics.circuit import lines_of
 

@@ -9,8 +9,7 @@ from mckibben import muscle
 from mckibben.components.flow import GasState
 from mckibben.components.module import flatten
 from mckibben.errors import InputError
-from mckibben.muscles.creep import KelvinVoigtChain, MaxwellChain
-from mckibben.muscles.elements import PassiveSpring, Tendon, Viscous
+from mckibben.muscles.elements import KelvinVoigtChain, MaxwellChain, PassiveSpring, Tendon, Viscous
 from mckibben.muscles.hysteresis import (
     HYSTERESES,
     BoucWen,
@@ -21,8 +20,7 @@ from mckibben.muscles.hysteresis import (
     PrandtlIshlinskii,
 )
 from mckibben.pneumatics.compressor import Compressor
-from mckibben.pneumatics.leak import Leak
-from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.orifice import Leak, Orifice
 from mckibben.pneumatics.tubes import LumpedTube
 from mckibben.pneumatics.valves import CheckValve, PressureRegulator, QuickExhaust, SpoolValve
 

@@ -7,10 +7,9 @@ import pytest
 
 from mckibben.engine import held, march, ramped
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.heat import WallHeat, adiabatic
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import LumpedTube
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, Reservoir, WallHeat, adiabatic
 
 PERIOD = 4e-3
 STEPS = [1e-3 / 2**k for k in range(5)]

@@ -14,9 +14,8 @@ import pytest
 from mckibben.engine import held, integrate
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.gas import AIR, REFERENCE_DENSITY
-from mckibben.pneumatics.heat import Isothermal, adiabatic
 from mckibben.pneumatics.orifice import Orifice
-from mckibben.pneumatics.volume import FixedVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir, adiabatic
 
 R, GAMMA, T0 = 287.05, 1.4, 293.15
 C, B = 1.5e-8, 0.35

@@ -17,9 +17,7 @@ from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
 from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.compressor import Compressor
-from mckibben.pneumatics.heat import WallHeat, adiabatic
-from mckibben.pneumatics.leak import Leak
-from mckibben.pneumatics.orifice import Orifice
+from mckibben.pneumatics.orifice import Leak, Orifice
 from mckibben.pneumatics.valves import (
     CheckValve,
     OnOffValve,
@@ -30,7 +28,7 @@ from mckibben.pneumatics.valves import (
     SpoolValve,
     ThreeWayValve,
 )
-from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
+from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir, WallHeat, adiabatic
 from mckibben.specimens import specimen
 
 T0, P0, BAR = 293.15, 101325.0, 1e5

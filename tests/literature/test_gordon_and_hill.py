@@ -12,10 +12,7 @@ from scipy.integrate import quad
 from mckibben.analysis import characteristics
 from mckibben.components import derivative
 from mckibben.errors import InputError
-from mckibben.muscles.biological import BiologicalMuscle
-from mckibben.muscles.biological.gordon import active_curve
-from mckibben.muscles.biological.hill import velocity_curve
-from mckibben.muscles.biological.passive import passive_curve
+from mckibben.muscles.biological import BiologicalMuscle, active_curve, passive_curve, velocity_curve
 from mckibben.quantities import declared, from_si, to_si
 
 INTENSITY = to_si(35.0, "N/cm^2", "N/m^2", field="tension intensity")

@@ -4,7 +4,7 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError
-from mckibben.muscles.contradiction import volume_contradiction
+from mckibben.muscles.evidence import volume_contradiction
 
 
 def test_parameters_that_leave_no_volume_are_named_and_values_that_would_do():

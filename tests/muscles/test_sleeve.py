@@ -22,7 +22,7 @@ from mckibben.specimens import Specimen, map_file, save_specimen, specimen
 from mckibben.studies.comparison.table import subject
 from mckibben.studies.sizing import catalogue
 from mckibben.studies.sizing.requirements import Requirements
-from mckibben.web.pages.bench import drawing
+from mckibben.web.bench.chosen import drawn_muscle
 
 BRAID = {
     "rest_length": "300 mm", "diameter": "12 mm", "braid_angle": "25 deg", "thread_diameter": "0.25 mm",
@@ -299,7 +299,7 @@ def test_a_file_without_a_rest_length_takes_part_everywhere(tmp_path: Path) -> N
     bench = prepare(shipped("isometric-step"), muscle=spec, rig="modern")
     assert bench.plan.rest_length == rest_length_of(spec)
     assert subject(spec, pressure=5e5).rest_length == rest_length_of(spec)
-    assert drawing.rest_length(spec) == rest_length_of(spec)
+    assert drawn_muscle(spec)["rest_length"] == rest_length_of(spec)
     wish = Requirements(force=20.0, stroke=0.01, pressure=3e5)
     assert catalogue.of_file(str(path), wish).id == "no-rest"
 

@@ -8,7 +8,7 @@ import pytest
 from mckibben.cli import main
 from mckibben.recordings import Channel, Recording
 from mckibben.report.recording_report import recording_report
-from mckibben.web.pages.recordings import state
+from mckibben.web.pages.recordings import listing
 
 LINE = {"samples": 6001, "lost": 60, "repeated": 3, "late": 0, "bad_checksum": 60, "answers_late": 2}
 LOST = "60 of 6,001 samples did not arrive, or damaged"
@@ -61,6 +61,6 @@ def test_every_face_says_that_samples_were_lost(tmp_path, capsys):
     page = recording_report(recording(hardware=LINE), name="run.nc").write(tmp_path / "run.html")
     assert LOST in page.read_text(encoding="utf-8")
     assert (
-        state._sign(recording(hardware=LINE).meta)[0] == "caution"
-        and LOST in state._sign(recording(hardware=LINE).meta)[1]
+        listing._sign(recording(hardware=LINE).meta)[0] == "caution"
+        and LOST in listing._sign(recording(hardware=LINE).meta)[1]
     )

@@ -23,19 +23,17 @@ from mckibben.muscles.braid import braid_of
 from mckibben.muscles.build import build_law, law_from_specimen
 from mckibben.recordings import Channel, ForceMap, Recording
 from mckibben.report.figures import (
+    analysis_figures,
     bench_diagram,
-    circuit_figures,
     comparison_figures,
     energy_figures,
     fit_figures,
-    frequency_figures,
-    joint_figures,
-    loop_figures,
     muscle_figures,
+    ranking_figures,
     recording_figures,
+    run_figures,
     sizing_figures,
-    tube_figures,
-    validation_figures,
+    study_figures,
 )
 from mckibben.report.paper_figures import FIGURES
 from mckibben.reproduction import part4
@@ -165,7 +163,7 @@ def tubes() -> Any:
     accumulators = (tube_models.LARGE, tube_models.SMALL)
 
     def result(thermal: str, model: str, accumulator: str) -> Any:
-        late = 5 + 3 * tube_figures.SHOWN.index(model)
+        late = 5 + 3 * study_figures.SHOWN.index(model)
         compared = [
             SimpleNamespace(predicted=np.roll(c.vessel, late), rms=2e3 * late, lead=-1e-3 * late) for c in cases
         ]
@@ -340,18 +338,18 @@ def studied() -> dict[str, Callable[[], Any]]:
     response = FrequencyResponse(
         frequency, 1.0 / np.hypot(1.0, frequency / 5.0), -np.arctan(frequency / 5.0), np.linspace(1.0, 0.7, 30), 8
     )
-    bode = frequency_figures.BodeTitles("From the valve to the pressure", "8 segments", "bar/V")
+    bode = analysis_figures.BodeTitles("From the valve to the pressure", "8 segments", "bar/V")
     at = np.linspace(0.0, 1.0, 50)
     repeated = Repeatability(0.5, 1.0, 0.01, 4, at, np.stack([30 * np.sin(7 * at) + 0.3 * i for i in range(4)]))
     return {
         "sizing": lambda: sizing_figures.design_map(sizing()),
         "design front": lambda: sizing_figures.design_front(designs()),
-        "tubes": lambda: tube_figures.tube_figure(tubes()),
-        "validation": lambda: validation_figures.errors_figure(validated()),
-        "loop study": lambda: loop_figures.loops_figure(loop_study()),
-        "circuit fit": lambda: circuit_figures.overview(*circuit_fit(), title="A tank behind a tube"),
-        "circuit run": lambda: circuit_figures.run_figure(circuit_run()),
-        "joint": lambda: joint_figures.joint_figure(joint_record()),
+        "tubes": lambda: study_figures.tube_figure(tubes()),
+        "validation": lambda: ranking_figures.errors_figure(validated()),
+        "loop study": lambda: study_figures.loop_study_figure(loop_study()),
+        "circuit fit": lambda: run_figures.overview(*circuit_fit(), title="A tank behind a tube"),
+        "circuit run": lambda: run_figures.run_figure(circuit_run()),
+        "joint": lambda: run_figures.joint_figure(joint_record()),
         "energy flow": lambda: energy_figures.energy_flow_figure(account()),
         "cycles": lambda: energy_figures.loops_figure(
             [
@@ -361,8 +359,8 @@ def studied() -> dict[str, Callable[[], Any]]:
             title="Nylon muscle",
         ),
         "efficiency": lambda: energy_figures.figure_12(),
-        "bode": lambda: frequency_figures.bode_figure(response, bode, cutoff=5.0),
-        "repeatability": lambda: frequency_figures.repeatability_figure(
+        "bode": lambda: analysis_figures.bode_figure(response, bode, cutoff=5.0),
+        "repeatability": lambda: analysis_figures.repeatability_figure(
             repeated, title="Work loops", channel="Tension, N", over="Phase of the cycle"
         ),
         "comparison": lambda: comparison_figures.comparison_figure([trials("nylon"), trials("fast-fibre")], [match()]),

@@ -15,7 +15,7 @@ from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import LumpedTube
 from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir
-from mckibben.report.figures import circuit_diagram, circuit_labels, circuit_layout, circuit_symbols, style
+from mckibben.report.figures import circuit_cells, circuit_diagram, circuit_symbols, style
 from mckibben.specimens import specimen
 
 # Two rectangles may touch: half a point is less than the width of a line.
@@ -187,13 +187,13 @@ def test_every_port_is_joined_to_its_node(circuit: Circuit) -> None:
     plan = circuit_diagram.plan(circuit)
     for name, (ends, _) in circuit.ends.items():
         for end in ends:
-            if circuit_labels.is_atmosphere(circuit.nodes[end]):
+            if circuit_cells.is_atmosphere(circuit.nodes[end]):
                 continue
             box, grown = plan.symbols[f"element {name}"], 1.0
             near = circuit_symbols.Box(box.x0 - grown, box.y0 - grown, box.x1 + grown, box.y1 + grown)
             starts = [run[0] for run in plan.nets[end].lines]
             assert any(near.x0 <= x <= near.x1 and near.y0 <= y <= near.y1 for x, y in starts), (name, end)
-    free = [e for ends, _ in circuit.ends.values() for e in ends if circuit_labels.is_atmosphere(circuit.nodes[e])]
+    free = [e for ends, _ in circuit.ends.values() for e in ends if circuit_cells.is_atmosphere(circuit.nodes[e])]
     assert len(plan.triangles) == len(free), "one triangle for each port to the air outside"
 
 
@@ -238,7 +238,7 @@ def test_subtitles_stand_in_for_values() -> None:
 
 
 def test_the_braid_is_drawn_with_the_angle_of_its_law() -> None:
-    angle = circuit_labels.braid_angle(muscle())
+    angle = circuit_cells.braid_angle(muscle())
     assert angle is not None and 0.2 < angle < 1.0
     symbol = circuit_symbols.muscle(angle, hanging=False)
     middle = [m.path.vertices for m in symbol.marks if m.width < 0.5 and len(m.path.vertices) == 9]
@@ -254,6 +254,6 @@ def test_words_for_what_is_not_there_are_refused(field: str) -> None:
 
 @pytest.mark.parametrize("kind", ELEMENTS.values(), ids=ELEMENTS)
 def test_every_element_that_can_be_built_from_words_has_a_symbol_of_its_own(kind: type[FlowElement]) -> None:
-    symbol, inside = circuit_layout.symbol_of(object.__new__(kind), driven=kind.commanded)
+    symbol, inside = circuit_cells.symbol_of(object.__new__(kind), driven=kind.commanded)
     assert inside == "" and len(symbol.ports) == len(kind.ports)
     assert len({port[:2] for port in symbol.ports}) == len(kind.ports), "two ports at one place"

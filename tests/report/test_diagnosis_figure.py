@@ -3,7 +3,7 @@
 import pytest
 
 from mckibben.errors import InputError
-from mckibben.report.figures.diagnosis_figures import confusion_figure
+from mckibben.report.figures.study_figures import confusion_figure
 
 MATRIX = {"leak": {"leak": 19, "slack": 1, "none": 0}, "slack": {"leak": 0, "slack": 10, "none": 10}}
 

@@ -5,7 +5,7 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.report.figures.page_charts import chart_figure
-from mckibben.web.save import figure_file, part_of, sent_chart, sent_figure
+from mckibben.web.charts import figure_file, part_of, sent_chart, sent_figure
 
 
 def chart(**more):

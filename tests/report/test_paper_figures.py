@@ -9,12 +9,12 @@ from matplotlib.text import Text
 from mckibben.analysis.loops import closed_area
 from mckibben.errors import InputError
 from mckibben.quantities import from_si
+from mckibben.report.figures import paper_common as common
+from mckibben.report.figures import paper_recordings as drawings
 from mckibben.report.figures import style
-from mckibben.report.figures.paper import common
-from mckibben.report.figures.paper import recordings as drawings
-from mckibben.report.figures.paper.common import as_printed, label, outcome, shown
+from mckibben.report.figures.paper_common import as_printed, label, outcome, shown
 from mckibben.report.paper_figures import CONFERENCE, FIGURES, JOURNAL, figure
-from mckibben.reproduction import loops, part1, shortening
+from mckibben.reproduction import computed, measured
 from mckibben.reproduction.rows import all_rows, needs_recording
 
 FIRST = (
@@ -151,7 +151,7 @@ def test_the_drawn_braid_angle_at_the_free_length_is_that_of_no_tension(drawn):
 
 def test_the_slope_of_the_drawn_tension_per_pressure_is_kg(drawn):
     length, per_pressure = line(drawn("5d"), "with wall")
-    at = np.array(part1.LENGTHS) * from_si(1.0, "m", "cm")
+    at = np.array(computed.LENGTHS) * from_si(1.0, "m", "cm")
     slope = np.polyfit(at, np.interp(at, length, per_pressure), 1)[0] * from_si(1.0, "N/(bar*cm)", "cm")
     assert slope == pytest.approx(ours("static.stiffness_per_pressure"), rel=1e-3)  # straight between samples
 
@@ -225,7 +225,7 @@ def test_the_drawn_loop_has_the_height_of_the_row_and_its_samples_are_the_record
     # the mean of heights against the height of mean paths: noise of 0.1 N over the samples of a window
     assert height == pytest.approx(ours("loop.height"), abs=0.15)
     samples = line(drawn("3a"), "5 bar, samples")[1]
-    assert np.array_equal(samples, loops.triangle()["tension"])
+    assert np.array_equal(samples, measured.triangle()["tension"])
 
 
 @pytest.mark.slow
@@ -238,10 +238,10 @@ def test_the_drawn_rise_takes_the_time_of_the_row(drawn):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "name"), list(zip((shortening.LIGHT, shortening.FAST), drawings.CASES, strict=True)))
+@pytest.mark.parametrize(("case", "name"), list(zip((measured.LIGHT, measured.FAST), drawings.CASES, strict=True)))
 def test_the_drawn_power_has_the_peak_of_the_row(drawn, case, name):
     _, power = line(drawn("11"), f"power {name}")
-    assert power.max() <= shortening.power(case).largest_power * (1.0 + DIFFERENT)
+    assert power.max() <= measured.power(case).largest_power * (1.0 + DIFFERENT)
     assert power.max() == pytest.approx(
         ours(f"isotonic.peak_power_{name}"), rel=0.05
     )  # the largest of three, not their mean

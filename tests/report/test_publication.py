@@ -10,7 +10,7 @@ from matplotlib.text import Text
 
 import mckibben as mk
 from mckibben.errors import InputError
-from mckibben.report.figures import printing, style
+from mckibben.report.figures import formats, style
 from mckibben.report.figures.formats import LEAST_TYPE, gray_of, named_style
 
 FIGURES = gallery.figures()
@@ -90,15 +90,15 @@ def test_lines_of_a_printed_figure_differ_without_colour(printed):
     for name, fig in printed.items():
         for ax in fig.axes:
             looks: dict = {}
-            for line in printing.series(ax):
-                if printing.appearance(line)[0] != "None":
+            for line in formats.series(ax):
+                if formats.appearance(line)[0] != "None":
                     bundle = (
                         line.get_alpha(),
                         line.get_linewidth(),
                         line.get_gid(),
                         line.get_label().strip("_0123456789"),
                     )
-                    looks.setdefault(printing.appearance(line), set()).add(bundle)
+                    looks.setdefault(formats.appearance(line), set()).add(bundle)
             assert all(len(bundles) == 1 for bundles in looks.values()), (name, ax.get_ylabel(), looks)
 
 
@@ -119,7 +119,7 @@ def test_no_text_leaves_the_canvas_of_a_page_or_a_slide(name, look):
 
 def test_a_projected_figure_has_thicker_lines():
     plain, thick = (drawn("force map", look, "slide").axes[0].get_lines()[0] for look in ("print", "projector"))
-    assert thick.get_linewidth() == pytest.approx(printing.STROKES * plain.get_linewidth())
+    assert thick.get_linewidth() == pytest.approx(formats.STROKES * plain.get_linewidth())
 
 
 def test_every_format_opens_and_says_what_it_shows(printed, tmp_path):

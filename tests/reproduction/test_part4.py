@@ -5,7 +5,7 @@ import re
 import pytest
 
 from mckibben.components import Environment
-from mckibben.reproduction import part1, part4, reproduce, rows
+from mckibben.reproduction import computed, part4, reproduce, rows
 from mckibben.reproduction.rows import all_rows, reproduce_row
 
 ROWS = {r.id: r for r in all_rows() if r.part == "IV"}
@@ -50,7 +50,7 @@ def test_the_numbers_at_5_bar():
 
 def test_rows_move_with_the_stretched_length(monkeypatch, fresh):
     before, pulls = ours("energy.maximal.output"), part4.cycle("maximal")
-    passive = part1.passive_stiffness() * (part4.stretched_length() - 0.14)
+    passive = computed.passive_stiffness() * (part4.stretched_length() - 0.14)
     longer = part4.stretched_length() + 1e-4
     monkeypatch.setattr(part4, "stretched_length", lambda: longer)
     part4.cycle.cache_clear()
@@ -71,7 +71,7 @@ def test_rows_move_with_the_surroundings(monkeypatch, fresh):
 @pytest.mark.parametrize(("what", "change"), [("KG", 1.02), ("LMIN", 0.99), ("FA", 1.1)])
 def test_rows_move_with_the_line_of_eq_13(monkeypatch, fresh, what, change):
     before = {name: ours(name) for name in ROWS if name != "energy.atmosphere"}  # that is a definition
-    monkeypatch.setattr(part1, what, change * getattr(part1, what))
+    monkeypatch.setattr(computed, what, change * getattr(computed, what))
     part4.cycle.cache_clear()
     assert all(ours(name) != value for name, value in before.items())
 

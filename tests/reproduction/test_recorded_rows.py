@@ -7,7 +7,7 @@ import pytest
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.reproduction import loops, recorded, reproduce, rows, shortening
+from mckibben.reproduction import measured, recorded, reproduce, rows
 from mckibben.reproduction.rows import ComputedValue, all_rows, reproduce_row
 
 RECORDED = ("loop.", "friction.", "isometric.", "isotonic.", "static.fit_")
@@ -19,7 +19,7 @@ FILTERED = 2.0 * 0.0707 * 2270.0 / (2.0 * np.pi * 200.0)  # height that a lag of
 @pytest.fixture(scope="session")
 def triangle():
     """The nylon muscle's loops at 5 bar, recorded on the paper's machine."""
-    return loops.triangle()
+    return measured.triangle()
 
 
 def drawn(pressure, friction=2.5, low=0.105, high=0.14):
@@ -60,32 +60,32 @@ def test_the_nylon_loop_is_measured_as_printed(triangle):
 
 
 def test_the_lag_of_the_filter_narrows_the_loop_by_what_it_must(triangle):
-    both = loops.without_lag(triangle)
+    both = measured.without_lag(triangle)
     # mid-range is passed at 0.07 m/s both ways; half of it for noise, and for the shift by less than a sample
     assert both.corrected.height - both.raw.height == pytest.approx(FILTERED, abs=0.5 * FILTERED)
     assert both.width_change > 0.0
 
 
 def test_the_muscle_itself_holds_its_pressure_within_the_printed_tenth_of_a_bar(triangle):
-    assert 0.0 < loops.pressure_variation(triangle).largest < 0.1e5
+    assert 0.0 < measured.pressure_variation(triangle).largest < 0.1e5
 
 
 def test_taking_off_the_stretch_of_cord_and_frame_gives_the_length():
     record, length = drawn(5e5)
     # the table of the cord's force is linear between points 0.1 um apart
-    np.testing.assert_allclose(loops.stiff(record)["length"], length, atol=1e-8)
+    np.testing.assert_allclose(measured.stiff(record)["length"], length, atol=1e-8)
 
 
 def test_ten_points_of_drawn_loops_give_eq_13_back(monkeypatch):
-    monkeypatch.setattr(loops, "triangle", lambda pressure, cycles: drawn(1e5 * float(pressure.split()[0]))[0])
-    fit = loops.fit_linear_tension(loops.ten_points("length"))
+    monkeypatch.setattr(measured, "triangle", lambda pressure, cycles: drawn(1e5 * float(pressure.split()[0]))[0])
+    fit = measured.fit_linear_tension(measured.ten_points("length"))
     assert fit.points == 10
     # friction cancels in the mean of the paths; what remains is the table of the cord
     assert fit.stiffness_per_pressure.value == pytest.approx(KG, rel=1e-4)
     assert fit.offset_pressure.value == pytest.approx(PA, rel=1e-2)
     assert fit.shortest_length.value == pytest.approx(LMIN, rel=1e-4)
     assert fit.offset_tension.value == pytest.approx(FA, rel=1e-3)
-    raw = loops.fit_linear_tension(loops.ten_points("span"))
+    raw = measured.fit_linear_tension(measured.ten_points("span"))
     assert raw.stiffness_per_pressure.value < 0.985 * KG  # a soft machine makes every muscle soft
 
 
@@ -110,36 +110,36 @@ def test_a_recording_tells_how_far_it_is(monkeypatch):
 
 def test_rises_and_falls_are_taken_apart(monkeypatch):
     known = [
-        shortening.IsometricTiming(5e-3, 7e-3, 12e-3, t, rising, 1.0, 1.0, settled=True)
+        measured.IsometricTiming(5e-3, 7e-3, 12e-3, t, rising, 1.0, 1.0, settled=True)
         for t, rising in ((30e-3, True), (50e-3, False), (32e-3, True))
     ]
-    monkeypatch.setattr(shortening, "timings", lambda stroke, **options: known)
+    monkeypatch.setattr(measured, "timings", lambda stroke, **options: known)
     drawn_length = {"muscle.length": np.array([0.14, 0.139])}
-    monkeypatch.setattr(shortening, "steps", lambda stroke: drawn_length)
-    assert shortening.rise_full().value == pytest.approx(31e-3)
-    assert shortening.fall_full().value == pytest.approx(50e-3)
-    assert "the braid shortens by 1.00 mm" in shortening.rise_full().note
+    monkeypatch.setattr(measured, "steps", lambda stroke: drawn_length)
+    assert measured.rise_full().value == pytest.approx(31e-3)
+    assert measured.fall_full().value == pytest.approx(50e-3)
+    assert "the braid shortens by 1.00 mm" in measured.rise_full().note
 
 
 def test_work_and_power_of_a_drawn_shortening(monkeypatch):
     time = np.arange(3000) / 1000.0
     span = 0.13 + 0.01 * np.cos(2.0 * np.pi * time)
     record = Recording(time, {"span": Channel(span, "m"), "tension": Channel(np.full(3000, 10.0), "N")})
-    monkeypatch.setattr(shortening, "cycles", lambda case: record)
-    shortening.power.cache_clear()
+    monkeypatch.setattr(measured, "cycles", lambda case: record)
+    measured.power.cache_clear()
     try:
         # 10 N over 2 cm, once a second; the derivative over 20 ms loses (pi f w)^2/10 = 4e-4 of the peak
-        assert shortening.work_light().value == pytest.approx(0.2, rel=1e-3)
-        assert shortening.mean_power_light() == pytest.approx(0.4, rel=1e-3)
-        assert shortening.peak_power_light().value == pytest.approx(10.0 * 0.01 * 2.0 * np.pi, rel=1e-3)
+        assert measured.work_light().value == pytest.approx(0.2, rel=1e-3)
+        assert measured.mean_power_light() == pytest.approx(0.4, rel=1e-3)
+        assert measured.peak_power_light().value == pytest.approx(10.0 * 0.01 * 2.0 * np.pi, rel=1e-3)
     finally:
-        shortening.power.cache_clear()
+        measured.power.cache_clear()
     volume = 0.25 * np.pi * 1.1e-2**2 * 0.14
-    assert shortening.density(14.0) == pytest.approx(14.0 / volume, rel=1e-12)
+    assert measured.density(14.0) == pytest.approx(14.0 / volume, rel=1e-12)
 
 
 def test_spread_is_relative_to_the_mean():
-    assert loops.spread([0.9, 1.0, 1.1]) == pytest.approx(0.2)
+    assert measured.spread([0.9, 1.0, 1.1]) == pytest.approx(0.2)
 
 
 def test_a_note_that_was_found_is_shown_beside_the_row(monkeypatch):
@@ -158,16 +158,16 @@ def test_all_rows_from_recordings():
     assert [o.row.id for o in outcomes.values() if o.ok is False] == []
     # below a tenth of a bar with both accumulators, visibly more without: of the true pressure, for a count is 27 mbar
     bare = recorded.recording("preconditioning", plumbing="direct", pressure="5 bar", frequency="1 Hz", cycles=4)
-    parts = loops.triangle(), recorded.step_of(bare, "cycles")
-    held, free = (loops.variation(p, channel="muscle.pressure", drive="span").largest for p in parts)
+    parts = measured.triangle(), recorded.step_of(bare, "cycles")
+    held, free = (measured.variation(p, channel="muscle.pressure", drive="span").largest for p in parts)
     assert free > 1.5 * held
     # history: the falling paths part where the rising ones do not
-    (up, down), (small_up, small_down) = (loops.rising_and_falling(s) for s in ("large", "small"))
-    apart = loops.path_distance(down, small_down).largest
-    assert apart > 5.0 * loops.path_distance(up, small_up).largest
+    (up, down), (small_up, small_down) = (measured.rising_and_falling(s) for s in ("large", "small"))
+    apart = measured.path_distance(down, small_down).largest
+    assert apart > 5.0 * measured.path_distance(up, small_up).largest
     # what the paper's cell of 100 N could not show is said
     assert "saturated for" in outcomes["friction.bridgestone"].note
-    assert loops.treated("WD-40").height < loops.treated("no lubricant").height
+    assert measured.treated("WD-40").height < measured.treated("no lubricant").height
 
 
 def test_the_recordings_of_rows_are_saved_under_the_words_that_say_which_they_are(monkeypatch, tmp_path):

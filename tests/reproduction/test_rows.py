@@ -2,7 +2,7 @@
 
 import pytest
 
-from mckibben.reproduction import part1, reproduce, rows
+from mckibben.reproduction import computed, reproduce, rows
 from mckibben.reproduction.rows import PrintedRow, all_rows, decimals_of, judge, reproduce_row, rounds_to
 
 
@@ -21,9 +21,9 @@ def test_biology_rows_hold():
 
 def test_a_row_moves_with_its_input(monkeypatch):
     row = next(r for r in all_rows() if r.id == "static.max_tension")
-    law = part1._nylon()
+    law = computed._nylon()
     before = reproduce_row(row).ours
-    monkeypatch.setattr(part1, "_nylon", lambda: law.replace(stiffness_per_pressure=0.5e-2))
+    monkeypatch.setattr(computed, "_nylon", lambda: law.replace(stiffness_per_pressure=0.5e-2))
     after = reproduce_row(row)
     # dF/dKg = (P' - Pth)(L - Lmin) = 4.097e5 Pa * 5.49 cm = 22.5 N per mm of Kg
     assert after.ours - before == pytest.approx(0.34e-3 * 4.097e5 * 5.49e-2, rel=1e-9)

@@ -8,8 +8,8 @@ import pytest
 from tests.measured_data import FOLDER, measured
 
 import mckibben as mk
-from mckibben.bench.metadata import initial_metadata
 from mckibben.bench.prepare import prepare
+from mckibben.bench.recorder import initial_metadata
 from mckibben.cli.app import main
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.muscles.build import law_from_specimen

@@ -14,7 +14,7 @@ import pytest
 
 from mckibben.citations import known_keys
 from mckibben.errors import InputError
-from mckibben.muscles.biological import hill
+from mckibben.muscles.biological import velocity_curve
 from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording
 from mckibben.specimens.published import published_ranges, read_ranges
@@ -68,7 +68,7 @@ def test_rows_of_a_muscle_agree_with_each_other(name: str) -> None:
 
 def test_a_row_has_a_value_or_none_for_every_column_and_published_rows_stay() -> None:
     found = compare(["nylon", "fast-fibre"])
-    rows = {r.property.name: r for r in found.rows()}
+    rows = {r.property.name: r for r in found.properties()}
     assert all(len(r.values) == 2 for r in rows.values())
     assert rows["maximum_velocity"].values[0] is None  # the law knows no velocity
     assert rows["maximum_velocity"].values[1] == 8.0
@@ -192,7 +192,7 @@ def test_isokinetic_shortening_shows_hills_hyperbola(fast: ComparedMuscle, fibre
     fibre = fast.fibre
     assert fibre is not None
     speed, pull = fibre_trials.curves["force_velocity"]
-    wanted = hill.velocity_curve(-speed / float(fibre.maximum_velocity), curvature=fibre.curvature)
+    wanted = velocity_curve(-speed / float(fibre.maximum_velocity), curvature=fibre.curvature)
     # Tension is read in a window of 6 ms, over which the length moves along Gordon's limb: 4 L0/s are 0.024 L0.
     np.testing.assert_allclose(pull, np.asarray(wanted), atol=0.01)
     assert (np.diff(pull) < 0.0).all()

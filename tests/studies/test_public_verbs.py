@@ -5,13 +5,12 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.studies.sizing import Requirements
-from mckibben.studies.sizing.size import _requirements
 
 
 def test_text_with_units_states_the_same_requirements_as_si_numbers():
-    words = {"force": "50 N", "stroke": "3 cm", "pressure": "5 bar", "frequency": "1 Hz", "length": None}
+    words = {"force": "50 N", "stroke": "3 cm", "pressure": "5 bar", "rate": "1 Hz", "length": None}
     si = Requirements(force=50.0, stroke=0.03, pressure=5e5, frequency=1.0)
-    assert _requirements(**words) == si
+    assert mk.size(**words, lines=False).wish == si
 
 
 def test_a_sizing_without_a_force_or_stroke_is_refused():

@@ -209,7 +209,7 @@ def test_the_cost_is_that_of_two_tubes_in_one_circuit(study):
 @pytest.mark.slow  # all fits of the study
 def test_the_figure_shows_every_model(study):
     from mckibben.report.figures import style
-    from mckibben.report.figures.tube_figures import SHOWN, tube_figure
+    from mckibben.report.figures.study_figures import SHOWN, tube_figure
 
     drawn = style.to_svg(tube_figure(study))
     for key in SHOWN:

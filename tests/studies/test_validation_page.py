@@ -15,7 +15,7 @@ from mckibben.identification import evaluate, fit
 from mckibben.muscles import law_from_specimen
 from mckibben.recordings import ForceMap
 from mckibben.report.figures import style
-from mckibben.report.figures.validation_figures import errors_figure
+from mckibben.report.figures.ranking_figures import errors_figure
 from mckibben.specimens import specimen
 from mckibben.studies import validation as study
 from mckibben.studies.validation import (

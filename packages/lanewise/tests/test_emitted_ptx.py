@@ -19,18 +19,7 @@ import pytest
 
 import lanewise
 from c_programs import COMPILER, same_bits
-from lanewise import (
-    ArgumentError,
-    DriverError,
-    LanewiseError,
-    Program,
-    UnavailableError,
-    _gpu,
-    _gpu_driver,
-    _kernel,
-    lower,
-    to_gpu,
-)
+from lanewise import ArgumentError, DriverError, LanewiseError, Program, UnavailableError, _gpu, _kernel, lower, to_gpu
 from lanewise._gpu import OWN, compile_ptx, gpu_assembly
 from lowered_examples import CASES, arguments_of, orbit_program, orbit_values, program
 
@@ -170,7 +159,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fake(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fake:
     copy = tmp_path / "driver.so"  # its own, for a library that was changed by another test stays loaded
     shutil.copy(library, copy)
-    monkeypatch.setenv(_gpu_driver.VARIABLE, str(copy))
+    monkeypatch.setenv(_gpu.VARIABLE, str(copy))
     monkeypatch.setenv("LANEWISE_CACHE", "off")
     made = Fake(copy)
 
@@ -278,7 +267,7 @@ def test_the_engine_gpu_is_the_native_one_elsewhere(fake: Fake) -> None:
 
 
 def test_no_driver_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(_gpu_driver.VARIABLE, str(tmp_path / "none.so"))
+    monkeypatch.setenv(_gpu.VARIABLE, str(tmp_path / "none.so"))
     with pytest.raises(UnavailableError, match=r"^No GPU: no NVIDIA driver was found \(.*none\.so\)\.$"):
         to_gpu(program("loops"))
     with pytest.raises(UnavailableError, match="no NVIDIA driver"):
@@ -321,7 +310,7 @@ def test_an_unknown_device_is_refused(fake: Fake) -> None:
 
 def _has_gpu() -> bool:
     try:
-        return bool(_gpu_driver.devices())
+        return bool(_gpu.devices())
     except LanewiseError:
         return False
 

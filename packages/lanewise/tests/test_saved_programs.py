@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lanewise
-from lanewise import ArgumentError, Program, _kernel, _llvm, _program
+from lanewise import ArgumentError, Program, _kernel, _program
 from lowered_systems import positions, rubbing
 
 WITHOUT_JAX = """
@@ -96,7 +96,7 @@ def test_a_long_program_in_pieces_and_without_pains_gives_the_same_bits(run, tmp
     leaves = jax.tree.leaves(arguments())
     whole = run.program.assembly(frozenset([3]), lanes=True)[0]
     monkeypatch.setenv("LANEWISE_CACHE", str(tmp_path))
-    monkeypatch.setattr(_llvm, "LONGEST", 20)
+    monkeypatch.setattr(_kernel, "LONGEST", 20)
     pieces = run.program.assembly(frozenset([3]), lanes=True)[0]
     assert pieces.count("label %more") > whole.count("label %more") + 5
     found = Program.from_bytes(run.program.serialised).call(leaves, lanes=5)[0]

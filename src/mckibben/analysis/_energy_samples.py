@@ -16,7 +16,7 @@ import numpy as np
 from .._jax import Scalar
 from ..assembly.muscle_unit import BraidMotion
 from ..errors import InputError
-from ..muscles.stored import stored_along
+from ..muscles.law import stored_along
 from ..pneumatics.circuit import DeadState, Seen
 from ..recordings import Recording
 from ._recorded_machine import RecordedMachine

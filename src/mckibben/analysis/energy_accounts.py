@@ -22,8 +22,7 @@ from ..components import Environment
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import law_from_specimen
-from ..muscles.law import TensionLaw
-from ..muscles.stored import stored_along
+from ..muscles.law import TensionLaw, stored_along
 from ..pneumatics.circuit import DeadState
 from ..pneumatics.gas import AIR
 from ..quantities import with_unit

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..estimation import descend
-from ..muscles.biological.hill import velocity_curve
+from ..muscles.biological import velocity_curve
 from ..recordings import Recording
 from ._regression import Interval, linear_fit, t_quantile
 from .channels import finite, known, positive, smoothed, uniform_period

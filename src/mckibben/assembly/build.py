@@ -6,7 +6,7 @@ supply, its port and the room, and a tube from the port to the muscle.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ..components import Environment, MemoryElement, paths
@@ -17,18 +17,17 @@ from ..muscles import Muscle
 from ..muscles.build import at_rest_length, built_muscle
 from ..muscles.dimensions import REST_LENGTH
 from ..muscles.elements import Tendon
-from ..muscles.plausible import largest_strain
+from ..muscles.law import THREAD_STRAIN
+from ..muscles.plausible import LARGEST_STRAIN, largest_strain
 from ..pneumatics.circuit import Branch, Circuit
-from ..pneumatics.heat import HeatModel, WallHeat
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.tubes import LumpedTube
-from ..pneumatics.volume import Chamber, FixedVolume, MovingVolume, Reservoir
-from ..quantities import Quantity
+from ..pneumatics.volume import Chamber, FixedVolume, HeatModel, MovingVolume, Reservoir, WallHeat
+from ..quantities import Quantity, with_unit
 from ..specimens import Specimen, muscle_specimen
 from .loads import JointLoad, Load, MomentArm
 from .machine import Machine
-from .muscle_unit import STOP_TRAVEL, MuscleUnit
-from .wrap import Wrap
+from .muscle_unit import SLACK_TIME, STOP_TRAVEL, MuscleUnit, Wrap
 
 
 class InferredNumber(NamedTuple):
@@ -350,10 +349,8 @@ def antagonist_pair(
     for name, arm, sign in (("flexor", flexor_arm, 1.0), ("extensor", extensor_arm, -1.0)):
         at = float(arm.arm(0.0))
         if not sign * at > 0.0:
-            words = "a positive" if sign > 0.0 else "a negative"
-            raise InputError(
-                f"{name}_arm", at, f"must be {words} moment arm at angle zero [m]", where="antagonist pair"
-            )
+            demand = f"must be {'a positive' if sign > 0.0 else 'a negative'} moment arm at angle zero [m]"
+            raise InputError(f"{name}_arm", at, demand, where="antagonist pair")
     load = JointLoad(arms={"flexor": flexor_arm, "extensor": extensor_arm}, inertia=inertia, **dict(joint or {}))
     units = {"flexor": flexor, "extensor": extensor}
     return several(units, load, supply=supply, line=_line(line), environment=environment)
@@ -380,3 +377,58 @@ def _line(options: Mapping[str, Any]) -> AirLine:
         if name not in AirLine._fields:
             raise InputError(name, None, "a line has", known=AirLine._fields, where="line")
     return AirLine(**options)
+
+
+# ---- numbers in a system that nobody stated for it
+
+
+class Assumption(NamedTuple):
+    """A number that was left at its default."""
+
+    parameter: str  # dotted path, or the name of the argument
+    value: float  # [unit]
+    unit: str  # SI unit
+    note: str  # where it comes from, one phrase
+
+    def __str__(self) -> str:
+        return f"{self.parameter} {with_unit(self.value, self.unit)}"
+
+
+def inferred_assumption(parameter: str, key: str) -> Assumption:
+    """The assumption of one of the numbers of `INFERRED`."""
+    stated = INFERRED[key]
+    unit, _, note = stated.note.partition("; ")
+    low, high = stated.range
+    return Assumption(parameter, stated.value, unit.split(" at ")[0].replace(" ", "*"), f"{note}; {low:g} to {high:g}")
+
+
+def unit_assumptions(name: str, unit: MuscleUnit, *, usual_tendon: bool) -> tuple[Assumption, ...]:
+    """What a muscle that was named by its specimen or law has beside it.
+
+    Args:
+        name: of the muscle.
+        unit: the muscle in a machine.
+        usual_tendon: whether only the stiffness of its tendon was stated.
+    """
+    at = f"units.{name}"
+    made = [inferred_assumption(f"{at}.{key}", key) for key in ("viscosity", "stop_damping", "stop_travel")]
+    for field, value, usual, note in (
+        ("largest_strain", unit.largest_strain, LARGEST_STRAIN, "beyond the longest length; where aramid yarn breaks"),
+        ("law.thread_strain", unit.law.thread_strain, THREAD_STRAIN, "of the threads at 10 bar, a seventh of that"),
+    ):
+        if float(value) == usual:
+            made.append(Assumption(f"{at}.{field}", usual, "1", note))
+    if unit.tendon is None:
+        note = f"what relaxes the slack braid in {with_unit(SLACK_TIME, 's')} where it is stiffest"
+        return (*made, Assumption(f"{at}.slack_damping", float(unit.slack_damping), "N*s/m", note))
+    made.append(inferred_assumption(f"{at}.end_mass", "end_mass"))
+    if usual_tendon:
+        made += [
+            inferred_assumption(f"{at}.tendon.{n}", f"tendon_{k}") for n, k in (("toe_length", "toe"), ("loss", "loss"))
+        ]
+    return tuple(made)
+
+
+def assumption_table(assumptions: Iterable[Assumption]) -> dict[str, JsonValue]:
+    """Assumptions as a table of a recording's metadata or a description."""
+    return {a.parameter: {"value": a.value, "unit": a.unit, "note": a.note} for a in assumptions}

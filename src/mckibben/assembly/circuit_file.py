@@ -50,15 +50,14 @@ from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..muscles.build import rest_length_of
 from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
-from ..pneumatics.circuit import Branch, Circuit
-from ..pneumatics.sizes import put_value
+from ..pneumatics.build import put_value
+from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import Reservoir
 from ..quantities import Quantity, parse
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
 from ..specimens import Specimen, specimen
-from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
-from .signal_table import read_points
+from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length, read_points
 
 if TYPE_CHECKING:
     from ..recordings import Recording
@@ -274,6 +273,7 @@ class CircuitPlan:
         """Fastest rate at the start [1/s], and the method that a run begins with."""
         state, memory = self.initial()
         first = {name: s.at(0, 0.0, self.period) for name, s in self.inputs().items()}
+        # `fastest_rate` looks at many states at once, and here is one of them
         lead = map_leaves(lambda x: np.asarray(x)[None], (state, memory, first))
         rate = fastest_rate(self.circuit, *lead)
         return rate, self.method if self.method != "auto" else "ros2" if rate * self.inner_step > RK4_LIMIT else "rk4"
@@ -438,9 +438,20 @@ def build_plan(document: Mapping[str, JsonValue], *, where: str, digest: str) ->
     at = {section: Place(section, where or None) for section in ("nodes", "elements")}
     nodes = {name: table.planned(name, at["nodes"].below(name), room) for name, table in file.nodes.items()}
     branches = {name: table.planned(at["elements"].below(name), list(nodes)) for name, table in file.elements.items()}
-    circuit = _circuit(nodes, {n: b.branch for n, b in branches.items()}, where)
+    try:
+        circuit = Circuit.of({n: p.node for n, p in nodes.items()}, {n: b.branch for n, b in branches.items()})
+    except InputError as error:  # a circuit knows nothing of the sections of a file
+        head = error.field.split(".")[0]
+        section = "elements." if head in branches else "nodes." if head in nodes else ""
+        raise error.changed(field=section + error.field, where=where) from None
     _has_volume(circuit, nodes, where)
-    uses = _uses(nodes, {n: (b.branch.command, b.unit) for n, b in branches.items() if b.branch.command})
+    uses: dict[str, list[tuple[str, str]]] = {}  # what each signal drives, by dotted path, and in which unit
+    for name, planned in nodes.items():
+        if planned.signal is not None:
+            uses.setdefault(planned.signal, []).append((f"nodes.{name}.signal", planned.unit))
+    for name, made in branches.items():
+        if made.branch.command:
+            uses.setdefault(made.branch.command, []).append((f"elements.{name}.command", made.unit))
     plan = CircuitPlan(
         title=file.title or Path(where).stem,
         circuit=circuit,
@@ -457,15 +468,6 @@ def build_plan(document: Mapping[str, JsonValue], *, where: str, digest: str) ->
     return plan
 
 
-def _circuit(nodes: Mapping[str, PlannedNode], branches: Mapping[str, Branch], where: str) -> Circuit:
-    try:
-        return Circuit.of({name: n.node for name, n in nodes.items()}, branches)
-    except InputError as error:
-        head = error.field.split(".")[0]
-        section = "elements." if head in branches else "nodes." if head in nodes else ""
-        raise error.changed(field=section + error.field, where=where) from None
-
-
 def _has_volume(circuit: Circuit, nodes: Mapping[str, PlannedNode], where: str) -> None:
     for name, planned in nodes.items():
         if not planned.needs_volume:
@@ -477,25 +479,9 @@ def _has_volume(circuit: Circuit, nodes: Mapping[str, PlannedNode], where: str) 
             if end == name
         )
         if not stated > 0.0:
-            raise InputError(
-                f"nodes.{name}.volume",
-                None,
-                "is missing: nothing that joins here gives the junction volume; state one, or join a tube that has a bore",
-                where=where,
-            )
-
-
-def _uses(
-    nodes: Mapping[str, PlannedNode], commands: Mapping[str, tuple[str | None, str]]
-) -> dict[str, list[tuple[str, str]]]:
-    """Signal -> what it drives, by dotted path, and in which unit."""
-    uses: dict[str, list[tuple[str, str]]] = {}
-    for name, planned in nodes.items():
-        if planned.signal is not None:
-            uses.setdefault(planned.signal, []).append((f"nodes.{name}.signal", planned.unit))
-    for name, (signal, unit) in commands.items():
-        uses.setdefault(str(signal), []).append((f"elements.{name}.command", unit))
-    return uses
+            problem = "is missing: nothing that joins here gives the junction volume; "
+            problem += "state one, or join a tube that has a bore"
+            raise InputError(f"nodes.{name}.volume", None, problem, where=where)
 
 
 def _signals(
@@ -517,60 +503,36 @@ def _signals(
                 f"signals.{name}", ", ".join(places), f"it cannot be in {' and in '.join(sorted(units))}", where=where
             )
         (unit,) = units
-        wave = read_waveform(entry, unit, field=f"signals.{name}", where=where, table=_reader(where, name))
+        field = f"signals.{name}"
+
+        def read(file: str, time: str | None, column: str | None, unit: str, field: str = field) -> tuple[Tree, Tree]:
+            return read_points(Path(where).parent / file, time, column, unit, field=field, where=where)
+
+        wave = read_waveform(entry, unit, field=field, where=where, table=read)
         signals[name] = PlannedSignal(wave, unit, places)
     return signals
-
-
-def _reader(where: str, name: str) -> Any:
-    def read(file: str, time: str | None, column: str | None, unit: str) -> tuple[Tree, Tree]:
-        return read_points(Path(where).parent / file, time, column, unit, field=f"signals.{name}", where=where)
-
-    return read
 
 
 def _check_run(plan: CircuitPlan) -> None:
     where, share = plan.where, plan.duration / plan.period
     if share > LONGEST:
-        raise InputError(
-            "run.duration",
-            time_words(plan.duration),
-            f"must be at most {LONGEST} samples, {time_words(LONGEST * plan.period)}",
-            where=where,
-        )
+        most = f"must be at most {LONGEST} samples, {time_words(LONGEST * plan.period)}"
+        raise InputError("run.duration", time_words(plan.duration), most, where=where)
     if share < 0.5 or abs(share - round(share)) > 1e-6 * max(share, 1.0):
-        raise InputError(
-            "run.duration",
-            time_words(plan.duration),
-            f"must be a whole number of periods of {time_words(plan.period)}",
-            where=where,
-        )
+        whole = f"must be a whole number of periods of {time_words(plan.period)}"
+        raise InputError("run.duration", time_words(plan.duration), whole, where=where)
     for name, signal in plan.signals.items():
-        _resolved(name, signal.waveform, plan)
+        wave = signal.waveform
+        if wave.fastest * plan.period > 0.5 * (1.0 + 1e-9):
+            need = f"must be {time_words(0.5 / wave.fastest)} or less for signals.{name} ({wave.kind})"
+            raise InputError("run.period", time_words(plan.period), need, where=where)
         values = signal.waveform.at(plan.times)
         for muscle, planned in plan.nodes.items():
             if planned.signal == name and planned.law is not None:
                 for length in (float(values.min()), float(values.max())):
                     check_length(planned.law, length, f"signals.{name} (the length of {muscle})", where)
-            elif (
-                planned.signal == name
-                and planned.unit == "Pa"
-                and not float(values.min()) > -float(plan.environment.pressure_abs)
-            ):
-                raise InputError(
-                    f"signals.{name}",
-                    None,
-                    f"drives {muscle} below vacuum, to {float(values.min()):.6g} Pa",
-                    where=where,
-                )
-
-
-def _resolved(name: str, wave: Waveform, plan: CircuitPlan) -> None:
-    if wave.fastest * plan.period > 0.5 * (1.0 + 1e-9):
-        need = time_words(0.5 / wave.fastest)
-        raise InputError(
-            "run.period",
-            time_words(plan.period),
-            f"must be {need} or less for signals.{name} ({wave.kind})",
-            where=plan.where,
-        )
+            elif planned.signal == name and planned.unit == "Pa":
+                lowest = float(values.min())
+                if not lowest > -float(plan.environment.pressure_abs):
+                    problem = f"drives {muscle} below vacuum, to {lowest:.6g} Pa"
+                    raise InputError(f"signals.{name}", None, problem, where=where)

@@ -15,7 +15,10 @@ from __future__ import annotations
 import abc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from .. import schema
 from ..answers import brief
@@ -27,9 +30,20 @@ from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_type
 from ..pneumatics.build import ELEMENTS, build_element
 from ..pneumatics.circuit import Branch
-from ..pneumatics.heat import HeatModel, Isothermal, Polytropic, WallHeat, adiabatic
-from ..pneumatics.volume import Chamber, CompliantVolume, FixedVolume, MovingVolume, Reservoir
+from ..pneumatics.volume import (
+    Chamber,
+    CompliantVolume,
+    FixedVolume,
+    HeatModel,
+    Isothermal,
+    MovingVolume,
+    Polytropic,
+    Reservoir,
+    WallHeat,
+    adiabatic,
+)
 from ..quantities import declared, shown_unit, with_unit
+from ..recordings import read_record
 from ..schema import Place, read_number
 from ..specimens import Specimen, specimen
 
@@ -38,79 +52,69 @@ SMALLEST = declared(FixedVolume)["size"].bounds[0]  # [m^3], of a junction besid
 
 @dataclass(frozen=True)
 class PlannedNode:
-    """A node, and what belongs to it but not to the circuit.
+    """A node, and what belongs to it but not to the circuit."""
 
-    Attributes:
-        node: as the circuit takes it.
-        kind: as the file names it.
-        start: gauge pressure at the start [Pa].
-        signal: name of the signal that gives its gauge pressure, its length or its stroke.
-        unit: unit of that signal.
-        length: length of a muscle that does not move [m].
-        law: law of a muscle.
-        words: what a sentence says of it.
-        needs_volume: whether only its neighbours give it volume.
-    """
-
-    node: Reservoir | Chamber
-    kind: str
-    start: float = 0.0
-    signal: str | None = None
-    unit: str = "Pa"
-    length: float | None = None
-    law: TensionLaw | None = None
-    words: str = ""
-    needs_volume: bool = False
+    node: Reservoir | Chamber  # as the circuit takes it
+    kind: str  # as the file names it
+    start: float = 0.0  # gauge pressure at the start [Pa]
+    signal: str | None = None  # name of the signal that gives its gauge pressure, its length or its stroke
+    unit: str = "Pa"  # unit of that signal
+    length: float | None = None  # length of a muscle that does not move [m]
+    law: TensionLaw | None = None  # law of a muscle
+    words: str = ""  # what a sentence says of it
+    needs_volume: bool = False  # whether only its neighbours give it volume
 
 
 # ---- heat
 
 
 @dataclass(frozen=True)
-class IsothermalTable:
+class _IsothermalTable:
     """The gas keeps its temperature."""
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         return Isothermal(), "isothermal"
 
 
 @dataclass(frozen=True)
-class AdiabaticTable:
+class _AdiabaticTable:
     """No heat passes."""
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         return adiabatic(), "adiabatic"
 
 
 @dataclass(frozen=True)
-class PolytropicTable:
+class _PolytropicTable:
     """A polytropic change."""
 
     exponent: float = schema.like(Polytropic, "exponent")
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         return Polytropic(exponent=self.exponent), f"polytropic with n = {self.exponent:g}"
 
 
 @dataclass(frozen=True)
-class WallTable:
+class _WallTable:
     """A wall that takes heat, at the temperature of the surroundings unless stated."""
 
     conductance: float = schema.like(WallHeat, "conductance")
     wall_temperature: float | None = schema.like(WallHeat, "wall_temperature", default=None)
 
     def model(self, room: Environment) -> tuple[HeatModel, str]:
-        """The heat transfer and its description."""
         wall = float(room.temperature) if self.wall_temperature is None else self.wall_temperature
         model = WallHeat(conductance=self.conductance, wall_temperature=wall)
         return model, f"wall of {self.conductance:g} W/K at {with_unit(wall, 'K')}"
 
 
-HeatTable = IsothermalTable | AdiabaticTable | PolytropicTable | WallTable
-HEATS = {"isothermal": IsothermalTable, "adiabatic": AdiabaticTable, "polytropic": PolytropicTable, "wall": WallTable}
+# Each states the heat transfer of a gas, as a model and in words, in its surroundings.
+HeatTable = _IsothermalTable | _AdiabaticTable | _PolytropicTable | _WallTable
+HEATS = {
+    "isothermal": _IsothermalTable,
+    "adiabatic": _AdiabaticTable,
+    "polytropic": _PolytropicTable,
+    "wall": _WallTable,
+}
 
 
 def _read_heat(raw: Any, place: Place) -> HeatTable:
@@ -132,20 +136,19 @@ class NodeTable(abc.ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtmosphereTable(NodeTable):
+class _AtmosphereTable(NodeTable):
     """The surroundings."""
 
     temperature: float | None = schema.like(Reservoir, "temperature", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A reservoir at the pressure of the surroundings."""
         absolute = float(room.pressure_abs)
         node = Reservoir(pressure_abs=absolute, temperature=_first(self.temperature, room.temperature))
         return PlannedNode(node, "atmosphere", words=f"{with_unit(absolute, 'Pa')} absolute")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReservoirTable(NodeTable):
+class _ReservoirTable(NodeTable):
     """A node of given pressure."""
 
     pressure: float | None = schema.number("Pa", doc="gauge pressure", default=None)
@@ -153,7 +156,6 @@ class ReservoirTable(NodeTable):
     temperature: float | None = schema.like(Reservoir, "temperature", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A reservoir with a pressure or a signal."""
         warm = _first(self.temperature, room.temperature)
         if self.signal is not None:
             if self.pressure is not None:
@@ -169,11 +171,11 @@ class ReservoirTable(NodeTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChamberTable(NodeTable):
+class _ChamberTable(NodeTable):
     """A node that stores gas."""
 
     start_pressure: float = schema.number("Pa", doc="gauge pressure at the start", default=0.0)
-    heat: HeatTable = schema.entry(_read_heat, "heat transfer of the gas", default=IsothermalTable())
+    heat: HeatTable = schema.entry(_read_heat, "heat transfer of the gas", default=_IsothermalTable())
 
     def start(self, place: Place, room: Environment) -> float:
         """The gauge pressure at the start [Pa], which must be above vacuum."""
@@ -181,14 +183,13 @@ class ChamberTable(NodeTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VolumeTable(ChamberTable):
+class _VolumeTable(_ChamberTable):
     """A rigid volume; a junction if its neighbours may give it all of it."""
 
     kind: ClassVar[str] = "volume"
     volume: float | None = schema.like(FixedVolume, "size", key="volume", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A rigid vessel."""
         needs = self.kind == "junction" and self.volume is None
         if self.volume is None and not needs:
             raise place.below("volume").fail(None, "is missing")
@@ -200,14 +201,14 @@ class VolumeTable(ChamberTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class JunctionTable(VolumeTable):
+class _JunctionTable(_VolumeTable):
     """A place where elements join."""
 
     kind: ClassVar[str] = "junction"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompliantTable(ChamberTable):
+class _CompliantTable(_ChamberTable):
     """A volume that gives way to pressure, and may be moved by a signal."""
 
     volume: float = schema.like(CompliantVolume, "size", key="volume")
@@ -217,7 +218,6 @@ class CompliantTable(ChamberTable):
     signal: str | None = None
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """A compliant volume."""
         heat, words = self.heat.model(room)
         if (self.swept is None) != (self.signal is None):
             problem = "goes together with the signal of the stroke: a volume that moves needs both"
@@ -237,7 +237,7 @@ class CompliantTable(ChamberTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MuscleNodeTable(ChamberTable):
+class _MuscleNodeTable(_ChamberTable):
     """A muscle of a length, or of one that a signal gives."""
 
     specimen: str
@@ -248,7 +248,6 @@ class MuscleNodeTable(ChamberTable):
     dead_volume: float = schema.like(MovingVolume, "dead", key="dead_volume", default=0.0)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        """The volume of a muscle, with its law."""
         law, title = self._law(place)
         if (self.length is None) == (self.signal is None):
             problem = "is missing: a muscle needs a length, or the signal that gives it, and not both"
@@ -289,12 +288,12 @@ class MuscleNodeTable(ChamberTable):
 
 
 NODES = {
-    "reservoir": ReservoirTable,
-    "atmosphere": AtmosphereTable,
-    "volume": VolumeTable,
-    "compliant": CompliantTable,
-    "muscle": MuscleNodeTable,
-    "junction": JunctionTable,
+    "reservoir": _ReservoirTable,
+    "atmosphere": _AtmosphereTable,
+    "volume": _VolumeTable,
+    "compliant": _CompliantTable,
+    "muscle": _MuscleNodeTable,
+    "junction": _JunctionTable,
 }
 
 
@@ -332,12 +331,8 @@ def check_length(law: TensionLaw, length: float, field: str, where: str) -> None
     """Refuse a length for which a law is not made."""
     low, high = (float(end) for end in law.length_range())
     if not low <= length <= high:
-        raise InputError(
-            field,
-            with_unit(length, "m"),
-            f"must be between {with_unit(low, 'm')} and {with_unit(high, 'm')}",
-            where=where,
-        )
+        allowed = f"must be between {with_unit(low, 'm')} and {with_unit(high, 'm')}"
+        raise InputError(field, with_unit(length, "m"), allowed, where=where)
 
 
 # ---- elements
@@ -406,3 +401,39 @@ class FitTable:
     pressure_zero: float = schema.number("Pa", doc="what the sensors read at zero", default=0.0)
 
     __repr__ = brief
+
+
+# ---- signals
+
+
+def read_points(
+    path: Path, time: str | None, column: str | None, unit: str, *, field: str, where: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and values [unit] of one column.
+
+    Args:
+        path: a CSV file as `read_record` takes it.
+        time: header of its times; found by itself by default.
+        column: header of its values; the only other column by default.
+        unit: SI unit of the signal; a pressure is gauge.
+        field: dotted path of the signal, for error messages.
+        where: the file that names the table, for error messages.
+
+    Raises:
+        InputError: names what the table lacks.
+    """
+    columns = None if column is None else {"value": column} | ({"time": time} if time else {})
+    if column is None and time is not None:
+        raise InputError(f"{field}.column", None, "must name a column of the header, as time does", where=where)
+    record = read_record(path, columns=columns)
+    names = record.names()
+    if len(names) != 1:
+        raise InputError(
+            f"{field}.column", None, f"is missing: the table has {', '.join(names)}; name one", where=where
+        )
+    (name,) = names
+    if record.unit(name) != unit or name.endswith("_abs"):
+        column_name = f"{name} in {record.unit(name)}"
+        gauge = ", gauge" if unit == "Pa" else ""
+        raise InputError(f"{field}.column", column_name, f"the signal is in {unit}{gauge}", where=where)
+    return record.time, record[name]

@@ -150,13 +150,8 @@ def linearise(
     into, through = np.array(b), np.array(d)
     kept = [i for i in range(len(columns)) if i % 2 == 0 or np.any(into[:, i]) or np.any(through[:, i])]
     model_names = Names(tuple(states[i] for i in moving), tuple(columns[i] for i in kept), tuple(outputs))
-    return LinearModel(
-        matrix[np.ix_(moving, moving)],
-        into[np.ix_(moving, kept)],
-        np.array(c)[:, moving],
-        through[:, kept],
-        model_names,
-    )
+    state_by_input = matrix[np.ix_(moving, moving)], into[np.ix_(moving, kept)]
+    return LinearModel(*state_by_input, np.array(c)[:, moving], through[:, kept], model_names)
 
 
 def _moving(machine: Machine | Circuit, state: Tree, states: tuple[str, ...]) -> list[int]:

@@ -51,22 +51,14 @@ class Machine(System):
         for name, unit in units.items():
             node = circuit.nodes.get(name)
             if not isinstance(node, MovingVolume) or node.signal != f"{name}.length":
-                raise InputError(
-                    name,
-                    None,
-                    f"must be a MovingVolume of the circuit with the signal {name}.length",
-                    where="machine",
-                )
+                problem = f"must be a MovingVolume of the circuit with the signal {name}.length"
+                raise InputError(name, None, problem, where="machine")
             if not unit.law.has_volume():
                 law = law_name(unit.law)
-                raise InputError(
-                    f"{name}.law",
-                    law,
-                    "must be a law that knows its volume",
-                    where="machine",
-                    sentence=f"The law {law} of {name} does not know the volume of its gas, which a machine needs. "
-                    "State its rest_volume if it has one, or take another law",
-                )
+                said = f"The law {law} of {name} does not know the volume of its gas, which a machine needs. "
+                said += "State its rest_volume if it has one, or take another law"
+                demand = "must be a law that knows its volume"
+                raise InputError(f"{name}.law", law, demand, where="machine", sentence=said)
         if sorted(load.muscles()) != sorted(units):
             raise InputError("load", ", ".join(load.muscles()), f"must hold {', '.join(units)}", where="machine")
         return cls(circuit, dict(units), load, environment or Environment())
@@ -105,12 +97,8 @@ class Machine(System):
         """
         for name in self.signals():
             if name not in inputs:
-                raise InputError(
-                    f"signal {name}",
-                    None,
-                    f"is missing: the machine needs {', '.join(self.signals())}",
-                    where="machine",
-                )
+                problem = f"is missing: the machine needs {', '.join(self.signals())}"
+                raise InputError(f"signal {name}", None, problem, where="machine")
         for name in self.circuit.chambers:
             if name not in pressures:
                 raise InputError(f"pressure of {name}", None, "is missing: every volume needs one", where="machine")
@@ -125,11 +113,8 @@ class Machine(System):
         if not parts:
             start: tuple[Any, Any] = call_compiled(at_rest, self, chamber_pressures, dict(inputs))
             return start
-        state: Any = {
-            "circuit": {"mass": {}, "pressure": {}, "elements": {}},
-            "muscles": {},
-            "load": self.load.initial(),
-        }
+        gas: Any = {"mass": {}, "pressure": {}, "elements": {}}
+        state: Any = {"circuit": gas, "muscles": {}, "load": self.load.initial()}
         memory: Any = {"circuit": {}, "muscles": {}}
         for muscle, names in parts.items():
             part = self._part(muscle, names)
@@ -181,7 +166,6 @@ class Machine(System):
         return parts if held >= chambers and held >= set(self.circuit.elements) else {}
 
     def _part(self, muscle: str, names: Mapping[str, str]) -> Machine:
-        """The machine of one muscle alone."""
         new = {old: name for name, old in names.items()}
         circuit = self.circuit
         nodes = {
@@ -212,15 +196,8 @@ class Machine(System):
             late = {f"{new}.command": f"{old}.command" for new, old in names.items()}
             needed = {name: signals[names[name]] for name in part.signals()}
             needed |= {new: signals[old] for new, old in late.items() if old in signals}
-            made.append(
-                IndependentPart(
-                    part,
-                    state_there,
-                    {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}},
-                    needed,
-                    dict(names),
-                )
-            )
+            memory_there = {"circuit": kept, "muscles": {ALONE: memory["muscles"][muscle]}}
+            made.append(IndependentPart(part, state_there, memory_there, needed, dict(names)))
         return made
 
     def coupling(self) -> MachineCoupling | None:
@@ -278,7 +255,6 @@ class Machine(System):
         return spans, tensions, felt
 
     def _felt(self, memory: Tree, motions: Mapping[str, BraidMotion]) -> dict[str, Scalar]:
-        """Tensions at the load."""
         return {n: unit.load_tension(memory["muscles"][n], motions[n].tension) for n, unit in self.units.items()}
 
     def held_spans(self, spans: Mapping[str, SpanState], memory: Tree) -> dict[str, SpanState]:

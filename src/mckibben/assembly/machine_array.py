@@ -16,13 +16,11 @@ import numpy as np
 from .._jax import Tree, jax, jnp
 from ..components import Environment, Module, Scalar, field
 from ..components.flow import FlowElement, Gases, GasState
-from ..components.rows import for_each_unit
-from ..components.system import Coupling, IndependentPart, Moment, System
+from ..components.system import Coupling, IndependentPart, Moment, System, for_each_unit
 from ..engine.native import call_compiled
 from ..engine.signals import Signal, Value
 from ..pneumatics.circuit import Circuit
-from ..pneumatics.heat import Inflow
-from ..pneumatics.volume import Chamber, Junction
+from ..pneumatics.volume import Chamber, Inflow, Junction
 from ..quantities import quantity
 from .loads import Load
 
@@ -116,21 +114,16 @@ class MachineArray(System):
                 volumes[name] = volumes.get(name, 0.0) + volume
         return with_line_volumes(self.circuit, volumes)
 
-    def _inputs(self, g: int, state: Tree, inputs: Mapping[str, Any], gases: Mapping[str, Any]) -> dict[str, Tree]:
-        """Inputs of the cells of a group."""
-        prefix = f"{g}."
-        own = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
-        nodes = self.groups[g].circuit.nodes
-        ends = {str(n.signal): gases[name] for name, n in nodes.items() if isinstance(n, Junction)}
-        return {**own, **ends}
-
     def _cells(self, state: Tree, inputs: Mapping[str, Value], circuit: Circuit) -> list[Any]:
         """States and inputs of the cells of each group; the load's state is part of every cell's."""
         gases = circuit.gas_states(state["circuit"], inputs)
-        return [
-            ({**own, "load": state["load"]}, self._inputs(g, state, inputs, gases))
-            for g, own in enumerate(state["groups"])
-        ]
+        cells = []
+        for g, own in enumerate(state["groups"]):
+            prefix, nodes = f"{g}.", self.groups[g].circuit.nodes
+            signals = {name.removeprefix(prefix): value for name, value in inputs.items() if name.startswith(prefix)}
+            ends = {str(n.signal): gases[name] for name, n in nodes.items() if isinstance(n, Junction)}
+            cells.append(({**own, "load": state["load"]}, {**signals, **ends}))
+        return cells
 
     def rate(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
         """Rates of the shared gas, the load and all cells."""
@@ -219,7 +212,6 @@ def _line_volume(node: str) -> str:
 
 
 def _effort(cell: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
-    """What the muscle of a cell does to the load."""
     return cell.load.effort(state["load"], cell.pulls(state, memory, inputs)[2])
 
 
@@ -231,29 +223,16 @@ def _added(sums: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Tree]:
 
 
 class Cell(NamedTuple):
-    """Names of a cell's parts in the machine, by their names in the cell.
+    """Names of a cell's parts in the machine, by their names in the cell."""
 
-    Attributes:
-        nodes: its chambers, the reservoirs and shared chambers at which its elements end.
-        elements: its elements.
-        signals: signals of its nodes and elements, and of the load.
-        shared: names of its shared chambers.
-    """
-
-    nodes: dict[str, str]
-    elements: dict[str, str]
-    signals: dict[str, str]
-    shared: frozenset[str]
+    nodes: dict[str, str]  # its chambers, the reservoirs and shared chambers at which its elements end
+    elements: dict[str, str]  # its elements
+    signals: dict[str, str]  # signals of its nodes and elements, and of the load
+    shared: frozenset[str]  # names of its shared chambers
 
 
 class MachineCoupling(Coupling):
-    """A machine cut into cells.
-
-    Args:
-        cells: cells by muscle.
-        nodes: nodes of the shared circuit.
-        elements: elements of the shared circuit.
-    """
+    """A machine cut into cells."""
 
     def __init__(self, cells: Mapping[str, Cell], nodes: list[str], elements: list[str]) -> None:
         self._cells, self._nodes, self._elements = dict(cells), nodes, elements
@@ -398,6 +377,7 @@ def find_coupling(machine: Machine) -> MachineCoupling | None:
         together = todo.pop()
         muscles = [name for name in together if name in machine.units]
         if len(muscles) > 1:
+            # what muscles share is where most elements meet; cut there, and look again at what still hangs together
             hub = max((n for n in together if n not in machine.units), key=lambda n: (len(joined[n]), n), default=None)
             if hub is None:
                 return None
@@ -416,7 +396,6 @@ def find_coupling(machine: Machine) -> MachineCoupling | None:
 
 
 def _components(circuit: Circuit, joined: Mapping[str, list[str]], nodes: frozenset[str]) -> list[frozenset[str]]:
-    """Sets of chambers that hang together by elements."""
     rest, components = set(nodes), []
     for first in circuit.nodes:
         if first not in rest:

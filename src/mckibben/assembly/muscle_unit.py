@@ -41,12 +41,90 @@ from ..components.module import flatten
 from ..engine.native import call_compiled
 from ..errors import InputError
 from ..muscles.elements import Tendon
+from ..muscles.hysteresis.slip import advanced, contact_energy, contact_force, per_contact
 from ..muscles.law import TensionLaw
 from ..muscles.plausible import LARGEST_STRAIN
 from ..quantities import as_array, quantity, with_unit
-from .clamp import Clamp
 from .loads.load import Restraint
-from .wrap import Wrap
+
+
+class Wrap(Module):
+    """Capstan friction; the state is the deflection of its one contact [m], shape (1,).
+
+        Tx = T + k z,   z' = clip(z + dX, T (exp(-mu phi) - 1)/k, T (exp(mu phi) - 1)/k)
+
+    T is the tension on the muscle's side, Tx what the load feels behind the bone, X the span. While it slides, Tx is T
+    exp(mu phi) when the load lengthens the muscle and T exp(-mu phi) when the muscle pulls the load; at rest everything
+    between the two is possible, which is why a wrapped muscle holds its load. The stiffness k of the contact is
+    constant and only its yield follows the tension, so that a rising tension gives no energy back.
+
+    Range: a constant wrap angle, a cord without bending stiffness or mass, dry friction. Source of the ratio: L. Euler,
+    1762 (published 1769), as in any text on belts; sticking as in Maxwell-slip friction.
+    """
+
+    angle: Scalar = quantity("rad", (0.0, 20.0), "angle over which it lies on the bone", symbol="phi")
+    friction: Scalar = quantity("1", (0.0, 2.0), "coefficient of friction", symbol="mu", typical=(0.05, 0.5))
+    stiffness: Scalar = quantity(
+        "N/m", (1e2, 1e8), "stiffness of the contact before it slides", symbol="k", typical=(1e4, 1e6), default=1e5
+    )
+
+    def initial(self) -> Scalar:
+        """State without deflection, shape (1,) [m]."""
+        return jnp.zeros(1)
+
+    def ratio(self) -> Scalar:
+        """Tension of the side that pulls over that of the other while it slides, exp(mu phi) [1]."""
+        return jnp.exp(self.friction * self.angle)
+
+    def advance(self, state: Scalar, displacement: Scalar, tension: Scalar) -> Advanced:
+        """Move the span by a displacement [m], then limit once with the tension [N] at the end."""
+        dx, most = per_contact(displacement), self.ratio()
+        pulled = per_contact(tension) / self.stiffness
+        low, high = pulled * (1.0 / most - 1.0), pulled * (most - 1.0)
+        return advanced(self.stiffness, state, dx, jnp.minimum(jnp.maximum(state + dx, low), high))
+
+    def force(self, state: Scalar) -> Scalar:
+        """Force that the bone adds to the tension [N], positive when it opposes lengthening."""
+        return contact_force(self.stiffness, state)
+
+    def stored_energy(self, state: Scalar) -> Scalar:
+        """Elastic energy of the contact [J]."""
+        return contact_energy(self.stiffness, state)
+
+
+class Clamp(Module):
+    """Clamp with a limited grip; the state is the span that it has lost [m].
+
+        d = X - L - Ls - z,   z' = max(z, X - L - Ls - d(G)),   f(d(G)) = G
+
+    d is the stretch of the tendon between muscle and load, z the span that the clamp has lost, G its grip and f the
+    tendon's force at rest. The slip is rigid and perfectly plastic: below the grip nothing moves, at the grip the
+    tension stays, and what has slipped does not come back. All work at the clamp becomes heat.
+
+    Range: a grip that does not depend on speed or on how far it has slipped; the grip holds by the end of each step of
+    the integrator, within which the tension may pass it. Source of the return to the yield limit: J. C. Simo and T. J.
+    R. Hughes, Computational Inelasticity, 1998, doi:10.1007/b98904.
+    """
+
+    grip: Scalar = quantity("N", (1e-3, 1e9), "tension from which on the clamp slips", symbol="G", typical=(10.0, 1e4))
+
+    def initial(self) -> Scalar:
+        """State of a clamp that has not slipped [m]."""
+        return jnp.zeros(())
+
+    def advance(self, state: Scalar, tendon: Tendon, stretch: Scalar) -> Advanced:
+        """Slip until the tendon pulls with the grip at most.
+
+        Args:
+            state: span lost before [m].
+            tendon: the cord that the clamp holds.
+            stretch: of the tendon beyond its slack length, as if nothing had slipped [m].
+        """
+        after = jnp.maximum(state, stretch - tendon.stretch(self.grip))
+        slack = tendon.slack_length
+        freed = tendon.stored_energy(slack + stretch - state) - tendon.stored_energy(slack + stretch - after)
+        return Advanced(after, freed, freed)
+
 
 STOP_TRAVEL = 1.3e-3  # [m]
 HALVINGS = 64  # of a bracket: from any length to the last bit
@@ -72,19 +150,12 @@ class TiedState(NamedTuple):
 
 
 class BraidMotion(NamedTuple):
-    """Motion of a braid at a moment.
+    """Motion of a braid at a moment."""
 
-    Attributes:
-        length: length of the braid [m].
-        velocity: its rate [m/s].
-        inner: tension of law, friction and creep [N], signed.
-        tension: tension between braid and load, never negative [N].
-    """
-
-    length: Scalar
-    velocity: Scalar
-    inner: Scalar
-    tension: Scalar
+    length: Scalar  # length of the braid [m]
+    velocity: Scalar  # its rate [m/s]
+    inner: Scalar  # tension of law, friction and creep [N], signed
+    tension: Scalar  # tension between braid and load, never negative [N]
 
 
 class MuscleLedger(NamedTuple):

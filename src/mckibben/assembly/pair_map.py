@@ -1,13 +1,12 @@
-"""Gauge pressures that hold an antagonist pair at an angle with a stiffness: balance and stiffness, inverted.
+"""Stiffness of a muscle and of a joint, of a short, quick stretch or a relaxed one, and the map of an antagonist pair.
 
-    M(q, c + d, c - d) = 0,   K(q, c + d, c - d) = K*          c common to both muscles, d the difference
+    k = dF/dL + dF/dP' dP'/dL + k_z         in series with a tendon, where there is one: k k_t/(k + k_t)
 
-M is the static moment about the joint, with its springs and weight; K is `joint_stiffness` with the pressures held and
-friction and creep relaxed, as a slow push finds it. For each of some angles the d is found that balances a common
-pressure, which gives a curve K(c) that is then read backwards. Between the points all is straight. Range: the angles
-asked for, both muscles taut, both pressures between the lowest and the highest; at each angle these leave a range of
-stiffness, and what is beyond gets its end. Halfway between the points of 17 angles and 9 levels, a pair of nylon muscles
-at 1.4 to 5 bar rests within 2 mrad of the angle. Bones that a muscle lies over are left out.
+Shut in, the gas answers with its heat model (P V^n constant, n = gamma for a quick stretch with a wall); held, the pressure
+stays. A short stretch finds the elements of friction and creep stuck, each with its spring k_z; in a long and slow one they
+slip and relax, and only the braid is left. For a joint K = dM/dq of what resists: sum r_i^2 k_i - sum dr_i/dq T_i, and the
+joint's own springs, stops and weight. Range: taut muscles; the gas in the muscle with its half of
+the tube is shut in; a bone that it lies over is left out.
 """
 
 from __future__ import annotations
@@ -18,15 +17,103 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Array, Tree, jax, jnp
-from ..components import Module, Scalar, jit_arrays
-from ..engine.signals import Value
+from ..components import Module, Scalar, derivative, jit_arrays
+from ..components.system import Value
 from ..errors import InputError
+from ..pneumatics.volume import Inflow, VolumeState
 from ..quantities import quantity, with_unit
 from .loads import JointLoad
 from .loads.joint import JointState
 from .machine import Machine
-from .muscle_unit import UnitState
-from .stiffness import joint_stiffness
+from .muscle_unit import UnitState, memory_stiffness
+
+
+class Stiffness(NamedTuple):
+    """Four stiffnesses [N/m] of a muscle, or [N m/rad] of a joint; floats, or traced where the state is."""
+
+    short_at_mass: Scalar
+    short_at_pressure: Scalar
+    relaxed_at_mass: Scalar
+    relaxed_at_pressure: Scalar
+
+
+def braid_stiffness(
+    machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str, *, mass: bool
+) -> Scalar:
+    """Stiffness of the braid with its gas [N/m], with the mass of the gas constant or with its pressure."""
+    unit = machine.units[name]
+    length, gauge = machine.motions(state, memory, inputs)[name].length, machine.gauge(state, name)
+    stiff = unit.law.braid_stiffness(length, gauge)
+    if not mass:
+        return stiff
+    per_pressure = derivative(lambda p: unit.law.braid_tension(length, p), gauge)
+    return stiff + per_pressure * _pressure_slope(machine, state, memory, inputs, name)
+
+
+def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str) -> Scalar:
+    """dP/dL of the gas shut into a muscle and stretched quickly, by its heat model [Pa/m]."""
+    circuit, with_lengths = machine.joined, machine.with_lengths(state, memory, inputs)
+    node: Any = circuit.nodes[name]
+    p, m = state["circuit"]["pressure"][name], state["circuit"]["mass"][name]
+    temperature = circuit.outputs(state["circuit"], memory["circuit"], with_lengths)[f"{name}.temperature"]
+    moved = node.volume(p, with_lengths[f"{name}.length"].value, 1.0)
+    whole = m * circuit.gas.gas_constant * temperature / p  # with the fittings and the tube's share
+    closed = Inflow(jnp.zeros(()), jnp.zeros(()))
+
+    def rate(moving: Any) -> Scalar:
+        volume = VolumeState(whole, moved.per_pressure, moving)
+        flow: Scalar = node.heat.rates(circuit.gas, p, temperature, volume, closed)[0]
+        return flow
+
+    return rate(moved.moving) - rate(jnp.zeros(()))  # without what a wall's heat does meanwhile
+
+
+def muscle_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value], name: str) -> Stiffness:
+    """Stiffness of a muscle, with its tendon if it has one, at a point [N/m]; zero where it is slack.
+
+    Raises:
+        InputError: if there is no such muscle.
+    """
+    if name not in machine.units:
+        raise InputError("muscle", name, known=machine.units, where="stiffness")
+    unit, motion = machine.units[name], machine.motions(state, memory, inputs)[name]
+    stuck = memory_stiffness(unit, machine.gauge(state, name))
+    span = machine.held_spans(machine.load.spans(state["load"], inputs), memory)[name].span
+    cord = None if unit.tendon is None else derivative(unit.tendon.force, span - motion.length)
+
+    def seen(short: bool, mass: bool) -> Scalar:
+        stiffness = braid_stiffness(machine, state, memory, inputs, name, mass=mass) + (stuck if short else 0.0)
+        if cord is None:
+            return jnp.where(motion.tension > 0.0, stiffness, 0.0)
+        return jnp.where(cord > 0.0, stiffness * cord / jnp.where(cord > 0.0, stiffness + cord, 1.0), 0.0)
+
+    return _told(seen(True, True), seen(True, False), seen(False, True), seen(False, False))
+
+
+def joint_stiffness(machine: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Stiffness:
+    """Stiffness of a joint against turning at a point [N m/rad], with all its muscles and what the joint itself has.
+
+    Raises:
+        InputError: if the machine's load is no joint.
+    """
+    load = machine.load
+    if not isinstance(load, JointLoad):
+        raise InputError("load", type(load).__name__, "must be a JointLoad", where="stiffness")
+    _, _, felt = machine.pulls(state, memory, inputs)
+    angle = state["load"].angle
+
+    def moment(q: Any) -> Any:
+        return load.inertia * load.rates(state["load"]._replace(angle=q), felt, inputs).velocity
+
+    geometric = -jax.jvp(moment, (angle,), (jnp.ones_like(angle),))[1]  # arms that change under the tensions are in it
+    parts = [muscle_stiffness(machine, state, memory, inputs, name) for name in load.arms]
+    arms = [arm.arm(angle) ** 2 for arm in load.arms.values()]
+    return _told(*(geometric + sum(a * k[i] for a, k in zip(arms, parts, strict=True)) for i in range(4)))
+
+
+def _told(*value: Any) -> Stiffness:
+    return Stiffness(*(x if isinstance(x, jax.core.Tracer) else float(x) for x in value))
+
 
 NAMES = ("flexor", "extensor")
 ANGLES, LEVELS = 17, 9
@@ -47,7 +134,17 @@ class PairPoint(NamedTuple):
 
 
 class PairMap(Module):
-    """A table of points at rest: a row for each angle, of rising stiffness; straight between them."""
+    """A table of points at rest: a row for each angle, of rising stiffness; straight between them.
+
+        M(q, c + d, c - d) = 0,   K(q, c + d, c - d) = K*          c common to both muscles, d the difference
+
+    M is the static moment about the joint, with its springs and weight; K is `joint_stiffness` with the pressures held
+    and friction and creep relaxed, as a slow push finds it. For each of some angles the d is found that balances a
+    common pressure, which gives a curve K(c) that is then read backwards. Between the points all is straight. Range:
+    the angles asked for, both muscles taut, both pressures between the lowest and the highest; at each angle these
+    leave a range of stiffness, and what is beyond gets its end. Halfway between the points of 17 angles and 9 levels, a
+    pair of nylon muscles at 1.4 to 5 bar rests within 2 mrad of the angle. Bones that a muscle lies over are left out.
+    """
 
     angles: Array = quantity("rad", (-10.0, 10.0), "angles of the rows, rising evenly; shape (m,)", symbol="q")
     stiffness: Array = quantity("N*m", (0.0, 1e6), "stiffness per rad, rising along a row; shape (m, n)", symbol="K")
@@ -56,7 +153,6 @@ class PairMap(Module):
     moment_per_difference: Array = quantity("m^3", (-1e3, 1e3), "moment of a difference in Pa; shape (m, n)")
 
     def _row(self, table: Array, angle: Scalar) -> Array:
-        """A row of a table at an angle, (n,)."""
         apart = self.angles[1:2] - self.angles[0:1]
         low, high = self.angles[:1], self.angles[-1:]
         inside = jnp.where(angle < low, low, jnp.where(angle > high, high, angle))

@@ -47,7 +47,6 @@ def run_sentence(plan: CircuitPlan) -> str:
 
 
 def _way(plan: CircuitPlan, name: str) -> tuple[str, str]:
-    """The nodes at both ends of an element's first path."""
     ends = plan.circuit.ends[name][0]
     i, j = plan.circuit.elements[name].paths[0]
     return ends[i], ends[j]

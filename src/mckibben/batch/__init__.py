@@ -8,25 +8,11 @@ from .variants import Variants, crossed, grid, latin, listed
 
 if TYPE_CHECKING:
     from . import drive as drive
-    from . import sweep_file as sweep_file
-    from . import workers as workers
+    from . import posterior as posterior
+    from . import sweep as sweep
     from .store import read_results as read_results
 
-__all__ = [
-    "Output",
-    "VariantOutcome",
-    "Variants",
-    "crossed",
-    "grid",
-    "latin",
-    "listed",
-    "read_results",
-]
+__all__ = ["Output", "VariantOutcome", "Variants", "crossed", "grid", "latin", "listed", "read_results"]
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "store": ["read_results"],
-    },
-)
+lazy_names(__name__, {"store": ["read_results"]})

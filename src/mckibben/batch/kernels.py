@@ -1,14 +1,20 @@
-"""Compilation and calls of functions over lanes.
+"""Compilation and calls of functions over lanes, and their integration chunk by chunk.
 
-A lane is the machine and its software of one variant: arrays of a tree whose structure all lanes share. What is equal in all
-lanes is passed once. Two pure functions are mapped over the lanes: the beginning of a part, and a chunk of its samples,
+A lane is the machine and its software of one variant: arrays of a tree whose structure all lanes share. What is equal in
+all lanes is passed once. Two pure functions are mapped over the lanes: the beginning of a part, and a chunk of its samples,
 which is `engine.sampled.sample` scanned, with the running outputs made of what it saw. Neither branches on a value.
+
+A part is marched (`march_part`) with step sizes that the rates of the group permit. The decisions are those of
+`engine.sampled.advance`, lane by lane: every chunk is tried with the usual steps; lanes whose modes are too fast for them
+do it again with shorter ones or by the stiff method, among themselves. A lane that fails leaves the others alone: it gets a
+result code and a sentence.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,10 +23,13 @@ from .._jax import Scalar, Tree, jax, jnp
 from ..assembly.output_names import CONSTANT
 from ..bench import channels
 from ..bench.hardware.plant import InstrumentedPlant
+from ..bench.segment import AFTER_STOP, CHUNK, SensorNoise
 from ..engine import sampled
 from ..engine.native import EngineFunction, compile_function
+from ..engine.sampled import Steps
 from ..engine.signals import Signal, Value
-from .outputs import ChunkSamples, CountedSamples, Output, RunningTotals, add_samples, count_samples
+from ..engine.soundness import Soundness, unsound_sentence
+from .outputs import CountedSamples, Output, RunningTotals, VariantOutcome, add_samples, count_samples
 
 SHOWN = ("running", "record", "code", "missed", "step")
 
@@ -137,8 +146,14 @@ class LaneKernels:
         native = self._lowered(leaves, carry, rows, period, inner, stiff)
         if native is None:
             after, new, result = self._by_xla(tuple(leaves), carry, sums, rows, period, inner, stiff)
-        else:
-            done = self._called(native, leaves, carry, rows, period, inner)
+        else:  # native kernels have the lanes last
+            last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
+            carried = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
+            columns = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
+            lanes, threads = jax.tree.leaves(carry)[0].shape[0], self.kind.threads or None
+            done: ChunkPhysics = native(
+                tuple(last), carried, columns, np.float64(period), np.int64(inner), lanes=lanes, threads=threads
+            )
             after = jax.tree.map(lambda x: np.moveaxis(x, -1, 0), done.carry)
             new, result = self._count(tuple(leaves), sums, done._replace(carry=()), period)
         return jax.tree.map(np.asarray, after), jax.tree.map(np.array, new), jax.tree.map(np.asarray, result)
@@ -150,7 +165,6 @@ class LaneKernels:
     def _lowered(
         self, leaves: Sequence[Tree], carry: Tree, rows: Tree, period: float, inner: int, stiff: bool
     ) -> EngineFunction | None:
-        """The native kernel; None if there is none, and XLA has to do."""
         if self.kind.engine != "xla" and stiff not in self._native:
             one = tuple(x if s else x[0] for x, s in zip(leaves, self.kind.shared, strict=True))
             row = jax.tree.map(lambda x: x[0], rows) if self.kind.seeds else rows
@@ -168,25 +182,6 @@ class LaneKernels:
         kernel = self._native.get(stiff)
         return kernel if kernel is not None and kernel.engine != "xla" else None
 
-    def _called(
-        self, native: EngineFunction, leaves: Sequence[Tree], carry: Tree, rows: Tree, period: float, inner: int
-    ) -> ChunkPhysics:
-        """Compute a chunk in native kernels, which have the lanes last."""
-        last = [x if s else np.moveaxis(x, 0, -1) for x, s in zip(leaves, self.kind.shared, strict=True)]
-        carried = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), 0, -1), carry)
-        columns = jax.tree.map(lambda x: np.moveaxis(x, 0, -1), rows) if self.kind.seeds else rows
-        lanes = jax.tree.leaves(carry)[0].shape[0]
-        chunk: ChunkPhysics = native(
-            tuple(last),
-            carried,
-            columns,
-            np.float64(period),
-            np.int64(inner),
-            lanes=lanes,
-            threads=self.kind.threads or None,
-        )
-        return chunk
-
     def _begin_lane(self, leaves: Tree, row: Tree, lane: Any) -> Any:
         tree = self.tree(leaves)
         return at_rest(tree["plant"], tree["software"], tree["pressure"], self.kind.depth, row)
@@ -194,8 +189,6 @@ class LaneKernels:
     def _all(
         self, leaves: Tree, carry: Tree, sums: Tree, rows: Tree, period: Scalar, inner: Scalar, stiff: bool
     ) -> Any:
-        """Compute physics and outputs of all lanes in one XLA function."""
-
         def one(own: Any, before: Scalar, so_far: Any, arguments: Any) -> Any:
             done = physics(self.kind, own, before, arguments, period, inner, stiff)
             return done.carry, *self._counted_lane(own, so_far, done, period)
@@ -205,11 +198,9 @@ class LaneKernels:
     def _counted_lane(
         self, leaves: Tree, sums: RunningTotals, done: ChunkPhysics, period: Scalar
     ) -> tuple[RunningTotals, ChunkResult]:
-        """Update the outputs of one lane by the samples of a chunk."""
         windows, kind, shown = self.tree(leaves)["windows"], self.kind, done.shown
         new, counted = count_samples(sums, shown, kind.every)
-        look = ChunkSamples(done.channels, shown)
-        new = add_samples(new, kind.outputs, look, windows, counted.kept, period, kind.every)
+        new = add_samples(new, kind.outputs, done.channels, shown["step"], windows, counted.kept, period, kind.every)
         stop = {**done.stop, "code": jnp.max(shown["code"])}
         kept = {n: done.channels[n] for n in kind.kept}
         return new, ChunkResult(
@@ -226,25 +217,17 @@ def physics(
     names = tuple(dict.fromkeys([*kind.kept, *sampled_]))
 
     def sample(before: Any, row: Any) -> tuple[Any, sampled.SampleResult]:
-        return sampled.sample(
-            tree["plant"],
-            tree["software"],
-            before,
-            row,
-            period=period,
-            inner=inner,
-            latency=tree["latency"],
-            stiff=stiff,
-        )
+        plant, software, latency = tree["plant"], tree["software"], tree["latency"]
+        return sampled.sample(plant, software, before, row, period=period, inner=inner, latency=latency, stiff=stiff)
 
     def one(before: Any, row: Any) -> tuple[Tree, Tree]:
         state, ran, last = before
         after, result = sample(state, row)
-        now = _told(result)
+        now, known = _told(result), channels_of(result)
         last = {n: jnp.where(ran, now[n], old) for n, old in last.items()}
         shown = {n: result.shown[n] for n in SHOWN}
         return (after, ran & result.shown["running"], last), (
-            named(result, names),
+            {name: jnp.asarray(known[name], float) for name in names},
             shown,
             result.rate_bound,
             result.sound,
@@ -272,17 +255,9 @@ def _tree(kind: KernelKey, leaves: Sequence[Tree]) -> dict[str, Tree]:
 
 
 def _told(results: sampled.SampleResult) -> dict[str, Tree]:
-    """Values for a sentence about a sample."""
-    measured = {n: v for n, v in results.measured.items() if not n.endswith(".code")}
-    return {
-        n: jnp.asarray(v, float) for n, v in {**measured, **{k: results.shown[k] for k in ("velocity", "step")}}.items()
-    }
-
-
-def named(results: sampled.SampleResult, names: Sequence[str]) -> dict[str, Tree]:
-    """Channels of one sample by the names of a recording."""
-    known = channels_of(results)
-    return {name: jnp.asarray(known[name], float) for name in names}
+    told = {n: v for n, v in results.measured.items() if not n.endswith(".code")}
+    told |= {name: results.shown[name] for name in ("velocity", "step")}
+    return {n: jnp.asarray(v, float) for n, v in told.items()}
 
 
 def channels_of(results: sampled.SampleResult) -> Mapping[str, Scalar]:
@@ -313,3 +288,177 @@ def at_rest(plant: InstrumentedPlant, software: Tree, pressure: Scalar, depth: i
     whole = {"machine": state, "sensors": {n: s.initial(signals[n]) for n, s in plant.sensors.items()}}
     carry = sampled.rest(plant, (whole, memory), commands, depth)
     return sampled.with_software(plant, software, carry, row)
+
+
+LEAST_LANES = 8  # of a call: fewer cost as much
+
+
+class LaneFailure(NamedTuple):
+    """Failure of a lane: code, time and reason."""
+
+    outcome: VariantOutcome
+    message: str
+
+
+class MarchedPart(NamedTuple):
+    """Result of a part of all lanes.
+
+    Attributes:
+        begun: carries at its beginning.
+        carry: carries at its end.
+        totals: afterwards.
+        failed: by lane.
+        stopped: by lane: what was seen at the sample at which the machine stopped, with its time [s].
+        samples: kept channels, each (lanes, samples).
+        counted: which of them count (lanes, samples).
+        step: index of the step of each (lanes, samples).
+    """
+
+    begun: Any
+    carry: Any
+    totals: RunningTotals
+    failed: dict[int, LaneFailure]
+    stopped: dict[int, dict[str, float]]
+    samples: dict[str, np.ndarray]
+    counted: np.ndarray
+    step: np.ndarray
+
+
+class NoiseRows:
+    """Sensor noise of every sample: one for all lanes, or one for each."""
+
+    def __init__(self, draws: Sequence[SensorNoise]) -> None:
+        self.draws = draws
+
+    def first(self) -> Tree:
+        """Row of a sample without noise."""
+        return self.draws[0].first()
+
+    def next(self) -> Tree:
+        """Rows of the next chunk."""
+        every = [d.next() for d in self.draws]
+        return every[0] if len(every) == 1 else jax.tree.map(lambda *x: np.stack(x), *every)
+
+
+def march_part(
+    kernels: LaneKernels,
+    leaves: Sequence[np.ndarray],
+    sums: RunningTotals,
+    rows: NoiseRows,
+    *,
+    period: float,
+    inner: int,
+    tell: Callable[[float], None],
+) -> MarchedPart:
+    """Run one part of the protocol in every lane.
+
+    Args:
+        kernels: compiled functions.
+        leaves: arrays of the lanes.
+        sums: totals so far; lanes that are not going stay as they are.
+        rows: noise.
+        period: period of the samples [s].
+        inner: steps of the physics per sample.
+        tell: told how many samples all lanes have done.
+    """
+    carry = begun = kernels.begin(leaves, rows.first(), len(sums.going))
+    failed: dict[int, LaneFailure] = {}
+    stopped: dict[int, dict[str, float]] = {}
+    kept: list[tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]] = []
+    done, width = 0, len(sums.going)
+    while bool(np.any(sums.going)):
+        before, row = sums, rows.next()
+        carry, sums, result = _chunk(kernels, leaves, carry, sums, row, period, inner, failed)
+        for lane in np.flatnonzero(result.counted.stops & before.going):
+            at = float(before.samples[lane] + result.counted.at[lane]) * period
+            stopped[int(lane)] = {n: float(v[lane]) for n, v in result.stop.items()} | {"time": at}
+        if kernels.kind.kept:
+            kept.append((dict(result.samples), result.counted.kept & before.going[:, None], result.step))
+        done += CHUNK
+        tell(done)
+    return MarchedPart(
+        begun,
+        carry,
+        sums,
+        failed,
+        stopped,
+        {n: np.concatenate([k[0][n] for k in kept], axis=1) for n in kernels.kind.kept} if kept else {},
+        np.concatenate([k[1] for k in kept], axis=1) if kept else np.zeros((width, 0), bool),
+        np.concatenate([k[2] for k in kept], axis=1) if kept else np.zeros((width, 0), int),
+    )
+
+
+def _chunk(
+    kernels: LaneKernels,
+    leaves: Sequence[np.ndarray],
+    carry: Tree,
+    sums: Tree,
+    row: Tree,
+    period: float,
+    inner: int,
+    failed: dict[int, LaneFailure],
+) -> tuple[Tree, Tree, ChunkResult]:
+    """Compute a chunk of all lanes, with shorter steps where needed; failures are added to `failed`."""
+    result: ChunkResult
+    after, new, result = kernels.march(leaves, carry, sums, row, period=period, inner=inner, stiff=False)
+    todo = {Steps(): np.flatnonzero(sums.going)}
+    while todo:
+        steps, lanes = todo.popitem()
+        if steps != Steps():
+            size = LEAST_LANES  # few sizes, so that few are compiled
+            while size < len(lanes):
+                size *= 4
+            some, at = np.pad(lanes, (0, size - len(lanes)), mode="edge"), np.arange(len(lanes))
+            chosen = [x if s else x[some] for x, s in zip(leaves, kernels.kind.shared, strict=True)]
+            mine, sub = jax.tree.map(lambda x: x[some], (carry, sums))  # noqa: B023
+            theirs = jax.tree.map(lambda x: x[some], row) if kernels.kind.seeds else row  # noqa: B023
+            again = kernels.march(
+                chosen, mine, sub, theirs, period=period, inner=inner * steps.split, stiff=steps.stiff
+            )
+            after, new, result = (
+                jax.tree.map(lambda x, y: _put(x, lanes, y[at]), old, got)  # noqa: B023
+                for old, got in zip((after, new, result), again, strict=True)
+            )
+        for lane in lanes:
+            fastest, sound = float(result.fastest[lane]), bool(result.sound[lane])
+            finite, broken = bool(result.finite[lane]), bool(result.broken[lane])
+            verdict = _verdict(fastest, sound, finite, broken, period / inner, steps)
+            if isinstance(verdict, LaneFailure):
+                failed[int(lane)] = verdict
+                new.going[lane] = False
+            elif verdict is not None:
+                todo[verdict] = np.append(todo.get(verdict, np.zeros(0, int)), lane)
+    return after, new, result
+
+
+def _verdict(
+    fastest: float, sound: bool, finite: bool, broken: bool, usual: float, steps: Steps
+) -> None | LaneFailure | Steps:
+    """Whether the steps of a chunk were short enough; else the steps to try next."""
+    h = usual / steps.split
+    if steps.short(fastest, usual):
+        if sound:
+            return None
+        if finite and broken:
+            return LaneFailure(VariantOutcome.BROKEN, unsound_sentence(Soundness.BROKEN, 0.0, h))
+        outcome = VariantOutcome.IMPOSSIBLE if finite else VariantOutcome.NOT_FINITE
+        return LaneFailure(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
+    shorter = steps.shorter(fastest, usual)
+    if shorter is not None:
+        return shorter
+    if not math.isfinite(fastest) and not finite:
+        outcome = VariantOutcome.NOT_FINITE
+        return LaneFailure(outcome, f"{outcome.sentence} The steps were of {h:.3g} s.")
+    outcome = VariantOutcome.TOO_STIFF
+    return LaneFailure(outcome, f"{outcome.sentence} It has {fastest:.3g} 1/s, the step {h:.3g} s.")
+
+
+def _put(all_: np.ndarray, lanes: np.ndarray, some: np.ndarray) -> np.ndarray:
+    changed = np.array(all_)
+    changed[lanes] = some
+    return changed
+
+
+def after_stop(period: float) -> int:
+    """Number of samples recorded after a stop."""
+    return round(AFTER_STOP / period)

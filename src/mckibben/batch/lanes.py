@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,10 +21,9 @@ import numpy as np
 from .._jax import Scalar, Tree, jax, jit, jnp
 from ..assembly.machine import Machine
 from ..bench.hardware.computer import Timing
-from ..bench.hardware.pneumatics import MUSCLE
 from ..bench.prepare import PreparedRun, RunSegment, with_friction_scale
 from ..bench.segment import software_of, timing_of
-from ..bench.software.loop import BenchSoftware
+from ..bench.sensors import MUSCLE
 from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.dry_run import check, states
@@ -92,12 +91,28 @@ def build(factory: RunFactory, values: Mapping[str, JsonValue]) -> BuiltVariant:
         machine = rig.machine(
             part.layout, with_friction_scale(bench.unit, part.friction), start=part.start_span, moves=part.moves
         )
+        # Tables of set-points as long as the part needs, since every lane may need its own.
+        software = software_of(bench, part, timing)
+        size = 1024
+        while size < sum(s.count for s in part.steps):
+            size *= 2
+        sequencer: Any = software.sequencer
+        table = {n: v[:size] if len(v) >= size else np.pad(v, (0, size - len(v))) for n, v in sequencer.table.items()}
+        # By output, the steps of the part in which it is evaluated (steps,).
+        size = STEPS
+        while size < len(part.steps):
+            size *= 16
+        windows = {}
+        for one in factory.template.outputs:
+            if one.sampled:
+                chosen = [not one.step or s.step.label == one.step for s in part.steps]
+                windows[one.name] = np.pad(np.array(chosen), (0, size - len(chosen)))
         tree = {
             "plant": rig.plant(machine, part.layout, mounted=part.start_span),
-            "software": _trimmed(software_of(bench, part, timing), part),
+            "software": software.replace(sequencer=sequencer.replace(table=table)),
             "pressure": jnp.asarray(part.start_pressure, float),
             "latency": jnp.asarray(timing.latency, float),
-            "windows": _windows(factory, part),
+            "windows": windows,
         }
         arrays, structure = jax.tree.flatten(tree)
         machines.append(machine)
@@ -108,30 +123,6 @@ def build(factory: RunFactory, values: Mapping[str, JsonValue]) -> BuiltVariant:
     limits = bench.rig.limits(bench.layout)
     guard = (bench.layout, bench.plan.rest_length, [len(bench.plan.steps), bench.plan.samples], str(limits))
     return BuiltVariant(bench, tuple(machines), parts, fixed, tuple(leaves), guard)
-
-
-def _trimmed(software: BenchSoftware, part: RunSegment) -> BenchSoftware:
-    """Cut tables of set-points to the length of the part, since every lane may need its own."""
-    size = 1024
-    while size < sum(s.count for s in part.steps):
-        size *= 2
-    sequencer: Any = software.sequencer
-    table = {n: v[:size] if len(v) >= size else np.pad(v, (0, size - len(v))) for n, v in sequencer.table.items()}
-    trimmed: BenchSoftware = software.replace(sequencer=sequencer.replace(table=table))
-    return trimmed
-
-
-def _windows(factory: RunFactory, part: RunSegment) -> dict[str, np.ndarray]:
-    """Windows of every output: the steps of the part in which it is evaluated (steps,)."""
-    size = STEPS
-    while size < len(part.steps):
-        size *= 16
-    windows = {}
-    for one in factory.template.outputs:
-        if one.sampled:
-            chosen = [not one.step or s.step.label == one.step for s in part.steps]
-            windows[one.name] = np.pad(np.array(chosen), (0, size - len(chosen)))
-    return windows
 
 
 Places = tuple[tuple[int, int], ...]  # part and number of each array that a parameter sets
@@ -153,12 +144,6 @@ def places(one: BuiltVariant, a: float, other: BuiltVariant, b: float) -> Places
                 return None
             positions.append((part, i))
     return tuple(positions)
-
-
-def same_leaves(one: tuple[tuple[np.ndarray, ...], ...], other: tuple[tuple[np.ndarray, ...], ...]) -> bool:
-    """Whether two variants are equal, bit for bit."""
-    pairs = [(x, y) for a, b in zip(one, other, strict=True) for x, y in zip(a, b, strict=True)]
-    return all(_same(x, y) for x, y in pairs)
 
 
 def _same(x: np.ndarray, y: np.ndarray) -> bool:
@@ -216,9 +201,7 @@ class VariantFamily:
         arrays = []
         for i in range(len(templates[0].leaves[part])):
             leaves = [t.leaves[part][i] for t in templates]
-            same = i not in written and all(
-                np.array_equal(leaves[0], x, equal_nan=x.dtype == float) for x in leaves[1:]
-            )
+            same = i not in written and all(_same(leaves[0], x) for x in leaves[1:])
             self.shared[part][i] &= same
             if self.shared[part][i]:
                 arrays.append(leaves[0])
@@ -269,7 +252,11 @@ class LanePlanner:
         before = len(self.apart)
         refused: dict[int, str] = {}
         groups: dict[int, LaneGroup] = {}
-        for rows in self._alike(variants):
+        fixed = [v for p, v in variants.columns.items() if v.dtype != float or p in self.apart]
+        alike: dict[tuple[Any, ...], list[int]] = {}  # rows that differ in written values only
+        for row in range(len(variants)):
+            alike.setdefault(tuple(v[row] for v in fixed), []).append(row)
+        for rows in alike.values():
             built = self._built(variants, rows, refused)
             if built is None:
                 continue
@@ -285,7 +272,6 @@ class LanePlanner:
         return refused, list(groups.values())
 
     def _built(self, variants: Variants, rows: list[int], refused: dict[int, str]) -> BuiltVariant | None:
-        """Find or build a template for some rows; rows that cannot be built are refused."""
         while rows:
             values = variants.row(rows[0])
             key = tuple(v for p, v in values.items() if isinstance(v, str) or p in self.apart)
@@ -303,19 +289,9 @@ class LanePlanner:
         return None
 
     def _free(self, variants: Variants) -> list[str]:
-        """Paths whose values are written into arrays."""
         return [p for p, v in variants.columns.items() if v.dtype == float and p not in self.apart]
 
-    def _alike(self, variants: Variants) -> Iterable[list[int]]:
-        """Groups of rows that differ in written values only."""
-        fixed = [v for p, v in variants.columns.items() if v.dtype != float or p in self.apart]
-        groups: dict[tuple[Any, ...], list[int]] = {}
-        for row in range(len(variants)):
-            groups.setdefault(tuple(v[row] for v in fixed), []).append(row)
-        return groups.values()
-
     def _family(self, built: BuiltVariant, values: Mapping[str, Any]) -> VariantFamily:
-        """Family of a template; for a new one the positions of its parameters are determined."""
         for family in self.families:
             if family.fixed == built.fixed:
                 break
@@ -352,7 +328,8 @@ class LanePlanner:
                 continue
             if real.fixed != built.fixed or any(p not in family.places for p in free):
                 continue
-            if not same_leaves(real.leaves, family.write(built, {p: values[p] for p in free})):
+            written = family.write(built, {p: values[p] for p in free})
+            if not all(all(map(_same, a, b)) for a, b in zip(real.leaves, written, strict=True)):
                 self.apart.update(free)
                 return False
         family.checked = True
@@ -366,7 +343,6 @@ class LanePlanner:
         rows: Sequence[int],
         refused: dict[int, str],
     ) -> list[VariantLane]:
-        """Lanes of the rows of a template; those that fail the dry run are refused."""
         free = self._free(variants)
         lanes = [VariantLane(r, built, {p: float(variants.columns[p][r]) for p in free}) for r in rows]
         muscle = [p for p in free if p.startswith("muscle.") and self.ranges[p][0] != self.ranges[p][1]]
@@ -374,7 +350,12 @@ class LanePlanner:
         if not muscle:
             if not findings:
                 return lanes
-            refused |= dict.fromkeys(rows, _against(findings))
+            try:
+                check(list(findings))
+                said = ""
+            except InputError as error:
+                said = str(error)
+            refused |= dict.fromkeys(rows, said)
             return []
         doubtful = np.ones(len(lanes), bool)
         if not findings and not accepted:
@@ -387,7 +368,6 @@ class LanePlanner:
         return kept
 
     def _looked_at(self, lane: VariantLane, variants: Variants, refused: dict[int, str]) -> VariantLane | None:
-        """Check a lane by the dry run itself."""
         values = variants.row(lane.row)
         try:
             bench = self.factory.bench(values)
@@ -398,14 +378,6 @@ class LanePlanner:
             refused[lane.row] = str(error)
             return None
         return lane
-
-
-def _against(findings: Sequence[Any]) -> str:
-    try:
-        check(list(findings))
-    except InputError as error:
-        return str(error)
-    return ""
 
 
 def _doubtful(family: VariantFamily, built: BuiltVariant, lanes: Sequence[VariantLane]) -> np.ndarray:

@@ -93,18 +93,18 @@ def read_outputs(raw: object, place: Place) -> tuple[Output, ...]:
     Raises:
         InputError: names the dotted path and what is allowed.
     """
-    return tuple(_one(name, place.below(name), value) for name, value in place.table(raw).values.items()) or USUAL
 
+    def read(name: str, below: Place, value: object) -> Output:
+        if name == TIME or not name.strip() or "/" in name:
+            raise below.fail(name, "must be another name; time and names with / are taken")
+        entry = below.table(value)
+        for key, among in (("account", None), ("balance", BALANCES)):
+            if key in entry:
+                entry.only((key,), f"with {key} goes nothing else:")
+                return Output(name, key, entry.word(key, among=among))
+        return read_table(Output, entry, owner="an output has", name=name)
 
-def _one(name: str, place: Place, raw: Any) -> Output:
-    if name == TIME or not name.strip() or "/" in name:
-        raise place.fail(name, "must be another name; time and names with / are taken")
-    entry = place.table(raw)
-    for key, among in (("account", None), ("balance", BALANCES)):
-        if key in entry:
-            entry.only((key,), f"with {key} goes nothing else:")
-            return Output(name, key, entry.word(key, among=among))
-    return read_table(Output, entry, owner="an output has", name=name)
+    return tuple(read(name, place.below(name), value) for name, value in place.table(raw).values.items()) or USUAL
 
 
 def check_channels(outputs: Iterable[Output], known: Iterable[str], accounts: Iterable[str], where: str) -> None:
@@ -194,13 +194,6 @@ class RunningTotals(NamedTuple):
     sums: dict[str, dict[str, Any]]
 
 
-class ChunkSamples(NamedTuple):
-    """Samples of a chunk, all (n,); channels by name."""
-
-    channels: Mapping[str, Any]
-    shown: Mapping[str, Any]
-
-
 class CountedSamples(NamedTuple):
     """Selection of the samples of a chunk that count.
 
@@ -258,7 +251,8 @@ def count_samples(
 def add_samples(
     totals: RunningTotals,
     outputs: tuple[Output, ...],
-    look: ChunkSamples,
+    channels: Mapping[str, Array],
+    steps: Array,
     windows: Mapping[str, Array],
     kept: Array,
     period: Scalar,
@@ -269,20 +263,21 @@ def add_samples(
     Args:
         totals: so far.
         outputs: outputs of the sweep.
-        look: the samples.
+        channels: samples of each channel (n,).
+        steps: index of the step of each sample (n,).
         windows: windows of every output, at which steps it looks (steps,).
         kept: which samples a recording has (n,).
         period: period of the samples [s].
         every: samples of the loop per one that is kept.
     """
-    step = look.shown["step"].astype(int)
+    step = steps.astype(int)
     sums = dict(totals.sums)
     for one in outputs:
         if one.reduce not in RUNNING:
             continue
         chosen = kept & windows[one.name][step] if one.step else kept
-        x = look.channels[one.channel]
-        over = look.channels[one.over] if one.over else None
+        x = channels[one.channel]
+        over = channels[one.over] if one.over else None
         sums[one.name] = _added(sums[one.name], one.reduce, x, over, chosen, period, every)
     return totals._replace(sums=sums)
 
@@ -362,19 +357,13 @@ def time_to(one: Output, time: np.ndarray, values: np.ndarray) -> tuple[float, s
         return float("nan"), f"{one.channel} has fewer than two samples, or some that are not finite"
     size, whole = abs(values[-1] - values[0]), float(np.ptp(values))
     change, settled = drift(time, values)
-    said = (
-        ""
-        if settled
-        else (
-            f"{one.channel} has not settled after {time[-1] - time[0]:.3g} s, in the last fifth of which it still changes "
-            f"by {abs(change):.1%} of its way"
-        )
-    )
+    moving = f"has not settled after {time[-1] - time[0]:.3g} s, in the last fifth of which it still changes by"
+    moving = "" if settled else f"{moving} {abs(change):.1%} of its way"
     # What ends where it began, or on the way back, has no time of its own: the last sample alone decides when it is passed.
     if not whole < (1.0 + BEYOND) * size:
-        return float("nan"), f"{one.channel} ends {size / max(whole, 1e-300):.1%} of its range from where it began" + (
-            f", and {said.removeprefix(one.channel + ' ')}" if said else ": it steps back, or not at all"
-        )
+        far = f"{one.channel} ends {size / max(whole, 1e-300):.1%} of its range from where it began"
+        return float("nan"), far + (f", and {moving}" if moving else ": it steps back, or not at all")
+    said = f"{one.channel} {moving}" if moving else ""
     way = (values - values[0]) / (values[-1] - values[0])
     i = int(np.argmax(way >= one.share))
     between = (one.share - way[i - 1]) / (way[i] - way[i - 1])

@@ -1,4 +1,7 @@
-"""Variants drawn from the result of a fit: its intervals and correlations, or posterior samples of another program."""
+"""Variants drawn from the result of a fit, and a run predicted from them with the bands of its channels.
+
+They are drawn from a fit's intervals and correlations, from its posterior, or from posterior samples of another program.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,21 @@ import io
 import os
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..documents import parse_json, read_text
+from ..documents import JsonValue, parse_json, read_text
 from ..errors import InputError
 from ..identification.fit import Fit
 from ..identification.posterior import Posterior
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import declared
-from .settings import Setting
+from .outputs import Output, VariantOutcome
+from .run import Runner
+from .run_template import RunTemplate, Setting
 from .variants import Variants
 
 MOST_DRAWS = 1000  # for one variant within the bounds
@@ -142,27 +148,23 @@ def of_samples(
         match = _HEADER.fullmatch(header)
         if match is None:
             raise InputError("header", header, "must be a path and its unit, such as end_mass [g]", where=where)
-        one, unit = known(match[1]), match[2] or ""
-        try:
-            columns[one.path] = np.array([_number(one, row[i], unit, where) for row in rows[1:]])
-        except IndexError:
-            raise InputError("posterior.samples", where, "every row needs as many values as the header") from None
+        one, unit, numbers = known(match[1]), match[2] or "", []
+        for row in rows[1:]:
+            if len(row) <= i:
+                raise InputError("posterior.samples", where, "every row needs as many values as the header")
+            value = one.read(f"{row[i].strip()} {unit}".strip(), where=where)
+            if isinstance(value, str):
+                raise InputError(one.path, row[i], "must be a number", where=where)
+            numbers.append(value)
+        columns[one.path] = np.array(numbers)
     table = Variants(columns)
     if count is None:
         return table
     if not 1 <= count <= len(table):
-        raise InputError(
-            "posterior.count", count, f"must be at most {len(table)}, the samples of the table", where=where
-        )
+        said = f"must be at most {len(table)}, the samples of the table"
+        raise InputError("posterior.count", count, said, where=where)
     chosen = np.sort(np.random.default_rng(seed).permutation(len(table))[:count])
     return Variants({name: values[chosen] for name, values in columns.items()})
-
-
-def _number(one: Setting, text: str, unit: str, where: str) -> float:
-    value = one.read(f"{text.strip()} {unit}".strip(), where=where)
-    if isinstance(value, str):
-        raise InputError(one.path, text, "must be a number", where=where)
-    return value
 
 
 def _deviation(name: str, estimate: Mapping[str, Any], points: int, free: int) -> float:
@@ -176,3 +178,83 @@ def _deviation(name: str, estimate: Mapping[str, Any], points: int, free: int) -
     if not np.isfinite(half):
         raise InputError(f"posterior.{name}", None, "must have a finite interval in the fit; the data do not fix it")
     return half / float(stats.t.ppf(0.975, max(points - free, 1)))
+
+
+CHANNELS = {"tension": "N", "pressure": "Pa", "span": "m"}
+FEWEST = 3  # samples whose run must end, for a band
+
+
+@dataclass(frozen=True)
+class PredictedRun:
+    """Channels of a run from the samples of a posterior.
+
+    Attributes:
+        time: of the samples [s] (n,).
+        channels: by name [SI], a row per sample of the posterior (d, n).
+        failed: why the run of a sample did not end, one sentence each.
+    """
+
+    time: np.ndarray
+    channels: dict[str, np.ndarray]
+    failed: tuple[str, ...]
+
+    @staticmethod
+    def unit(channel: str) -> str:
+        """SI unit of a channel."""
+        return CHANNELS[channel]
+
+    def band(self, channel: str, confidence: float = 0.95) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lower end, median and upper end of a channel at each time (n,)."""
+        tail = 0.5 - 0.5 * confidence
+        low, middle, high = np.quantile(self.channels[channel], (tail, 0.5, 1.0 - tail), axis=0)
+        return low, middle, high
+
+    def summary(self) -> dict[str, JsonValue]:
+        """Median and 95 % interval of the lowest, mean and highest value of each channel [SI]."""
+        summary: dict[str, JsonValue] = {}
+        for channel, rows in self.channels.items():
+            reduced = {"min": rows.min(axis=1), "mean": rows.mean(axis=1), "max": rows.max(axis=1)}
+            quantiles = {name: np.quantile(values, (0.025, 0.5, 0.975)).tolist() for name, values in reduced.items()}
+            ends = {name: dict(zip(("low", "median", "high"), q, strict=True)) for name, q in quantiles.items()}
+            summary[channel] = {"unit": CHANNELS[channel]} | ends
+        return summary
+
+
+def predict_run(
+    template: RunTemplate, posterior: Posterior, count: int, *, progress: Callable[[float], None] = lambda _: None
+) -> PredictedRun:
+    """Run a protocol with the parameters of some samples of a posterior.
+
+    The discrepancy of the law at the length and pressure of each instant is added to the tension, with the mean and the
+    standard deviation that follow from the data; it does not act back on the motion. Where tension moves the machine, the
+    span is that of the law alone.
+
+    Args:
+        template: the run; its muscle has the law of the posterior.
+        posterior: samples of the law's parameters.
+        count: count of the samples, evenly from all of them.
+        progress: told the share of the work that is done.
+
+    Raises:
+        InputError: the muscle has another law, or too few of the runs end.
+    """
+    rows = posterior.rows(count)
+    columns = {f"muscle.law.{name}": column[rows] for name, column in posterior.samples.items()}
+    settings = {path: template.setting(path, where="posterior") for path in columns}
+    outputs = tuple(Output(name, "samples", name) for name in CHANNELS)
+    template = replace(template, settings={**template.settings, **settings}, outputs=outputs)
+    ranges = {path: (float(v.min()), float(v.max())) for path, v in columns.items()}
+    results = Runner(template, ranges).run(Variants(columns), progress)
+    done = results.code == VariantOutcome.DONE
+    failed = tuple(dict.fromkeys(message for message, ok in zip(results.message, done, strict=True) if not ok))
+    if done.sum() < min(FEWEST, count):
+        raise InputError("posterior", None, f"leaves no run that ends: {failed[0]}")
+    whole = ~np.isnan(results.outputs["tension"][done]).any(axis=0)  # until the first run ended
+    channels = {name: results.outputs[name][done][:, whole] for name in CHANNELS}
+    kept = rows[done]
+    mean, deviation = posterior.discrepancy_along(kept, channels["span"], channels["pressure"])
+    # one draw for all instants of a run: a law that is too weak is so throughout
+    share = np.random.default_rng(posterior.seed).standard_normal((len(kept), 1))
+    channels["tension"] = np.maximum(channels["tension"] + mean + deviation * share, 0.0)
+    time = results.outputs["time"]
+    return PredictedRun(time[done][0][whole] if time.ndim > 1 else time[whole], channels, failed)

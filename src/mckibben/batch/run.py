@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from .._jax import Tree, jax
 from ..answers import Answer, Caution, collect
 from ..assembly.accounts import accounts
-from ..bench.hardware.pneumatics import MUSCLE
-from ..bench.segment import SensorNoise
+from ..bench.segment import AFTER_STOP, SensorNoise
+from ..bench.sensors import MUSCLE
 from ..engine import sampled
 from ..engine.native import ENGINES, call_compiled
 from ..errors import InputError
-from ..muscles.contradiction import volume_contradiction
+from ..muscles.evidence import volume_contradiction
 from ..recordings.memory import check_memory
-from . import march
-from .kernels import KernelKey, LaneKernels, at_rest, channels_of
+from .kernels import KernelKey, LaneKernels, MarchedPart, NoiseRows, at_rest, channels_of, march_part
 from .lanes import BuiltVariant, LaneGroup, LanePlanner, VariantFamily
-from .march import MarchedPart
 from .outputs import (
     LATER,
     TIME,
@@ -71,11 +70,12 @@ class Results(Answer):
     cautions: tuple[Caution, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        said = [
-            self._caution(name, lanes, words)
-            for name in self.outputs
-            for lanes, words in ((self.unmeasured(name), "has no value"), (self._under_way(name), "is not settled"))
-        ]
+        said = []
+        for name in self.outputs:
+            remarks = np.array([f" {name}: " in message for message in self.message], bool)
+            without = self.unmeasured(name)
+            said.append(self._caution(name, without, "has no value"))
+            said.append(self._caution(name, np.setdiff1d(np.flatnonzero(remarks), without), "is not settled"))
         first: dict[str, int] = {}
         for row, message in enumerate(self.message):
             for text in message.split(CAUTION)[1:]:
@@ -88,10 +88,6 @@ class Results(Answer):
         values = self.outputs[name]
         none = np.isnan(values) if values.ndim == 1 else np.zeros(len(self.code), bool)
         return np.flatnonzero(none & (np.asarray(self.code) == VariantOutcome.DONE))
-
-    def _under_way(self, name: str) -> np.ndarray:
-        remarks = np.array([f" {name}: " in message for message in self.message], bool)
-        return np.setdiff1d(np.flatnonzero(remarks), self.unmeasured(name))
 
     def _caution(self, name: str, lanes: np.ndarray, words: str) -> Caution | None:
         if not lanes.size:
@@ -168,15 +164,13 @@ class Runner:
     def kernels(self, family: VariantFamily, part: int, seeds: bool) -> LaneKernels:
         """Compiled functions of a part, for the parameters known to be shared."""
         outputs = self.template.outputs
-        kept = tuple(dict.fromkeys(o.channel for o in outputs if o.reduce in LATER))
-        shared = tuple(bool(s) for s in family.shared[part])
         kind = KernelKey(
             structure=family.fixed.structures[part],
-            shared=shared,
+            shared=tuple(bool(s) for s in family.shared[part]),
             depth=family.fixed.timing.depth,
             every=family.fixed.every,
             outputs=outputs,
-            kept=kept,
+            kept=tuple(dict.fromkeys(o.channel for o in outputs if o.reduce in LATER)),
             accounts=any(not o.sampled for o in outputs),
             seeds=seeds,
             engine=self.engine,
@@ -205,9 +199,10 @@ class _Piece:
         self.reasons: dict[tuple[int, str], str] = {}  # why an output of a lane has no value
         self.integrals: dict[str, np.ndarray] = {}
         self.balances: dict[str, np.ndarray] = {}
+        after_stop = round(AFTER_STOP / self.period)  # samples that are recorded then
         sums = jax.tree.map(
             lambda x: np.array(np.broadcast_to(np.asarray(x), (width, *np.shape(x)))),
-            start_totals(self.outputs_wanted, march.after_stop(self.period)),
+            start_totals(self.outputs_wanted, after_stop),
         )
         sums.going[count:] = False  # the last lane again, to fill the width
         total = max(lane.built.bench.plan.samples for lane in lanes)
@@ -222,39 +217,32 @@ class _Piece:
             leaves = group.family.stacked(padded, part)
             kernels = runner.kernels(group.family, part, seeds)
             chosen = padded if seeds else padded[:1]
-            rows = march.NoiseRows([SensorNoise(lane.built.bench, part, drifting=drifting) for lane in chosen])
+            rows = NoiseRows([SensorNoise(lane.built.bench, part, drifting=drifting) for lane in chosen])
             offset = sums.samples.copy()
-            marched = march.part(
-                kernels,
-                leaves,
-                sums,
-                rows,
-                period=self.period,
-                inner=self.timing.inner,
-                tell=_after(before, total, tell),
-            )
+            told = _after(before, total, tell)
+            marched = march_part(kernels, leaves, sums, rows, period=self.period, inner=self.timing.inner, tell=told)
             before = int(marched.totals.samples.max())
             self._take(kernels, leaves, part, marched, offset)
             dead = np.zeros(width, bool)
             dead[count:] = True
             dead[:count] = self.code != 0
-            sums = marched.totals._replace(going=~dead, left=np.full(width, march.after_stop(self.period)))
+            sums = marched.totals._replace(going=~dead, left=np.full(width, after_stop))
         self.duration[:] = sums.samples[:count] * self.period
         self._finish(sums)
 
     def _take(
         self, kernels: LaneKernels, leaves: Sequence[np.ndarray], part: int, found: MarchedPart, offset: np.ndarray
     ) -> None:
-        """Add the results of a part: codes, sentences, samples, integrals and balances."""
         for lane in range(len(self.lanes)):
             if self.code[lane]:
                 continue
             if lane in found.failed:
                 failed = found.failed[lane]
                 self.code[lane], self.message[lane] = int(failed.outcome), failed.message
-                self.message[lane] += self._contradiction(
-                    kernels.tree(_lane(leaves, kernels.kind.shared, lane)), part, lane
-                )
+                unit = kernels.tree(_lane(leaves, kernels.kind.shared, lane))["plant"].machine.units.get(MUSCLE)
+                span = self.lanes[lane].built.parts[part].start_span
+                why = None if unit is None else volume_contradiction(unit.law, span)
+                self.message[lane] += "" if why is None else f" {str(why)[:1].upper()}{str(why)[1:]}."
             elif lane in found.stopped:
                 self.code[lane] = int(VariantOutcome.STOPPED)
                 self.message[lane] = self._why(kernels, _lane(leaves, kernels.kind.shared, lane), part, lane, found)
@@ -265,15 +253,8 @@ class _Piece:
             if kernels.kind.accounts:
                 self._account(kernels, _lane(leaves, kernels.kind.shared, lane), lane, found)
 
-    def _contradiction(self, tree: Mapping[str, Tree], part: int, lane: int) -> str:
-        """Why a law has no volume for its gas, as the end of a sentence; empty where it has one, or there is no muscle."""
-        unit = tree["plant"].machine.units.get(MUSCLE)
-        span = self.lanes[lane].built.parts[part].start_span
-        found = None if unit is None else volume_contradiction(unit.law, span)
-        return "" if found is None else f" {str(found)[:1].upper()}{str(found)[1:]}."
-
     def _why(self, kernels: LaneKernels, leaves: Tree, part: int, lane: int, found: MarchedPart) -> str:
-        """Describe why a machine stopped, in the words of `bench.run`."""
+        """Why a machine stopped, in the words of `bench.run`."""
         stop = found.stopped[lane]
         if stop["code"] > 0:
             watch = kernels.tree(leaves)["software"].interlocks
@@ -294,7 +275,7 @@ class _Piece:
             return
         plant, latency = kernels.tree(leaves)["plant"], float(kernels.tree(leaves)["latency"])
         first, last = (call_compiled(sampled.inputs_of, plant, c, latency, self.period) for c in (begun, ended))
-        run: Any = _Ended(ended.state["machine"], ended.memory, ended.integrals)
+        run: Any = SimpleNamespace(state=ended.state["machine"], memory=ended.memory, integrals=ended.integrals)
         closed = accounts(plant.machine, (begun.state["machine"], begun.memory), run, first, last)
         for name in wanted:
             many = self.balances.setdefault(name, np.zeros(len(self.lanes)))
@@ -343,14 +324,6 @@ class _Piece:
             )
 
 
-class _Ended(NamedTuple):
-    """State at the end of a run, for the accounts."""
-
-    state: Any
-    memory: Any
-    integrals: Any
-
-
 def known_names(template: BuiltVariant) -> tuple[list[str], list[str]]:
     """Channels and integrals that outputs of a built variant can name."""
     fixed, leaves = template.fixed, template.leaves[0]
@@ -363,17 +336,9 @@ def known_names(template: BuiltVariant) -> tuple[list[str], list[str]]:
     def one(own: Any) -> Any:
         tree = kernels.tree(own)
         carry = at_rest(tree["plant"], tree["software"], tree["pressure"], fixed.timing.depth, row)
-        timing = fixed.timing
-        _, result = sampled.sample(
-            tree["plant"],
-            tree["software"],
-            carry,
-            row,
-            period=timing.period,
-            inner=timing.inner,
-            latency=tree["latency"],
-            stiff=False,
-        )
+        plant, software, timing = tree["plant"], tree["software"], fixed.timing
+        steps = {"period": timing.period, "inner": timing.inner, "latency": tree["latency"], "stiff": False}
+        _, result = sampled.sample(plant, software, carry, row, **steps)
         return channels_of(result), carry.integrals
 
     channels, integrals = jax.eval_shape(one, leaves)
@@ -385,7 +350,6 @@ def _lane(leaves: Sequence[np.ndarray], shared: Sequence[bool], lane: int) -> li
 
 
 def _after(before: float, total: float, tell: Tell) -> Tell:
-    """Convert the progress of a part to progress of the whole."""
     return lambda done: tell(min(1.0, (before + done) / total))
 
 

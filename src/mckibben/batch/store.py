@@ -100,7 +100,6 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         InputError: if another sweep wrote it, another process is writing to it, it cannot be read, or the disk has no room.
     """
     zarr = zarr_library()
-
     place = Path(folder)
     new = not place.exists()
     try:
@@ -117,7 +116,9 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         draft = place / f"{NAME}.new"  # so that a store is there whole or not at all
         shutil.rmtree(draft, ignore_errors=True)
         try:
-            need, free = _size(sweep), shutil.disk_usage(place).free
+            columns = len(sweep.variants.columns) + len(sweep.template.outputs)  # whole channels come on top
+            need = len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
+            free = shutil.disk_usage(place).free
             if need > free:
                 said = f"the results need {need / 1e6:.3g} MB, the disk has {free / 1e6:.3g} MB"
                 raise InputError("--out", str(place), said)
@@ -131,22 +132,16 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
 
 
 def _known(place: Path, sweep: Sweep) -> ResultStore:
-    zarr = zarr_library()
-
     try:
-        group = zarr.open_group(place / NAME, mode="r+", zarr_format=3)
+        group = zarr_library().open_group(place / NAME, mode="r+", zarr_format=3)
         about: Any = group.attrs[KEY]
         digest, count, block = str(about["digest"]), int(about["variants"]), int(about["block"])
     except (KeyError, ValueError, TypeError, OSError):
         raise InputError("--out", str(place / NAME), "it is no store of a sweep, or damaged") from None
     if digest != sweep.digest:
         title = about.get("title") or "without a title"
-        raise InputError(
-            "--out",
-            str(place),
-            f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; "
-            f"this one has {sweep.digest[:12]}); choose another folder",
-        )
+        said = f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; this one has"
+        raise InputError("--out", str(place), f"{said} {sweep.digest[:12]}); choose another folder")
     return ResultStore(place, group, count, block)
 
 
@@ -156,24 +151,12 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
     count = len(sweep.variants)
 
     def array(name: str, kind: Any, fill: Any, **attributes: object) -> Any:
-        return group.create_array(
-            name,
-            shape=(count,),
-            chunks=(block,),
-            dtype=kind,
-            fill_value=fill,
-            dimension_names=("variant",),
-            attributes=attributes,
-        )
+        shape = {"shape": (count,), "chunks": (block,), "dimension_names": ("variant",)}
+        return group.create_array(name, dtype=kind, fill_value=fill, attributes=attributes, **shape)
 
     for path, values in sweep.variants.columns.items():
-        one = array(
-            f"parameters/{path}",
-            float if values.dtype == float else str,
-            np.nan if values.dtype == float else "",
-            unit=sweep.template.settings[path].unit,
-        )
-        one[:] = values
+        kind, fill = (float, np.nan) if values.dtype == float else (str, "")
+        array(f"parameters/{path}", kind, fill, unit=sweep.template.settings[path].unit)[:] = values
     array("code", "i1", -1, meaning={o.name.lower(): int(o) for o in VariantOutcome})
     array("message", str, "")
     array("duration", float, np.nan, unit="s")
@@ -184,14 +167,8 @@ def _create(group: Any, sweep: Sweep, block: int) -> None:
         if name not in whole:
             array(f"outputs/{name}", float, np.nan, **{k: v for k, v in dataclasses.asdict(one).items() if k != "name"})
     for name in [TIME, *whole] if whole else []:
-        group.create_array(
-            f"outputs/{name}",
-            shape=(count, 1),
-            chunks=(block, SAMPLES),
-            dtype=float,
-            fill_value=np.nan,
-            dimension_names=("variant", "sample"),
-        )
+        shape = {"shape": (count, 1), "chunks": (block, SAMPLES), "dimension_names": ("variant", "sample")}
+        group.create_array(f"outputs/{name}", dtype=float, fill_value=np.nan, **shape)
     group.attrs[KEY] = {
         **sweep.document(),
         "digest": sweep.digest,
@@ -207,23 +184,14 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     Raises:
         InputError: if it is none.
     """
-    zarr = zarr_library()  # format 3 as we write it: filters of format 2 may unpickle
-
-    place = Path(path)
-    place = place / NAME if (place / NAME).exists() else place
-    try:
-        group: Any = zarr.open_group(place, mode="r", zarr_format=3)
-        about: Any = group.attrs[KEY]
-        columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in about["parameters"]}
+    with _read(path) as group:
+        columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in group.attrs[KEY]["parameters"]}
         outputs: Any = group["outputs"] if "outputs" in group else {}
         arrays = {n: np.asarray(outputs[n][:]) for n in sorted(outputs)}
         message = [str(m) for m in group["message"][:]]
         codes, duration = np.asarray(group["code"][:]), np.asarray(group["duration"][:])
-    except (KeyError, ValueError, TypeError, OSError):
-        raise InputError("store", str(place), "must be the folder of a sweep's results") from None
-    return Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()}), Results(
-        codes, message, duration, arrays
-    )
+    variants = Variants({p: v if v.dtype == float else v.astype(object) for p, v in columns.items()})
+    return variants, Results(codes, message, duration, arrays)
 
 
 def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -232,12 +200,21 @@ def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
     Raises:
         InputError: if it is none.
     """
+    with _read(path) as group:
+        return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}
+
+
+@contextlib.contextmanager
+def _read(path: str | os.PathLike[str]) -> Iterator[Any]:
+    """Open a store, or the folder of one, to read; what does not hold a sweep's results is refused."""
     place = Path(path)
     place = place / NAME if (place / NAME).exists() else place
     try:
-        group: Any = zarr_library().open_group(place, mode="r", zarr_format=3)
-        return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}
-    except (KeyError, ValueError, TypeError, OSError):
+        # Format 3 as we write it: filters of format 2 may unpickle.
+        yield zarr_library().open_group(place, mode="r", zarr_format=3)
+    except (KeyError, ValueError, TypeError, OSError) as error:
+        if isinstance(error, InputError):  # such as a missing library
+            raise
         raise InputError("store", str(place), "must be the folder of a sweep's results") from None
 
 
@@ -248,12 +225,6 @@ def zarr_library() -> ModuleType:
         MissingLibraryError: it is not installed.
     """
     return library("zarr", "Results of sweeps need")
-
-
-def _size(sweep: Sweep) -> float:
-    """Largest size of the results on the disk, without whole channels [bytes]."""
-    columns = len(sweep.variants.columns) + len(sweep.template.outputs)
-    return len(sweep.variants) * (8.0 * columns + 100.0) + 1e5
 
 
 @contextlib.contextmanager
@@ -278,18 +249,14 @@ def _alone(folder: Path) -> Iterator[None]:
     path = folder / LOCK
     with open(path, "a+b") as file:
         try:
-            _take(file)
+            if os.name == "nt":  # pragma: no cover
+                import msvcrt
+
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+            else:
+                import fcntl
+
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise InputError("--out", str(folder), "another sweep is writing to it; wait for its end") from None
         yield
-
-
-def _take(file: Any) -> None:
-    if os.name == "nt":  # pragma: no cover
-        import msvcrt
-
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-        return
-    import fcntl
-
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

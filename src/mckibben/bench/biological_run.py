@@ -31,10 +31,10 @@ from ..components.system import Moment, System, Value
 from ..documents import JsonValue
 from ..engine import held, integrate, ramped
 from ..errors import InputError
+from ..experiments import read
+from ..experiments.amounts import TEST_START, TESTS, advance_test
 from ..experiments.commands import Deferred
 from ..experiments.protocol import PlannedStep, Protocol
-from ..experiments.read import in_words, with_values
-from ..experiments.until import KINDS, START, advance
 from ..muscles import Muscle
 from ..muscles.biological import BiologicalMuscle
 from ..muscles.build import from_specimen
@@ -42,7 +42,6 @@ from ..quantities import quantity
 from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
 from ..specimens import Specimen, muscle_specimen
-from .prepare import read_named_protocol
 
 SETTLE = 1e-3  # [s]
 STEP = 1e-4  # largest step of the integration [s]
@@ -90,9 +89,7 @@ def run_biological(
     Raises:
         InputError: names what is unknown, or what only a test machine has.
     """
-    wanted = read_named_protocol(protocol)
-    if values:
-        wanted = with_values(wanted, in_words(wanted, values))
+    wanted = read.named_protocol(protocol, values)
     spec = subject.specimen
     record = fibre_run(subject.muscle, wanted, full_pressure=full_pressure, name="" if spec is None else spec.id)
     sources = [*subject.muscle.cites, *(spec.sources if spec else ())]
@@ -131,8 +128,6 @@ class FibreState(NamedTuple):
 
 
 class _Fibre(System):
-    """Common part of fibres whose end is held in two ways."""
-
     muscle: BiologicalMuscle
 
     def integrands(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> Tree:
@@ -220,7 +215,7 @@ def fibre_run(muscle: BiologicalMuscle, protocol: Protocol, *, full_pressure: fl
         first = 0
         for step in group:
             stop = min(first + step.count, last)
-            listed.append(_listed(step, time + first * period, time + stop * period))
+            listed.append(step.entry(time + first * period, time + stop * period))
             if step.record:
                 parts.append((time + period * np.arange(first, stop), {n: v[first:stop] for n, v in outputs.items()}))
             first = stop
@@ -285,30 +280,15 @@ def _ends(step: PlannedStep, readings: dict[str, Any], rest: float, period: floa
     assert test is not None
     if test.channel not in readings:
         raise _unknown_condition(step)
-    kind, limit = KINDS.index(test.kind), test.amount.si(rest)
+    kind, limit = TESTS.index(test.kind), test.amount.si(rest)
 
     def one(state: Tree, x: Scalar) -> tuple[Tree, Tree]:
-        advanced: tuple[Tree, Tree] = advance(kind, state, x, limit, test.lasting, x, period)
+        advanced: tuple[Tree, Tree] = advance_test(kind, state, x, limit, test.lasting, x, period)
         return advanced
 
-    _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in START), jnp.asarray(readings[test.channel]))
+    _, holds = jax.lax.scan(one, tuple(jnp.asarray(x) for x in TEST_START), jnp.asarray(readings[test.channel]))
     samples = np.flatnonzero(np.asarray(holds)[: step.count])
     return max(int(samples[0]), 1) if samples.size else step.count
-
-
-def _listed(step: PlannedStep, start: float, end: float) -> dict[str, JsonValue]:
-    case = {k: v if isinstance(v, str) else str(v) for k, v in step.case.items()}
-    return {
-        "index": step.index,
-        "path": step.path,
-        "label": step.step.label,
-        "case": case,
-        "start": start,
-        "end": end,
-        "ended_by": "time",
-        "recorded": step.record,
-        "sentence": step.step.sentence(),
-    }
 
 
 # Channels: the output that they hold, unit, kind and meaning. Sensors are ideal.

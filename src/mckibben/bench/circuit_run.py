@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import Tree, jnp
+from .._jax import jnp
 from ..analysis.steps import unsettled_at_end
-from ..answers import Caution, collect, warn
+from ..answers import collect, warn
 from ..assembly.circuit_file import CircuitPlan
 from ..assembly.sentence import run_sentence, sentence
 from ..components import Module, Scalar, field
@@ -77,8 +77,15 @@ def run_circuit(plan: CircuitPlan, *, progress: Callable[[str], None] | None = N
     at, message = 0, "The run reached its end."
     try:
         for first, last in zip(edges, edges[1:], strict=False):
-            windows = {n: Window(s.values[first : last + 1], s, first) for n, s in signals.items()}
-            run = _part(plan, state, memory, windows, (first, last))
+            windows: Any = {n: Window(s.values[first : last + 1], s, first) for n, s in signals.items()}
+            try:
+                run = integrate(
+                    plan.circuit, state, windows,
+                    period=plan.period, memory=memory, step_size=plan.step, method=plan.method,
+                )  # fmt: skip
+            except ConvergenceError as error:
+                begin, end = plan.period * first, plan.period * last
+                raise ConvergenceError(f"{plan.where}: between {begin:.4g} s and {end:.4g} s: {error}") from None
             state, memory, at = run.state, run.memory, last
             done.append(run)
             if progress is not None:
@@ -94,16 +101,6 @@ def _edges(plan: CircuitPlan) -> list[int]:
     inner = max(1, round(plan.period / plan.inner_step))
     size = max(1, CHUNK // inner)
     return [*range(0, plan.samples, size), plan.samples]
-
-
-def _part(plan: CircuitPlan, state: Tree, memory: Tree, windows: Mapping[str, Any], part: tuple[int, int]) -> Run:
-    try:
-        return integrate(
-            plan.circuit, state, windows, period=plan.period, memory=memory, step_size=plan.step, method=plan.method
-        )
-    except ConvergenceError as error:
-        begin, end = (plan.period * i for i in part)
-        raise ConvergenceError(f"{plan.where}: between {begin:.4g} s and {end:.4g} s: {error}") from None
 
 
 def _record(
@@ -127,10 +124,7 @@ def _record(
         "description": plan.document,
         "source_sha256": plan.digest,
         "parameters": resolved(plan.owner),
-        "environment": {
-            "pressure_abs": float(plan.environment.pressure_abs),
-            "temperature": float(plan.environment.temperature),
-        },
+        "environment": {n: float(getattr(plan.environment, n)) for n in ("pressure_abs", "temperature")},
         "balance": {"mass": float(closed.mass), "energy": float(closed.energy)},
         "result": "done" if complete else "interrupted",
         "message": message,
@@ -142,17 +136,13 @@ def _record(
         "created": created(),
     }
     record = Recording(plan.times[:count], _channels(plan, outputs, signals, count), meta)
-    warnings = [*map(str, collect(*plan.cautions, *_reached(plan, record))), *_unsettled(plan, record)]
-    return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record
-
-
-def _reached(plan: CircuitPlan, record: Recording) -> list[Caution | None]:
-    """Cautions about the highest pressure that each muscle had."""
-    muscles = [name for name, node in plan.nodes.items() if node.law is not None]
-    return [
+    reached = [  # the highest pressure that each muscle had
         pressure_caution(float(record[f"{n}.pressure"].max()), plan.specimen_of(n), name=f"pressure of {n}")
-        for n in muscles
+        for n, node in plan.nodes.items()
+        if node.law is not None
     ]
+    warnings = [*map(str, collect(*plan.cautions, *reached)), *_unsettled(plan, record)]
+    return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record
 
 
 def _unsettled(plan: CircuitPlan, record: Recording) -> list[str]:

@@ -217,12 +217,8 @@ def _sampled(
     step = np.array([float(scales[n].resolution) for n in names])
     encoder = None if rig.encoder is None or not hardware.has_encoder else float(rig.encoder.resolution)
     rest = 0 if rig.motor_out is None else int(rig.motor_out.count(0.0))
-    most = np.full(len(names), np.inf)
-    for i, n in enumerate(names):
-        unit = SENSORS[n].unit if n in SENSORS else ""
-        most[i] = {"Pa": float(rig.interlocks.burst_pressure), "N": float(rig.interlocks.most_tension)}.get(
-            unit, np.inf
-        )
+    largest = {"Pa": float(rig.interlocks.burst_pressure), "N": float(rig.interlocks.most_tension)}
+    most = np.array([largest.get(SENSORS[n].unit if n in SENSORS else "", np.inf) for n in names])
     total = sum(p.samples for p in phases)
     counts, edges = np.zeros((total, len(names))), np.zeros(total)
     phase, late, motor = np.empty(total, dtype=object), np.zeros(total), np.full(total, float(rest))
@@ -237,10 +233,8 @@ def _sampled(
                 counts[k], edges[k], phase[k] = [hardware.counts[c] for c in columns], hardware.edges, one.name
                 values = low + counts[k] * step
                 if not stopped and (values > most).any():
-                    j = int(np.argmax(values > most))
-                    stopped = (
-                        f"{names[j]} read {with_unit(values[j], SENSORS[names[j]].unit)}, above the rig's interlock"
-                    )
+                    over = names[j := int(np.argmax(values > most))]
+                    stopped = f"{over} read {with_unit(values[j], SENSORS[over].unit)}, above the rig's interlock"
                     hardware.vent()
                 if one.motor is not None and encoder is not None:
                     begun = edges[k] if i == 0 else begun
@@ -256,30 +250,39 @@ def _sampled(
     readings = {n: low[i] + counts[:, i] * step[i] for i, n in enumerate(names)}
     if encoder is not None:
         readings[SPAN] = encoder * edges
-    force = (
-        np.zeros(total)
-        if rig.motor_out is None
-        else np.asarray(rig.motor_out.value(motor)) - float(rig.motor_out.value(rest))
-    )
+    force = np.zeros(total)
+    if rig.motor_out is not None:
+        force = np.asarray(rig.motor_out.value(motor)) - float(rig.motor_out.value(rest))
     return _Samples(readings, counts, phase, late, force, stopped)
 
 
 class _Judged:
-    """Tests of the samples of a sequence."""
-
     def __init__(self, rig: Rig, samples: _Samples, period: float, pressure: float) -> None:
         self.rig, self.samples, self.period, self.pressure = rig, samples, period, pressure
         self.names = [n for n in samples.readings if n != SPAN]
         self.rest = {n: samples.of(n, "rest") for n in samples.readings}
         self.noise = {n: float(np.std(x)) for n, x in self.rest.items()}
         self.zero = {n: float(np.mean(x)) for n, x in self.rest.items()}
-        self.delays: dict[str, float] = {}
 
     def unit(self, name: str) -> str:
         return SENSORS[name].unit if name in SENSORS else "1"
 
     def say(self, name: str, value: float) -> str:
         return with_unit(value, self.unit(name))
+
+    def result(
+        self,
+        name: str,
+        test: str,
+        passed: bool | None,
+        value: float | None,
+        sentence: str,
+        advice: str = "",
+        unit: str = "",
+    ) -> CheckResult:
+        """The outcome of a test, by default in the unit of the channel; what to do is said where it failed."""
+        said = f"{sentence}{advice if passed is False else ''}"
+        return CheckResult(name, test, passed, value, unit or self.unit(name), said)
 
     def all(self, shut_off: bool, motor: bool, hardware: Hardware) -> Iterator[CheckResult]:
         """All tests, in the order of the sequence."""
@@ -294,40 +297,32 @@ class _Judged:
             yield from self.at_rest(name, i)
             yield from self.answer(name)
         yield from self.order()
-        if shut_off:
-            yield from self.tightness()
+        if shut_off and "pressure" in self.names:
+            yield self.tightness()
         if SPAN in self.samples.readings:
-            yield from self.encoder(motor)
+            yield self.encoder(motor)
         yield from self.venting()
         yield self.line(hardware)
 
     def at_rest(self, name: str, i: int) -> Iterator[CheckResult]:
         """Noise, zero, and readings at an end of the converter."""
-        sensor, unit = self.rig.sensors[name], self.unit(name)
+        sensor = self.rig.sensors[name]
         span = float(sensor.high - sensor.low)
         count = float(sensor.resolution)
         noise, zero = self.noise[name], self.zero[name]
-        quiet = noise <= max(0.01 * span, 2.0 * count)
-        advice = "" if quiet else ": shield its cable, check ground and supply"
-        yield CheckResult(
-            name,
-            "noise",
-            quiet,
-            noise,
-            unit,
-            f"noise of {self.say(name, noise)} rms, {noise / count:.2g} counts{advice}",
-        )
-        near = abs(zero) <= ZERO_SHARE * span
-        advice = "" if near else ": check low and high of its converter in the rig's file, or a broken wire"
-        yield CheckResult(name, "zero", near, zero, unit, f"reads {self.say(name, zero)} at rest{advice}")
+        sentence = f"noise of {self.say(name, noise)} rms, {noise / count:.2g} counts"
+        advice = ": shield its cable, check ground and supply"
+        yield self.result(name, "noise", noise <= max(0.01 * span, 2.0 * count), noise, sentence, advice)
+        advice = ": check low and high of its converter in the rig's file, or a broken wire"
+        sentence = f"reads {self.say(name, zero)} at rest"
+        yield self.result(name, "zero", abs(zero) <= ZERO_SHARE * span, zero, sentence, advice)
         counts, last = self.samples.counts[:, i], float(sensor.converter.counts) - 1.0
         ends = float(np.mean((counts <= 0.0) | (counts >= last)))
+        # a scale that begins at zero may read its lowest count, where nothing is
         clear = ends == 0.0 or (ends < 1.0 and float(sensor.converter.low) >= 0.0 and not (counts >= last).any())
-        sentence = (
-            "within its range" if ends == 0.0 else f"{100.0 * ends:.3g} % of its samples are at an end of its converter"
-        )
-        advice = "" if clear else ": an open wire, or an amplifier with too much gain"
-        yield CheckResult(name, "range", clear, ends, "1", sentence + advice)
+        some = f"{100.0 * ends:.3g} % of its samples are at an end of its converter"
+        advice = ": an open wire, or an amplifier with too much gain"
+        yield self.result(name, "range", clear, ends, some if ends else "within its range", advice, "1")
 
     def change(self, name: str, phase: str = "step") -> float:
         """Settled change from the rest, in a phase."""
@@ -349,7 +344,7 @@ class _Judged:
     def answer(self, name: str) -> Iterator[CheckResult]:
         """Answer to the step of the valve: whether it moves, up, by how much and how soon, and back."""
         unit, change, asked = self.unit(name), self.change(name), with_unit(self.pressure, OF_PRESSURE)
-        of_pressure, moved = unit == OF_PRESSURE, abs(self.change(name)) > self.threshold(name)
+        of_pressure, moved = unit == OF_PRESSURE, abs(change) > self.threshold(name)
         if not moved and of_pressure:
             other = self.exchanged_with(name)
             advice = (
@@ -358,49 +353,45 @@ class _Judged:
                 else f"{other} changes by as many counts as it should: exchange the wires of both"
             )
             sentence = f"does not answer a step of the valve to {asked}: {advice}"
-            yield CheckResult(name, "answer", False, change, unit, sentence)
+            yield self.result(name, "answer", False, change, sentence)
             return
         if not moved or (unit == "N" and "pull" in self.samples.phase):
             yield from self.pulled(name)
             return
-        yield CheckResult(
-            name,
-            "answer",
-            True,
-            change,
-            unit,
-            f"changes by {self.say(name, change)} when the valve is asked for {asked}",
-        )
-        advice = "" if change > 0.0 else ": exchange its signal wires"
-        yield CheckResult(
-            name, "sign", change > 0.0, change, unit, f"{'rises' if change > 0 else 'falls'} with the pressure{advice}"
-        )
+        sentence = f"changes by {self.say(name, change)} when the valve is asked for {asked}"
+        yield self.result(name, "answer", True, change, sentence)
+        yield self.sign(name, change, "pressure")
         if of_pressure and change > 0.0:
             ratio = change / self.pressure
             right = abs(ratio - 1.0) <= SCALE_SHARE
             other = None if right else self.exchanged_with(name)
-            advice = (
-                "" if right else ": check low and high of its converter, and the output of the valve, in the rig's file"
-            )
+            advice = ": check low and high of its converter, and the output of the valve, in the rig's file"
             if other is not None:
                 advice = f": {other} changes by as many counts as it should, so exchange the wires of both"
-            yield CheckResult(
-                name, "scale", right, ratio, "1", f"reads {ratio:.3g} of what the valve was asked for{advice}"
-            )
-        yield self.delay(name, change)
+            sentence = f"reads {ratio:.3g} of what the valve was asked for"
+            yield self.result(name, "scale", right, ratio, sentence, advice, "1")
+        away = np.abs(self.samples.of(name, "step") - self.zero[name]) > max(self.threshold(name), SHARE * abs(change))
+        both = np.flatnonzero(away[:-1] & away[1:])  # one reading alone may be noise
+        delay = float(both[0]) * self.period if len(both) else float("nan")
+        sentence = f"begins to move after {with_unit(delay, 's')}, known to {with_unit(self.period, 's')}"
+        yield self.result(
+            name, "delay", delay <= 0.2, delay, sentence, ": check the supply, the tube's width and the filter", "s"
+        )
         left = self.change(name, "release")
         back = abs(left) <= max(GONE_SHARE * abs(change), self.threshold(name))
-        advice = "" if back else ": the exhaust is too narrow or shut, or the muscle stays loaded"
-        yield CheckResult(
-            name, "return", back, left, unit, f"is {self.say(name, left)} away from its rest after the release{advice}"
-        )
+        advice = ": the exhaust is too narrow or shut, or the muscle stays loaded"
+        sentence = f"is {self.say(name, left)} away from its rest after the release"
+        yield self.result(name, "return", back, left, sentence, advice)
+
+    def sign(self, name: str, change: float, cause: str) -> CheckResult:
+        way = "rises" if change > 0 else "falls"
+        return self.result(name, "sign", change > 0.0, change, f"{way} with the {cause}", ": exchange its signal wires")
 
     def pulled(self, name: str) -> Iterator[CheckResult]:
         """Answer of a load cell to the force of the motor, where the plate is free to move."""
-        unit = self.unit(name)
-        if unit != "N" or "pull" not in self.samples.phase or self.rig.motor is None:
+        if self.unit(name) != "N" or "pull" not in self.samples.phase or self.rig.motor is None:
             sentence = "does not answer a step of the valve: check it again with a muscle on a fixed plate"
-            yield CheckResult(name, "answer", None, None, unit, sentence)
+            yield self.result(name, "answer", None, None, sentence)
             return
         pulls = self.samples.force[self.samples.phase == "pull"]
         values, force = (
@@ -410,42 +401,23 @@ class _Judged:
         change = float(values[np.argmax(np.abs(values))])
         if abs(change) <= self.threshold(name) and self.travel() < 0.0:
             sentence = "cannot be tested while the motor moves the wrong way, or the encoder counts downwards"
-            yield CheckResult(name, "answer", None, None, unit, sentence)
+            yield self.result(name, "answer", None, None, sentence)
             return
         if abs(change) <= self.threshold(name):
             sentence = "does not answer a pull of the motor: check its wires, its supply, and the amplifier's enable"
-            yield CheckResult(name, "answer", False, change, unit, sentence)
+            yield self.result(name, "answer", False, change, sentence)
             return
-        sentence = f"changes by {self.say(name, change)} when the motor pulls"
-        yield CheckResult(name, "answer", True, change, unit, sentence)
-        advice = "" if change > 0.0 else ": exchange its signal wires"
-        yield CheckResult(
-            name, "sign", change > 0.0, change, unit, f"{'rises' if change > 0 else 'falls'} with the pull{advice}"
-        )
+        yield self.result(name, "answer", True, change, f"changes by {self.say(name, change)} when the motor pulls")
+        yield self.sign(name, change, "pull")
         if abs(change) < SCALE_CHANGE * self.threshold(name):
-            yield CheckResult(
-                name, "scale", None, None, "1", "moved too little for a comparison with the motor's force"
-            )
+            sentence = "moved too little for a comparison with the motor's force"
+            yield self.result(name, "scale", None, None, sentence, unit="1")
             return
         half = len(values) // 2  # the friction of the motor takes the first half
         slope = float(np.polyfit(force[half:], values[half:], 1)[0])
-        right = abs(slope - 1.0) <= PULL_SCALE_SHARE
-        advice = (
-            "" if right else ": check low and high of its converter, and the motor's torque constant, in the rig's file"
-        )
-        yield CheckResult(name, "scale", right, slope, "1", f"reads {slope:.3g} of the motor's force{advice}")
-
-    def delay(self, name: str, change: float) -> CheckResult:
-        away = np.abs(self.samples.of(name, "step") - self.zero[name]) > max(self.threshold(name), SHARE * abs(change))
-        both = np.flatnonzero(away[:-1] & away[1:])
-        delay = float(both[0]) * self.period if len(both) else float("nan")
-        self.delays[name] = delay
-        soon = delay <= 0.2
-        advice = "" if soon else ": check the supply, the tube's width and the filter"
-        sample = with_unit(self.period, "s")
-        return CheckResult(
-            name, "delay", soon, delay, "s", f"begins to move after {with_unit(delay, 's')}, known to {sample}{advice}"
-        )
+        advice = ": check low and high of its converter, and the motor's torque constant, in the rig's file"
+        sentence = f"reads {slope:.3g} of the motor's force"
+        yield self.result(name, "scale", abs(slope - 1.0) <= PULL_SCALE_SHARE, slope, sentence, advice, "1")
 
     def order(self) -> Iterator[CheckResult]:
         """Whether the pressure at the valve is ahead of the muscle's while air flows in, as air flows from high to low."""
@@ -454,7 +426,7 @@ class _Judged:
             return
         if not float(self.rig.sensors[names[0]].cutoff) >= float(self.rig.sensors[names[1]].cutoff):
             sentence = "cannot be told from pressure, whose sensor answers sooner"
-            yield CheckResult("valve_pressure", "order", None, None, "1", sentence)
+            yield self.result("valve_pressure", "order", None, None, sentence, unit="1")
             return
         # Shares of the settled change, so that a zero or a scale that is wrong has no part in it.
         shares = [(self.samples.of(n, "step") - self.zero[n]) / self.change(n) for n in names]
@@ -462,33 +434,29 @@ class _Judged:
         most, least = float(np.max(ahead)), float(np.min(ahead))
         if max(most, -least) <= max(sum(self.threshold(n) / self.change(n) for n in names), SHARE):
             sentence = "is not ahead of pressure by enough to tell both apart"
-            yield CheckResult("valve_pressure", "order", None, None, "1", sentence)
+            yield self.result("valve_pressure", "order", None, None, sentence, unit="1")
             return
         right = most > -least
         by = most if right else -least
-        where, advice = ("ahead of", "") if right else ("behind", ": exchange the wires of both")
-        sentence = f"is {where} pressure by {100.0 * by:.2g} % of the step while the muscle fills{advice}"
-        yield CheckResult("valve_pressure", "order", right, by if right else -by, "1", sentence)
+        where = "ahead of" if right else "behind"
+        sentence = f"is {where} pressure by {100.0 * by:.2g} % of the step while the muscle fills"
+        value = by if right else -by
+        yield self.result("valve_pressure", "order", right, value, sentence, ": exchange the wires of both", "1")
 
-    def tightness(self) -> Iterator[CheckResult]:
+    def tightness(self) -> CheckResult:
         """Whether the shut muscle keeps its pressure, while the valve vents."""
-        for name in self.names:
-            if name != "pressure":
-                continue
-            before, after = self.change(name), self.change(name, "shut")
-            if abs(before) <= self.threshold(name):
-                yield CheckResult(
-                    "shut-off", "tight", None, None, "1", "cannot be tested without an answer of the pressure"
-                )
-                return
-            kept = after / before
-            tight = kept >= HELD_SHARE
-            advice = "" if tight else ": it does not shut, or its output is wired to another pin"
-            other = self.change("valve_pressure") if "valve_pressure" in self.names else 0.0
-            if not tight and other > 0.0 and self.change("valve_pressure", "shut") >= HELD_SHARE * other:
-                advice = ", and that of the valve stays: exchange the wires of pressure and valve_pressure"
-            sentence = f"the shut muscle keeps {100.0 * kept:.3g} % of its pressure for {HOLDING:g} s{advice}"
-            yield CheckResult("shut-off", "tight", tight, kept, "1", sentence)
+        before, after = self.change("pressure"), self.change("pressure", "shut")
+        if abs(before) <= self.threshold("pressure"):
+            sentence = "cannot be tested without an answer of the pressure"
+            return CheckResult("shut-off", "tight", None, None, "1", sentence)
+        kept = after / before
+        tight = kept >= HELD_SHARE
+        advice = ": it does not shut, or its output is wired to another pin"
+        other = self.change("valve_pressure") if "valve_pressure" in self.names else 0.0
+        if not tight and other > 0.0 and self.change("valve_pressure", "shut") >= HELD_SHARE * other:
+            advice = ", and that of the valve stays: exchange the wires of pressure and valve_pressure"
+        sentence = f"the shut muscle keeps {100.0 * kept:.3g} % of its pressure for {HOLDING:g} s"
+        return self.result("shut-off", "tight", tight, kept, sentence, advice, "1")
 
     def travel(self) -> float:
         """Largest travel of the span while the motor pulls, with its sign [m]; 0 where nothing moves or no motor pulled."""
@@ -498,26 +466,18 @@ class _Judged:
         travel = float((values - values[0])[np.argmax(np.abs(values - values[0]))])
         return travel if abs(travel) >= COUNTS * float(self.rig.encoder.resolution) else 0.0
 
-    def encoder(self, motor: bool) -> Iterator[CheckResult]:
+    def encoder(self, motor: bool) -> CheckResult:
         """Whether the encoder counts upwards when the motor pulls the muscle longer."""
         if "pull" not in self.samples.phase:
             why = "there is no motor" if motor else "the motor was not allowed to pull"
-            yield CheckResult(SPAN, "answer", None, None, "m", f"not tested: {why}")
-            return
+            return CheckResult(SPAN, "answer", None, None, "m", f"not tested: {why}")
         travel = self.travel()
         if travel == 0.0:
-            sentence = (
-                "does not count when the motor pulls: check the amplifier's enable, and both lines of the encoder"
-            )
-            yield CheckResult(SPAN, "answer", False, travel, "m", sentence)
-            return
+            advice = "check the amplifier's enable, and both lines of the encoder"
+            return CheckResult(SPAN, "answer", False, travel, "m", f"does not count when the motor pulls: {advice}")
         sentence = f"moves by {with_unit(travel, 'm')} when the motor pulls the muscle longer"
-        advice = (
-            ""
-            if travel > 0.0
-            else ": exchange the encoder's lines A and B, or the motor's leads if it moved the wrong way"
-        )
-        yield CheckResult(SPAN, "sign", travel > 0.0, travel, "m", sentence + advice)
+        advice = ": exchange the encoder's lines A and B, or the motor's leads if it moved the wrong way"
+        return self.result(SPAN, "sign", travel > 0.0, travel, sentence, advice, "m")
 
     def venting(self) -> Iterator[CheckResult]:
         """Time until the pressure is gone after the machine was told to vent."""
@@ -542,13 +502,11 @@ class _Judged:
         """Lateness of the samples at the computer, and those that were lost."""
         late = self.samples.lateness
         largest, usual = float(np.max(late)), float(np.median(late))
-        statistics = hardware.statistics
-        lost = int(getattr(statistics, "lost", 0)) if statistics is not None else 0
-        right = lost == 0 and largest < 5.0 * self.period
-        advice = "" if right else ": lower the rate, or connect the board to a port of its own"
+        lost = int(getattr(hardware.statistics, "lost", 0))
         times = f"late by {with_unit(usual, 's')} in the median and {with_unit(largest, 's')} at most"
-        sentence = f"{len(late)} samples, {lost} lost, {times}{advice}"
-        return CheckResult("line", "samples", right, largest, "s", sentence)
+        advice = ": lower the rate, or connect the board to a port of its own"
+        sentence = f"{len(late)} samples, {lost} lost, {times}"
+        return self.result("line", "samples", lost == 0 and largest < 5.0 * self.period, largest, sentence, advice, "s")
 
     def measured(self) -> dict[str, str]:
         """Noise and zero of the sensors, as a rig's file has them; those of channels that answer."""
@@ -570,15 +528,7 @@ class _Judged:
 
 
 def simulated_machine(rig: Rig, muscle: Any, *, period: float = 4e-3, motor: bool = False, seed: int = 0) -> Hardware:
-    """Return a simulated machine with a muscle at rest, as hardware to check.
-
-    Args:
-        rig: the rig.
-        muscle: a specimen, or its name.
-        period: period of the samples [s].
-        motor: whether the muscle hangs at the motor instead of a fixed plate.
-        seed: of the sensors' noise.
-    """
+    """Return a simulated machine with a muscle at rest, as hardware to check."""
     rate = f"{1.0 / period:g} Hz"
     bench = prepare("isometric-step", muscle=muscle, rig=rig, seed=seed, sample_rate=rate)
     bench = dataclasses.replace(bench, motor_held=motor and rig.motor is not None)
@@ -601,14 +551,8 @@ def write_measured_rig(path: str | os.PathLike[str], check: MachineCheck, rig: R
 
     if source is None:
         whole = tomlkit.document()
-        for key, value in (
-            ("schema", 1),
-            ("name", f"{rig.name}-measured"),
-            ("title", f"{rig.title}, as measured"),
-            ("base", rig.name),
-        ):
-            whole[key] = value
-        whole["changes"] = dict(check.measured)
+        whole.update({"schema": 1, "name": f"{rig.name}-measured", "title": f"{rig.title}, as measured"})
+        whole.update({"base": rig.name, "changes": dict(check.measured)})
     else:
         whole = editable_toml(read_text(source, field="rig"), where=source, field="rig")
         if "base" in whole:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from typing import Protocol as Interface
 
-from ..assembly.signal_table import read_points
+from ..assembly.circuit_parts import read_points
 from ..errors import InputError, not_found, shortened
 from ..experiments.amounts import CHANNELS
 from ..experiments.dry_run import check
@@ -25,12 +25,12 @@ from ..quantities import parse, with_unit
 from ..recordings import write
 from ..recordings.recording import Recording
 from ..specimens import Specimen, specimens
+from .prepare import read_protocol
 from .protocol_run import Progress
 from .rig import Rig
 from .rig_file import rig_names
 from .session import MachineSession, Status
-from .session.setup import ManualSetup
-from .software.waveform_import import read_protocol
+from .session.interface import ManualSetup
 
 FORMATS = (".nc", ".csv", ".mcap", ".mat", ".parquet", ".tdms")
 LISTS = ("protocols", "muscles", "rigs")
@@ -77,7 +77,6 @@ COMMANDS = {
 
 
 def _files(start: str, endings: tuple[str, ...]) -> list[str]:
-    """List files and folders whose path begins with a text."""
     at = Path(start)
     folder = at if start.endswith("/") or not start else at.parent
     try:
@@ -111,10 +110,6 @@ PROTOCOL = ".toml"
 
 def loaded(name: str, channel: str | None = None) -> Protocol:
     """Load a protocol by name, or from a file of a protocol or a waveform.
-
-    Args:
-        name: name of a shipped protocol, or the path of a ``.toml`` file or of a table with a time and one other column.
-        channel: what follows the table; by its unit by default.
 
     Raises:
         InputError: names what is unknown or cannot be read.
@@ -494,7 +489,6 @@ def _columns(rows: list[tuple[str, str]]) -> str:
 
 
 def _told(recording: Recording) -> str:
-    """Summarise a recording, one line per measured channel."""
     rows = [("", f"{'lowest':>12}{'mean':>12}{'highest':>12}")]
     for name, one in recording.summary().items():
         if one["kind"] == "measured":

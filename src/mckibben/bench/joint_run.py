@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from .._jax import jax, jnp
-from ..assembly.accounts import CLOSED, Accounts, accounts
+from ..assembly.accounts import CLOSED, Accounts, accounts, document
 from ..assembly.build import antagonist_pair, rig_unit
-from ..assembly.exergy_balance import document
 from ..assembly.loads import MomentArm
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
@@ -32,12 +31,12 @@ from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen, muscle_specimen
 from .channels import described
 from .hardware.computer import Timing, configure
-from .hardware.motor import Encoder
 from .hardware.plant import MOMENT, PRESSURES, RiggedJoint
+from .hardware.stand import Encoder
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .segment import CHUNK
-from .software.joint_control import JointControl, JointSoftware
+from .software.controllers import JointControl, JointSoftware
 
 AXIS = 1.0  # radius at which an encoder's metres are radians [m]
 ARM, SPAN = 0.02, 0.126  # of a pair of nylon muscles, whose stroke is 3 cm [m]
@@ -111,20 +110,17 @@ def joint_stand(
     parts = on.plumbing[layout]
     bends = flexor_arm or MomentArm(coefficients=jnp.array([ARM]), span=SPAN)
     stretches = extensor_arm or bends.replace(coefficients=-bends.coefficients)
+    muscles = flexor, flexor if extensor is None else extensor
+    line: dict[str, Any] = {
+        "valve": parts.valve,
+        "tube": parts.tube,
+        "port_volume": float(parts.port_volume),
+        "heat": parts.heat,
+    }
     machine = antagonist_pair(
-        rig_unit(flexor),
-        rig_unit(flexor if extensor is None else extensor),
-        supply=float(parts.supply_pressure),
-        flexor_arm=bends,
-        extensor_arm=stretches,
-        inertia=inertia,
-        joint={"damping": 0.01, "signal": MOMENT, **(joint or {})},
-        environment=on.environment,
-        valve=parts.valve,
-        tube=parts.tube,
-        port_volume=float(parts.port_volume),
-        heat=parts.heat,
-    )
+        *map(rig_unit, muscles), supply=float(parts.supply_pressure), flexor_arm=bends, extensor_arm=stretches,
+        inertia=inertia, joint={"damping": 0.01, "signal": MOMENT, **(joint or {})}, environment=on.environment, **line,
+    )  # fmt: skip
     lowest, highest = pressures
     top = min(float(on.valve_out.top), float(parts.supply_pressure))
     if not highest <= top:
@@ -135,23 +131,12 @@ def joint_stand(
         valve=on.pressure.replace(low=0.0, high=highest),
         **(gains or {}),
     )
-    encoder = dataclasses.replace(_counting(on), pulley_radius=AXIS)
-    return JointStand(
-        on, layout, machine, encoder, control, (_stated(flexor), _stated(flexor if extensor is None else extensor))
-    )
-
-
-def _stated(muscle: MuscleUnit | Specimen | str) -> Specimen | None:
-    """The specimen behind a muscle; None where there is none."""
-    if isinstance(muscle, str):
-        return muscle_specimen(muscle)
-    return muscle if isinstance(muscle, Specimen) else None
-
-
-def _counting(rig: Rig) -> Encoder:
-    if rig.encoder is None:
-        raise InputError("rig", rig.name, "must be one with an encoder")
-    return rig.encoder
+    if on.encoder is None:
+        raise InputError("rig", on.name, "must be one with an encoder")
+    encoder = dataclasses.replace(on.encoder, pulley_radius=AXIS)
+    named = (muscle_specimen(muscle) if isinstance(muscle, str) else muscle for muscle in muscles)
+    first, second = (one if isinstance(one, Specimen) else None for one in named)  # a unit may be of no specimen
+    return JointStand(on, layout, machine, encoder, control, (first, second))
 
 
 def run_joint(
@@ -196,9 +181,15 @@ def run_joint(
     begin = {n: float(v[0]) for n, v in set_points.items()}
     plant = stand.plant(begin["angle"])
     software = JointSoftware(stand.control, jnp.asarray(begin["angle"]), jnp.asarray(begin["stiffness"]))
-    commands = _first(stand, begin)
+    point = stand.control.pair.at(begin["angle"], begin["stiffness"])
+    common, difference = float(point.common), float(point.difference)
+    commands = {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
     start = plant.at_rest(commands, {node: commands[n] for n in NAMES for node in (n, f"{n}.port")})
-    rows = _rows(set_points, np.random.default_rng(seed), len(time))
+    # rows of every sample up to the end of the last chunk, where the last set-points stay
+    whole, channels = CHUNK * math.ceil(len(time) / CHUNK), list(PRESSURES.values())
+    draws = np.random.default_rng(seed).standard_normal((len(channels), whole))
+    rows: Any = {n: np.concatenate([v, np.full(whole - len(time), v[-1])]) for n, v in set_points.items()}
+    rows |= {"draws": dict(zip(channels, draws, strict=True))}
     row = jax.tree.map(lambda v: v[0], rows)
     carry = call_compiled(sampled.begin, plant, software, start, commands, row, depth=timing.depth)
     first = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
@@ -213,14 +204,13 @@ def run_joint(
     last = call_compiled(sampled.inputs_of, plant, carry, timing.latency, timing.period)
     ended: Any = carry._replace(state=carry.state["machine"])
     closed = accounts(plant.machine, (start[0]["machine"], start[1]), ended, first, last)
-    whole = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)
+    results = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)
     about = _about(stand, plant, timing, closed, seed) | {"title": title}
     about["timing"]["step"] = timing.period / finest
-    return Recording(time, _channels(whole, len(time)), about)
+    return Recording(time, _channels(results, len(time)), about)
 
 
 def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Sample times, and every course at them."""
     if not (math.isfinite(duration) and duration >= period):
         raise InputError("duration", duration, f"must be a time of at least one sample, {period:g} s")
     check_memory(duration, period, bytes_per_sample=INTEGRATED)
@@ -234,22 +224,6 @@ def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> t
             raise InputError(name, None, "must be a finite number for every sample")
         sampled[name] = np.broadcast_to(values, time.shape)
     return time, sampled
-
-
-def _first(stand: JointStand, begin: Mapping[str, float]) -> dict[str, float]:
-    """Commands at rest at the first set-points."""
-    point = stand.control.pair.at(begin["angle"], begin["stiffness"])
-    common, difference = float(point.common), float(point.difference)
-    return {"flexor": common + difference, "extensor": common - difference, "moment": begin["moment"]}
-
-
-def _rows(set_points: Mapping[str, np.ndarray], chance: np.random.Generator, count: int) -> dict[str, JsonValue]:
-    """External inputs of every sample up to the end of the last chunk, where the last set-points stay."""
-    whole = CHUNK * math.ceil(count / CHUNK)
-    names = list(PRESSURES.values())
-    draws = dict(zip(names, chance.standard_normal((len(names), whole)), strict=True))
-    more = {n: np.concatenate([v, np.full(whole - count, v[-1])]) for n, v in set_points.items()}
-    return {**more, "draws": draws}
 
 
 # unit and meaning of what a joint has and other test machines have not
@@ -277,7 +251,6 @@ RENAMED = {"load.angle": "joint.angle", "load.angular_velocity": "joint.velocity
 
 
 def _channels(results: Any, count: int) -> dict[str, Channel]:
-    """Convert the results to channels of a recording."""
     arrays = {n: v for n, v in results.measured.items() if not n.endswith(".code")} | dict(results.shown)
     arrays |= {f"{n}.command": v for n, v in results.commands.items()}
     arrays |= {RENAMED.get(n, n): v for n, v in results.outputs.items() if not n.startswith(CONSTANT)}
@@ -298,10 +271,7 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
         "plumbing": stand.layout,
         "parameters": resolved(owners),
         **about_laws(
-            {
-                name: (spec, law_name(plant.machine.units[name].law))
-                for name, spec in zip(("flexor", "extensor"), stand.specimens, strict=True)
-            }
+            {n: (s, law_name(plant.machine.units[n].law)) for n, s in zip(NAMES, stand.specimens, strict=True)}
         ),
         "mounting": {name: unit.mounting for name, unit in stand.machine.units.items()},
         "inferred": list(rig.inferred),

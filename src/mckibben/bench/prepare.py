@@ -1,25 +1,36 @@
-"""Preparation of a run before anything moves: protocol, rig and muscle, the dry run, and the segments of the run."""
+"""Preparation of a run before anything moves: protocol, rig and muscle, the dry run, and the segments of the run.
+
+A protocol file may take a waveform from another file, whose points are included in the protocol, so that what was recorded
+with it holds all of it:
+
+    pressure = { kind = "table", file = "walk.csv", time = "t [s]", column = "p [bar]" }
+
+Files are those that `recordings.read_record` opens; a path is taken from the folder of the protocol.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..answers import Caution, brief, collect
 from ..assembly.build import rig_unit
+from ..assembly.circuit_parts import read_points
 from ..assembly.muscle_unit import MuscleUnit
-from ..documents import JsonValue
+from ..documents import JsonValue, read_toml
 from ..engine import STEP
 from ..errors import InputError
+from ..experiments import read
+from ..experiments.amounts import COMMANDED
 from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.protocol import PlannedStep, Protocol, ProtocolPlan
-from ..experiments.read import in_words, shipped, with_values
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
@@ -30,7 +41,61 @@ from ..specimens import Specimen, muscle_specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .rig_file import with_control
-from .software.waveform_import import read_protocol
+
+
+def read_protocol(path: str | os.PathLike[str]) -> Protocol:
+    """Read a protocol and the waveforms that it names.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
+    where = os.fspath(path)
+    document = read.with_own_controllers(read_toml(path, field="protocol"), where)
+    for section in ("first", "steps", "last"):
+        if isinstance(document.get(section), list):
+            document[section] = _steps(document[section], section, where)
+    return read.build_protocol(document, where=where)
+
+
+def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
+    rows = []
+    for number, step in enumerate(steps, 1):
+        if isinstance(step, Mapping):
+            place = f"{path}.{number}"
+            step = {
+                key: _steps(value, f"{place}.{key}", where)
+                if key == "steps" and isinstance(value, list)
+                else _taken_in(value, COMMANDED[key], f"{place}.{key}", where)
+                if key in COMMANDED
+                else value
+                for key, value in step.items()
+            }
+        rows.append(step)
+    return rows
+
+
+def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:
+    """Include the points of the files that a waveform's tables name."""
+    if isinstance(value, list):
+        return [_taken_in(v, unit, field, where) for v in value]
+    if not isinstance(value, Mapping):
+        return value
+    if value.get("kind") != "table" or "file" not in value:
+        return {k: _taken_in(v, unit, f"{field}.{k}", where) for k, v in value.items()}
+    known = ("kind", "file", "time", "column", "between")
+    for key, raw in value.items():
+        if key not in known:
+            raise InputError(f"{field}.{key}", None, "a table from a file has", known=known, where=where)
+        if not isinstance(raw, str):
+            raise InputError(f"{field}.{key}", str(raw), "must be a word", where=where)
+    file = Path(where).parent / value["file"]
+    times, values = read_points(file, value.get("time"), value.get("column"), unit, field=field, where=where)
+    inside = {"kind": "table", "between": value.get("between", "straight")}
+    return inside | {
+        "times": [f"{float(t) - float(times[0])!r} s" for t in times],
+        "values": [f"{float(v)!r} {unit}" for v in values],
+    }
+
 
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
 
@@ -44,21 +109,13 @@ class OpenWire:
 
 
 class RunSegment(NamedTuple):
-    """Steps of a plan between two operator actions, on one machine.
+    """Steps of a plan between two operator actions, on one machine."""
 
-    Attributes:
-        steps: in their order.
-        layout: name of the plumbing.
-        friction: over that of the untreated muscle.
-        asked: action of the operator before the segment.
-        motor_held: the muscle hangs at the motor, which holds it where another machine has a plate.
-    """
-
-    steps: tuple[PlannedStep, ...]
-    layout: str
-    friction: float
-    asked: str
-    motor_held: bool = False
+    steps: tuple[PlannedStep, ...]  # in their order
+    layout: str  # name of the plumbing
+    friction: float  # over that of the untreated muscle
+    asked: str  # action of the operator before the segment
+    motor_held: bool = False  # the muscle hangs at the motor, which holds it where another machine has a plate
 
     def __repr__(self) -> str:
         return brief(self)
@@ -214,9 +271,7 @@ def prepare(
         >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
         True
     """
-    wanted = read_named_protocol(protocol)
-    if values:
-        wanted = with_values(wanted, in_words(wanted, values))
+    wanted = read.named_protocol(protocol, values)
     if "stimulator" in wanted.required():
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
@@ -240,6 +295,7 @@ def prepare(
     for fault in faults:
         if fault.channel not in known:
             raise InputError("fault", fault.channel, f"the rig has sensors of {', '.join(known)}")
+    # the gains of span and force want a fast loop: where a protocol is slower, several of its samples make one
     every = 1
     if not findings and RunSegment(plan.steps, "", 1.0, "").moves:
         try:
@@ -250,20 +306,8 @@ def prepare(
         plan = _plan(dataclasses.replace(wanted, sample_rate=wanted.sample_rate * every), rest)
     findings += _not_built(on, unit, plan, layout) if not any(f.field == "sample_rate" for f in findings) else []
     spared = [f for f in findings if accept_saturation and f.field == "tension" and f.allowed.startswith(ON_THE_CELL)]
-    return PreparedRun(
-        wanted,
-        on,
-        unit,
-        plan,
-        layout,
-        spec,
-        every,
-        step,
-        seed,
-        tuple(faults),
-        tuple(f for f in findings if f not in spared),
-        tuple(spared),
-    )
+    kept = tuple(f for f in findings if f not in spared)
+    return PreparedRun(wanted, on, unit, plan, layout, spec, every, step, seed, tuple(faults), kept, tuple(spared))
 
 
 def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float, **options: JsonValue) -> PreparedRun:
@@ -285,6 +329,7 @@ def prepare_on_machine(protocol: Protocol | str | os.PathLike[str], rate: float,
         raise InputError("sample_rate", None, allowed)
     if prepared.findings or abs(prepared.plan.sample_rate - rate) < 1e-6 * rate:
         return dataclasses.replace(prepared, motor_held=motor_held)
+    # once more at the rate of the machine; the recording keeps the samples of the protocol's own rate
     faster = prepare(dataclasses.replace(prepared.protocol, sample_rate=rate), **options)
     return dataclasses.replace(faster, protocol=prepared.protocol, every=every, motor_held=motor_held)
 
@@ -303,7 +348,6 @@ def _not_built(rig: Rig, unit: MuscleUnit, plan: ProtocolPlan, layout: str) -> l
 
 
 def _finding_of(error: InputError) -> Finding:
-    """Return an error of the whole run as a finding of the dry run."""
     return Finding(0, "", "", error.field, str(error.value), error.problem, str(error))
 
 
@@ -331,11 +375,3 @@ def expected(unit: MuscleUnit) -> Estimate:
         return np.asarray(unit.law.tension(np.asarray(span, float), np.asarray(pressure, float)))
 
     return tension
-
-
-def read_named_protocol(wanted: Protocol | str | os.PathLike[str]) -> Protocol:
-    """Return a protocol, that of a file, or a shipped one by its name."""
-    if isinstance(wanted, Protocol):
-        return wanted
-    text = os.fspath(wanted)
-    return read_protocol(text) if text.lower().endswith(".toml") or os.sep in text else shipped(text)

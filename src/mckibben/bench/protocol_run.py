@@ -17,19 +17,16 @@ from ..engine import sampled
 from ..engine.soundness import Soundness, unsound_sentence
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
-from ..muscles.contradiction import volume_contradiction
+from ..muscles.evidence import volume_contradiction
 from ..recordings.recording import Recording
 from . import channels
-from .hardware.clock import Clock
 from .hardware.interface import Hardware
-from .hardware.simulated import SimulatedHardware
-from .metadata import ASKED, StepTable, run_metadata
+from .hardware.simulated import Clock, SimulatedHardware
 from .prepare import PreparedRun, RunSegment, with_friction_scale
-from .recorder import RunRecorder
+from .recorder import ASKED, RunRecorder, StepTable, run_metadata
 from .sample_loop import Lateness, SampledMachine, SampleLoop, played
 from .segment import AFTER_STOP, Chunk, SegmentMachine, simulated, software_of, timing_of
-from .software.emergency_stop import EmergencyStop, sentence
-from .software.interlocks import Trip
+from .software.interlocks import EmergencyStop, Trip, stop_sentence
 from .software.loop import BenchSoftware
 
 Progress = Callable[[float, float], None]  # time done and longest time [s]
@@ -79,9 +76,8 @@ class Stage(Protocol):
 class NewMachine:
     """A stage whose machine is set up for every segment, at rest where the segment begins.
 
-    Args:
-        hardware: a real machine, which is started again and stays open; None: a simulated one, which is made again.
-        clock: clock of a simulated machine; None: whole chunks at once, with steps that the machine's own rates allow.
+    A real machine is started again and stays open; a simulated one is made again, and without a clock whole chunks are
+    computed at once, with steps that the machine's own rates allow.
     """
 
     def __init__(self, hardware: Hardware | None = None, clock: Clock | None = None) -> None:
@@ -122,40 +118,23 @@ class NewMachine:
 
 
 def compile_run(prepared: PreparedRun, wanted: Callable[[], bool] = lambda: True) -> None:
-    """Compile what a real-time run of a simulated machine needs, so that it begins at once.
-
-    Args:
-        prepared: the run.
-        wanted: asked before each segment whether it is still wanted.
-    """
+    """Compile what a real-time run of a simulated machine needs, so that it begins at once, while that is still wanted."""
     timing = timing_of(prepared)
     for number, segment in enumerate(prepared.segments()):
         if not wanted():
             return
         own = SegmentMachine(prepared, number, segment, timing)
         machine, software = own.at_interface(), software_of(prepared, segment, timing)
-        SampleLoop(
-            SampledMachine(SimulatedHardware(machine), timing.period),
-            prepared.rig.converters(segment.start_span),
-            software,
-            outputs=own.machine.signals(),
-            longest=1,
-            stop=lambda: False,
-        )
+        sampled_machine = SampledMachine(SimulatedHardware(machine), timing.period)
+        converters, outputs = prepared.rig.converters(segment.start_span), own.machine.signals()
+        SampleLoop(sampled_machine, converters, software, outputs=outputs, longest=1, stop=lambda: False)
 
 
 class ProtocolRun:
-    """A prepared run on a stage, from its first sample to its recording.
+    """A prepared run on a stage, from its first sample to its recording; its dry run has passed.
 
-    Args:
-        prepared: the run; its dry run has passed.
-        stage: where.
-        progress: told how far it is, with every chunk.
-        display: shown every chunk.
-        stop: asked at every sample by a clock, else once per chunk, whether to end the run.
-        ask: told what a person has to do on a real machine; returns when it is done.
-        log: a new ``.mcap`` file.
-        begun: given the state of the run once the machine is where the first segment begins.
+    Options are those of `run.run`, and ``begun``, which is given the state of the run once the machine is where the first
+    segment begins.
 
     Attributes:
         state: how far it is, and how it ended.
@@ -273,7 +252,6 @@ class ProtocolRun:
         self.table.end(self.state.time, "until" if self.state.result == "done" else "stop")
 
     def _samples(self, source: Iterator[Chunk], segment: RunSegment) -> Iterator[Chunk]:
-        """Record the chunks of a source until the segment ends, and yield each."""
         left = round(AFTER_STOP / self.timing.period)
         try:
             for chunk in source:
@@ -281,12 +259,10 @@ class ProtocolRun:
                 if not bool(results.sound.all()):
                     assert self.machine is not None
                     if bool(np.any(self.machine.broken(results.outputs))):
-                        raise ConvergenceError(
-                            unsound_sentence(Soundness.BROKEN, 0.0, self.timing.period / self.finest)
-                        )
-                    raise ConvergenceError(
-                        "A state became infinite or impossible with the fixed steps of a run in real time."
-                    )
+                        step = self.timing.period / self.finest
+                        raise ConvergenceError(unsound_sentence(Soundness.BROKEN, 0.0, step))
+                    said = "A state became infinite or impossible with the fixed steps of a run in real time."
+                    raise ConvergenceError(said)
                 used = int(results.shown["running"].sum())
                 # a machine that is computed in whole chunks goes on after its protocol; nothing there stops the run
                 tripped = used < count and bool(results.shown["code"][used] > 0 or results.shown["missed"][used])
@@ -310,7 +286,7 @@ class ProtocolRun:
         if self.state.result != "done":
             return
         if self._lost():
-            self.state.result, self.state.message = "stopped", sentence(self._lost, self.state.time)
+            self.state.result, self.state.message = "stopped", stop_sentence(self._lost, self.state.time)
             self._event(self.state.message, code="log")
             return
         total = self.prepared.plan.duration
@@ -319,7 +295,6 @@ class ProtocolRun:
         self._event("interrupted")
 
     def _keep(self, results: sampled.SampleResult, used: int, segment: RunSegment, stopped: bool) -> None:
-        """Record the first samples of a chunk."""
         period, total = self.timing.period, self.prepared.plan.duration
         times = period * (self.samples + np.arange(used))
         arrays = channels_of(results, used)
@@ -338,14 +313,13 @@ class ProtocolRun:
             self.progress(min(self.state.time, total), total)
 
     def _stopped(self, results: sampled.SampleResult, at: int, segment: RunSegment) -> None:
-        """Set result and message for the stop at a sample of a chunk."""
         i = min(at, len(results.shown["code"]) - 1)
         when, code = self.state.time + i * self.timing.period, int(results.shown["code"][i])
         name = Trip(code).name.lower() if code else "missed"
         if code == Trip.EMERGENCY_STOP:
             stop = self._lost if self._lost() else self.stop
             name = "log" if stop is self._lost else "stop" if getattr(stop, "ordinary", False) else name
-            self.state.message = sentence(stop, when)
+            self.state.message = stop_sentence(stop, when)
         elif code > 0:
             watch = self.prepared.rig.watch(segment.layout, tension=not self.prepared.accepted)
             measured = {n: float(v[i]) for n, v in results.measured.items() if not n.endswith(".code")}
@@ -354,9 +328,8 @@ class ProtocolRun:
             step = segment.steps[int(results.shown["step"][i])]
             test = "" if step.until is None else step.until.sentence()
             waited = step.count * self.timing.period
-            self.state.message = (
-                f"{step.sentence()}: {test} did not come true within {waited:.4g} s; stopped and vented"
-            )
+            failed = f"{test} did not come true within {waited:.4g} s"
+            self.state.message = f"{step.sentence()}: {failed}; stopped and vented"
         self.state.result = "stopped"
         self.state.events.append({"time": when, "text": self.state.message, "code": name})
         self.recorder.remark(self.state.message, when)

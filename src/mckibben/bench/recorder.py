@@ -1,34 +1,153 @@
-"""Recording of a run: samples in memory and, if a log is requested, in a crash-safe file."""
+"""Recording of a run or of manual operation: samples in memory, in a crash-safe file where asked for, and the metadata."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from .. import citations
 from .._jax import Scalar
+from ..analysis.channels import saturation
+from ..assembly.accounts import CLOSED, Accounts, document
+from ..assembly.machine import Machine
+from ..components.paths import resolved
 from ..documents import JsonValue
 from ..errors import InputError
+from ..experiments.protocol import PlannedStep
+from ..muscles.evidence import law_error
+from ..muscles.law import law_name
 from ..recordings.live_log import LiveLog
+from ..recordings.provenance import created, versions
 from ..recordings.recording import Channel, Recording
 from . import channels
-from .metadata import initial_metadata
+from .hardware.computer import Timing
 from .prepare import PreparedRun
+from .sample_loop import Lateness, SampledMachine
+
+ASKED = "asked to "  # begins the event of an operator's action
+
+
+class StepTable:
+    """Start and end times of the steps of a protocol, as a recording keeps them."""
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.steps: list[dict[str, Any]] = []
+        self._longest = 0.0
+
+    def add(self, times: np.ndarray, index: np.ndarray, steps: Sequence[PlannedStep]) -> None:
+        """Add samples at times [s], each in the step with an index into `steps`."""
+        for j in np.unique(index):
+            step, begins = steps[int(j)], float(times[np.argmax(index == j)])
+            if self.steps and self.steps[-1]["index"] == step.index:
+                continue
+            self.end(begins)
+            self._longest = step.count * self.period
+            self.steps.append(step.entry(begins, begins))
+
+    def end(self, time: float, by: str = "until") -> None:
+        """End the last step at a time [s]; if that is earlier than planned, `by` names the reason."""
+        if not self.steps or self.steps[-1]["end"] > self.steps[-1]["start"]:
+            return
+        last = self.steps[-1]
+        last["end"] = time
+        if time - last["start"] < self._longest - 0.5 * self.period:
+            last["ended_by"] = by
+
+
+def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
+    """Compose the metadata that are known before the run."""
+    protocol, rig, spec = bench.protocol, bench.rig, bench.specimen
+    room = rig.environment
+    said, used = " ".join([rig.source, protocol.source]), rig.calibration
+    sources = [*(spec.sources if spec else ()), *(key for key in citations.known_keys() if key in said)]
+    return {
+        "title": protocol.title,
+        "sentence": protocol.sentence(),
+        "protocol": protocol.document(),
+        "digest": protocol.digest,
+        "rig": rig.name,
+        "rig_document": dict(rig.document),
+        "plumbing": bench.layout,
+        "specimen": None if spec is None else spec.id,
+        "rest_length": bench.plan.rest_length,
+        "mounting": {"muscle": bench.unit.mounting},
+        "inferred": [*rig.inferred, *(spec.inferred() if spec else [])],
+        "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
+        "converters": _ends(bench),
+        **({} if used is None else {"calibration": used.plain()}),
+        "seed": bench.seed,
+        "law_error": law_error(spec, law_name(bench.unit.law)),
+        "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
+        "citations": list(dict.fromkeys([*bench.unit.law.cites, *sources])),
+        "versions": versions(),
+        "created": created(),
+    }
+
+
+def run_metadata(
+    bench: PreparedRun, machine: Machine, timing: Timing, *, inner: int, closed: Sequence[Accounts], record: Recording
+) -> dict[str, JsonValue]:
+    """Compose the metadata of a recording, without steps, events and result.
+
+    Args:
+        bench: the run.
+        machine: the last one, whose parameters are written down.
+        timing: timing of the loop.
+        inner: most steps of the physics per sample.
+        closed: the accounts of every part; none if the machine is real.
+        record: what was recorded, for its saturation.
+    """
+    true = bench.rig.true  # what the channels measure at the ends of their converters
+    ends = {n: {k: float(true(n, e[k])) for k in ("low", "high")} for n, e in _ends(bench).items()}
+    return {
+        **initial_metadata(bench),
+        "parameters": resolved(machine),
+        "balance": {name: max(float(getattr(a, name)) for a in closed) for name in CLOSED if closed},
+        "friction": {"work": sum(a.friction for a in closed), "dissipated": sum(a.dissipated for a in closed)},
+        "energy": document(machine, [a.energy_parts for a in closed]) if closed else {},
+        "saturation": saturated(record, ends),
+        "timing": {
+            "sample_rate": bench.protocol.sample_rate,
+            "control_rate": timing.sample_rate,
+            "latency": timing.latency,
+            "step": timing.period / inner,
+        },
+    }
+
+
+def _ends(bench: PreparedRun) -> dict[str, dict[str, float]]:
+    return {
+        name: {"low": float(s.converter.low), "high": float(s.converter.top), "bits": s.converter.bits}
+        for name, s in bench.rig.sensors.items()
+    }
+
+
+def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) -> dict[str, JsonValue]:
+    """Describe every measured channel that saturated: share, longest time [s], and a sentence."""
+    saturations = {}
+    for name, ends in converters.items():
+        if name not in record or not np.isfinite(record[name]).all():
+            continue
+        # at the lower end of a range that begins at zero, zero is measured
+        low = ends["low"] if ends["low"] < 0.0 else None
+        one = saturation(record, name, ends=(low, ends["high"]))
+        if one:
+            saturations[name] = {"share": one.share, "longest": one.longest, "sentence": one.sentence}
+    return saturations
+
 
 LONGEST_GAP = 1.5  # samples; further apart are samples between which something was left out
 
 
 class Chunks:
-    """Samples kept in memory, chunk by chunk; a channel may be missing in some chunks.
-
-    Args:
-        period: period of the samples [s].
-        kinds: kinds of every channel that may come: SI unit, kind (``"true"``, ``"measured"``, ``"command"``) and meaning.
+    """Samples kept in memory, chunk by chunk, of channels whose unit, kind and meaning are known; some may lack in a chunk.
 
     Raises:
         InputError: if the period is no time above zero.
@@ -73,15 +192,13 @@ class Chunks:
                     f"channel {name}", None, f"must have the shape of the times, {t.shape}, got {column.shape}"
                 )
             chosen[name] = np.array(column[kept], np.float64)
-        if kept.any():
-            self._append(t[kept], chosen)
-
-    def _append(self, times: np.ndarray, chosen: dict[str, np.ndarray]) -> None:
-        before = self._times[-1][-1:] if self._times else times[:0]
-        steps = np.diff(np.concatenate([before, times]))
-        if not (np.isfinite(times).all() and np.all(steps > 0.0)):
-            raise InputError("times", None, f"must be finite and rise from chunk to chunk, got {times[0]:.6g} s")
-        self._times.append(times)
+        if not kept.any():
+            return
+        t = t[kept]
+        before = self._times[-1][-1:] if self._times else t[:0]
+        if not (np.isfinite(t).all() and np.all(np.diff(np.concatenate([before, t])) > 0.0)):
+            raise InputError("times", None, f"must be finite and rise from chunk to chunk, got {t[0]:.6g} s")
+        self._times.append(t)
         self._arrays.append(chosen)
 
     def recording(self, meta: Mapping[str, JsonValue] | None = None) -> Recording:
@@ -96,30 +213,18 @@ class Chunks:
             raise InputError("recording", None, "is empty: the run recorded no sample")
         time = np.concatenate(self._times)
         present = {name for chunk in self._arrays for name in chunk}
-        channels = {
-            name: Channel(np.concatenate(self._column(name)), *self.kinds[name])
-            for name in self.kinds
-            if name in present
-        }
-        gaps = self._gaps(time)
-        return Recording(time, channels, {**(meta or {}), **({"gaps": gaps} if gaps else {})})
-
-    def _column(self, name: str) -> list[np.ndarray]:
-        pairs = zip(self._times, self._arrays, strict=True)
-        return [chunk[name] if name in chunk else np.full(times.shape, np.nan) for times, chunk in pairs]
-
-    def _gaps(self, time: np.ndarray) -> list[list[float]]:
+        channels = {}
+        for name in (name for name in self.kinds if name in present):
+            pairs = zip(self._times, self._arrays, strict=True)
+            column = [chunk[name] if name in chunk else np.full(times.shape, np.nan) for times, chunk in pairs]
+            channels[name] = Channel(np.concatenate(column), *self.kinds[name])
         places = np.flatnonzero(np.diff(time) > LONGEST_GAP * self.period)
-        return [[float(time[i]), float(time[i + 1])] for i in places]
+        gaps = [[float(time[i]), float(time[i + 1])] for i in places]
+        return Recording(time, channels, {**(meta or {}), **({"gaps": gaps} if gaps else {})})
 
 
 class RunRecorder:
     """Recorder of a run: samples in memory and, if a log is given, in a crash-safe file.
-
-    Args:
-        bench: the run, for the header of the log.
-        period: between two samples that are kept [s].
-        log: path of a new ``.mcap`` file.
 
     Attributes:
         failure: why the log has no more samples, such as a full disk; empty while it takes them.
@@ -185,3 +290,92 @@ class RunRecorder:
         """Close the log with the error that ended the block, if any."""
         if self.log is not None:
             self.log.__exit__(kind, error, trace)
+
+
+# ---- by hand
+
+
+LEAVES = "by hand"  # label of the only step
+
+
+class ManualRecording:
+    """A recording of a session from one sample to another, runs included, with a log where a file is named for it."""
+
+    def __init__(
+        self, prepared: PreparedRun, timing: Timing, machine: SampledMachine, log: str | Path | None = None
+    ) -> None:
+        self.prepared, self.timing, self.machine = prepared, timing, machine
+        self.recorder = RunRecorder(prepared, timing.period, log)
+        self.first: int | None = None
+        self.last: int | None = None
+        self.taken = 0
+        self.events: list[dict[str, JsonValue]] = []
+        self._lateness: list[np.ndarray] = []
+        self._begun: np.ndarray | None = None
+        self._ended: np.ndarray | None = None
+
+    @property
+    def time(self) -> float:
+        """Recorded time [s]."""
+        return self.taken * self.timing.period
+
+    def complete(self) -> bool:
+        """Whether the last sample has been recorded."""
+        return self.last is not None and self.first is not None and self.taken >= self.last - self.first
+
+    def begin(self, number: int) -> None:
+        """Begin with a sample, which is the next one."""
+        self.first = number
+        self._begun = self.machine.hardware.state()
+
+    def end(self, number: int) -> None:
+        """End before a sample, which is the next one."""
+        self.last = number
+        self._ended = self.machine.hardware.state()
+
+    def take(self, numbers: np.ndarray, lateness: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
+        """Record the samples of a chunk that lie within; the time of a recording begins at 0."""
+        if self.first is None:
+            return
+        keep = (numbers >= self.first) & (numbers < (np.inf if self.last is None else self.last))
+        times = self.timing.period * (numbers - self.first)
+        self.recorder.take(times[keep], {n: v[keep] for n, v in arrays.items()}, np.ones(int(keep.sum()), bool))
+        self._lateness.append(lateness[keep])
+        self.taken += int(keep.sum())
+
+    def remark(self, text: str, time: float, **more: str) -> None:
+        """Add an event at a time of the session [s]."""
+        begun = 0 if self.first is None else self.first
+        own = max(0.0, time - begun * self.timing.period)
+        self.events.append({"time": own, "text": text, **more})
+        self.recorder.remark(text, own)
+
+    def close(
+        self, machine: Machine, closed: Callable[[np.ndarray | None, np.ndarray | None], Accounts | None], message: str
+    ) -> Recording:
+        """Close the log and return the recording, with the parameters of a machine and the accounts between two states.
+
+        Raises:
+            InputError: if nothing was recorded.
+        """
+        with self.recorder:
+            if not self.taken:
+                raise InputError("record", None, "is empty: it must hold one sample or more")
+            record = self.recorder.recording()
+            account = closed(self._begun, self._ended)
+            sums = [] if account is None else [account]
+            meta = run_metadata(
+                self.prepared, machine, self.timing, inner=self.timing.inner, closed=sums, record=record
+            )
+            late = Lateness.of(np.concatenate(self._lateness), self.timing.period)
+            encoder = self.prepared.rig.encoder
+            if encoder is not None:
+                mounted = [[0.0, next(self.prepared.segments()).start_span]]
+                meta["encoder"] = {"resolution": float(encoder.resolution), "mounted": mounted}
+            step = {
+                "index": 1, "path": "steps.1", "label": LEAVES, "case": {}, "start": 0.0, "end": self.time,
+                "ended_by": "stop", "recorded": True, "sentence": self.prepared.protocol.sentence(),
+            }  # fmt: skip
+            meta |= {"steps": [step], "events": self.events, "deadlines": late._asdict()}
+            self.recorder.close("done", message, meta)
+        return record.with_meta(meta, result="done", message=message)

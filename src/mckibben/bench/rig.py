@@ -7,33 +7,229 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from .. import schema
-from .._jax import Scalar, jnp
+from .._jax import jnp
 from ..assembly.build import rig_cord
 from ..assembly.machine import Machine
-from ..assembly.muscle_unit import MuscleUnit
-from ..components import Environment
+from ..assembly.muscle_unit import Clamp, MuscleUnit
+from ..components import Environment, Module, Scalar, field
 from ..components.flow import FlowElement, GasState
 from ..engine.native import call_compiled
 from ..errors import InputError
 from ..experiments.dry_run import Limits
 from ..experiments.protocol import Protocol
+from ..muscles.elements import Tendon
+from ..muscles.worn_braid import WornBraid
+from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.gas import AIR
-from ..quantities import with_unit
+from ..pneumatics.orifice import Leak
+from ..pneumatics.valves import OnOffValve, PressureRegulator
+from ..pneumatics.volume import Chamber, FixedVolume, HeatModel, MovingVolume, Reservoir
+from ..quantities import declared, quantity, with_unit
 from ..recordings.calibration import Calibration
-from .faults import RigFaults
-from .hardware.analogue import AnalogOut, Sensor
 from .hardware.computer import Computer
-from .hardware.converters import Converters
-from .hardware.frame import Frame, TestStand
-from .hardware.motor import Encoder, Motor
+from .hardware.converters import AnalogOut, Converters, Sensor
 from .hardware.plant import InstrumentedPlant
-from .hardware.pneumatics import MUSCLE, Plumbing
+from .hardware.stand import Encoder, Frame, Motor, TestStand
+from .sensors import LINE, MUSCLE, PORT, VESSEL
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
+
+
+class Plumbing(Module):
+    """A way to connect the parts.
+
+        supply - valve - port - [shut-off - line] - tube - muscle
+                          |                                  |
+                  (accumulator at the valve)     (accumulator at the muscle), leak to the room
+
+    An accumulator adds its volume to the node it is screwed to, whose gas it shares. Where no muscle is connected, an
+    accumulator takes its place, as in the pneumatic experiments.
+
+    The valve is the electro-valve, a regulator set by hand, or an element of the user's own with the ports supply, outlet
+    and exhaust; the signal ``valve`` is the gauge pressure asked of it.
+    """
+
+    valve: FlowElement
+    tube: FlowElement
+    heat: HeatModel
+    supply_pressure: Scalar = quantity("Pa", (0.0, 1e8), "gauge pressure of the supply", typical=(6e5, 1e6))
+    port_volume: Scalar = quantity("m^3", (1e-9, 1.0), "outlet of the valve and fittings", default=2e-6)
+    line_volume: Scalar = quantity("m^3", (1e-9, 1.0), "between a shut-off and the tube", default=1e-6)
+    valve_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the valve", default=0.0)
+    muscle_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", default=0.0)
+    shut_off: OnOffValve | None = None
+    leak: Leak | None = None
+    has_muscle: bool = field(static=True, kw_only=True, default=True)
+
+    @property
+    def tested(self) -> str:
+        """Name of the tested node."""
+        return MUSCLE if self.has_muscle else VESSEL
+
+    def parts(self) -> frozenset[str]:
+        """Parts that a protocol can use, by the names of `Step.needs`."""
+        names = {"valve"}
+        names |= {"shut-off"} if self.shut_off is not None else set()
+        held = float(self.valve_accumulator) + float(self.muscle_accumulator)
+        return frozenset(names | ({"accumulators"} if held > 0.0 else set()))
+
+    def signals(self) -> tuple[str, ...]:
+        """Names of the driving signals."""
+        return ("valve",) if self.shut_off is None else ("valve", "open")
+
+    def circuit(self, units: Mapping[str, MuscleUnit], room: Environment) -> Circuit:
+        """Build the circuit, with nodes ``supply``, ``room``, and those of the sketch above."""
+        tested = self.tested
+        nodes: dict[str, Reservoir | Chamber] = {
+            "supply": Reservoir(pressure_abs=self.supply_pressure + room.pressure_abs, temperature=room.temperature),
+            "room": Reservoir(pressure_abs=room.pressure_abs, temperature=room.temperature),
+            PORT: FixedVolume(size=self.port_volume + self.valve_accumulator, heat=self.heat),
+        }
+        if self.has_muscle:
+            nodes[tested] = MovingVolume(
+                of=units[MUSCLE].law.braid_volume,
+                ambient=room.pressure_abs,
+                dead=self.muscle_accumulator,
+                heat=self.heat,
+                signal=f"{MUSCLE}.length",
+            )
+        else:
+            nodes[tested] = FixedVolume(size=self.muscle_accumulator, heat=self.heat)
+        branches = {"valve": Branch(self.valve, ("supply", PORT, "room"), "valve")}
+        begins = PORT
+        if self.shut_off is not None:
+            begins = LINE
+            nodes[begins] = FixedVolume(size=self.line_volume, heat=self.heat)
+            branches["shut_off"] = Branch(self.shut_off, (PORT, begins), "open")
+        branches["tube"] = Branch(self.tube, (begins, tested))
+        if self.leak is not None:
+            branches["leak"] = Branch(self.leak, (tested, "room"))
+        return Circuit.of(nodes, branches)
+
+
+SOUND_GRIP = 1e9  # tension that a clamp holds which does not slip [N]
+DRIFT = "_drift"  # how the names of drifts end, after the channel
+
+
+class RigFaults(Module):
+    """Faults of a rig, none by default.
+
+    Zero is sound; of the clamp's grip it is `SOUND_GRIP`, which no muscle reaches.
+
+        [faults]                        # of a rig's file
+        leak = "0.2 l/min/bar"
+        clamp_slack = "0.5 mm"
+
+    | fault | physics |
+    |---|---|
+    | leak | `Leak` from the muscle's fitting to the room |
+    | valve_blockage, valve_sticking | `PressureRegulator.worn`: orifices, and play of the sensed pressure |
+    | ..._drift | zero of a sensor, or of the encoder's zero, that moves at a constant rate from the start of the run |
+    | clamp_slack | slack length of the tendon between muscle and load |
+    | clamp_grip | `assembly.muscle_unit.Clamp`: slips and loses span where the tension passes it |
+    | lost_threads, rubber_warming | `muscles.worn_braid` |
+    """
+
+    leak: Scalar = quantity(
+        "m^3/(s*Pa)", (0.0, 1e-6), "leak of the muscle's fitting, reference air per pressure", symbol="G",
+        typical=(1e-12, 1e-9), default=0.0,
+    )  # fmt: skip
+    valve_blockage: Scalar = quantity("1", (0.0, 0.99), "share of the valve's flow that is blocked", default=0.0)
+    valve_sticking: Scalar = quantity("Pa", (0.0, 1e6), "further hysteresis of the valve", default=0.0)
+    pressure_drift: Scalar = quantity("Pa/s", (-1e5, 1e5), "drift of the pressure sensor at the muscle", default=0.0)
+    valve_pressure_drift: Scalar = quantity(
+        "Pa/s", (-1e5, 1e5), "drift of the pressure sensor at the valve", default=0.0
+    )
+    tension_drift: Scalar = quantity("N/s", (-1e3, 1e3), "drift of the load cell", default=0.0)
+    span_drift: Scalar = quantity("m/s", (-0.1, 0.1), "drift of the measured span", default=0.0)
+    clamp_slack: Scalar = quantity("m", (0.0, 0.1), "slack of the clamp that holds the muscle", default=0.0)
+    clamp_grip: Scalar = quantity(
+        "N", (1e-3, SOUND_GRIP), "tension from which on the clamp slips", typical=(10.0, 1e4), default=SOUND_GRIP
+    )
+    lost_threads: Scalar = quantity("1", (0.0, 0.9), "share of the braid's threads that are lost", default=0.0)
+    rubber_warming: Scalar = quantity("K", (0.0, 100.0), "rubber's temperature above room temperature", default=0.0)
+
+    @property
+    def present(self) -> dict[str, float]:
+        """Faults that there are, by name [SI]."""
+        values = {name: float(getattr(self, name)) for name in declared(RigFaults)}
+        return {name: value for name, value in values.items() if value != SOUND.get(name, 0.0)}
+
+    def drifts(self) -> dict[str, Scalar]:
+        """Rates of the measured channels that drift [unit of the channel/s]."""
+        return {n.removesuffix(DRIFT): getattr(self, n) for n in self.present if n.endswith(DRIFT)}
+
+    def on_every_part(self, plumbing: Plumbing, unit: MuscleUnit) -> tuple[Plumbing, MuscleUnit]:
+        """Return plumbing and muscle with all faults but the drifts, zero or not, so that values may be traced."""
+        valve = self.valve(plumbing) if isinstance(plumbing.valve, PressureRegulator) else plumbing.valve
+        return plumbing.replace(valve=valve, leak=self.leaking(plumbing)), unit.replace(
+            tendon=self.slack(unit), law=self.worn(unit), clamp=self.slipping()
+        )
+
+    def plumbing(self, sound: Plumbing) -> Plumbing:
+        """Return plumbing with the faults of valve and fitting; the same object where it has none."""
+        present = self.present
+        if "valve_blockage" in present or "valve_sticking" in present:
+            sound = sound.replace(valve=self.valve(sound))
+        return sound.replace(leak=self.leaking(sound)) if "leak" in present else sound
+
+    def valve(self, sound: Plumbing) -> PressureRegulator:
+        """Return the valve with its faults.
+
+        Raises:
+            InputError: the valve is no pressure regulator, of which these faults are known.
+        """
+        if not isinstance(sound.valve, PressureRegulator):
+            name = "faults.valve_blockage" if "valve_blockage" in self.present else "faults.valve_sticking"
+            raise InputError(name, None, "is known of pressure regulators only; the rig has another valve")
+        return sound.valve.worn(blockage=self.valve_blockage, sticking=self.valve_sticking)
+
+    def leaking(self, sound: Plumbing) -> Leak:
+        """Return the leak of the fitting beside that which the plumbing has: their conductances add."""
+        before = 0.0 if sound.leak is None else sound.leak.conductance
+        return Leak(conductance=before + self.leak)
+
+    def unit(self, sound: MuscleUnit) -> MuscleUnit:
+        """Return the muscle with slack and wear; the same object where it has none."""
+        present = self.present
+        if "clamp_slack" in present:
+            sound = sound.replace(tendon=self.slack(sound))
+        if "clamp_grip" in present:
+            sound = sound.replace(clamp=self.slipping())
+        if "lost_threads" in present or "rubber_warming" in present:
+            sound = sound.replace(law=self.worn(sound))
+        return sound
+
+    def slack(self, sound: MuscleUnit) -> Tendon:
+        """Return the tendon with the slack of the clamp.
+
+        Raises:
+            InputError: the muscle has no tendon that a clamp could hold.
+        """
+        if sound.tendon is None:
+            raise InputError(
+                "clamp_slack", None, "needs a tendon that the clamp holds, and the muscle has none", where="faults"
+            )
+        slack: Tendon = sound.tendon.replace(slack_length=sound.tendon.slack_length + self.clamp_slack)
+        return slack
+
+    def slipping(self) -> Clamp:
+        """Return the clamp with its grip."""
+        return Clamp(grip=self.clamp_grip)
+
+    def worn(self, sound: MuscleUnit) -> WornBraid:
+        """Return the law of the worn braid."""
+        wear = {"lost_threads": self.lost_threads, "warming": self.rubber_warming}
+        return WornBraid(sound=sound.law, thread_strain=sound.law.thread_strain, **wear)
+
+
+SOUND = {"clamp_grip": SOUND_GRIP}  # values that are sound, where it is not zero
+FAULTS = tuple(declared(RigFaults))
+
 
 CHOICES = frozenset(("accumulators", "shut-off"))  # parts by which a way to join them is chosen
 MUSCLE_VOLUME = 1.5e-5  # of gas in a muscle and half its tube, for the rate that a valve can follow [m^3]
@@ -87,16 +283,16 @@ class Rig:
     position: PositionControl
     force: ForceControl
     interlocks: Interlocks
-    environment: Environment = field(default_factory=Environment)
-    trips: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    environment: Environment = dataclasses.field(default_factory=Environment)
+    trips: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     hands: tuple[OperatorAction, ...] = ()
     source: str = ""
     note: str = ""
     inferred: tuple[str, ...] = ()
-    document: Mapping[str, Any] = field(default_factory=dict)
+    document: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     where: str = ""
     calibration: Calibration | None = None
-    faults: RigFaults = field(default_factory=RigFaults)
+    faults: RigFaults = dataclasses.field(default_factory=RigFaults)
 
     def __repr__(self) -> str:
         cord = with_unit(float(rig_cord().stiffness), "N/m")
@@ -119,6 +315,7 @@ class Rig:
             return name
         needed = set(protocol.required())
         sorts = [(n, p.parts()) for n, p in self.plumbing.items() if p.has_muscle]
+        # a part that nobody asked for would change what is measured, so that an exact match comes first
         exact = [n for n, parts in sorts if needed & CHOICES == parts & CHOICES]
         enough = [n for n, parts in sorts if needed & CHOICES <= parts]
         return (exact or enough or list(self.plumbing))[0]
@@ -131,7 +328,7 @@ class Rig:
         names |= {"span sensor"} if self.encoder is not None else set()
         return frozenset(names)
 
-    def limits(self, layout: str, *, burst_pressure: float = float("inf")) -> Limits:
+    def limits(self, layout: str) -> Limits:
         """Return the limits of the rig, for the dry run."""
         plumbing = self.plumbing[layout]
         motor, cell = self.motor, self.sensors.get("tension")
@@ -140,7 +337,7 @@ class Rig:
         return Limits(
             pressure=(max(0.0, float(self.valve_out.low)), top),
             pressure_rate=self._pressure_rate(plumbing),
-            burst_pressure=min(burst_pressure, float(self.interlocks.burst_pressure)),
+            burst_pressure=float(self.interlocks.burst_pressure),
             tension=float("inf") if cell is None else float(cell.high),
             motor_force=float("inf") if motor is None else float(motor.largest_force),
             span=(self.shortest, self.longest),

@@ -33,20 +33,16 @@ from ..components import Environment, Module
 from ..components.flow import FlowElement
 from ..documents import JsonValue, parse_toml, read_toml, with_own_paths
 from ..errors import InputError
-from ..pneumatics.build import ELEMENTS, build_element
-from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
-from ..pneumatics.sizes import put_value
+from ..pneumatics.build import ELEMENTS, build_element, put_value
+from ..pneumatics.volume import HeatModel, Isothermal, WallHeat
 from ..quantities import Quantity, declared, parse
 from ..registry import load_reference, with_own_references
 from ..schema import FileTable, read_table
 from ..specimens import specimen
-from .faults import DRIFT, RigFaults
-from .hardware.analogue import AnalogOut, Converter, Sensor
 from .hardware.computer import Computer
-from .hardware.frame import Frame
-from .hardware.motor import Encoder, Motor
-from .hardware.pneumatics import Plumbing
-from .rig import OperatorAction, Rig
+from .hardware.converters import AnalogOut, Converter, Sensor
+from .hardware.stand import Encoder, Frame, Motor
+from .rig import DRIFT, OperatorAction, Plumbing, Rig, RigFaults
 from .sensors import SENSORS, SensorKind
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .software.interlocks import Interlocks
@@ -110,11 +106,6 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) 
 
 
 def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]:
-    """Tables of a rig that is a shipped one with changes.
-
-    Raises:
-        InputError: there is no such rig, or a table stands beside the changes.
-    """
     top = FileTable.of(document, "", where)
     top.only(("schema", "base", "changes", "faults", *DERIVED))
     top.schema(SCHEMA)
@@ -151,6 +142,12 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
     layouts = top.table("plumbing")
     if not layouts.values:
         raise top.fail("plumbing", None, "is missing: one table for each way to join the pneumatic parts")
+    hands = top.listed("hands")
+    for table in hands:  # plumbing that an operator is asked to connect must be one of the file
+        if "plumbing" in table:
+            table.word("plumbing", among=tuple(layouts.values))
+    interlocks = top.table("interlocks")  # but for the limits that follow from other parts
+    interlocks.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
     if not bounds[0] < bounds[1]:
         raise frame.fail("longest", frame.values["longest"], f"must be more than {frame.values['shortest']}")
     if motor is not None and "motor" not in outputs.values:
@@ -174,10 +171,10 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
         motion=read_table(MotionEstimate, control.table("motion")),
         **{name: _controller(control.table(name), kind) for name, kind in CONTROLLERS.items()},
-        interlocks=_interlocks(top.table("interlocks"), bounds),
+        interlocks=read_table(Interlocks, interlocks, shortest=bounds[0], longest=bounds[1]),
         environment=room,
         faults=_faults(top.table("faults"), [*sensors.values, *(["span"] if "encoder" in document else [])]),
-        hands=_hands(top, tuple(layouts.values)),
+        hands=tuple(read_table(OperatorAction, table, owner="a hand has") for table in hands),
         document=document,
         where=where,
     )
@@ -212,7 +209,6 @@ def with_control(on: Rig, control: Mapping[str, JsonValue], *, where: str) -> Ri
 
 
 def _channel_part(kind: type[T], table: FileTable, unit: str, **parts: Any) -> T:
-    """Read a part of a channel, whose levels are in the unit of that channel."""
     return read_table(kind, table, units=dict.fromkeys(("low", "high", "offset", "noise"), unit), **parts)
 
 
@@ -244,12 +240,6 @@ def _controller(table: FileTable, usual: type[T]) -> T:
     return cast(T, made)
 
 
-def _interlocks(entry: FileTable, bounds: Sequence[float]) -> Interlocks:
-    """Read the limits of the interlocks; those that follow from other parts are not stated again."""
-    entry.only([k for k in declared(Interlocks) if k not in FOLLOWS], "they have")
-    return read_table(Interlocks, entry, shortest=bounds[0], longest=bounds[1])
-
-
 def _faults(table: FileTable, channels: Sequence[str]) -> RigFaults:
     """Read the faults of the rig; only what it measures can drift."""
     faults: RigFaults = read_table(RigFaults, table, owner="a rig can have")
@@ -267,7 +257,6 @@ def _sensor(table: FileTable, unit: str) -> Sensor:
 
 
 def _trips(table: FileTable, unit: str) -> tuple[float, float]:
-    """Return the readings of a sensor below and above which the machine is stopped [its unit]."""
     low, high = (table.number(key, unit, end) for key, end in zip(TRIPS, NEVER, strict=True))
     if not low < high:
         raise table.fail(TRIPS[1], table.values[TRIPS[1]], f"must be more than {TRIPS[0]}")
@@ -281,14 +270,9 @@ _PARTS = ("valve", "tube", "shut_off", "leak")
 def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     entry.only((*_PLUMBING, *_PARTS, "heat", "muscle", "about"))
     muscle = entry.flag("muscle", True)
-    parts = {
-        "valve": _element(entry.table("valve"), "pressure_regulator", _required_of_valve),
-        "tube": _element(entry.table("tube"), "lumped_tube", _required_of_tube),
-    }
-    if "shut_off" in entry.values:
-        parts["shut_off"] = _element(entry.table("shut_off"), "on_off_valve")
-    if "leak" in entry.values:
-        parts["leak"] = _element(entry.table("leak"), "leak")
+    usual = {"valve": "pressure_regulator", "tube": "lumped_tube", "shut_off": "on_off_valve", "leak": "leak"}
+    needed = ("valve", "tube")
+    parts = {n: _element(entry.table(n), kind) for n, kind in usual.items() if n in needed or n in entry.values}
     plain = entry.derived({k: v for k, v in entry.values.items() if k in _PLUMBING})
     made: Plumbing = read_table(Plumbing, plain, heat=_heat(entry, room), has_muscle=muscle, **parts)
     if not muscle and not float(made.muscle_accumulator) > 0.0:
@@ -296,27 +280,23 @@ def _plumbing(entry: FileTable, room: Environment) -> Plumbing:
     return made
 
 
-def _required_of_valve(kind: type[FlowElement]) -> str | None:
-    """What an element must be to be the valve of a rig; None where it is that."""
-    if len(kind.ports) == 3 and kind.command_unit == "Pa":
-        return None
-    return (
-        "an element with the ports supply, outlet and exhaust, whose command is a gauge pressure (command_unit = 'Pa')"
-    )
+# What another element than the usual must be to stand in its place, and whether it is that.
+VALVE = "an element with the ports supply, outlet and exhaust, whose command is a gauge pressure (command_unit = 'Pa')"
+REPLACEABLE: dict[str, tuple[str, Callable[[type[FlowElement]], bool]]] = {
+    "pressure_regulator": (VALVE, lambda kind: len(kind.ports) == 3 and kind.command_unit == "Pa"),
+    "lumped_tube": (
+        "an element with two ports and no command", lambda kind: len(kind.ports) == 2 and not kind.commanded
+    ),
+}  # fmt: skip
 
 
-def _required_of_tube(kind: type[FlowElement]) -> str | None:
-    """What an element must be to be the tube of a rig; None where it is that."""
-    return None if len(kind.ports) == 2 and not kind.commanded else "an element with two ports and no command"
-
-
-def _element(entry: FileTable, kind: str, accept: Callable[[type[FlowElement]], str | None] | None = None) -> Any:
-    """Read an element; where `accept` says what it must be, ``kind`` may name another one than the usual."""
+def _element(entry: FileTable, kind: str) -> Any:
+    """Read an element; where another may stand in its place, ``kind`` names that one."""
     spec = None
-    if accept is not None and "kind" in entry:
+    if kind in REPLACEABLE and "kind" in entry:
+        demand, fits = REPLACEABLE[kind]
         kind = entry.word("kind")
-        demand = accept(ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where))
-        if demand is not None:
+        if not fits(ELEMENTS.find(kind, field=entry.field("kind"), where=entry.where)):
             raise entry.fail("kind", kind, f"must be {demand}")
         entry = entry.without("kind")
     if "specimen" in entry.values:
@@ -348,16 +328,6 @@ def _heat(entry: FileTable, room: Environment) -> HeatModel:
     return WallHeat(conductance=value, wall_temperature=room.temperature)
 
 
-def _hands(top: FileTable, layouts: tuple[str, ...]) -> tuple[OperatorAction, ...]:
-    """Read the actions that an operator can be asked for; plumbing that is connected then must be one of the file."""
-    hands = []
-    for table in top.listed("hands"):
-        if "plumbing" in table:
-            table.word("plumbing", among=layouts)
-        hands.append(read_table(OperatorAction, table, owner="a hand has"))
-    return tuple(hands)
-
-
 def _words(entry: FileTable, key: str) -> tuple[str, ...]:
     paths = entry.texts(key, "must be a list of dotted paths")
     for path in paths:
@@ -371,12 +341,6 @@ def _words(entry: FileTable, key: str) -> tuple[str, ...]:
 
 def put_rig_value(document: dict[str, JsonValue], path: str, value: str, where: str) -> None:
     """Replace a value in the tables of a rig's file; whole numbers and truth values may be written as text.
-
-    Args:
-        document: tables of the file; changed in place.
-        path: dotted path of the value.
-        value: new value as text.
-        where: the file, for error messages.
 
     Raises:
         InputError: the path leads through a value that is no table.

@@ -15,13 +15,13 @@ from ..muscles import Muscle
 from ..recordings.recording import Recording
 from ..specimens import Specimen
 from .biological_run import biological_subject, run_biological
-from .hardware.clock import Clock
 from .hardware.interface import Hardware
+from .hardware.simulated import Clock
 from .prepare import OpenWire, PreparedRun, prepare
 from .protocol_run import Display, Progress
 from .rig import Rig
 from .session import Session
-from .software.emergency_stop import EmergencyStop
+from .software.interlocks import EmergencyStop
 
 __all__ = ["EmergencyStop", "OpenWire", "PreparedRun", "prepare", "run"]
 

@@ -26,9 +26,8 @@ from .hardware.converters import SPAN, Converters
 from .hardware.interface import Hardware, WaitInterrupted
 from .segment import AFTER_STOP, Chunk
 from .software.loop import BenchSoftware
-from .software.manual import ROW
+from .software.sequencer import ROW, TENSION
 from .software.sequencer import SPAN as BY_SPAN
-from .software.sequencer import TENSION
 
 LATE = 0.1  # share of a period from which a sample counts as late
 LOOK = 0.02  # time between two looks at what was seen [s]
@@ -38,19 +37,12 @@ OWN = "place"  # of a software's state, what belongs to its own set-points
 
 
 class Lateness(NamedTuple):
-    """Lateness of the samples of a loop.
+    """Lateness of the samples of a loop."""
 
-    Attributes:
-        samples: all of them; none is left out, a late one is made up for as fast as it goes.
-        late: those that began later than `LATE` of a period.
-        behind: those that began later than a whole period.
-        percentiles: percentiles of the lateness, 50, 99, 99.9 and 100 % [s].
-    """
-
-    samples: int
-    late: int
-    behind: int
-    percentiles: tuple[float, float, float, float]
+    samples: int  # all of them; none is left out, a late one is made up for as fast as it goes
+    late: int  # those that began later than `LATE` of a period
+    behind: int  # those that began later than a whole period
+    percentiles: tuple[float, float, float, float]  # percentiles of the lateness, 50, 99, 99.9 and 100 % [s]
 
     @classmethod
     def of(cls, lateness: np.ndarray, period: float) -> Lateness:
@@ -62,7 +54,7 @@ class Lateness(NamedTuple):
 
 
 class Setpoints:
-    """Set-points of manual operation, read by a loop at every sample, in the order of `manual.ROW`.
+    """Set-points of manual operation, read by a loop at every sample, in the order of `sequencer.ROW`.
 
     Pressure [Pa], open 1 or 0, the motor's mode and its value [m, m/s or N; NaN: stay], alone 1 or 0.
     """
@@ -279,8 +271,9 @@ class SampleLoop:
         analog = hardware.counts
         counts = np.array([*analog, hardware.edges - self.zero] if self._encoder else analog, float)
         state = self.state
-        if state is None:
-            state = self._first(counts)
+        if state is None:  # at the first sample, and where it was asked to begin again
+            (state,) = self._begin(self._setup, counts)
+            state = state if self.before is None else self._carried(self.before, state)
         row = () if self._setpoints is None else (self._setpoints(),)
         pressed = self._pressed if self.stop() else self._released
         self.state, out, measured, self.held, self.shown = self._think(self._setup, state, counts, pressed, *row)
@@ -288,11 +281,6 @@ class SampleLoop:
         self._lateness[self.taken % REMEMBERED] = late
         self.taken += 1
         self.kept.append((number, late, hardware.look(), measured, self.held, self.shown))
-
-    def _first(self, counts: np.ndarray) -> np.ndarray:
-        """State of the software before the first sample, continued from the loop before."""
-        (state,) = self._begin(self._setup, counts)
-        return state if self.before is None else self._carried(self.before, state)
 
     # ---- what others see of it
 
@@ -346,15 +334,14 @@ class SampleLoop:
     # ---- from loop to loop
 
     def _carried(self, before: SampleLoop, state: np.ndarray) -> np.ndarray:
-        """Take over the state of another loop, except for its set-points."""
         if before.state is None:
             return state
         carried = np.array(state)
-        carried[self._shared()] = before.state[before._shared()]
+        mine, theirs = (
+            [int(i) for i in flatten({k: v for k, v in loop.places.items() if k != OWN})[0]] for loop in (self, before)
+        )
+        carried[mine] = before.state[theirs]
         return carried
-
-    def _shared(self) -> list[int]:
-        return [int(i) for i in flatten({k: v for k, v in self.places.items() if k != OWN})[0]]
 
     def _following(self, after: SampleLoop) -> np.ndarray:
         """State after a protocol: its last set-points are held; after a velocity, the reached span."""
@@ -416,7 +403,6 @@ class _Setup(NamedTuple):
 
 
 def _begin(inputs: tuple[str, ...], setup: _Setup, counts: Any) -> tuple[Any]:
-    """State of the software at the first sample, for counts of the inputs."""
     return (setup.software.initial(_measured(setup.converters, inputs, counts)),)
 
 
@@ -444,7 +430,6 @@ def _measured(converters: Converters, inputs: tuple[str, ...], counts: Any) -> d
 
 
 def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -> None:
-    """Refuse a machine that lacks a part of the rig."""
     has, needs = set(hardware.names), set(converters.names)
     if has != needs:
         odd = ", ".join(sorted(needs ^ has))

@@ -80,15 +80,7 @@ def software_of(bench: PreparedRun, part: RunSegment, timing: Timing) -> BenchSo
 
 
 class SegmentMachine:
-    """The simulated machine of a segment.
-
-    Args:
-        bench: the run.
-        number: number of the part; each has noise of its own.
-        part: the segment.
-        timing: timing of the loop.
-        begin: time at which the part begins [s].
-    """
+    """The simulated machine of a segment."""
 
     def __init__(self, bench: PreparedRun, number: int, part: RunSegment, timing: Timing, begin: float = 0.0) -> None:
         rig, self.timing = bench.rig, timing
@@ -96,38 +88,26 @@ class SegmentMachine:
         self.machine = rig.machine(part.layout, unit, start=part.start_span, moves=part.moves)
         self.plant = rig.plant(self.machine, part.layout, mounted=part.start_span)
         self.commands = {"valve": part.start_pressure, "motor": 0.0, "open": 1.0}
-        self.start = self.plant.at_rest(
-            self.commands, dict.fromkeys(self.machine.circuit.chambers, part.start_pressure)
-        )
+        pressures = dict.fromkeys(self.machine.circuit.chambers, part.start_pressure)
+        self.start = self.plant.at_rest(self.commands, pressures)
         self.rows = SensorNoise(bench, number, begin)
 
     def carry(self, software: BenchSoftware) -> sampled.Carry:
         """Return the state before the first sample of a simulation with this software."""
-        carry: sampled.Carry = call_compiled(
-            sampled.with_software, self.plant, software, self.rested, self.rows.first()
-        )
+        first = self.rows.first()
+        carry: sampled.Carry = call_compiled(sampled.with_software, self.plant, software, self.rested, first)
         return carry
 
     @functools.cached_property
     def rested(self) -> sampled.Carry:
         """Return the machine at rest at the start of the segment, without software."""
-        carry: sampled.Carry = call_compiled(
-            sampled.rest, self.plant, self.start, self.commands, depth=self.timing.depth
-        )
+        depth = self.timing.depth
+        carry: sampled.Carry = call_compiled(sampled.rest, self.plant, self.start, self.commands, depth=depth)
         return carry
 
     def at_interface(self, ahead: float = 0.0) -> SimulatedMachine:
         """Build the machine behind its converters; noise for the first `ahead` seconds is drawn before it begins."""
-        timing = self.timing
-        return SimulatedMachine(
-            self.plant,
-            self.rested,
-            self.rows,
-            period=timing.period,
-            inner=timing.inner,
-            latency=timing.latency,
-            ahead=ahead,
-        )
+        return SimulatedMachine(self.plant, self.rested, self.rows, self.timing, ahead=ahead)
 
     def closed(self, carry: sampled.Carry, begun: sampled.Carry | None = None) -> Accounts:
         """Close the accounts between a state, by default the start, and a later one."""

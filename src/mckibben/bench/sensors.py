@@ -1,4 +1,4 @@
-"""Analogue sensors of rigs that this package has; `components.sensors` defines what a sensor declares."""
+"""Analogue sensors of rigs that this package has; `components.system` defines what a sensor declares."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import Any
 
 from .._jax import jnp
 from ..components import Scalar
-from ..components.sensors import SENSORS, SensorKind, sensor_units
-from .hardware.pneumatics import PORT
+from ..components.system import SENSORS, SensorKind, sensor_units
+
+MUSCLE, VESSEL, PORT, LINE = "muscle", "accumulator", "port", "line"  # names of nodes of a rig's circuit
 
 __all__ = ["PRESSURE", "SENSORS", "TENSION", "VALVE_PRESSURE", "SensorKind", "sensor_units"]
 

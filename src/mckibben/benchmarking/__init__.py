@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_submodules
-from .model import MODELS, BenchmarkModel, model_names, new_model
-from .records import BenchmarkRecord, DataSplit
-from .run import BenchmarkResult, benchmark, run_task
-from .scores import TaskScore
+from .datasets import BenchmarkRecord, DataSplit
+from .run import MODELS, BenchmarkModel, BenchmarkResult, TaskScore, benchmark, model_names, new_model, run_task
 from .tasks import TASKS, BenchmarkTask, task
 
 if TYPE_CHECKING:

@@ -6,13 +6,12 @@ import math
 from collections.abc import Iterable, Sequence
 
 from ..muscles.laws import LAWS
+from ..quantities import from_si
 from ..studies.validation import VARIABLE
 from ..studies.validation_page import DASH, FRONT
 from ..studies.validation_page import table as markdown_table
-from .model import COMPETITORS, PHYSICS
-from .moving import FILLING, VENTING
-from .run import BenchmarkResult
-from .scores import TaskScore
+from .datasets import FILLING, VENTING
+from .run import COMPETITORS, PHYSICS, BenchmarkResult, TaskScore
 from .tasks import task
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"
@@ -104,7 +103,8 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
     if version:
         dates = sorted({score.date for score in result.scores if score.date})
         when = f" on {' and '.join(dates)}" if dates else ""
-        parts.append(f"Computed with version {version}{when} in {result.seconds / 60.0:.0f} minutes of one processor.")
+        minutes = from_si(result.seconds, "s", "min")
+        parts.append(f"Computed with version {version}{when} in {minutes:.0f} minutes of one processor.")
     summary = [cells for name in result.tasks if (cells := verdict_row(result, name))]
     if summary:
         parts += ["## Who is first", VERDICT, text_table(VERDICT_COLUMNS, summary)]
@@ -120,7 +120,14 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
             f"`{name}`: {one.predicts}. Left out: {one.split}. Data: {sources}.",
             markdown_table(COLUMNS, [[f"`{cells[0]}`", *cells[1:]] for cells in rows(result, name)]),
         ]
-        phased = phase_rows(result, name)
+        phased = [
+            [
+                f"`{score.model}`",
+                *(percent(f(p), sign=f == score.bias) for p in PHASES for f in (score.rms, score.bias)),
+            ]
+            for score in result.of(name)
+            if set(PHASES) <= set(score.phases)
+        ]
         if phased:
             parts += ["Filling and venting apart:", markdown_table(PHASE_COLUMNS, phased)]
         parts += refusals(result, name)
@@ -163,15 +170,6 @@ def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:
     place += ", the other within its interval" if within else "" if ahead else ", the other outside its interval"
     one = [f"`{name}`", f"`{best.model}`", percent(best.rms()), interval(best)]
     return [*one, f"`{other.model}`", percent(other.rms()), interval(other), place]
-
-
-def phase_rows(result: BenchmarkResult, name: str) -> list[list[str]]:
-    """Cells of the table of filling and venting of one task, in the order of `PHASE_COLUMNS`; none without phases."""
-    return [
-        [f"`{score.model}`", *(percent(f(p), sign=f == score.bias) for p in PHASES for f in (score.rms, score.bias))]
-        for score in result.of(name)
-        if set(PHASES) <= set(score.phases)
-    ]
 
 
 def refusals(result: BenchmarkResult, name: str) -> list[str]:

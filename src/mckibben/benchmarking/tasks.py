@@ -18,10 +18,8 @@ from ..quantities import to_si
 from ..recordings import ForceMap, read_force_map
 from ..specimens import specimen
 from ..studies.validation import AARL_ZERO, TRAINED_BELOW
-from . import datasets, moving
-from .datasets import BenchmarkData
-from .moving import FILLING, VENTING
-from .records import BenchmarkRecord, DataSplit
+from . import datasets
+from .datasets import FILLING, VENTING, BenchmarkData, BenchmarkRecord, DataSplit
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,6 @@ def _dimensions(name: str) -> dict[str, float]:
 
 
 def _table(path: Path, name: str) -> BenchmarkRecord:
-    """The static points of a muscle like a specimen of the package."""
     known = _dimensions(name)
     return _static_record(read_force_map(path, rest_length=known["rest_length"]), name, known)
 
@@ -159,7 +156,6 @@ def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
 def _muscle_out(
     records: Sequence[BenchmarkRecord], scored: Callable[[BenchmarkRecord], np.ndarray]
 ) -> tuple[DataSplit, ...]:
-    """A fold for each muscle: all its records are left out."""
     folds = []
     for muscle in dict.fromkeys(record.muscle for record in records):
         train = tuple(record for record in records if record.muscle != muscle)
@@ -173,24 +169,24 @@ def _muscle_out(
 
 def _runs(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     known = {k: v for k, v in _dimensions("DMSP-10-250").items() if k != "rest_length"}
-    records = moving.isometric_runs(located[0], known, AARL_ZERO)
+    records = datasets.isometric_runs(located[0], known, AARL_ZERO)
     return _muscle_out(records, lambda record: record.outputs["tension"] > 0.0)
 
 
 def _loop(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return moving.loop_folds(located[0][0].parent)
+    return datasets.loop_folds(located[0][0].parent)
 
 
 def _creep(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return moving.creep_folds(located[0][0].parent)
+    return datasets.creep_folds(located[0][0].parent)
 
 
 def _robot(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return moving.robot_folds(list(dict.fromkeys(path.parent for path in located[0])))
+    return datasets.robot_folds(list(dict.fromkeys(path.parent for path in located[0])))
 
 
 def _antagonist(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return moving.antagonist_folds(located[0][0])
+    return datasets.antagonist_folds(located[0][0])
 
 
 ONE_MUSCLE = (

@@ -10,7 +10,7 @@ import typer
 from .. import identification, muscles
 from ..errors import InputError
 from ..quantities import parse, with_unit
-from ..report.figures import posterior_figures, style
+from ..report.figures import fit_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import OutputFiles
 from ._samples import show_samples
@@ -77,7 +77,7 @@ def fit_friction(
         "warnings": list(found.warnings),
         "posterior": None if samples is None else samples.to_dict(),
     }
-    files.write("figure", lambda path: style.save(posterior_figures.loop_bands(found, samples), path))
+    files.write("figure", lambda path: style.save(fit_figures.loop_bands(found, samples), path))
     files.write_rows([{"parameter": name} | e._asdict() for name, e in found.parameters.items()])
     files.write_result(content)
     if as_json:

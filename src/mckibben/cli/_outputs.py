@@ -120,6 +120,10 @@ class OutputKinds:
             if path.suffix.lower() in suffixes:
                 if not path.absolute().parent.is_dir():
                     raise not_found(path.absolute().parent, "folder")
+                if kind == "report":
+                    from ..report.document import checked_place
+
+                    checked_place(path, field=field)  # it may need a program that is not at hand
                 return kind, path
         suffixes = list(dict.fromkeys(suffix for several in kinds.values() for suffix in several))
         raise InputError(field, str(given), f"must be a name that ends in {' or '.join(suffixes)}")

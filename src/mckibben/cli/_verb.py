@@ -13,6 +13,7 @@ import typer
 
 from .. import verbs
 from ..answers import Answer
+from ..citations import reference
 from ..errors import InputError
 from . import _progress
 from ._outputs import OutputKinds, Paths
@@ -23,6 +24,7 @@ from ._terminal import (
     assignments,
     caution,
     expect_cautions,
+    pairs,
     print_json,
     program,
     table,
@@ -62,6 +64,7 @@ class VerbCommand:
         written: options that name a file each.
         top: rows of rankings that are shown and written where ``--top`` states no other; 0 for all, without the option.
         doing: word for what takes long, and the number of its stages by what was given.
+        pair: example of a value that is NAME=VALUE.
         failed: exit code where what was asked for was not reached.
     """
 
@@ -76,12 +79,15 @@ class VerbCommand:
     written: Mapping[str, Written] = field(default_factory=dict)
     top: int = 0
     doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
+    pair: str = ""
     failed: int = 1
 
     def option(self, parameter: str) -> str:
-        """The option of a parameter; a flag that is set by default has one that takes it away."""
+        """The option of a parameter, an argument's own name; a flag that is set by default has one that takes it away."""
         one = verbs.described(self.place).parameters[parameter]
         name = self.options.get(parameter, parameter).replace("_", "-")
+        if one.required:
+            return name
         return f"--no-{name}" if one.flag and one.default else f"--{name}"
 
     def function(self) -> Callable[..., None]:
@@ -114,12 +120,13 @@ class VerbCommand:
     def _parameter(self, p: verbs.Parameter) -> inspect.Parameter:
         word = p.type.word
         if p.required:
-            kind = Annotated[str, typer.Argument(metavar=word, help=p.about)]
-            return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind)
+            kind = Annotated[list[str] | None if p.many else str, typer.Argument(metavar=word, help=p.about)]
+            default = None if p.many else inspect.Parameter.empty
+            return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         if p.flag:
             about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
             return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=about)], False)
-        repeated = word == "PATH=VALUE" or (p.many and not p.type.unit)
+        repeated = word in ("PATH=VALUE", "NAME=VALUE") or (p.many and not p.type.unit)
         taken: Any = list[str] if repeated else str
         option = typer.Option(self.option(p.name), metavar=word, help=p.about)
         if p.name in self.required:
@@ -172,6 +179,8 @@ class VerbCommand:
         for name in given:
             if verb.parameters[name].type.word == "PATH=VALUE":
                 given[name] = assignments(given[name])
+            elif verb.parameters[name].type.word == "NAME=VALUE":
+                given[name] = pairs(given[name], self.option(name), self.pair)
         ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self.option)
         if self.doing is None:
             return ask(given)
@@ -196,3 +205,6 @@ def show(answer: Answer) -> None:
     typer.echo("\n" if len(tables) > 1 and remarks else "", nl=False)
     for remark in remarks:
         typer.echo(remark)
+    typer.echo("\n" if answer.sources else "", nl=False)
+    for key in answer.sources:
+        typer.echo(f"[{key}] {reference(key)}")

@@ -73,7 +73,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "energy": ("verb_commands:energy", "Compute input, output and efficiency of a muscle's working cycles."),
     "compare": (
-        "compare:compare_muscles",
+        "verb_commands:compare",
         "Compare muscles with each other, and with published biological muscle.",
     ),
     "reproduce": (
@@ -81,7 +81,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compute the papers' numbers and report whether each value is reproduced.",
     ),
     "diagnose": (
-        "diagnose:diagnose_recording",
+        "verb_commands:diagnose",
         "Find a fault of a rig from a recording of its normal operation.",
     ),
     "benchmark": (
@@ -96,7 +96,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Export a muscle with its air as a part of another program: spans in, tensions out.",
     ),
     "conform": (
-        "conform:conform_host",
+        "verb_commands:conform",
         "Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.",
     ),
     "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),

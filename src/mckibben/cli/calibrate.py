@@ -278,7 +278,7 @@ def _session(
     rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in changes.items()})
     date = provenance.created()
     if wanted.file is not None:
-        calibrating.file.merged(wanted.file, rig.name, {}, date)
+        calibrating.session.merged(wanted.file, rig.name, {}, date)
     with _source(wanted, rig, reference) as (source, ask, again):
         yield calibrating.session.CalibrationSession(
             source=source,
@@ -309,10 +309,10 @@ def _source(
             "terminal", None, "is missing: nobody can be asked for the points; run it in a terminal, or with --simulate"
         )
 
-    hardware_package.connect.check_connection(wanted.machine)
-    with hardware_package.connect.connected(wanted.machine, rig, calibrating.sources.PERIOD) as hardware:
+    hardware_package.interface.check_connection(wanted.machine)
+    with hardware_package.interface.connected(wanted.machine, rig, calibrating.sources.PERIOD) as hardware:
         assert hardware is not None
-        with calibrating.machine.HardwareReadings(
+        with calibrating.sources.HardwareReadings(
             hardware, rig.converters(0.0), scales=calibrating.sources.grids(rig)
         ) as readings:
             yield readings, ask_person, tell_person
@@ -346,14 +346,14 @@ def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, outc
     if wanted.file is None:
         whole = calibration.Calibration(rig=name, created=session.date, corrections=outcome.corrections)
     else:
-        before = calibrating.file.merged(wanted.file, name, {}, session.date).corrections
-        whole = calibrating.file.merged(wanted.file, name, outcome.corrections, session.date)
+        before = calibrating.session.merged(wanted.file, name, {}, session.date).corrections
+        whole = calibrating.session.merged(wanted.file, name, outcome.corrections, session.date)
         for channel, one in outcome.corrections.items():
             other = before[channel].sensor if channel in before else one.sensor
             if other and one.sensor and other != one.sensor:
                 notes.append(f"{channel} was of the sensor {other}: what was known of it is dropped")
     with CALIBRATION.files(wanted.out) as files:
-        files.write("calibration", lambda path: calibrating.file.write_calibration(whole, path))
+        files.write("calibration", lambda path: calibrating.session.write_calibration(whole, path))
         content = say_outcome(whole, outcome, wanted.file, notes)
         files.write_result(content)
         if wanted.as_json:

@@ -115,7 +115,7 @@ def _apply(
         )
     if off and skew:
         raise InputError("--skew", None, "is allowed only beside --calibration")
-    new = None if calibration is None else calibrate.file.read_calibration(calibration)
+    new = None if calibration is None else calibrate.session.read_calibration(calibration)
     known = recordings.read_recording(recording)
     try:
         done = recalibration.recalibrate(known, new, skew=skew)
@@ -196,7 +196,7 @@ def print_outcome(whole: Calibration, outcome: CalibrationOutcome, out: Path | N
 def _known(file: Path) -> Calibration:
 
     if file.suffix.lower() == ".toml":
-        return calibrate.file.read_calibration(file)
+        return calibrate.session.read_calibration(file)
     try:
         calibration = recalibration.carried(recordings.read_recording(file))
     except InputError as error:

@@ -13,7 +13,7 @@ from ..bench import hardware as hardware_package
 from ..bench import rig_file, software
 from ..errors import InputError, StageError
 from ..quantities import parse, with_unit
-from ..report import characterisation_report
+from ..report import study_reports
 from ..studies import characterisation
 from ._progress import INTERRUPTED, progress
 from ._terminal import Json, LockStep, NoiseSeed, Plumbing, RigName, print_json, table
@@ -89,7 +89,7 @@ def characterise(
     """
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
-    hardware_package.connect.check_connection(machine)
+    hardware_package.interface.check_connection(machine)
     if (muscle is None) == (machine is None):
         problem = "is missing: the muscle of the simulated rig" if muscle is None else "is of a simulated rig"
         raise InputError("--muscle", None, problem)
@@ -122,7 +122,7 @@ def characterise(
         outcome = _run(intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step, gain=gain)
     except InputError as error:
         raise error.changed(field=_option(error.field)) from None
-    characterisation_report.write_characterisation_report(outcome, out / "report.html")
+    study_reports.write_characterisation_report(outcome, out / "report.html")
     if as_json:
         print_json(outcome.to_dict())
     else:
@@ -165,7 +165,7 @@ def _run(
     gain: float,
 ) -> Characterisation:
     """Run the stages with the time left; Ctrl-C vents and keeps the stages so far."""
-    button, period = software.emergency_stop.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
+    button, period = software.interlocks.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
 
     def kept() -> str:
         stages = [name for name in intended.bounds.stages if characterisation.verb.place_of(out, name).exists()]
@@ -175,7 +175,7 @@ def _run(
 
     with (
         progress("characterising", intended.total, saved=kept, guarded=False) as bar,
-        hardware_package.connect.connected(machine, rig, period, lock_step=lock_step) as hardware,
+        hardware_package.interface.connected(machine, rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
         try:

@@ -18,7 +18,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..pneumatics import volume
 from ..quantities import from_si, parse, shown_unit, with_unit
-from ..report.figures import circuit_diagram, circuit_figures, frequency_figures, style
+from ..report.figures import analysis_figures, circuit_diagram, run_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, TABLE, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import progress, told
 from ._samples import checked_draws, show_samples
@@ -115,7 +115,7 @@ def run(
             recording = circuit_run.run_circuit(plan, progress=advance)
         caution(*recording.meta.get("warnings", ()))
         files.write("recording", lambda path: write_recording(recording, path))
-        files.write("figure", lambda path: style.save(circuit_figures.run_figure(recording), path))
+        files.write("figure", lambda path: style.save(run_figures.run_figure(recording), path))
         result = _result(recording, files.first("recording"))
         files.write_result(result)
         if as_json:
@@ -276,7 +276,7 @@ def fit(
         samples = (
             result.posterior(used[: len(records)], step=planned(file, change).step, draws=draws) if posterior else None
         )
-        files.write("figure", lambda path: style.save(circuit_figures.overview(result, used, title=title), path))
+        files.write("figure", lambda path: style.save(run_figures.overview(result, used, title=title), path))
         content = circuit_fit_json(result)
         if samples is not None:
             content["posterior"] = samples.to_dict()
@@ -475,10 +475,10 @@ def _respond(
     response = response_module.linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
     unit = _unit_of(plan, target, source)
     cutoff = response.cutoff()
-    titles = frequency_figures.BodeTitles(
+    titles = analysis_figures.BodeTitles(
         f"{plan.title}: {target} over {source}", f"about rest at {at}" if inputs else "", unit
     )
-    files.write("figure", lambda path: style.save(frequency_figures.bode_figure(response, titles, cutoff=cutoff), path))
+    files.write("figure", lambda path: style.save(analysis_figures.bode_figure(response, titles, cutoff=cutoff), path))
     courses = {"frequency": response.frequency, "magnitude": response.magnitude, "phase": response.phase}
     units = {"frequency": "Hz", "magnitude": unit or "1", "phase": "rad"}
     files.write_columns(courses, units)

@@ -57,7 +57,7 @@ def export_part(
 
     $ mckibben export nylon --for c --out nylon_c
     """
-    from ..assembly.assumptions import table
+    from ..assembly.build import assumption_table
     from ..hosts import export, part_of
     from ..hosts.export import export_cautions
 
@@ -85,7 +85,7 @@ def export_part(
                 "muscles": list(part.muscles),
                 "commands": list(part.commands),
                 "mounting": part.mounting,
-                "assumptions": table(part.assumptions),
+                "assumptions": assumption_table(part.assumptions),
                 "smallest_mass_kg": {f"{h!r}": mass for h, mass in masses.items()},
                 "warnings": list(warnings),
             }

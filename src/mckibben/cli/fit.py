@@ -16,7 +16,7 @@ from ..documents import JsonValue, read_toml
 from ..errors import InputError
 from ..quantities import declared, parse, with_unit
 from ..report import document, fit_report
-from ..report.figures import fit_figures, posterior_figures, style
+from ..report.figures import fit_figures, style
 from ..specimens import Specimen
 from . import _fit_hysteresis, _fit_loop
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds, Paths
@@ -199,9 +199,7 @@ def fit(
         # drawn only where it is asked for: that takes longer than a fit
         files.write(
             "figure",
-            lambda path: style.save(
-                fit_figures.overview(rankings) if one is None else posterior_figures.bands(one), path
-            ),
+            lambda path: style.save(fit_figures.overview(rankings) if one is None else fit_figures.bands(one), path),
         )
         files.write("specimen", rankings[0].save)
         if files["table"]:

@@ -11,7 +11,7 @@ import typer
 from ..errors import InputError
 from ..quantities import parse, with_unit
 from ..recordings.memory import STEPPED, check_memory
-from ..report.figures import joint_figures, recording_figures, style
+from ..report.figures import recording_figures, run_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputKinds, Paths, write_recording
 from ._progress import Progress, progress
 from ._terminal import FigureLook, FigureWidth, Json, NoiseSeed, caution, pairs, print_json, table
@@ -104,7 +104,7 @@ def run_joint(
                 recording = _played(simulation, play, command, duration, start, bar)
         warnings = caution(*recording.meta.get("warnings", ()))
         files.write("recording", lambda path: write_recording(recording, path))
-        draw = recording_figures.time_figure if angle is None else joint_figures.joint_figure
+        draw = recording_figures.time_figure if angle is None else run_figures.joint_figure
         files.write("figure", lambda path: style.save(draw(recording), path))
         content = _content(recording) | {"warnings": warnings}
         files.write_result(content)

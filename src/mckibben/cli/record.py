@@ -19,7 +19,7 @@ from ..quantities import from_si, parse, shown_unit
 from ..recordings import mcap
 from ..recordings.cautions import MACHINE
 from ..recordings.differences import differing
-from ..report.figures import loop_comparison, recording_figures, style
+from ..report.figures import analysis_figures, recording_figures, style
 from ._outputs import FIGURE, KEPT_RECORDING, OBJECT, TABLE, OutputKinds, Paths, write_recording
 from ._terminal import End, FigureLook, FigureWidth, Json, Start, options_named, pairs, print_json, table
 from .read import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options
@@ -173,20 +173,20 @@ def _compare(
     channel = "tension" if channels is None else channels.strip()
     if measured is None:
         if len(files) == 1:
-            loops, x, y = loop_comparison.loops_of_sweep(files[0], across=across, channel=channel)
+            loops, x, y = analysis_figures.loops_of_sweep(files[0], across=across, channel=channel)
         else:
             known = [recordings.read_recording(file) for file in files]
-            loops, x, y = loop_comparison.loops_of_recordings(known, across=across, channel=channel)
+            loops, x, y = analysis_figures.loops_of_recordings(known, across=across, channel=channel)
             title = title or str(known[0].meta.get("title", ""))
-        drawn = loop_comparison.swept_loops_figure(loops, x, y, title=title or "")
+        drawn = analysis_figures.swept_loops_figure(loops, x, y, title=title or "")
         return drawn, {"loops": [one.words for one in loops]}
     if len(files) > 1:
         raise InputError("--measured", None, "is allowed only with one recording")
     data = recordings.read(measured, columns=column_places(column), units=pairs(unit, "--unit", "tension=N") or None)
     simulated = recordings.read_recording(files[0])
     residuals = loop_residuals(simulated, data, across=across, channel=channel)
-    drawn = loop_comparison.measured_loop_figure(simulated, data, across=across, channel=channel, title=title)
-    words = [loop_comparison.residual_words(residuals, recording_figures.panels(simulated, [channel])[0])]
+    drawn = analysis_figures.measured_loop_figure(simulated, data, across=across, channel=channel, title=title)
+    words = [analysis_figures.residual_words(residuals, recording_figures.panels(simulated, [channel])[0])]
     return drawn, {"rms": residuals.rms, "relative_rms": residuals.relative, "words": words}
 
 

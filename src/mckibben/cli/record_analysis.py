@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..quantities import from_si, parse, shown_unit, split_values, with_unit
 from ..report import document
 from ..report import recording_report as reports
-from ..report.figures import energy_figures, frequency_figures, style
+from ..report.figures import analysis_figures, energy_figures, style
 from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputFiles, OutputKinds, Paths
 from ._terminal import End, FigureLook, FigureWidth, Json, Start, print_json, table
 from .record import File, between
@@ -232,10 +232,10 @@ def _respond(
     above, below = (recording.channels[name].unit for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
     cutoff = response.cutoff()
-    title = frequency_figures.BodeTitles(f"{target} over {source}", str(recording.meta.get("title") or file.name), unit)
+    title = analysis_figures.BodeTitles(f"{target} over {source}", str(recording.meta.get("title") or file.name), unit)
     files.write(
         "figure",
-        lambda path: style.save(frequency_figures.bode_figure(response, title, cutoff=cutoff), path),
+        lambda path: style.save(analysis_figures.bode_figure(response, title, cutoff=cutoff), path),
     )
     courses = {name: getattr(response, name) for name in ("frequency", "magnitude", "phase", "coherence")}
     files.write_columns(courses, {"frequency": "Hz", "magnitude": unit or "1", "phase": "rad"})
@@ -314,7 +314,7 @@ def _repeat(
         title = str(records[0].meta.get("title") or paths[0].name)
         over = "Phase of the cycle" if each == "cycle" else "Time, s"
         name = channel.replace(".", " ").replace("_", " ").capitalize()
-        drawn = frequency_figures.repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
+        drawn = analysis_figures.repeatability_figure(scaled, title=title, channel=f"{name}, {shown_as}", over=over)
         files.write("figure", lambda path: style.save(drawn, path))
     files.write_rows([{each: i + 1, "peak": float(peak)} for i, peak in enumerate(result.peaks)], {"peak": unit})
     peaks = repeating.spread(result.peaks)

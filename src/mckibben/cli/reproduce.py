@@ -12,10 +12,10 @@ import typer
 from .. import reproduction
 from ..documents import JsonValue
 from ..errors import InputError, not_found
+from ..report import blocks as words_module
 from ..report import document as document_module
 from ..report import document_pdf
 from ..report import reproduction_report as papers
-from ..report import words as words_module
 from ..report.figures import style
 from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputFiles, OutputKinds, Paths
 from ._progress import progress

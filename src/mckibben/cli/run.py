@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import components, identification, muscles
+from .. import batch, components, identification, muscles
 from ..analysis import segments
 from ..assembly import build
-from ..batch import predictive, run_template
+from ..batch import run_template
 from ..bench import biological_run, calibrate, rig_file, software
-from ..bench import faults as rig_faults
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import run as protocol_run
+from ..bench.rig import FAULTS
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
-from ..report.figures import posterior_figures, recording_figures, style
+from ..report.figures import fit_figures, recording_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import INTERRUPTED, progress
@@ -50,7 +50,7 @@ from ._terminal import (
 from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
-    from ..batch.predictive import PredictedRun
+    from ..batch.posterior import PredictedRun
     from ..bench.biological_run import BiologicalSubject
     from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
@@ -192,7 +192,7 @@ def _check_machine(machine: str | None, log: Path | None, *, lock_step: bool) ->
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
-    hardware_package.connect.check_connection(machine)
+    hardware_package.interface.check_connection(machine)
 
 
 def _check_biological(muscle: str, **options: object) -> None:
@@ -256,7 +256,7 @@ def _figure(recording: Recording, predicted: PredictedRun | None) -> Any:
     """Channels of a recording over time, or the bands of the same run by the samples of a posterior."""
     if predicted is None:
         return recording_figures.time_figure(recording)
-    return posterior_figures.run_bands(predicted, title=recording.meta["title"])
+    return fit_figures.run_bands(predicted, title=recording.meta["title"])
 
 
 def _posterior(path: Path, muscle: str, law: str | None, draws: int) -> Posterior:
@@ -297,7 +297,7 @@ def _predicted(
         accept_saturation=True,
     )
     with progress("running the samples of the posterior", 1.0) as bar:
-        return predictive.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
+        return batch.posterior.predict_run(template, posterior, draws, progress=lambda done: bar.at(done, 1.0))
 
 
 def _print_bands(predicted: PredictedRun, draws: int) -> None:
@@ -321,8 +321,8 @@ def _faults(words: list[str] | None, machine: str | None) -> list[str]:
         raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
     named = pairs(words, "--fault", "leak='0.2 l/min/bar'")
     for name in named:
-        if name not in rig_faults.NAMES:
-            raise InputError("--fault", name, known=rig_faults.NAMES)
+        if name not in FAULTS:
+            raise InputError("--fault", name, known=FAULTS)
     return [f"rig.faults.{name}={value}" for name, value in named.items()]
 
 
@@ -413,10 +413,10 @@ def _recorded(
 ) -> Recording:
     """Run a prepared protocol with a progress bar; Ctrl-C vents and keeps the samples so far."""
     caution(*bench.cautions)
-    button, period = software.emergency_stop.EmergencyStop(), 1.0 / bench.plan.sample_rate
+    button, period = software.interlocks.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
         progress("running", bench.plan.duration, guarded=False) as bar,
-        hardware_package.connect.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
+        hardware_package.interface.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
         try:

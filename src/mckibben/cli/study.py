@@ -12,7 +12,7 @@ from .. import __version__, identification
 from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..quantities import from_si
-from ..report.figures import circuit_figures, loop_figures, style, tube_figures, validation_figures
+from ..report.figures import ranking_figures, run_figures, study_figures, style
 from ..studies import jumping_robot, muscle_loops, tube_models, validation, validation_page
 from ..studies import tube_study as tubes
 from ._outputs import FIGURE, OBJECT, OutputKinds, Paths
@@ -53,7 +53,7 @@ def study_tube(
         with progress("tube study", tubes.stages(**options)) as advance:
             study = tubes.tube_study(**options, progress=advance)
         judged = tubes.claims(study)
-        files.write("figure", lambda path: style.save(tube_figures.tube_figure(study), path))
+        files.write("figure", lambda path: style.save(study_figures.tube_figure(study), path))
         content = _as_json(study, judged)
         files.write_result(content)
         if as_json:
@@ -96,7 +96,7 @@ def study_robot(
                 trials, predict or [], free=free or (), evaluations=evaluations, progress=tell
             )
         title = jumping_robot.robot_plan().title
-        files.write("figure", lambda path: style.save(circuit_figures.overview(result, all_trials, title=title), path))
+        files.write("figure", lambda path: style.save(run_figures.overview(result, all_trials, title=title), path))
         content = circuit_fit_json(result)
         files.write_result(content)
         if as_json:
@@ -115,7 +115,7 @@ def _each_from_the_others(
             folds, every = jumping_robot.robot_folds(trials, free=free, evaluations=evaluations, progress=tell)
         title = jumping_robot.robot_plan().title
         drawn = jumping_robot.merged_folds(folds)
-        files.write("figure", lambda path: style.save(circuit_figures.overview(drawn, every, title=title), path))
+        files.write("figure", lambda path: style.save(run_figures.overview(drawn, every, title=title), path))
         content: dict[str, JsonValue] = {
             "rms": {fold.trial: fold.rms for fold in folds},
             "trials": {fold.trial: circuit_fit_json(fold.fit) for fold in folds},
@@ -162,7 +162,7 @@ def study_loops(
             study = muscle_loops.loop_study(
                 folder, frictions=friction or identification.hysteresis_fit.SMOOTH, progress=advance
             )
-        files.write("figure", lambda path: style.save(loop_figures.loops_figure(study), path))
+        files.write("figure", lambda path: style.save(study_figures.loop_study_figure(study), path))
         content = loops_json(study)
         files.write_result(content)
         if as_json:
@@ -549,7 +549,7 @@ def write_page(validation: Validation, path: Path) -> list[Path]:
     """Write the page, and its figure if there is a static data set; return the paths."""
     figure = path.with_name(f"{path.stem}-errors.svg")
     if validation.static:
-        style.save(validation_figures.errors_figure(validation), figure)
+        style.save(ranking_figures.errors_figure(validation), figure)
     text = validation_page.page(validation, figure=figure.name if validation.static else "", version=__version__)
     write_text(path, text)
     return [path, figure] if validation.static else [path]

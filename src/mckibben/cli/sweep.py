@@ -43,7 +43,7 @@ def sweep(
 
     $ mckibben sweep tubes.toml --out results
     """
-    wanted, team = batch.sweep_file.read_sweep(file), batch.workers.Workers(scheduler, workers)
+    wanted, team = batch.sweep.read_sweep(file), batch.drive.Workers(scheduler, workers)
     if dry:
         _tell(wanted, as_json)
         return

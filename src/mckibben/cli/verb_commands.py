@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._outputs import FIGURE, OBJECT, SPECIMEN, TABLE, OutputKinds
+from ..errors import InputError
+from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds
 from ._verb import Shorthand, VerbCommand, Written
 
 if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
+    from ..studies.comparison import MuscleTable
     from ..studies.sizing import Sizing
 
 
@@ -87,4 +89,48 @@ size = VerbCommand(
     top=5,
     doing=("sizing", _sizing_stages),
     failed=2,
+)
+
+
+diagnose = VerbCommand(
+    "studies.diagnosis.fault_fit:diagnose",
+    OutputKinds(table=TABLE, result=OBJECT),
+    ("diagnose work-loop.nc",),
+)
+
+
+def _draw_compared(answer: MuscleTable, path: Path) -> None:
+    from ..report.figures import comparison_figures, style
+
+    if not answer.muscles:
+        raise InputError("--out", None, "needs a specimen: a recording alone has no law to draw")
+    style.save(comparison_figures.table_figure(answer), path)
+
+
+def _compare_stages(given: Mapping[str, Any]) -> int | None:
+    from ..specimens import muscle_specimen
+    from ..studies.comparison import stages
+
+    named = [muscle_specimen(name) for name in given.get("muscles", ())]
+    return stages(named, protocols=given["protocols"], match=given.get("match")) or None
+
+
+compare = VerbCommand(
+    "studies.comparison.side_by_side:compare",
+    OutputKinds(report=REPORT, figure=FIGURE, table=TABLE, result=OBJECT),
+    ("compare nylon fast-fibre --out compared.csv --out compared.svg",),
+    options={"recordings": "recording"},
+    draw=_draw_compared,
+    writes={"report": lambda answer, path: answer.report(path)},
+    doing=("comparing", _compare_stages),
+    pair="phase='60 deg' or duty=0.3",
+)
+
+
+conform = VerbCommand(
+    "hosts.conformance:conform",
+    OutputKinds(result=OBJECT),
+    ("conform python --scenario hang --out python.json",),
+    options={"scenarios": "scenario"},
+    doing=("conforming", lambda given: None),
 )

@@ -5,17 +5,13 @@ JAX is used through `mckibben._jax`, which switches it to float64 and loads it w
 
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy_names, lazy_submodules
-from .derivative import derivative
+from .._lazy import lazy_submodules
 from .element import Advanced, ForceElement, Hysteresis, MemoryElement
-from .environment import Environment
-from .module import AbstractVar, Module, Scalar, field, jit_arrays
+from .flow import Environment, FlowElement, GasState, TwoPort
+from .module import AbstractVar, Module, Scalar, derivative, field, jit_arrays
 
 if TYPE_CHECKING:
     from . import paths as paths
-    from .flow import FlowElement as FlowElement
-    from .flow import GasState as GasState
-    from .flow import TwoPort as TwoPort
 
 __all__ = [
     "AbstractVar",
@@ -35,9 +31,3 @@ __all__ = [
 ]
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "flow": ["FlowElement", "GasState", "TwoPort"],
-    },
-)

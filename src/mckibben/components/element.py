@@ -28,7 +28,6 @@ class ForceElement(Module):
         Args:
             length: length of the element [m].
             velocity: its rate, positive while lengthening [m/s].
-
         """
 
     @abc.abstractmethod
@@ -73,7 +72,6 @@ class MemoryElement(Module):
             start_pressure: gauge pressure before [Pa].
             end_pressure: gauge pressure after [Pa].
             duration: time taken [s]; of no consequence to friction that does not depend on velocity.
-
         """
 
     @abc.abstractmethod

@@ -1,4 +1,4 @@
-"""Interface of pneumatic elements in a circuit, and the gas states at their ports."""
+"""The surroundings of an experiment, gas states at the ports of pneumatic elements, and the interface of these elements."""
 
 from __future__ import annotations
 
@@ -7,7 +7,23 @@ import math
 from typing import ClassVar, NamedTuple
 
 from .._jax import Tree, jnp
+from ..quantities import quantity
 from .module import Module, Scalar
+
+
+class Environment(Module):
+    """Pressure and temperature of the surroundings.
+
+    The papers use 1.0336 bar (printed as 1 atm, which is 1.01325 bar) and 300 K: `Environment.of_the_papers`.
+    """
+
+    pressure_abs: Scalar = quantity("Pa", (1e3, 1e6), "ambient pressure", symbol="P0", default=101325.0)
+    temperature: Scalar = quantity("K", (200.0, 400.0), "ambient temperature", symbol="T0", default=293.15)
+
+    @classmethod
+    def of_the_papers(cls) -> Environment:
+        """The surroundings that Chou and Hannaford compute with."""
+        return cls(pressure_abs=103360.0, temperature=300.0)
 
 
 class GasState(NamedTuple):

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transf
 import numpy as np
 
 from .._jax import Scalar as Scalar
-from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax, jit, when_loaded
+from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax, jit, jnp, when_loaded
 from ..quantities import check_fields
 
 Result = TypeVar("Result")
@@ -53,9 +53,7 @@ def field(*, static: bool = False, converter: Callable[[Any], Any] | None = None
     return dataclasses.field(metadata={"static": static, **more}, **options)
 
 
-_fields: dict[
-    type, tuple[tuple[str, ...], tuple[str, ...]]
-] = {}  # of every kind: names of static fields and of branches
+_fields: dict[type, tuple[tuple[str, ...], tuple[str, ...]]] = {}  # of every kind: static fields and branches
 
 
 @dataclass_transform(field_specifiers=(dataclasses.field, field))
@@ -70,9 +68,8 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
         super().__init_subclass__(**options)
         annotations = dict(cls.__dict__.get("__annotations__", {}))
         # A declared parameter needs no annotation: `gain = quantity(..)` is a field too.
-        annotations |= {
-            name: Scalar for name, value in vars(cls).items() if _is_field(value) and name not in annotations
-        }
+        own = (name for name, value in vars(cls).items() if isinstance(value, dataclasses.Field))
+        annotations |= {name: Scalar for name in own if name not in annotations}
         cls.__annotations__ = annotations
         for name in [n for n, kind in annotations.items() if "AbstractVar" in str(kind)]:
             del annotations[name]
@@ -145,7 +142,6 @@ def flatten(tree: Tree) -> tuple[list[Tree], Tree]:
 
 
 def _take_apart(tree: Any, leaves: list[Any]) -> Any:
-    """The structure of a tree, whose leaves are added to a list."""
     kind = type(tree)
     if kind is np.ndarray or kind is float:
         leaves.append(tree)
@@ -233,10 +229,8 @@ _older: weakref.WeakValueDictionary[int, Module] = weakref.WeakValueDictionary()
 
 @when_loaded
 def _convert_older() -> None:
-    """Make the numbers of values that are older than the loading of JAX arrays of JAX, as those of all later ones are.
-
-    Arrays of NumPy among their branches are too: traced functions take elements of them at places that are traced.
-    """
+    # Numbers of values that are older than the loading of JAX become its arrays, as those of all later ones are; arrays of
+    # NumPy among their branches too: traced functions take elements of them at places that are traced.
     for value in list(_older.values()):
         known = value.__dict__
         for f in dataclasses.fields(value):
@@ -248,7 +242,6 @@ def _convert_older() -> None:
 
 
 def _converted(branch: Any) -> Any:
-    """A branch with arrays of JAX in place of those of NumPy; modules convert their own."""
     if isinstance(branch, np.ndarray | np.generic):
         return jax.device_put(branch)
     if type(branch) is dict:
@@ -258,10 +251,6 @@ def _converted(branch: Any) -> Any:
     if isinstance(branch, tuple) and hasattr(branch, "_fields"):
         return tuple.__new__(type(branch), map(_converted, branch))
     return branch
-
-
-def _is_field(value: Any) -> bool:
-    return isinstance(value, dataclasses.Field)
 
 
 def _register(cls: type[Module]) -> None:
@@ -308,3 +297,10 @@ def _shown(value: Any) -> str:
     if (isinstance(value, np.ndarray) or is_jax_array(value)) and not is_traced(value):
         return repr(np.asarray(value).tolist()) if value.size <= 8 else f"{value.dtype}{list(value.shape)}"
     return repr(value)
+
+
+def derivative(function: Callable[[Scalar], Scalar], at: Scalar) -> Scalar:
+    """df/dx of an elementwise function, of the shape of ``x`` (no loop and no vmap: one forward tangent)."""
+    x = jnp.asarray(at, float)
+    slope: Scalar = jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
+    return slope

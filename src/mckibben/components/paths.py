@@ -17,13 +17,14 @@ from .module import Module
 
 def parameters(owner: Tree, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
     """Iterate over the declared parameters below an object as (dotted path, declaration)."""
-    return ((path, q) for path, q, _ in _with_values(owner, prefix))
+    return ((path, q) for path, q, _ in declared_values(owner, prefix))
 
 
-def _with_values(owner: Any, prefix: str) -> Iterator[tuple[str, Quantity, Any]]:
+def declared_values(owner: Tree, prefix: str = "") -> Iterator[tuple[str, Quantity, Tree]]:
+    """Iterate over the declared parameters below an object as (dotted path, declaration, value [SI])."""
     if isinstance(owner, Mapping):
         for name, value in owner.items():
-            yield from _with_values(value, f"{prefix}{name}.")
+            yield from declared_values(value, f"{prefix}{name}.")
     elif isinstance(owner, Module):
         for f in dataclasses.fields(owner):
             value = getattr(owner, f.name)
@@ -32,18 +33,13 @@ def _with_values(owner: Any, prefix: str) -> Iterator[tuple[str, Quantity, Any]]
                     continue
                 yield prefix + f.name, f.metadata["quantity"], value
             else:
-                yield from _with_values(value, f"{prefix}{f.name}.")
+                yield from declared_values(value, f"{prefix}{f.name}.")
 
 
 def resolved(owner: Tree) -> dict[str, dict[str, JsonValue]]:
     """Return value [SI] and unit of every parameter below an object, by dotted path."""
-    known = _with_values(owner, "")
+    known = declared_values(owner)
     return {path: {"value": np.asarray(value).tolist(), "unit": q.unit} for path, q, value in known}
-
-
-def declared_values(owner: Tree) -> Iterator[tuple[str, Quantity, Tree]]:
-    """Iterate over the declared parameters below an object as (dotted path, declaration, value [SI])."""
-    return _with_values(owner, "")
 
 
 def declaration(owner: Tree, path: str) -> Quantity:

@@ -1,4 +1,8 @@
-"""Programs that were lowered before, from disk: neither traced nor lowered again.
+"""Formulas as programs: evaluated on plain numbers by kernels, which are found on disk where they were lowered before.
+
+A formula is written once, for JAX. Called with numbers or NumPy arrays, one that is `evaluated` is a kernel that was
+lowered from it and is kept on disk: microseconds a call, in place of the tens of operations that JAX would do one by one.
+Called with arrays of JAX or inside a function that JAX traces, it is traced as it is written.
 
 A program is found by its key, a hash of all that tracing a function for examples of its arguments depends on:
 
@@ -31,18 +35,19 @@ import functools
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import json
 import os
 import sys
 import types
 from collections.abc import Callable, Container, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 import lanewise
-from lanewise import Leaf, Program, cache
+from lanewise import Leaf, LoweringError, Program, UnavailableError, cache
 
 from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax
 from .._lazy import LazyModule
@@ -98,29 +103,15 @@ def source_digest(top: int) -> bytes:
     without = {name for layer in UPPER[:top] for name in layer}
     for text in (sys.version, np.__version__):
         digest.update(text.encode() + b"\n")
-    digest.update(_version_of_jax())
+    spec = importlib.util.find_spec("jax")  # the file that states its version: JAX itself is not loaded for it
+    if spec is not None and spec.submodule_search_locations:
+        digest.update(Path(spec.submodule_search_locations[0], "version.py").read_bytes())
     for folder, left_out in ((str(Path(__file__).parents[1]), without), (str(Path(lanewise.__file__).parent), set())):
         for path in sources(folder, left_out):
             with open(path, "rb") as file:
                 data = file.read()
             digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
     return digest.digest()
-
-
-def _version_of_jax() -> bytes:
-    """The file that states the version of JAX, which is not loaded for it."""
-    spec = importlib.util.find_spec("jax")
-    if spec is None or not spec.submodule_search_locations:
-        return b""
-    return Path(spec.submodule_search_locations[0], "version.py").read_bytes()
-
-
-def _counting() -> tuple[bool, str]:
-    """Whether JAX counts with 64 bits, and how it promotes types."""
-    if not is_loaded():
-        return True, os.environ.get("JAX_NUMPY_DTYPE_PROMOTION", "standard").lower()
-    wide, promotion = (jax.config.values[f"jax_{name}"] for name in ("enable_x64", "numpy_dtype_promotion"))
-    return wide, getattr(promotion, "value", promotion)
 
 
 def sources(folder: str, without: Container[str] = ()) -> list[str]:
@@ -138,7 +129,10 @@ class _Name:
     """A hash under construction, and the modules on which it depends."""
 
     def __init__(self) -> None:
-        self.digest = hashlib.sha256(repr(_counting()).encode())
+        wide, promotion = True, os.environ.get("JAX_NUMPY_DTYPE_PROMOTION", "standard").lower()
+        if is_loaded():
+            wide, promotion = (jax.config.values[f"jax_{name}"] for name in ("enable_x64", "numpy_dtype_promotion"))
+        self.digest = hashlib.sha256(repr((wide, getattr(promotion, "value", promotion))).encode())
         self.modules: set[str] = set()
 
     def word(self, *words: Any) -> None:
@@ -146,7 +140,6 @@ class _Name:
         self.digest.update(repr(words).encode() + b"\0")
 
     def tree(self, value: Any) -> None:
-        """An example: its structure, and of its leaves shapes and types."""
         if isinstance(value, Module):
             self.module(value, self.tree)
         elif _collection(value):
@@ -161,7 +154,6 @@ class _Name:
             raise UnnamedError
 
     def static(self, value: Any) -> None:
-        """Add a constant of a function or structure to the key."""
         if isinstance(value, PLAIN):
             self.word(type(value).__name__, value)
         elif isinstance(value, Module):
@@ -191,7 +183,6 @@ class _Name:
             raise UnnamedError
 
     def module(self, value: Any, inner: Callable[[Any], None]) -> None:
-        """A tree of this package's kind, with its static fields."""
         self.place(type(value))
         known = vars(value)
         for field in dataclasses.fields(value):
@@ -201,7 +192,6 @@ class _Name:
             (self.static if field.metadata.get("static", False) else inner)(known[field.name])
 
     def collection(self, value: Any, inner: Callable[[Any], None]) -> None:
-        """A table, list, tuple or named tuple."""
         if isinstance(value, dict):
             items = sorted(value.items())  # as JAX takes them
             self.static(tuple(k for k, _ in items))
@@ -215,7 +205,6 @@ class _Name:
             inner(part)
 
     def place(self, value: Any) -> None:
-        """Add the import path of a type or function, which must lead back to it."""
         home, name = getattr(value, "__module__", None) or "builtins", value.__qualname__
         value_there: Any = sys.modules.get(home)
         for part in name.split("."):
@@ -228,7 +217,6 @@ class _Name:
         self.home(home)
 
     def home(self, name: str) -> None:
-        """Add a module on which the hash depends."""
         if self.known(name):
             self.modules.add(name)
 
@@ -265,7 +253,6 @@ class _Name:
         self.known(name)
 
     def constants(self) -> None:
-        """Add constants of the modules, and of those whose functions and types they use."""
         self.digest.update(source_digest(_top_layer(self.modules)))
         todo, visited = sorted(self.modules), set(self.modules)
         while todo:
@@ -293,7 +280,6 @@ class _Name:
 
 
 def _top_layer(modules: Iterable[str]) -> int:
-    """The first layer of `UPPER` that has one of some modules; a file of the user's own may import any."""
     packages = {name.split(".")[1] for name in modules if name.startswith(f"{OWN}.")}
     if any(name.startswith(FILE_MODULE) for name in modules):
         return 0
@@ -310,24 +296,27 @@ def _collection(value: Any) -> bool:
 
 def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tuple[Program, Tree]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
-    name = _kept_name(function, examples)
+    name = None if cache.cache_folder() is None else program_key(function, examples)
     known = None if name is None else load_program(name)
     if known is not None:
         return known[0], jax.tree.structure(known[1])
     program, tree = lanewise.lower(function, *examples, title=title)
-    if name is not None:
-        _keep(f"{name}.program", program, tree)
+    if name is None:
+        return program, tree
+    try:
+        said = json.loads(json.dumps(_said(jax.tree.unflatten(tree, [0.0] * tree.num_leaves))))
+    except TypeError:  # results whose structure cannot be written
+        return program, tree
+    if jax.tree.structure(_built(said)) == tree:
+        about = {"arguments": list(map(list, program.arguments)), "results": list(map(list, program.results))}
+        cache.store(f"{name}.program", program.serialised, {**about, "title": program.title, "tree": said})
     return program, tree
 
 
 def find_program(function: Callable[..., Tree], *examples: Tree) -> tuple[Program, Tree] | None:
     """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
-    name = _kept_name(function, examples)
+    name = None if cache.cache_folder() is None else program_key(function, examples)
     return None if name is None else load_program(name)
-
-
-def _kept_name(function: Callable[..., Tree], examples: Sequence[Tree]) -> str | None:
-    return None if cache.cache_folder() is None else program_key(function, examples)
 
 
 def load_program(key: str) -> tuple[Program, Tree] | None:
@@ -344,18 +333,6 @@ def load_program(key: str) -> tuple[Program, Tree] | None:
         return Program.from_parts(data, arguments, wanted, about["title"]), tree
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
-
-
-def _keep(file: str, made: Program, tree: Any) -> None:
-    """Store a program, if the structure of its results can be written and read back."""
-    try:
-        said = json.loads(json.dumps(_said(jax.tree.unflatten(tree, [0.0] * tree.num_leaves))))
-    except TypeError:
-        return
-    if jax.tree.structure(_built(said)) != tree:
-        return
-    about = {"arguments": list(map(list, made.arguments)), "results": list(map(list, made.results))}
-    cache.store(file, made.serialised, {**about, "title": made.title, "tree": said})
 
 
 def _said(value: Any) -> Any:
@@ -376,7 +353,6 @@ def _said(value: Any) -> Any:
 
 
 def _built(said: Any) -> Any:
-    """The inverse of `_said`."""
     if not isinstance(said, dict):
         return said
     if "dict" in said:
@@ -413,9 +389,96 @@ def _own_type(place: str, base: type) -> Any:
     member: Any = sys.modules[home]
     for part in name.split("."):
         member = vars(member)[part]
-    if not (isinstance(member, type) and issubclass(member, base)) or (member.__module__, member.__qualname__) != (
-        home,
-        name,
-    ):
+    if not (isinstance(member, type) and issubclass(member, base)):
+        raise TypeError(place)
+    if (member.__module__, member.__qualname__) != (home, name):
         raise TypeError(place)
     return member
+
+
+NUMBERS = (float, int, np.ndarray, np.generic)
+# Lanes up to which one core is enough, and beyond which a call goes by blocks on all of them.
+SINGLE_CORE = 20_000
+MOST_KNOWN = 256  # formulas with the structures of their owners that are remembered
+Method = TypeVar("Method", bound=Callable[..., Any])
+_known: dict[Any, Any] = {}
+
+
+def evaluated(method: Method) -> Method:
+    """Let a method of a module, elementwise in its arguments, be evaluated by a kernel where all its numbers are plain.
+
+    Its results are then NumPy's; they agree with those of JAX to rounding.
+
+    Args:
+        method: method of a module whose leaves are numbers, or a function whose first argument is one; it returns one array,
+            or a tuple of arrays.
+    """
+    names = list(inspect.signature(method).parameters)[1:]
+    defaults = getattr(method, "__defaults__", None) or ()  # a function that JAX transforms has none
+
+    @functools.wraps(method)
+    def call(self: Any, *arguments: Any, **options: object) -> Any:
+        if options:
+            return method(self, *arguments, **options)
+        missing = len(names) - len(arguments)
+        if 0 < missing <= len(defaults):
+            arguments = (*arguments, *defaults[len(defaults) - missing :])
+        if len(arguments) != len(names) or not all(isinstance(x, NUMBERS) for x in arguments):
+            return method(self, *arguments)
+        leaves, structure = flatten(self)
+        if not (all(map(_is_number, leaves)) and all(map(np.size, arguments))):
+            return method(self, *arguments)
+        try:
+            hash(structure)  # of a static field without one no kernel can be remembered
+        except TypeError:
+            return method(self, *arguments)
+        try:
+            return _call(_kernel(method, self, structure, len(arguments)), leaves, arguments)
+        except (LoweringError, UnavailableError):  # an operation that no kernel can do, or no LLVM
+            return method(self, *arguments)
+
+    return call  # type: ignore[return-value]
+
+
+def _is_number(leaf: Any) -> bool:
+    return (isinstance(leaf, NUMBERS) or is_jax_array(leaf)) and not np.shape(leaf) and not is_traced(leaf)
+
+
+def _kernel(method: Callable[..., Tree], owner: Any, structure: Any, count: int) -> tuple[Program, Tree]:
+    key = (method, structure)
+    known = _known.get(key)
+    if known is None:
+        while len(_known) >= MOST_KNOWN:
+            _known.pop(next(iter(_known)), None)
+        examples = (owner, *[0.0] * count)
+        known = find_program(method, *examples)
+        if known is None:
+            try:
+                program, tree = lower_or_load(method, *examples, title=method.__qualname__)
+                known = program, jax.tree.unflatten(tree, [0.0] * tree.num_leaves)
+            except LoweringError as error:
+                known = error
+        _known[key] = known
+    if isinstance(known, LoweringError):
+        raise known
+    return known
+
+
+def _call(run: tuple[Program, Tree], leaves: list[Any], arguments: tuple[Tree, ...]) -> Any:
+    program, example = run
+    values = [np.asarray(x, float) for x in arguments]
+    shape = np.broadcast_shapes(*(x.shape for x in values))
+    results: list[Any] = []
+    if shape:
+        lanes = int(np.prod(shape))
+        flat = [np.broadcast_to(x, shape).reshape(lanes) for x in values]
+        threads = 1 if lanes <= SINGLE_CORE else None
+        for column in program.call([*leaves, *flat], lanes=lanes, mode="strict", threads=threads):
+            array = np.asarray(column)
+            results.append(np.full(shape, array) if array.ndim == 0 else array.reshape(shape))
+    else:
+        for number in program.call([*leaves, *values], mode="strict"):
+            results.append(np.asarray(number)[()])
+    if isinstance(example, tuple):
+        return type(example)(*results) if hasattr(example, "_fields") else tuple(results)
+    return results[0]

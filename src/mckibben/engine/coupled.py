@@ -11,8 +11,7 @@ import numpy as np
 from lanewise import Program
 
 from .._jax import Tree, jax
-from ..components.rows import as_rows
-from ..components.system import Coupling, System
+from ..components.system import Coupling, System, as_rows
 from .native import EngineFunction, compile_function
 from .side_by_side import find_places, known_prefix
 

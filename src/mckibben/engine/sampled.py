@@ -15,7 +15,7 @@ import numpy as np
 
 from .._jax import Scalar, Tree, jax, jnp
 from ..components.module import map_leaves
-from ..components.sampled import Plant, Software
+from ..components.system import Plant, Software
 from ..errors import ConvergenceError
 from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled

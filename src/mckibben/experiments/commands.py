@@ -21,8 +21,18 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..registry import Registry
 from ..schema import FileTable, FrozenTable, Place, frozen, read_table, thawed
-from .amounts import COMMANDED, Amount, has_both, in_metres, in_si, read_amount, relative_unit, table_words
-from .until import Until, read_until
+from .amounts import (
+    COMMANDED,
+    Amount,
+    Until,
+    has_both,
+    in_metres,
+    in_si,
+    read_amount,
+    read_until,
+    relative_unit,
+    table_words,
+)
 from .waveforms import Constant, PointTable, Sine, Triangle, Waveform, read_waveform, time_words
 from .waveforms.waveform import JUMP, RELATIVE
 
@@ -555,10 +565,6 @@ MOST_STEPS = 200_000
 PARTS = ("valve", "stimulator", "motor", "shut-off", "accumulators", "plate", "person")
 
 
-def _read_until(raw: object, place: Place) -> Until:
-    return read_until(raw, field=place.field, where=place.where)
-
-
 @dataclass(frozen=True, kw_only=True)
 class ProtocolStep:
     """A step. A channel without a command keeps its last set-point; `mode` states what the motor controls.
@@ -578,7 +584,9 @@ class ProtocolStep:
     motor: Command | None = None
     duration: float | None = schema.number("s", OPEN, "longest time", key="for", default=None)
     cycles: float | None = schema.number("1", (1e-6, 1e6), "cycles of the waveform", default=None)
-    until: Until | None = schema.entry(_read_until, default=None)
+    until: Until | None = schema.entry(
+        lambda raw, place: read_until(raw, field=place.field, where=place.where), default=None
+    )
     otherwise: str = schema.word(among=("stop", "go on"), default="stop")
     record: bool = True
 
@@ -622,18 +630,15 @@ class ProtocolStep:
         said += [command.sentence(channel) for channel, command in self.commands()]
         if self.until is not None:
             said.append(f"until {self.until.sentence()}")
-        time = self._time()
+        time = time_words(self.duration) if self.duration is not None else ""
+        if self.cycles is not None:
+            time = f"{self.cycles:g} cycle{'' if self.cycles == 1 else 's'}"
         if time:
             said.append(f"at most {time}, then {self.otherwise}" if self.until is not None else f"for {time}")
         if not self.record:
             said.append("not recorded")
         text = ", ".join(said)
         return f"{self.label}: {text}" if self.label else text
-
-    def _time(self) -> str:
-        if self.cycles is not None:
-            return f"{self.cycles:g} cycle{'' if self.cycles == 1 else 's'}"
-        return time_words(self.duration) if self.duration is not None else ""
 
 
 def bind(

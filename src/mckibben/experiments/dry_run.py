@@ -155,11 +155,8 @@ def _resolved(step: PlannedStep, rate: float) -> Iterator[Violation]:
     for channel, command in (("pressure", step.step.pressure), (step.mode, step.step.motor)):
         if isinstance(command, Follow) and command.waveform.fastest > 0.5 * rate * (1.0 + 1e-9):
             need = time_words(0.5 / command.waveform.fastest)
-            yield Violation(
-                f"{channel}.{command.waveform.kind}",
-                f"sampled every {time_words(1.0 / rate)}",
-                f"its {command.waveform.fastest:g} Hz need {need} or less",
-            )
+            now, field = f"sampled every {time_words(1.0 / rate)}", f"{channel}.{command.waveform.kind}"
+            yield Violation(field, now, f"its {command.waveform.fastest:g} Hz need {need} or less")
 
 
 def _finding(step: PlannedStep | None, violation: Violation, varied: tuple[str, ...] = ()) -> Finding:
@@ -194,7 +191,6 @@ def check_lengths(protocol: Protocol, limits: Limits, rest_length: float) -> Non
 
 
 def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Violation]:
-    """Violations by the pressure of a step."""
     command = step.step.pressure
     if step.pressure is None or command is None:
         return  # what is kept was judged where it was set
@@ -218,23 +214,15 @@ def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Vi
 
 def _slopes(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]:
     """Check that a waveform of straight lines is within the permitted rate, since the pressure shall follow it."""
-    change = np.abs(np.diff(values))
+    change, follows = np.abs(np.diff(values)), f"the valve follows {_bar(limits.pressure_rate)}/s"
     if change[0] > limits.pressure_rate * dt * SLACK:
         ends = f"{_bar(values[0])} to {_bar(values[1])}"
-        yield Violation(
-            "pressure",
-            f"a jump from {ends}",
-            f"the valve follows {_rate(limits)}; begin at {_bar(values[0])}",
-            f"the set-point jumps from {ends} where the waveform begins; the valve follows {_rate(limits)}",
-        )
+        said = f"the set-point jumps from {ends} where the waveform begins; {follows}"
+        yield Violation("pressure", f"a jump from {ends}", f"{follows}; begin at {_bar(values[0])}", said)
     steepest = float(change[1:].max(initial=0.0)) / dt
     if steepest > limits.pressure_rate * SLACK:
-        yield Violation(
-            "pressure",
-            f"{_bar(steepest)}/s steep",
-            f"the valve follows {_rate(limits)}",
-            f"the set-point changes by {_bar(steepest)}/s; the valve follows {_rate(limits)}",
-        )
+        said = f"the set-point changes by {_bar(steepest)}/s; {follows}"
+        yield Violation("pressure", f"{_bar(steepest)}/s steep", follows, said)
 
 
 def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]:
@@ -244,14 +232,9 @@ def _jumps(values: np.ndarray, limits: Limits, dt: float) -> Iterator[Violation]
     for i, following in zip(at, at[1:], strict=False):
         need, lasts = abs(change[i]) / limits.pressure_rate, (following - i) * dt
         if need > lasts * SLACK:
-            need = float(f"{need:.3g}")
-            ends = f"{_bar(values[i])} to {_bar(values[i + 1])}"
-            yield Violation(
-                "pressure",
-                f"a jump from {ends} for {time_words(lasts)}",
-                f"the valve needs {time_words(need)}",
-                f"the set-point jumps from {ends} for {time_words(lasts)}; the valve needs {time_words(need)}",
-            )
+            needs = f"the valve needs {time_words(float(f'{need:.3g}'))}"
+            ends = f"from {_bar(values[i])} to {_bar(values[i + 1])} for {time_words(lasts)}"
+            yield Violation("pressure", f"a jump {ends}", needs, f"the set-point jumps {ends}; {needs}")
             return
 
 
@@ -259,14 +242,9 @@ def _bar(value: float) -> str:
     return words(value, "Pa")
 
 
-def _rate(limits: Limits) -> str:
-    return f"{_bar(limits.pressure_rate)}/s"
-
-
 def _check_motion(
     step: PlannedStep, limits: Limits, dt: float, estimate: Estimate | None, rest_length: float
 ) -> Iterator[Violation]:
-    """Violations by the span and the velocity of a step."""
     if step.mode == "tension" or (step.mode == "span" and step.step.motor is None and step.index > 1):
         return  # what is kept was judged where it was set
     low, high = limits.span
@@ -315,7 +293,6 @@ def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Esti
 
 
 def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
-    """Violations by the force that the motor shall hold."""
     if step.mode != "tension" or not isinstance(step.motor, np.ndarray):
         return
     reach = Reach(float(step.motor.min()), float(step.motor.max()))
@@ -386,21 +363,14 @@ def _check_tension(
         return
     place = f"{words(span[worst], 'm')} and {words(pressure[worst], 'Pa')}"
     fits = _fitting(estimate, float(span[worst]), float(pressure[worst]), allowed)
-    cure = "" if fits is None else f". Up to {words(fits, 'Pa')} fits{_to_lower(step, protocol, fits)}"
-    value, most = words(float(force[worst]), "N"), words(allowed, "N")
-    yield Violation(
-        "tension",
-        value,
-        f"{who} up to {most}{cure}",
-        f"tension would reach {value} near {place}; {who} up to {most}{cure}",
-    )
-
-
-def _to_lower(step: PlannedStep, protocol: Protocol, fits: float) -> str:
-    """The parameters of a protocol that state a higher pressure [Pa] than fits, as the end of a sentence."""
-    stated = {p.name: step.case[p.name] for p in protocol.parameters if p.unit == "Pa" and p.name in step.case}
-    higher = [name for name, value in stated.items() if read_amount(value, "Pa", field=name).value > fits]
-    return f": lower {' and '.join(higher)}" if higher else ""
+    cure = ""
+    if fits is not None:  # say which parameters of the protocol ask for more
+        stated = {p.name: step.case[p.name] for p in protocol.parameters if p.unit == "Pa" and p.name in step.case}
+        higher = [name for name, value in stated.items() if read_amount(value, "Pa", field=name).value > fits]
+        lower = f": lower {' and '.join(higher)}" if higher else ""
+        cure = f". Up to {words(fits, 'Pa')} fits{lower}"
+    value, most = words(float(force[worst]), "N"), f"{who} up to {words(allowed, 'N')}{cure}"
+    yield Violation("tension", value, most, f"tension would reach {value} near {place}; {most}")
 
 
 def _fitting(estimate: Estimate, span: float, pressure: float, allowed: float) -> float | None:
@@ -418,7 +388,6 @@ def _fitting(estimate: Estimate, span: float, pressure: float, allowed: float) -
 def _check_until(
     step: PlannedStep, plan: ProtocolPlan, limits: Limits, estimate: Estimate | None
 ) -> Iterator[Violation]:
-    """A test that the step can never pass."""
     test = step.until
     if test is None:
         return

@@ -17,7 +17,7 @@ from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..schema import FileTable, FrozenTable, Place, read_table, write_table
-from .amounts import read_amount
+from .amounts import Until, read_amount
 from .commands import (
     ANYWHERE,
     PARTS,
@@ -33,8 +33,7 @@ from .commands import (
     repeats,
     substituted,
 )
-from .until import Until
-from .waveforms.random import uniform
+from .waveforms.shapes import uniform
 from .waveforms.waveform import words
 
 if TYPE_CHECKING:
@@ -82,10 +81,6 @@ def read_values(raw: object, place: Place) -> tuple[JsonValue, ...]:
     return values
 
 
-def _read_inferred(raw: object, place: Place) -> tuple[JsonValue, ...]:
-    return () if raw is False else read_values(raw, place)
-
-
 def _few(values: tuple[JsonValue, ...], place: Place | None = None) -> Any:
     return values[0] if len(values) == 1 else list(values)
 
@@ -108,7 +103,9 @@ class ProtocolParameter:
     about: str = ""
     low: str = schema.entry(lambda raw, place: str(raw), default="")
     high: str = schema.entry(lambda raw, place: str(raw), default="")
-    inferred: tuple[Any, ...] = schema.entry(_read_inferred, write=_all, default=())
+    inferred: tuple[Any, ...] = schema.entry(
+        lambda raw, place: () if raw is False else read_values(raw, place), write=_all, default=()
+    )
     note: str = ""
 
     __repr__ = brief
@@ -218,10 +215,6 @@ def _read_control(raw: object, place: Place) -> FrozenTable:
     return FrozenTable(table.values)
 
 
-def _read_rate(raw: object, place: Place) -> float:
-    return read_amount(raw, "1/s", field=place.field, where=place.where, bounds=RATES).value
-
-
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
     """An experiment on a muscle: `first` once, then `steps` for every case and repeat, then `last`.
@@ -239,7 +232,11 @@ class Protocol:
     seed: int = schema.whole(0, 2**32 - 1, default=0)
     repeat: int = schema.whole(1, MOST_CASES, default=1)
     needs: tuple[str, ...] = schema.entry(_read_needs, write=_all, default=())
-    sample_rate: float = schema.entry(_read_rate, write=lambda rate, place: f"{rate!r} Hz", default=1000.0)
+    sample_rate: float = schema.entry(
+        lambda raw, place: read_amount(raw, "1/s", field=place.field, where=place.where, bounds=RATES).value,
+        write=lambda rate, place: f"{rate!r} Hz",
+        default=1000.0,
+    )
     control: FrozenTable = schema.entry(
         _read_control, write=lambda table, place: table.plain(), default=FrozenTable({})
     )
@@ -278,8 +275,12 @@ class Protocol:
         """Cases in the order in which they are run: the value of each name."""
         varied = {name: values for name, values in self.variables().items() if values}
         listed = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
-        cases = [self._with_choices(case) for _ in range(self.repeat) for case in listed]
+        for case in listed:
+            for choice in self.choices:
+                case |= choice.sets(case[choice.name])
+        cases = [dict(case) for _ in range(self.repeat) for case in listed]
         if self.order == "random":
+            # by numbers that are the same on every machine, for the order is part of the hash
             chance = uniform(self.seed, np.arange(len(cases)))
             cases = [cases[i] for i in np.argsort(chance, kind="stable")]
         return cases
@@ -326,18 +327,12 @@ class Protocol:
         return tomlkit.dumps(self.document())
 
     def expand(self, *, rest_length: float, start_span: float | None = None) -> ProtocolPlan:
-        """The flat plan on the sample clock; see `plan.expand`."""
+        """The flat plan on the sample clock; see `experiments.protocol.expand`."""
         return expand(self, rest_length=rest_length, start_span=start_span)
 
     def varied(self) -> tuple[str, ...]:
         """Names of the parameters and choices with more than one value: what distinguishes the cases."""
         return tuple(name for name, values in self.variables().items() if len(values) > 1)
-
-    def _with_choices(self, case: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
-        full = dict(case)
-        for choice in self.choices:
-            full |= choice.sets(case[choice.name])
-        return full
 
 
 def _plain(value: Any) -> Any:
@@ -406,6 +401,13 @@ class PlannedStep:
         """Whether the step is recorded."""
         return self.step.record
 
+    def entry(self, start: float, end: float) -> dict[str, Any]:
+        """The step as a recording lists it, from a time to another [s]."""
+        case = {k: v if isinstance(v, str) else str(v) for k, v in self.case.items()}
+        place = {"index": self.index, "path": self.path, "label": self.step.label, "case": case}
+        times = {"start": start, "end": end, "ended_by": "time"}
+        return {**place, **times, "recorded": self.record, "sentence": self.step.sentence()}
+
     def sentence(self) -> str:
         """Describe the step, with its place and case."""
         used = f" ({case_words(self.case)})" if self.case else ""
@@ -464,8 +466,6 @@ def expand(protocol: Protocol, *, rest_length: float, start_span: float | None =
 
 
 class _State:
-    """Set-points between two steps."""
-
     def __init__(self, rest_length: float, dt: float, pressure: Reach, span: Reach) -> None:
         self.rest, self.dt = rest_length, dt
         self.pressure, self.span = pressure, span
@@ -493,22 +493,9 @@ class _State:
         pulled = before_m if self.mode == mode == "tension" else self.pulled
         self.pressure, self.motor, self.mode, self.span = pressure.after, motor.after, mode, after_span
         self.pulled = motor.after if mode == "tension" else None if after_span.known else pulled
+        place, before, values = (index, path, case, step, start, count, mode), (before_p, before_m), pressure.values
         return PlannedStep(
-            index,
-            path,
-            case,
-            step,
-            start,
-            count,
-            mode,
-            pressure.values,
-            motor.values,
-            before_p,
-            before_m,
-            pressure.reach,
-            span,
-            pulled,
-            stimulation.values,
+            *place, values, motor.values, *before, pressure.reach, span, pulled=pulled, stimulation=stimulation.values
         )
 
     def _duration(self, step: ProtocolStep, mode: str, path: str) -> float:
@@ -562,8 +549,13 @@ def protocol_sentence(protocol: Protocol) -> str:
     said.append(f"{how[:1].upper()}{how[1:]}: {body}." if how else f"{body[:1].upper()}{body[1:]}.")
     if protocol.last:
         said.append(f"Last {_parts(protocol.last, cases[-1], 'last')}.")
-    said += [_controlled(name, table) for name, table in protocol.control.items()]
-    said.append(_sampled(protocol))
+    for name, table in protocol.control.items():  # controllers that take the place of the rig's
+        gains = ", ".join(f"{_named(key)} {value}" for key, value in table.items() if key != "controller")
+        by = f" by {table['controller']}" if "controller" in table else ""
+        said.append(f"The {name} is controlled{by}{f' with {gains}' if gains else ''}.")
+    rate = protocol.sample_rate
+    shown = f"{rate / 1e3:.6g} kHz" if rate >= 1e3 else f"{rate:.6g} Hz"
+    said.append(f"Sampled at {shown}; needs {', '.join(protocol.required())}.")
     inferred = _inferred(protocol, cases)
     if inferred:
         said.append(f"Inferred, not printed: {'; '.join(inferred)}.")
@@ -670,19 +662,6 @@ def _marked(parts: tuple[FrozenTable, ...], case: Mapping[str, JsonValue], varie
                 if a != b:
                     marked[i] = f"this {_named(name)}"
     return "".join(marked)
-
-
-def _controlled(name: str, table: Mapping[str, JsonValue]) -> str:
-    """Which controller of a quantity takes the place of the rig's, with its parameters."""
-    gains = ", ".join(f"{_named(key)} {value}" for key, value in table.items() if key != "controller")
-    by = f" by {table['controller']}" if "controller" in table else ""
-    return f"The {name} is controlled{by}{f' with {gains}' if gains else ''}."
-
-
-def _sampled(protocol: Protocol) -> str:
-    rate = protocol.sample_rate
-    shown = f"{rate / 1e3:.6g} kHz" if rate >= 1e3 else f"{rate:.6g} Hz"
-    return f"Sampled at {shown}; needs {', '.join(protocol.required())}."
 
 
 def _inferred(protocol: Protocol, cases: list[dict[str, JsonValue]]) -> list[str]:

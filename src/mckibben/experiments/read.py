@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..accessors import implementation
-from ..documents import JsonValue, parse_toml, read_text
+from ..documents import JsonValue, parse_toml
 from ..errors import InputError
 from ..quantities import split_values
 from ..registry import with_own_references
@@ -46,20 +46,6 @@ SETTINGS = ("title", "note", "sample_rate", "order", "seed", "repeat")
 T = TypeVar("T")
 
 
-def read_protocol(path: str | os.PathLike[str]) -> Protocol:
-    """Read a protocol.
-
-    Args:
-        path: a TOML file.
-
-    Raises:
-        InputError: names the file, the dotted path, the value and what is allowed.
-    """
-    where = os.fspath(path)
-    document = parse_toml(read_text(path, field="protocol"), where=where, field="protocol")
-    return build_protocol(with_own_controllers(document, where), where=where)
-
-
 def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[str, JsonValue]:
     """The tables of a file with its controllers, such as ``my.py:MyController``, found from the folder of the file."""
     own = {"control": with_own_references(document["control"], where, "control")} if "control" in document else {}
@@ -67,12 +53,16 @@ def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[
 
 
 def parse_protocol(text: str, *, where: str) -> Protocol:
-    """The protocol of a file's text; raises as `read_protocol` does."""
+    """The protocol of a file's text; raises as `build_protocol` does."""
     return build_protocol(parse_toml(text, where=where, field="protocol"), where=where)
 
 
 def build_protocol(document: Mapping[str, JsonValue], *, where: str) -> Protocol:
-    """Read a protocol from tables of text; raises as `read_protocol` does."""
+    """Read a protocol from tables of text.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
     top = FileTable(document, "", where)
     if "schema" in document or "protocol" not in document:
         top.schema(SCHEMA)
@@ -121,7 +111,7 @@ def _read(
     return values
 
 
-def values_of(name: str, words: str, *, field: str, where: str | None = None) -> str | list[str]:
+def values_of(name: str, words: str, *, field: str) -> str | list[str]:
     """Values of a parameter, choice or setting from text: a list if there are several.
 
     Raises:
@@ -129,7 +119,7 @@ def values_of(name: str, words: str, *, field: str, where: str | None = None) ->
     """
     if name in TEXTS:
         return words.strip()
-    values = split_values(words, field=field, where=where)
+    values = split_values(words, field=field)
     return values if len(values) > 1 else words.strip()
 
 
@@ -164,7 +154,6 @@ def checked(protocol: Protocol, where: str | None) -> Protocol:
 
 
 def _check_choices(protocol: Protocol, where: str | None) -> None:
-    """Check that choices set parameters, to values that these allow."""
     parameters = {p.name: p for p in protocol.parameters}
     for c in protocol.choices:
         for option, sets in c.options:
@@ -217,10 +206,18 @@ def protocol(name: str | os.PathLike[str], **values: object) -> Protocol:
         >>> mk.protocol("quasi-static", pressure=["2 bar", "5 bar"], cycles=1)
         Protocol('quasi-static': Quasi-static triangle at constant pressure; 2 cases)
     """
-    path = os.fspath(name)
-    is_file = path.lower().endswith(".toml") or os.sep in path
-    base = implementation("bench.software.waveform_import:read_protocol")(path) if is_file else shipped(path)
-    return with_values(base, in_words(base, values))
+    return named_protocol(name, values)
+
+
+def named_protocol(name: Protocol | str | os.PathLike[str], values: Mapping[str, JsonValue]) -> Protocol:
+    """A protocol, that of a file, or a shipped one by its name, with other values as `protocol` has them."""
+    if isinstance(name, Protocol):
+        base = name
+    else:
+        path = os.fspath(name)
+        is_file = path.lower().endswith(".toml") or os.sep in path
+        base = implementation("bench.prepare:read_protocol")(path) if is_file else shipped(path)
+    return with_values(base, in_words(base, values)) if values else base
 
 
 def in_words(protocol: Protocol, values: Mapping[str, JsonValue]) -> dict[str, JsonValue]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from .conformance import conform
 from .export import export
-from .mujoco_callbacks import MuscleCallbacks, act_size
+from .mujoco_muscles import MuscleCallbacks, act_size
 from .part import Part, part_of
 
 __all__ = ["MuscleCallbacks", "Part", "act_size", "conform", "export", "part_of"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 import ctypes
+import functools
 import platform
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -16,11 +17,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .c_source import PartSource, c_source
-from .compiler import build_library, compiler_version
+from .c_source import PartSource, build_library, c_source, compiler_version
 from .part import Part
 from .scenarios import HostMoment, Scenario
 
+Numbers = Mapping[str, float]  # by the name of a muscle or a command
 MASSES = "physics.circuit.mass."  # beginning of the paths of the masses of gas in a part's state
 
 
@@ -68,9 +69,7 @@ class PartInstance(abc.ABC):
     """A part in a host without mechanics, at some moment; at first at rest at the span and commands of its first step."""
 
     @abc.abstractmethod
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         """Go on by one step of the host.
 
         Args:
@@ -89,7 +88,7 @@ class PartInstance(abc.ABC):
         """Return to what `save` returned, perhaps of another instance of the same part."""
 
     @abc.abstractmethod
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         """Evaluate outputs without going on."""
 
 
@@ -129,6 +128,29 @@ class HostedMechanism(abc.ABC):
     @abc.abstractmethod
     def look(self, moment: HostMoment) -> None:
         """Evaluate without going on."""
+
+
+class RebuiltMechanism(HostedMechanism):
+    """A mechanism whose copy is built anew and brought to the same moment."""
+
+    def __init__(self, scenario: Scenario, period: float) -> None:
+        self.scenario, self.period = scenario, period
+        self.build()
+        self._first = self.save()
+
+    @abc.abstractmethod
+    def build(self) -> None:
+        """Make the scenario in the host, at its start."""
+
+    def copy(self) -> HostedMechanism:
+        """Another one at the same moment."""
+        twin = type(self)(self.scenario, self.period)
+        twin.restore(self.save())
+        return twin
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self.restore(self._first)
 
 
 class OwnActuator(NamedTuple):
@@ -172,45 +194,38 @@ class HostAdapter(abc.ABC):
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The mechanism and part of a scenario at their start; the host's step [s]."""
 
-    @abc.abstractmethod
-    def close(self) -> None:
-        """Remove what was built."""
+    def close(self) -> None:  # noqa: B027 - most build nothing
+        """Remove what was built; nothing by default."""
 
     def own_actuator(self) -> OwnActuator | None:
         """The host's own actuator beside a part; None where it brings none along."""
         return None
 
 
-class LoopMechanism(HostedMechanism):
+class _LoopMechanism(HostedMechanism):
     """A mechanism stepped by a loop of ours: semi-implicitly where the host is staggered, else by the mean acceleration."""
 
-    def __init__(
-        self, scenario: Scenario, instance: PartInstance, period: float, *, staggered: bool, make: Any
-    ) -> None:
-        self.scenario, self.instance, self.period = scenario, instance, period
+    def __init__(self, scenario: Scenario, period: float, *, staggered: bool, make: Any) -> None:
+        self.scenario, self.instance, self.period = scenario, make(), period
         self.staggered, self._make = staggered, make
         self._position, self._rate = scenario.mechanism.start, 0.0
-        self._first = instance.save()
+        self._first = self.instance.save()
 
     @property
     def position(self) -> float:
-        """Position [m] or [rad]."""
         return self._position
 
     @property
     def rate(self) -> float:
-        """Rate of the position [m/s] or [rad/s]."""
         return self._rate
 
     def step(self, moment: HostMoment) -> PartReadings:
-        """Go on by one step: the part first, then the mechanism with the mean tension of the same step."""
         mechanism, h = self.scenario.mechanism, self.period
-        prescribed = moment.position is not None and moment.rate is not None
         if moment.position is not None and moment.rate is not None:
             self._position, self._rate = moment.position, moment.rate
         spans, rates = mechanism.span(self._position), mechanism.span_rate(self._rate)
-        readings = self.instance.step(h, spans, rates, moment.commands)
-        if prescribed:
+        readings = self.instance.step(h, spans, rates, moment.commands)  # the part first, then the mechanism
+        if moment.position is not None:
             self._position += h * self._rate
             return readings
         acceleration, before = mechanism.acceleration(readings.tension, moment.force), self._rate
@@ -219,27 +234,22 @@ class LoopMechanism(HostedMechanism):
         return readings
 
     def save(self) -> Any:
-        """Position, rate and the part."""
         return self._position, self._rate, self.instance.save()
 
     def restore(self, saved: Any) -> None:
-        """Return to what `save` returned."""
         self._position, self._rate, part = saved
         self.instance.restore(part)
 
     def copy(self) -> HostedMechanism:
-        """Another one at the same moment."""
-        twin = LoopMechanism(self.scenario, self._make(), self.period, staggered=self.staggered, make=self._make)
+        twin = _LoopMechanism(self.scenario, self.period, staggered=self.staggered, make=self._make)
         twin.restore(self.save())
         return twin
 
     def reset(self) -> None:
-        """Return to the start."""
         self._position, self._rate = self.scenario.mechanism.start, 0.0
         self.instance.restore(self._first)
 
     def look(self, moment: HostMoment) -> None:
-        """Evaluate without going on."""
         mechanism = self.scenario.mechanism
         self.instance.look(mechanism.span(self._position), mechanism.span_rate(self._rate), moment.commands)
 
@@ -253,11 +263,8 @@ class LoopHost(HostAdapter):
 
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The mechanism and part of a scenario at their start."""
-
-        def make() -> PartInstance:
-            return self.instance(scenario.part, scenario.parameters)
-
-        return LoopMechanism(scenario, make(), period, staggered=self.staggered, make=make)
+        make = functools.partial(self.instance, scenario.part, scenario.parameters)
+        return _LoopMechanism(scenario, period, staggered=self.staggered, make=make)
 
 
 class _PythonInstance(PartInstance):
@@ -267,10 +274,7 @@ class _PythonInstance(PartInstance):
         self.part, self.staggered = part, staggered
         self.state: np.ndarray | None = None
 
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
-        """Go on by one step."""
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         if self.state is None:
             self.state = self.part.rest(span, **commands)
         self.state, readings = self.part.step(
@@ -279,15 +283,12 @@ class _PythonInstance(PartInstance):
         return PartReadings.of(self.part, self.state, readings)
 
     def save(self) -> Any:
-        """The state."""
         return self.state
 
     def restore(self, saved: Any) -> None:
-        """Return to a state."""
         self.state = saved
 
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
-        """Observe."""
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         if self.state is not None:
             self.part.observe(self.state, span=span, rate=rate, **commands)
 
@@ -305,9 +306,6 @@ class PythonHost(LoopHost):
         """A new instance of a part."""
         return _PythonInstance(part.with_parameters(parameters), self.staggered)
 
-    def close(self) -> None:
-        """Nothing was built."""
-
 
 class _CompiledPart:
     """A part as a shared library."""
@@ -317,37 +315,22 @@ class _CompiledPart:
         self.name, self.source = source.name, source
         library = build_library([folder / f"{source.name}.c"], folder / f"{source.name}.so")
         self.library = ctypes.CDLL(str(library))
-        self.sizes = {g: _size(source, g) for g in ("parameters", "state", "inputs", "outputs")}
-        self.inputs, self.outputs = (_places(source, group) for group in ("inputs", "outputs"))
-        self.masses = [at for path, at in _places(source, "state").items() if path.startswith(MASSES)]
-        call = self.library[f"{source.name}_step"]
-        call.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_int, ctypes.c_void_p]
-        call.restype = None
-        look = self.library[f"{source.name}_observe"]
-        look.argtypes, look.restype = [ctypes.c_void_p] * 4, None
-        self.step, self.observe = call, look
+        groups = ("parameters", "state", "inputs", "outputs")
+        self.sizes = {g: int(sum(np.prod(v.shape) for v in source.of(g))) for g in groups}
+        self.inputs, self.outputs = source.places("inputs"), source.places("outputs")
+        self.masses = [at for path, at in source.places("state").items() if path.startswith(MASSES)]
+        self.step, self.observe = self.library[f"{source.name}_step"], self.library[f"{source.name}_observe"]
+        self.step.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_double, ctypes.c_int, ctypes.c_void_p]
+        self.observe.argtypes = [ctypes.c_void_p] * 4
+        self.step.restype = self.observe.restype = None
 
     def parameters(self, changes: Mapping[str, float]) -> np.ndarray:
-        """The parameters as they lie in memory, with some changed."""
         kind = ctypes.c_double * self.sizes["parameters"]
         values = np.array(kind.in_dll(self.library, f"{self.name}_default_parameters"))
-        places = _places(self.source, "parameters")
+        places = self.source.places("parameters")
         for path, value in changes.items():
             values[places[path]] = value
         return values
-
-
-def _size(source: PartSource, group: str) -> int:
-    return int(sum(np.prod(v.shape) for v in source.of(group)))
-
-
-def _places(source: PartSource, group: str) -> dict[str, int]:
-    """Where the numbers of a struct begin, by dotted path."""
-    places, at = {}, 0
-    for variable in source.of(group):
-        places[variable.path] = at
-        at += int(np.prod(variable.shape))
-    return places
 
 
 class _CInstance(PartInstance):
@@ -355,22 +338,17 @@ class _CInstance(PartInstance):
 
     def __init__(self, compiled: _CompiledPart, part: Part, changes: Mapping[str, float], staggered: bool) -> None:
         self.compiled, self.muscles, self.staggered = compiled, part.muscles, int(staggered)
-        self.numbers = [
-            compiled.parameters(changes),
-            *(np.zeros(compiled.sizes[g]) for g in ("state", "inputs", "outputs")),
-        ]
+        others = (np.zeros(compiled.sizes[group]) for group in ("state", "inputs", "outputs"))
+        self.numbers = [compiled.parameters(changes), *others]
         self.pointers = [vector.ctypes.data for vector in self.numbers]
 
-    def _put(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    def _put(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         places, inputs = self.compiled.inputs, self.numbers[2]
         for group, values in (("span", span), ("rate", rate), ("command", commands)):
             for name, value in values.items():
                 inputs[places[f"{group}.{name}"]] = value
 
-    def step(
-        self, period: float, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]
-    ) -> PartReadings:
-        """Go on by one step."""
+    def step(self, period: float, span: Numbers, rate: Numbers, commands: Numbers) -> PartReadings:
         self._put(span, rate, commands)
         parameters, state, inputs, outputs = self.pointers
         self.compiled.step(parameters, state, inputs, period, self.staggered, outputs)
@@ -383,40 +361,53 @@ class _CInstance(PartInstance):
         )
 
     def save(self) -> Any:
-        """A copy of the state."""
         return self.numbers[1].copy()
 
     def restore(self, saved: Any) -> None:
-        """Return to a state."""
         self.numbers[1][:] = saved
 
-    def look(self, span: Mapping[str, float], rate: Mapping[str, float], commands: Mapping[str, float]) -> None:
-        """Observe."""
+    def look(self, span: Numbers, rate: Numbers, commands: Numbers) -> None:
         self._put(span, rate, commands)
         self.compiled.observe(*self.pointers)
 
 
-class CHost(LoopHost):
-    """The part in C, called by a loop that steps as game engines do."""
-
-    name, title, staggered = "c", "C called from Python, semi-implicit Euler", True
+class BuildingHost(LoopHost):
+    """A host without mechanics for which each part is built once, into a folder that is removed with the host."""
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="mckibben-")
-        self._compiled: dict[str, _CompiledPart] = {}
+        self._built: dict[str, Any] = {}
+
+    @abc.abstractmethod
+    def build(self, part: Part, folder: Path) -> Any:
+        """What all instances of a part share; the folder is not there yet."""
+
+    def built(self, part: Part) -> Any:
+        """What was built for a part, now or before."""
+        key = part.fingerprint
+        if key not in self._built:
+            self._built[key] = self.build(part, Path(self._folder.name, key))
+        return self._built[key]
+
+    def close(self) -> None:
+        """Remove what was built."""
+        self._built.clear()
+        self._folder.cleanup()
+
+
+class CHost(BuildingHost):
+    """The part in C, called by a loop that steps as game engines do."""
+
+    name, title, staggered = "c", "C called from Python, semi-implicit Euler", True
 
     def version(self) -> str:
         """Version of the compiler."""
         return compiler_version()
 
+    def build(self, part: Part, folder: Path) -> _CompiledPart:
+        """The library of a part."""
+        return _CompiledPart(c_source(part, "part"), folder)
+
     def instance(self, part: Part, parameters: Mapping[str, float]) -> PartInstance:
         """A new instance of a part, which is compiled once."""
-        key = part.fingerprint
-        if key not in self._compiled:
-            self._compiled[key] = _CompiledPart(c_source(part, "part"), Path(self._folder.name, key))
-        return _CInstance(self._compiled[key], part, parameters, self.staggered)
-
-    def close(self) -> None:
-        """Remove the libraries."""
-        self._compiled.clear()
-        self._folder.cleanup()
+        return _CInstance(self.built(part), part, parameters, self.staggered)

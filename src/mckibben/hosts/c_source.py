@@ -2,17 +2,23 @@
 
     NAME_step(&NAME_default_parameters, &state, &inputs, 1e-3, NAME_SYNCHRONOUS, &outputs);
 
-The code allocates nothing, has no state of its own, and its state has no pointers: it may be copied with `memcpy`, kept, and
-brought back. A state of zeros is one that was never set; the part then rests at the span and command of its first step.
+The code allocates nothing, has no state of its own, and its state has no pointers: it may be copied with `memcpy`, kept,
+and brought back. A state of zeros is one that was never set; the part then rests at the span and command of its first step.
+Hosts that need a part as a library have it built by the C compiler of this machine.
 """
 
 from __future__ import annotations
 
 import functools
 import json
+import os
 import re
-from collections.abc import Iterator
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,9 +30,69 @@ from .._jax import jax
 from ..components.programs import lower_or_load
 from ..documents import write_text
 from ..engine.soundness import MEANINGS
-from ..errors import InputError
+from ..errors import EngineError, InputError
 from .coupling import HostStep, IntegratorStep, advance, complete, observe, rates, rest
 from .part import MODE, Part
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")  # no contraction: the same bits on every processor
+
+
+def compiler() -> list[str]:
+    """Command of the compiler: that of the variable CC, else cc, gcc or clang.
+
+    Raises:
+        EngineError: there is none.
+    """
+    if stated := os.environ.get("CC"):
+        return shlex.split(stated)
+    for name in ("cc", "gcc", "clang"):
+        if path := shutil.which(name):
+            return [path]
+    raise EngineError("No C compiler found: install gcc or clang, or name one in the environment variable CC.")
+
+
+def compiler_version() -> str:
+    """Name and version of the compiler, the first line that it prints of itself."""
+    done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, check=False)
+    return done.stdout.splitlines()[0] if done.stdout else compiler()[0]
+
+
+def build_library(
+    sources: Iterable[Path], library: Path, *, include: Iterable[Path] = (), link: Iterable[str] = ()
+) -> Path:
+    """Compile C sources to a shared library, with the flags of the variable CFLAGS behind those of the package.
+
+    Args:
+        sources: the sources.
+        library: path of the library; replaced as a whole.
+        include: folders of headers.
+        link: further arguments of the linker.
+
+    Returns:
+        The library.
+
+    Raises:
+        EngineError: no compiler, or the first error that it reports.
+    """
+    made = library.with_name(f"{library.name}.{os.getpid()}.new")
+    words = [
+        *compiler(),
+        *FLAGS,
+        *shlex.split(os.environ.get("CFLAGS", "")),
+        *(f"-I{folder}" for folder in include),
+        *map(str, sources),
+        "-o",
+        str(made),
+        *link,
+        "-lm",
+    ]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        errors = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
+        raise EngineError(f"The C compiler failed on {library.name}: {errors[0] if errors else 'no message'}.")
+    os.replace(made, library)
+    return library
+
 
 RESULTS = ("state", "outputs")
 UNITS_OF_OUTPUTS = {
@@ -96,6 +162,14 @@ class PartSource:
         """The variables of a struct."""
         return [v for v in self.variables if v.group == group]
 
+    def places(self, group: str) -> dict[str, int]:
+        """Where the numbers of a struct begin, by dotted path."""
+        places, at = {}, 0
+        for variable in self.of(group):
+            places[variable.path] = at
+            at += int(np.prod(variable.shape))
+        return places
+
     def write(self, folder: Path) -> list[Path]:
         """Write the files into a folder, each whole or not at all."""
         folder.mkdir(parents=True, exist_ok=True)
@@ -132,6 +206,7 @@ def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False)
         plan["complete"] = (complete, (hosted, state, inputs, before), (*both, "before"), RESULTS)
     functions = {}
     for called, (function, examples, arguments, results) in plan.items():
+        # One result stands in a tuple, so that it has a name of its own.
         wrapped = functools.partial(_single, function) if len(results) == 1 else function
         program, _ = lower_or_load(wrapped, *examples, title=part.title)
         functions[called] = lanewise.CFunction(program, arguments, results)
@@ -146,13 +221,17 @@ def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False)
         title=f"{part.title}; {part.statement}",
         extern=("rest", "observe", "derivatives", "complete"),
     )
-    variables = tuple(about.variables(library.structs, defaults, functions))
-    header, source = _with_step(name, library)
+    variables = tuple(about.variables(library.structs, defaults, functions["advance"]))
+    # The step that a host calls: declared before the end of the header, defined behind the functions.
+    meanings = ", ".join(json.dumps(meaning) for meaning in MEANINGS.values())
+    declared, defined = (with_names(shipped(f"c/step.{kind}"), name, MEANINGS=meanings) for kind in "hc")
+    mark = "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
+    assert library.header.endswith(mark)
+    header, source = library.header.removesuffix(mark) + declared + mark, library.source + defined
     return PartSource(name, part, {f"{name}.h": header, f"{name}.c": source}, variables)
 
 
 def _single(function: Any, *arguments: Any) -> tuple[Any]:
-    """A function with its one result in a tuple, so that the result has a name of its own."""
     return (function(*arguments),)
 
 
@@ -164,13 +243,11 @@ class _Meanings:
         self.drives = {drive.command: drive for drive in part.hosted.drives}
 
     def comment(self, group: str, path: str) -> str:
-        """The comment behind a member."""
         unit, bounds, meaning = self.of(group, path)
         limits = f", {bounds[0]:g} to {bounds[1]:g}" if np.isfinite(bounds).all() else ""
         return f"{path}{f' [{unit}]' if unit else ''}{limits}{': ' if meaning else ''}{meaning}"
 
     def of(self, group: str, path: str) -> tuple[str, tuple[float, float], str]:
-        """Unit, bounds and meaning."""
         free = (-np.inf, np.inf)
         first, _, rest_of = path.partition(".")
         if group == "parameters":
@@ -178,19 +255,16 @@ class _Meanings:
                 stated = self.declared[path]
                 low, high = stated.bounds
                 return stated.unit, (float(low), float(high)), stated.doc
-            return (
-                ("Pa", (-1e5, 1e7), f"gauge pressure of {rest_of} at the start") if first == "start" else ("", free, "")
-            )
+            start = ("Pa", (-1e5, 1e7), f"gauge pressure of {rest_of} at the start")
+            return start if first == "start" else ("", free, "")
         if group == "inputs":
             if first == "command":
                 drive = self.drives[rest_of]
                 return drive.unit, drive.range if drive.hard else free, drive.meaning
-            what = {
-                "span": ("m", "span from the anchor to the host's attachment of"),
-                "rate": ("m/s", "rate of the span of"),
-            }
-            unit, meaning = what[first]
-            return unit, self.part.span_limits[rest_of][:2] if first == "span" else free, f"{meaning} {rest_of}"
+            if first == "rate":
+                return "m/s", free, f"rate of the span of {rest_of}"
+            meaning = f"span from the anchor to the host's attachment of {rest_of}"
+            return "m", self.part.span_limits[rest_of][:2], meaning
         if group == "outputs":
             unit, meaning = UNITS_OF_OUTPUTS[path.rpartition(".")[2] if first == "muscle" else first]
             return unit, free, meaning
@@ -204,24 +278,18 @@ class _Meanings:
             return ("s", free, "length of the step") if path == "duration" else (unit, free, meaning)
         return {"period": ("s", free, "step of the host"), "staggered": ("1", free, "1 in a staggered host")}[first]
 
-    def variables(self, structs: Any, defaults: Any, functions: Any) -> Iterator[PartVariable]:
-        """All variables, with the values of their defaults."""
+    def variables(self, structs: Any, defaults: Any, advance: Any) -> Iterator[PartVariable]:
+        """All variables, with the values of their defaults, whose places are those of the arguments of `advance`."""
+        program, arguments, _ = advance
         for group, members in structs.items():
-            known = dict(_named_leaves(functions, group, defaults[group])) if group in defaults else {}
+            known = {}
+            if group in defaults:
+                begin = f"[{arguments.index(group)}]"
+                names = [lanewise.dotted_path(a.name) for a in program.arguments if a.name.startswith(begin)]
+                known = {n: np.asarray(v).tolist() for n, v in zip(names, defaults[group], strict=True)}
             for member in members:
-                unit, bounds, meaning = self.of(group, member.path)
-                yield PartVariable(
-                    group, member.name, member.path, unit, bounds, meaning, known.get(member.path), member.shape
-                )
-
-
-def _named_leaves(functions: Any, group: str, leaves: Any) -> Iterator[tuple[str, Any]]:
-    """Values of an argument's leaves by dotted path."""
-    program, arguments, _ = functions["advance"]
-    place = arguments.index(group)
-    names = [leaf.name for leaf in program.arguments if leaf.name.startswith(f"[{place}]")]
-    for name, value in zip(names, leaves, strict=True):
-        yield lanewise.dotted_path(name), np.asarray(value).tolist()
+                path, (unit, bounds, meaning) = member.path, self.of(group, member.path)
+                yield PartVariable(group, member.name, path, unit, bounds, meaning, known.get(path), member.shape)
 
 
 def per_second(unit: str) -> str:
@@ -229,49 +297,18 @@ def per_second(unit: str) -> str:
     return {"m/s": "m/s^2", "1": "1/s"}.get(unit, f"{unit}/s")
 
 
+def c_ends(bounds: tuple[float, float]) -> tuple[str, str]:
+    """Bounds as C writes them, none beyond the largest number."""
+    low, high = (repr(float(np.clip(b, -1.7e308, 1.7e308))) for b in bounds)
+    return low, high
+
+
+def shipped(path: str) -> str:
+    """The text of a template among the files of this package."""
+    return resources.files(__package__).joinpath(path).read_text(encoding="utf-8")
+
+
 def with_names(text: str, name: str, **words: str) -> str:
     """A text with the name of a part for NAME, the same in capitals for UPPER, and other words."""
     words = {"NAME": name, "UPPER": name.upper(), **words}
     return re.sub("|".join(words), lambda match: words[match[0]], text)
-
-
-def _with_step(name: str, library: lanewise.CLibrary) -> tuple[str, str]:
-    """Header and source with the step that a host calls."""
-    meanings = ", ".join(json.dumps(meaning) for meaning in MEANINGS.values())
-    declared, defined = (with_names(text, name, MEANINGS=meanings) for text in (STEP_DECLARED, STEP_DEFINED))
-    mark = "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
-    assert library.header.endswith(mark)
-    return library.header.removesuffix(mark) + declared + mark, library.source + defined
-
-
-STEP_DECLARED = """
-/* What the rates of the host's spans belong to: the time of the spans, or half a step earlier (semi-implicit Euler). */
-enum { UPPER_SYNCHRONOUS = 0, UPPER_STAGGERED = 1 };
-
-/* Numbers of which a state consists: it may be kept as an array of double. */
-enum { UPPER_STATE_SIZE = (int)(sizeof(NAME_state) / sizeof(double)) };
-
-/* Go on by one step of the host [s]: the mechanism is then stepped with the mean tensions of the outputs.
-   A state of zeros rests at these spans and commands first. */
-void NAME_step(const NAME_parameters *parameters, NAME_state *state, const NAME_inputs *inputs, double period,
-               int staggered, NAME_outputs *outputs);
-
-/* What a code of `sound` means: anything but 1 says why a step cannot be relied on. */
-const char *NAME_meaning(double sound);
-"""
-
-STEP_DEFINED = """
-void NAME_step(const NAME_parameters *restrict parameters, NAME_state *restrict state, const NAME_inputs *restrict inputs,
-               double period, int staggered, NAME_outputs *restrict outputs)
-{
-    const NAME_timing timing = {period, staggered == UPPER_STAGGERED ? 1.0 : 0.0};
-    if (!(state->started > 0.0)) NAME_rest(parameters, inputs, state);
-    NAME_advance(parameters, state, inputs, &timing, outputs);
-}
-
-const char *NAME_meaning(double sound)
-{
-    static const char *const meanings[] = {MEANINGS};
-    return meanings[(int)sound];
-}
-"""

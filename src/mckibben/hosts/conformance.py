@@ -1,8 +1,8 @@
 """Conformance of a host: the scenarios in it against the same systems integrated as one, and a certificate of the result.
 
-Measured are the errors of span, mean tension and pressure at steps of 0.5, 1, 2 and 5 ms, the order of the coupling, the gap
-between the host's work at the border and the part's account of it, whether states can be saved, restored, copied and reset
-with equal bits, the smallest mass that the host can move, and its speed.
+Measured are the errors of span, mean tension and pressure at steps of 0.5, 1, 2 and 5 ms, the order of the coupling, the
+gap between the host's work at the border and the part's account of it, whether states can be saved, restored, copied and
+reset with equal bits, the smallest mass that the host can move, and its speed.
 """
 
 from __future__ import annotations
@@ -16,15 +16,20 @@ import os
 import platform
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Column, Table
 from ..documents import JsonValue, parse_json, read_text, write_text
 from ..errors import ConvergenceError, InputError
+from ..quantities import from_si, with_unit
 from ..recordings.provenance import versions
+from ..verbs import HostName, ScenarioName, verb
 from .adapters import HostAdapter, HostedMechanism
 from .scenarios import SCENARIOS, START, STEPS, HostReference, Scenario, hanging, scenario
 
@@ -50,13 +55,13 @@ HOSTS: dict[str, str] = {
     "c": "adapters:CHost",
     "mujoco": "mujoco_host:MujocoHost",
     "mujoco-python": "mujoco_host:MujocoPythonHost",
-    "warp": "warp.host:WarpHost",
-    "newton": "warp.newton_host:NewtonHost",
+    "warp": "warp_host:WarpHost",
+    "newton": "warp_host:NewtonHost",
     "drake": "drake_host:DrakeHost",
-    "opensim": "opensim_host:OpensimHost",
-    "fmi3": "fmi.host:Fmi3Host",
-    "fmi2": "fmi.host:Fmi2Host",
-    "libcosim": "fmi.libcosim_host:LibcosimHost",
+    "opensim": "opensim:OpensimHost",
+    "fmi3": "fmi_host:Fmi3Host",
+    "fmi2": "fmi_host:Fmi2Host",
+    "libcosim": "fmi_host:LibcosimHost",
 }
 """Adapters by the names of their hosts, as ``module:class`` of this package; a module is imported when it is asked for."""
 
@@ -91,7 +96,8 @@ class Verdict(NamedTuple):
     holds: bool
 
 
-class Certificate(NamedTuple):
+@dataclass(frozen=True)
+class Certificate(Answer):
     """What a host does with a part.
 
     Attributes:
@@ -109,13 +115,65 @@ class Certificate(NamedTuple):
         """Whether all limits hold."""
         return all(verdict.holds for verdict in self.verdicts)
 
-    def document(self) -> dict[str, JsonValue]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """The certificate as JSON."""
         return self.content | {"verdicts": [v._asdict() for v in self.verdicts], "holds": self.holds}
 
+    def failure(self) -> str | None:
+        """Nothing beside the table of limits, where one is missed."""
+        return None if self.holds else ""
+
+    def tables(self) -> list[Table]:
+        """Largest differences of each scenario and step, and the limits."""
+        rows = []
+        for name, measured in self.content["scenarios"].items():
+            for period, row in measured["steps"].items():
+                off, unit, shown = row.get("position_error"), *(("rad", "deg") if measured["rotary"] else ("m", "mm"))
+                position = "given" if off is None else f"{from_si(off, unit, shown):.3f} {shown}"
+                named = {"scenario": name, "step": float(period), "position": position}
+                rows.append(named | {key: row[key] for key in ("tension_error", "pressure_error", "gap_J")})
+        columns = (
+            Column("scenario"),
+            Column("step", unit="s", shown="ms", places="g"),
+            Column("position", right=True),
+            Column("tension_error", "mean tension", "N", places=".3f"),
+            Column("pressure_error", "pressure", "Pa", "mbar", ".2f"),
+            Column("gap_J", "gap of work", "J", "mJ", ".2f"),
+        )
+        judged = [
+            {
+                "what": one.what,
+                **{key: with_unit(getattr(one, key), one.unit, 3) for key in ("value", "limit")},
+                "holds": "holds" if one.holds else "is missed",
+            }
+            for one in self.verdicts
+        ]
+        limits = (
+            Column("what", ""),
+            Column("value", "measured", right=True),
+            Column("limit", right=True),
+            Column("holds", ""),
+        )
+        c = self.content
+        how = f"{c['title']}; {c['version']}; {'staggered' if c['staggered'] else 'synchronous'}"
+        title = f"{how}\nLargest differences from the same system integrated as one"
+        return [Table(title, columns, rows), Table("Limits", limits, judged)]
+
+    def remarks(self) -> list[str]:
+        """Smallest mass and speed, and what is to be known of the host."""
+        said = []
+        if "steps_per_s" in self.content:
+            masses = ", ".join(
+                f"{'none' if m is None else f'{1e3 * m:.3g} g'} at {1e3 * float(h):g} ms"
+                for h, m in self.content["smallest_mass_kg"].items()
+            )
+            said.append(f"Smallest mass at the end of a muscle: {masses}.")
+            said.append(f"{self.content['steps_per_s']:g} steps of 1 ms in a second, with one muscle.")
+        return [*said, *self.content["caveats"]]
+
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the certificate as a JSON file."""
-        return write_text(Path(path), json.dumps(self.document(), indent=1, ensure_ascii=False) + "\n")
+        return write_text(Path(path), json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n")
 
 
 def read_certificate(path: str | os.PathLike[str]) -> Certificate:
@@ -127,7 +185,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
     try:
         content: dict[str, Any] = dict(parse_json(read_text(Path(path))))
         verdicts = tuple(Verdict(**verdict) for verdict in content.pop("verdicts"))
-        content.pop("holds")
+        content = {key: value for key, value in content.items() if key not in ("holds", "warnings")}
         return Certificate(str(content["host"]), content, verdicts)
     except (KeyError, TypeError, ValueError):
         raise InputError("file", str(path), "must be a certificate of mckibben conform") from None
@@ -146,21 +204,23 @@ def adapter(host: str) -> HostAdapter:
     return made
 
 
+@verb
 def conform(
-    host: str | HostAdapter,
+    host: HostName,
     *,
-    scenarios: Iterable[str] | None = None,
-    steps: Iterable[float] = STEPS,
+    scenarios: Sequence[ScenarioName] | None = None,
+    steps: Iterable[float] | None = None,
     states: bool = True,
-    progress: Callable[[str], None] = lambda sentence: None,
+    progress: Callable[[str], None] | None = None,
 ) -> Certificate:
-    """Run the scenarios in a host and judge the result.
+    """Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.
 
     Args:
-        host: its name, or an adapter of one's own.
-        scenarios: names of scenarios; all by default.
+        host: host to test: python, c, mujoco, mujoco-python, warp, newton, drake, opensim, fmi3, fmi2 or libcosim; in
+            Python also an adapter of one's own.
+        scenarios: scenario to run instead of all: isometric, hang, slack, loop, leak, joint or tank.
         steps: of the host [s]; those of the grid, 0.5, 1, 2 and 5 ms, by default.
-        states: whether to test saving, restoring and the like, the smallest mass, and speed.
+        states: test saving, restoring and the like, the smallest mass, and speed.
         progress: called with what is done next.
 
     Raises:
@@ -170,7 +230,7 @@ def conform(
     tested = adapter(host) if isinstance(host, str) else host
     try:
         chosen = [scenario(name) for name in (SCENARIOS if scenarios is None else scenarios)]
-        return _certify(tested, chosen, tuple(steps), states, progress)
+        return _certify(tested, chosen, tuple(steps or STEPS), states, progress or (lambda sentence: None))
     finally:
         if own:
             tested.close()
@@ -214,11 +274,10 @@ def _certify(
 def _measure(tested: HostAdapter, one: Scenario, steps: tuple[float, ...]) -> dict[str, Any]:
     reference = reference_of(one.name)
     rows = {f"{h:g}": _errors(one, reference, run(tested, one, h), h, tested.staggered) for h in steps}
-    key = "position_error" if one.mechanism.path is None else "tension_error"
-    order = None
-    moves = one.mechanism.path is None  # a given path is followed exactly by synchronous hosts
-    if moves and {"0.001", "0.002"} <= rows.keys() and rows["0.001"][key]:
-        order = math.log2(rows["0.002"][key] / rows["0.001"][key])
+    order, fine, coarse = None, rows.get("0.001"), rows.get("0.002")
+    # A given path has no order: synchronous hosts follow it exactly.
+    if one.mechanism.path is None and fine and coarse and fine["position_error"]:
+        order = math.log2(coarse["position_error"] / fine["position_error"])
     return {
         "title": one.title,
         "rotary": one.mechanism.rotary,
@@ -276,9 +335,8 @@ def _errors(
     off, apart, slack = [], [], []
     for name in one.mechanism.arms:
         means = reference.mean_tensions(name, begins, ends)
-        off.append(
-            np.abs(trace.tensions[name] - means)[1:].max()
-        )  # the first step of a staggered host lasts half as long
+        # Not the first step: that of a staggered host lasts half as long.
+        off.append(np.abs(trace.tensions[name] - means)[1:].max())
         pressures = np.interp(ends, reference.time, reference.pressures[name])
         apart.append(np.abs(trace.pressures[name] - pressures).max())
         around = reference.mean_tensions(name, begins - period, ends + period)
@@ -333,13 +391,10 @@ def _started(tested: HostAdapter, steps: int = CHECKED) -> tuple[HostedMechanism
 
 
 def _path(hosted: HostedMechanism, moments: list[Any]) -> list[tuple[float, ...]]:
-    """All that is seen of some steps."""
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for moment in moments:
-        readings = hosted.step(moment)
-        rows.append(
-            (hosted.position, hosted.rate, *readings.tension.values(), *readings.pressure.values(), readings.work)
-        )
+        seen = hosted.step(moment)
+        rows.append((hosted.position, hosted.rate, *seen.tension.values(), *seen.pressure.values(), seen.work))
     return rows
 
 
@@ -386,19 +441,15 @@ def _looks(tested: HostAdapter) -> bool:
 
 def _threads(tested: HostAdapter) -> bool:
     hosted, moments = _started(tested)
-    twins = [hosted.copy() for _ in range(THREADS)]
-    paths: list[Any] = [None] * THREADS
+    twins, together = [hosted.copy() for _ in range(THREADS)], threading.Barrier(THREADS)
 
-    def work(k: int) -> None:
-        paths[k] = _path(twins[k], moments)
+    def path(twin: HostedMechanism) -> list[tuple[float, ...]]:
+        together.wait()  # so that none has ended before another begins
+        return _path(twin, moments)
 
-    workers = [threading.Thread(target=work, args=(k,)) for k in range(THREADS)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    alone = _path(hosted, moments)
-    return all(path == alone for path in paths)
+    with ThreadPoolExecutor(THREADS) as workers:
+        paths = list(workers.map(path, twins))
+    return paths == [_path(hosted, moments)] * THREADS
 
 
 STATE_CHECKS: dict[str, Callable[[HostAdapter], bool]] = {
@@ -437,10 +488,7 @@ def smallest_mass(tested: HostAdapter, period: float) -> float | None:
         return None
     while high / low > 1.1:
         middle = math.sqrt(low * high)
-        if is_stable(tested, middle, period):
-            high = middle
-        else:
-            low = middle
+        low, high = (low, middle) if is_stable(tested, middle, period) else (middle, high)
     return high
 
 

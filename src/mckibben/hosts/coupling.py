@@ -1,7 +1,7 @@
 """Muscles with their air as a part of another program: spans in, mean tensions out.
 
-The border is the end of the muscle, or of its tendon where it has one. Whether it is taut or slack is its own state, so that
-nothing algebraic crosses, and the part has substeps of its own. In one call for a step h of the host, it
+The border is the end of the muscle, or of its tendon where it has one. Whether it is taut or slack is its own state, so
+that nothing algebraic crosses, and the part has substeps of its own. In one call for a step h of the host, it
 
 1. ramps each span from where the last ramp ended to ``span + ahead * rate``, ``ahead`` being h, or h/2 where the host's
    rates are half a step older than its positions, as those of a semi-implicit Euler method are (a staggered host);
@@ -30,7 +30,7 @@ from .._jax import Array, Tree, jax, jnp
 from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
 from ..assembly.muscle_unit import MuscleUnit
-from ..components import Environment, FlowElement, Module, Scalar, field
+from ..components import Environment, Module, Scalar, field
 from ..components.system import Exchange, Moment
 from ..engine.rates import RK4_LIMIT
 from ..engine.signals import Signal, Value
@@ -264,20 +264,10 @@ def rest(part: HostedMuscles, inputs: HostInputs) -> PartState:
     still = HostInputs(inputs.span, dict.fromkeys(inputs.rate, jnp.zeros(())), inputs.command)
     physics, memory = machine.at_rest(pressures, _moment(part, still, lines))
 
-    def as_array(tree: Tree) -> Tree:
-        return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), tree)
-
-    zeros = dict.fromkeys(part.muscles, jnp.zeros(()))
-    return PartState(
-        jnp.ones(()),
-        as_array(physics),
-        as_array(memory),
-        as_array(dict(inputs.span)),
-        as_array(dict(inputs.command)),
-        lines,
-        zeros,
-        dict.fromkeys(ACCOUNTS, jnp.zeros(())),
-    )
+    numbers = physics, memory, dict(inputs.span), dict(inputs.command)
+    numbers = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), numbers)
+    work, accounts = (dict.fromkeys(names, jnp.zeros(())) for names in (part.muscles, ACCOUNTS))
+    return PartState(jnp.ones(()), *numbers, lines, work, accounts)
 
 
 def advance(
@@ -297,19 +287,17 @@ def advance(
     driven = _driven(part, command)
     straight = {d.signal for d in part.drives if d.straight}
     before = _driven(part, state.command)
-    signals: dict[str, Any] = {
-        name: Signal(jnp.stack([before[name], value]), straight=True)
-        if name in straight
-        else Signal(jnp.stack([value, value]))
-        for name, value in driven.items()
-    }
-    signals |= {
-        f"{name}.span": Signal(jnp.stack([state.reach[name], end]), straight=True) for name, end in reach.items()
-    }
-    lines = {
-        element: state.lines[element].given(driven[signal], _dead_time(machine.circuit.elements[element]))
-        for element, signal in part.late
-    }
+    signals: dict[str, Any] = {}
+    for name, value in driven.items():
+        begin = before[name] if name in straight else value
+        signals[name] = Signal(jnp.stack([begin, value]), straight=name in straight)
+    for name, end in reach.items():
+        signals[f"{name}.span"] = Signal(jnp.stack([state.reach[name], end]), straight=True)
+    lines = {}
+    for element, signal in part.late:
+        delay = machine.circuit.elements[element].delay()
+        assert delay is not None  # of an element with a line
+        lines[element] = state.lines[element].given(driven[signal], delay)
     signals |= {f"{element}.command": lines[element] for element, _ in part.late} | _undelayed(part, signals)
 
     bound = machine.max_rate_bound(state.physics, state.memory, _at(signals, 0.0, duration))
@@ -361,12 +349,6 @@ def advance(
 def observe(part: HostedMuscles, state: PartState, inputs: HostInputs) -> PartOutputs:
     """Outputs at a moment, without going on; the mean tension is the present one."""
     return _outputs(part, state, _moment(part, inputs, state.lines), None)
-
-
-def _dead_time(element: FlowElement) -> Scalar:
-    delay = element.delay()
-    assert delay is not None  # of an element with a line
-    return delay
 
 
 def rates(part: HostedMuscles, state: PartState, inputs: HostInputs) -> Tree:
@@ -430,7 +412,6 @@ def complete(
 
 
 def _driven(part: HostedMuscles, command: Mapping[str, Any]) -> dict[str, Any]:
-    """Signals from the commands."""
     room = part.environment.pressure_abs
     return {d.signal: command[d.command] + (room if d.gauge else 0.0) for d in part.drives}
 
@@ -444,7 +425,6 @@ def _undelayed(part: HostedMuscles, signals: Mapping[str, Any]) -> dict[str, Any
 
 
 def _moment(part: HostedMuscles, inputs: HostInputs, lines: Mapping[str, CommandLine]) -> dict[str, Value]:
-    """Values of all signals at a moment."""
     zero = jnp.zeros(())
     values = {name: Value(value + zero, zero) for name, value in _driven(part, inputs.command).items()}
     values |= {f"{n}.span": Value(span + zero, inputs.rate[n] + zero) for n, span in inputs.span.items()}
@@ -456,23 +436,20 @@ def _at(signals: Mapping[str, Any], share: float, period: Any) -> dict[str, Valu
     return {name: signal.at(0, share, period) for name, signal in signals.items()}
 
 
-def _possible(part: HostedMuscles, spans: Mapping[str, Scalar]) -> Scalar:
-    """Whether every muscle can have its span."""
-    inside = []
-    for name, span in spans.items():
-        low, high, _ = span_limits(part.muscles[name].law)
-        inside.append((span >= low) & (span <= high))
-    return jnp.stack(inside).all()
-
-
 def _outputs(part: HostedMuscles, state: PartState, values: Any, tension: Mapping[str, Scalar] | None) -> PartOutputs:
     machine = part.machine
     out = outputs_of(machine, state.physics, state.memory, values)
     muscle = {name: {k: out[f"{name}.{v}"] for k, v in OF_MUSCLES.items()} for name in part.muscles}
+    bound = machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(())
+    inside = []  # whether every muscle can have its span
+    for name, span in state.reach.items():
+        low, high, _ = span_limits(part.muscles[name].law)
+        inside.append((span >= low) & (span <= high))
+    possible = jnp.stack(inside).all()
     return PartOutputs(
         tension or {name: values_of["tension_end"] for name, values_of in muscle.items()},
         muscle,
         state.work,
-        machine.max_rate_bound(state.physics, state.memory, values) + jnp.zeros(()),
-        jnp.where(_possible(part, state.reach), soundness(machine, state.physics, state.memory, out)[1], 0.0),
+        bound,
+        jnp.where(possible, soundness(machine, state.physics, state.memory, out)[1], 0.0),
     )

@@ -99,7 +99,6 @@ class MuscleSystem(LeafSystem):  # type: ignore[misc] # a class of an optional l
         return np.array(context.get_discrete_state(self._state).value()[: self._size])
 
     def _calc(self, context: Any, out: Any) -> None:
-        """The state after the step from this moment, with the outputs of the step."""
         numbers = context.get_discrete_state(self._state).value()
 
         def named(names: Sequence[str], port: Any) -> dict[str, float]:
@@ -147,11 +146,7 @@ class JointTendons(LeafSystem):  # type: ignore[misc] # a class of an optional l
     """
 
     def __init__(
-        self,
-        plant: Any,
-        muscles: tuple[str, ...],
-        arms: Mapping[str, Mapping[str, float]],
-        spans: Mapping[str, float],
+        self, plant: Any, muscles: tuple[str, ...], arms: Mapping[str, Mapping[str, float]], spans: Mapping[str, float]
     ) -> None:
         super().__init__()
         for field, values in (("arms", arms), ("spans", spans)):

@@ -16,7 +16,7 @@ def _drake(module: str) -> Any:
     return library(f"pydrake.{module}", "The host drake needs")
 
 
-class DrakeDiagram:
+class _DrakeDiagram:
     """A plant with one joint and the muscles of a scenario on it, with free commands and a free force."""
 
     def __init__(self, scenario: Scenario, period: float) -> None:
@@ -45,10 +45,10 @@ class DrakeDiagram:
         self.diagram = builder.Build()
 
 
-class DrakeMechanism(HostedMechanism):
+class _DrakeMechanism(HostedMechanism):
     """A scenario in Drake."""
 
-    def __init__(self, built: DrakeDiagram, context: Any = None) -> None:
+    def __init__(self, built: _DrakeDiagram, context: Any = None) -> None:
         self.built = built
         self.simulator = _drake("systems.analysis").Simulator(built.diagram, context)
         self.context = self.simulator.get_mutable_context()
@@ -64,12 +64,10 @@ class DrakeMechanism(HostedMechanism):
 
     @property
     def position(self) -> float:
-        """Position [m] or [rad]."""
         return float(self.built.plant.GetPositions(self._plant)[0])
 
     @property
     def rate(self) -> float:
-        """Rate of the position [m/s] or [rad/s]."""
         return float(self.built.plant.GetVelocities(self._plant)[0])
 
     def _put(self, moment: HostMoment) -> None:
@@ -80,7 +78,6 @@ class DrakeMechanism(HostedMechanism):
         self._force.FixValue(self.context, [self.built.scenario.mechanism.load + moment.force])
 
     def step(self, moment: HostMoment) -> PartReadings:
-        """Go on by one step of the plant."""
         self._put(moment)
         steps = round(self.context.get_time() / self.built.period) + 1
         self.simulator.AdvanceTo(steps * self.built.period)
@@ -92,27 +89,22 @@ class DrakeMechanism(HostedMechanism):
         return PartReadings(tension, pressure, sum(work.values()), muscles.part.gas_mass(muscles.part_state(context)))
 
     def save(self) -> Any:
-        """A copy of the context."""
         return self.context.Clone()
 
     def restore(self, saved: Any) -> None:
-        """Return to a context."""
         self.context.SetTimeStateAndParametersFrom(saved)
         self.simulator.Initialize()
 
     def copy(self) -> HostedMechanism:
-        """Another one at the same moment, with a copy of the context."""
-        return DrakeMechanism(self.built, self.context.Clone())
+        return _DrakeMechanism(self.built, self.context.Clone())
 
     def reset(self) -> None:
-        """Return to the default context, at the start of the scenario."""
         self.context.SetTime(0.0)
         self.built.diagram.SetDefaultContext(self.context)
         self.built.plant.SetPositions(self._plant, [self.built.scenario.mechanism.start])
         self.simulator.Initialize()
 
     def look(self, moment: HostMoment) -> None:
-        """Evaluate the tension that the next step would have."""
         self._put(moment)
         self.built.muscles.GetOutputPort("tension").Eval(self._muscles)
 
@@ -131,7 +123,4 @@ class DrakeHost(HostAdapter):
 
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The diagram of a scenario at its start."""
-        return DrakeMechanism(DrakeDiagram(scenario, period))
-
-    def close(self) -> None:
-        """Nothing was built."""
+        return _DrakeMechanism(_DrakeDiagram(scenario, period))

@@ -1,4 +1,9 @@
-"""Export of a part for another program."""
+"""Export of a part for another program: in C, and as a package of ROS 2; other targets have modules of their own.
+
+For ROS 2 a part with a simple mechanism is a hardware component of ros2_control around the exported C. Controllers see
+joints with position, velocity and effort, and a GPIO for each muscle with its valve, pressure, tension and span. Behind them
+is no hardware but the part, which pulls at joints with the inertia, damping and gravity that the robot description states.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.assumptions import table
+from ..assembly.build import assumption_table
 from ..documents import JsonValue, write_text
+from ..engine.soundness import SENTENCE
 from ..errors import InputError
 from ..extras import library
 from ..recordings.provenance import versions
-from .c_source import PartSource, PartVariable, c_source, with_names
-from .fmi import export_fmu, fmu_cautions
-from .mujoco_export import export_mujoco
+from .c_source import PartSource, PartVariable, c_ends, c_source, shipped, with_names
+from .fmi_export import export_fmu, fmu_cautions
+from .mujoco_muscles import export_mujoco
 from .part import Part
-from .ros2_export import export_ros2
-from .warp import export_warp
+from .warp_export import export_warp
 
 
 def export(part: Part, target: str, out: str | os.PathLike[str], *, name: str = "muscle_part") -> list[Path]:
@@ -65,7 +70,7 @@ def describe(source: PartSource) -> dict[str, JsonValue]:
         "muscles": list(part.muscles),
         "commands": list(part.commands),
         "mounting": part.mounting,
-        "assumptions": table(part.assumptions),
+        "assumptions": assumption_table(part.assumptions),
         "warnings": [str(one) for one in part.cautions],
         "smallest_mass_kg": {f"{h:g} s": mass for h, mass in part.smallest_masses().items()},
         **{group: [_described(v) for v in source.of(group)] for group in ("parameters", "state", "inputs", "outputs")},
@@ -85,64 +90,94 @@ def _export_c(source: PartSource, out: Path) -> list[Path]:
     files = source.write(out)
     about = json.dumps(describe(source), indent=1, ensure_ascii=False) + "\n"
     files.append(write_text(out / f"{source.name}.json", about))
-    first = sorted(source.part.muscles)[0]
-    tension = next(v.member for v in source.of("outputs") if v.path == f"tension.{first}")
-    command = source.part.hosted.drives[0]
-    filling = {"COMMAND": next(v.member for v in source.of("inputs") if v.path == f"command.{command.command}")}
-    filling["VALUE"] = "3e5" if command.unit == "Pa" else "1.0"
-    words = filling | {"TITLE": source.part.title.replace("*/", "* /"), "TENSION": tension}
-    for file, text in (("CMakeLists.txt", CMAKE), (f"{source.name}_example.c", EXAMPLE)):
+    first, drive = sorted(source.part.muscles)[0], source.part.hosted.drives[0]
+    words = {
+        "TITLE": source.part.title.replace("*/", "* /"),
+        "TENSION": next(v.member for v in source.of("outputs") if v.path == f"tension.{first}"),
+        "COMMAND": next(v.member for v in source.of("inputs") if v.path == f"command.{drive.command}"),
+        "VALUE": "3e5" if drive.unit == "Pa" else "1.0",
+    }
+    for file, text in (
+        ("CMakeLists.txt", shipped("c/CMakeLists.txt")),
+        (f"{source.name}_example.c", shipped("c/example.c")),
+    ):
         files.append(write_text(out / file, with_names(text, source.name, **words)))
     return files
 
 
-CMAKE = """# TITLE: a library, and an example that prints a tension
-cmake_minimum_required(VERSION 3.16)
-project(NAME LANGUAGES C)
-set(CMAKE_C_STANDARD 99)
-if(NOT CMAKE_BUILD_TYPE)
-  set(CMAKE_BUILD_TYPE Release)
-endif()
-add_library(NAME NAME.c)
-target_include_directories(NAME PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
-target_compile_options(NAME PRIVATE -ffp-contract=off)
-target_link_libraries(NAME PUBLIC m)
-add_executable(NAME_example NAME_example.c)
-target_link_libraries(NAME_example NAME)
-"""
+STEP = 1e-3  # longest step of the mechanism [s]
 
-EXAMPLE = """/* TITLE: held at the span of its start and filled for a tenth of a second. */
-#include <stdio.h>
-#include "NAME.h"
 
-int main(void)
-{
-    NAME_state state = {0};
-    NAME_inputs inputs = NAME_default_inputs;
-    NAME_outputs outputs;
-    inputs.COMMAND = VALUE;
-    for (int k = 1; k <= 100; ++k) {
-        NAME_step(&NAME_default_parameters, &state, &inputs, 1e-3, UPPER_SYNCHRONOUS, &outputs);
-        if (outputs.sound != 1.0) return 1;
-        if (k % 20 == 0) printf("%.3f s  %.17g N\\n", 1e-3 * k, outputs.TENSION);
+def export_ros2(source: PartSource, out: Path) -> list[Path]:
+    """Write a part as a package of ROS 2 with a ``SystemInterface``, and an example of a robot description.
+
+    Args:
+        source: the C of a part.
+        out: folder for the files.
+    """
+    files = source.write(out)
+    name = source.name
+    for file, text in (
+        (f"{name}_hardware.cpp", hardware_source(source)),
+        (f"{name}_hardware.xml", with_names(shipped("ros2/hardware.xml"), name)),
+        (f"{name}.ros2_control.xacro", example_description(source)),
+        ("CMakeLists.txt", with_names(shipped("ros2/CMakeLists.txt"), name)),
+        ("package.xml", with_names(shipped("ros2/package.xml"), name)),
+    ):
+        files.append(write_text(out / file, text))
+    return files
+
+
+def hardware_source(source: PartSource) -> str:
+    """The C++ of the hardware component."""
+    name, part = source.name, source.part
+    members = {(v.group, v.path): v.member for v in source.variables}
+
+    def of(group: str, path: str) -> str:
+        return f"&{name}_{group}::{members[group, path]}"
+
+    muscles, parameters = [], []
+    for muscle in part.muscles:
+        places = [of("inputs", f"span.{muscle}"), of("inputs", f"rate.{muscle}"), of("outputs", f"tension.{muscle}")]
+        places.append(of("outputs", f"muscle.{muscle}.pressure"))
+        low, high, _ = part.span_limits[muscle]
+        muscles.append(f'  {{"{muscle}", {part.span[muscle]!r}, {low!r}, {high!r}, {", ".join(places)}}},')
+    commands = [f'  {{"{command}", {of("inputs", f"command.{command}")}}},' for command in part.commands]
+    for variable in source.of("parameters"):
+        if variable.shape == ():
+            path, ends = variable.path.replace(".__self__", ""), ", ".join(c_ends(variable.bounds))
+            parameters.append(f'  {{"{path}", &{name}_parameters::{variable.member}, {ends}}},')
+    words: dict[str, Any] = {
+        "MUSCLEROWS": "\n".join(muscles),
+        "COMMANDROWS": "\n".join(commands),
+        "PARAMETERROWS": "\n".join(parameters),
+        "LONGEST": repr(STEP),
+        "SENTENCE": json.dumps(SENTENCE.format("%g", "%s")),
     }
-    return 0;
-}
-"""
+    return with_names(shipped("ros2/hardware.cpp"), name, **words)
 
 
-def _export_fmi3(source: PartSource, out: Path) -> list[Path]:
-    return export_fmu(source.part, out, source.name, 3)
-
-
-def _export_fmi2(source: PartSource, out: Path) -> list[Path]:
-    return export_fmu(source.part, out, source.name, 2)
+def example_description(source: PartSource) -> str:
+    """The part of a robot description that names the component: one joint, which all muscles move in turn to and fro."""
+    part = source.part
+    arms, gpios = [], []
+    for place, muscle in enumerate(part.muscles):
+        arms.append(f'      <param name="arm.{muscle}">{-0.02 if place % 2 else 0.02}</param>')
+        inner = [f'      <param name="span">{part.span[muscle]:.6g}</param>']
+        if muscle in part.commands:
+            inner.append('      <command_interface name="command"/>')
+        inner += [f'      <state_interface name="{shown}"/>' for shown in ("pressure", "tension", "span")]
+        gpios.append(f'    <gpio name="{muscle}">\n' + "\n".join(inner) + "\n    </gpio>")
+    for command in part.commands:
+        if command not in part.muscles:
+            gpios.append(f'    <gpio name="{command}">\n      <command_interface name="command"/>\n    </gpio>')
+    return with_names(shipped("ros2/ros2_control.xacro"), source.name, ARMS="\n".join(arms), GPIOS="\n".join(gpios))
 
 
 TARGETS: dict[str, Callable[[PartSource, Path], list[Path]]] = {
     "c": _export_c,
-    "fmi3": _export_fmi3,
-    "fmi2": _export_fmi2,
+    "fmi3": lambda source, out: export_fmu(source.part, out, source.name, 3),
+    "fmi2": lambda source, out: export_fmu(source.part, out, source.name, 2),
     "mujoco": export_mujoco,
     "warp": export_warp,
     "ros2": export_ros2,

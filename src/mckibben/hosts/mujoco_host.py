@@ -1,4 +1,7 @@
-"""MuJoCo as `mckibben conform` sees it: a part as a plugin, or by callbacks of Python, in models of the scenarios."""
+"""MuJoCo as `mckibben conform` sees it: a part as a plugin, or by callbacks of Python, in models of the scenarios.
+
+A model is a mass on a tendon, or a hinge between two muscles at gears.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,61 @@ from typing import Any
 import numpy as np
 
 from ..extras import library
-from .actuators import actuator_roles, state_sizes
 from .adapters import HostAdapter, HostedMechanism, PartReadings
 from .c_source import c_source
-from .mujoco_callbacks import MuscleCallbacks, act_size
-from .mujoco_export import SENSED, config_key, export_mujoco, plugin_name
-from .mujoco_model import model_text, pulled_ends
+from .mujoco_muscles import (
+    SENSED,
+    MuscleCallbacks,
+    act_size,
+    actuator_roles,
+    config_key,
+    export_mujoco,
+    plugin_name,
+    state_sizes,
+)
 from .part import Part
 from .scenarios import HostMoment, Scenario
+
+NO_RESET = '<flag autoreset="disable"/>'  # a mass that is too small is to be seen, not set back
+
+
+def model_text(
+    scenario: Scenario, period: float, *, actuators: str, extension: str = "", sensors: str = "", flags: str = NO_RESET
+) -> str:
+    """The text of a model.
+
+    Args:
+        scenario: the scenario.
+        period: of the steps [s].
+        actuators: elements of the muscles.
+        extension: element that names a plugin.
+        sensors: element of the sensors.
+        flags: elements of the options.
+    """
+    mechanism = scenario.mechanism
+    inertia = repr(mechanism.inertia)
+    if mechanism.rotary:
+        all_axes = " ".join([inertia] * 3)
+        limb = f'<inertial pos="0 0 0" mass="1" diaginertia="{all_axes}"/>'
+        body = f'<joint name="q" type="hinge" axis="0 1 0"/>{limb}'
+        tendon = ""
+    else:
+        ball = f'<inertial pos="0 0 0" mass="{inertia}" diaginertia="1 1 1"/>'
+        body = f'<joint name="q" type="slide" axis="0 0 -1"/>{ball}<site name="hook"/>'
+        tendon = '<tendon><spatial name="cord"><site site="anchor"/><site site="hook"/></spatial></tendon>'
+    return f"""<mujoco><option timestep="{period!r}" gravity="0 0 0">{flags}</option>
+{extension}
+<worldbody><site name="anchor"/><body>{body}</body></worldbody>{tendon}
+<actuator>{actuators}</actuator>{sensors}</mujoco>"""
+
+
+def pulled_ends(scenario: Scenario) -> dict[str, str]:
+    """What each muscle pulls at, as attributes of its actuator, in the order of the part."""
+    mechanism = scenario.mechanism
+    return {
+        name: f'joint="q" gear="{-mechanism.arms[name]!r}"' if mechanism.rotary else 'tendon="cord"'
+        for name in scenario.part.muscles
+    }
 
 
 def _mujoco() -> Any:
@@ -43,7 +93,6 @@ def _plugin(part: Part) -> str:
 
 
 def _plugin_model(scenario: Scenario, period: float) -> str:
-    """The model with one instance of the plugin, which has all muscles of the scenario."""
     part, plugin, size = scenario.part, _plugin(scenario.part), scenario.part.rest().size
     several = len(part.muscles) > 1
     config = {f"offset.{n}" if several else "offset": scenario.mechanism.spans[n] for n in part.muscles}
@@ -64,7 +113,6 @@ def _plugin_model(scenario: Scenario, period: float) -> str:
 
 
 def _callback_model(scenario: Scenario, period: float) -> str:
-    """The model with an actuator of the user's kind for each muscle."""
     part, rows = scenario.part, []
     for name, end in pulled_ends(scenario).items():
         dynamics = f' dyntype="user" actdim="{act_size(part)}"' if name == part.muscles[0] else ""
@@ -73,7 +121,7 @@ def _callback_model(scenario: Scenario, period: float) -> str:
     return model_text(scenario, period, actuators="".join(rows))
 
 
-class MujocoMechanism(HostedMechanism):
+class _MujocoMechanism(HostedMechanism):
     """A scenario in MuJoCo, whatever the way of its muscles into it."""
 
     def __init__(self, scenario: Scenario, model: Any, data: Any) -> None:
@@ -84,12 +132,10 @@ class MujocoMechanism(HostedMechanism):
 
     @property
     def position(self) -> float:
-        """Position [m] or [rad]."""
         return float(self.data.qpos[0])
 
     @property
     def rate(self) -> float:
-        """Rate of the position [m/s] or [rad/s]."""
         return float(self.data.qvel[0])
 
     def _put(self, moment: HostMoment) -> None:
@@ -99,97 +145,88 @@ class MujocoMechanism(HostedMechanism):
         self.data.qfrc_applied[0] = self.scenario.mechanism.load + moment.force
 
     def step(self, moment: HostMoment) -> PartReadings:
-        """Go on by one step of MuJoCo."""
         self._put(moment)
         self.mujoco.mj_step(self.model, self.data)
         tensions = dict(zip(self.names, (-self.data.actuator_force).tolist(), strict=True))
         pressures, work = self.seen()
-        return PartReadings(tensions, pressures, work, self._gas())
+        return PartReadings(tensions, pressures, work, self.scenario.part.gas_mass(self._state()))
 
-    def _gas(self) -> float:
-        """Mass of the gas [kg], from the activations, which begin with the state of the part."""
-        return self.scenario.part.gas_mass(self.data.act[: self._sizes.size] * self._sizes)
+    def _state(self) -> np.ndarray:
+        state: np.ndarray = self.data.act[: self._sizes.size] * self._sizes
+        return state
 
     @abc.abstractmethod
     def seen(self) -> tuple[dict[str, float], float]:
         """Pressures of the muscles [Pa], and work of the host on all of them [J]."""
 
     def save(self) -> np.ndarray:
-        """The state of the integration."""
         state = np.empty(self.mujoco.mj_stateSize(self.model, self._kind))
         self.mujoco.mj_getState(self.model, self.data, state, self._kind)
         return state
 
     def restore(self, saved: np.ndarray) -> None:
-        """Return to a state."""
         self.mujoco.mj_setState(self.model, self.data, saved, self._kind)
 
     def copy(self) -> HostedMechanism:
-        """Another one at the same moment, by ``mj_copyData``."""
         data = self.mujoco.MjData(self.model)
         self.mujoco.mj_copyData(data, self.model, self.data)
         return type(self)(self.scenario, self.model, data)
 
     def reset(self) -> None:
-        """Return to the start."""
         self.mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[0] = self.scenario.mechanism.start
 
     def look(self, moment: HostMoment) -> None:
-        """Evaluate by ``mj_forward``."""
         self._put(moment)
         self.mujoco.mj_forward(self.model, self.data)
 
 
-class PluginMechanism(MujocoMechanism):
+class _PluginMechanism(_MujocoMechanism):
     """A scenario in MuJoCo with the plugin."""
 
     def seen(self) -> tuple[dict[str, float], float]:
-        """Pressures and work, from the sensor."""
         seen = self.data.sensordata.reshape(len(self.names), len(SENSED))
         pressures = dict(zip(self.names, seen[:, SENSED.index("pressure")].tolist(), strict=True))
         return pressures, float(seen[:, SENSED.index("work")].sum())
 
 
-class CallbackMechanism(MujocoMechanism):
+class _CallbackMechanism(_MujocoMechanism):
     """A scenario in MuJoCo with callbacks of Python."""
 
     callbacks: MuscleCallbacks
 
     def seen(self) -> tuple[dict[str, float], float]:
-        """Pressures and work, as the part has them at the end of the step."""
-        values = self.callbacks.observe(self.model, self.data, self.names[0])._asdict()
-        alone = len(self.names) == 1
-        pressure, work = (
-            {n: values[name if alone else f"{n}_{name}"] for n in self.names} for name in ("pressure", "work")
-        )
-        return pressure, sum(work.values())
+        outputs = self.callbacks.observe(self.model, self.data, self.names[0])
+        readings = PartReadings.of(self.scenario.part, self._state(), outputs)
+        return readings.pressure, readings.work
 
     def copy(self) -> HostedMechanism:
-        """Another one at the same moment, with the same callbacks."""
         twin = super().copy()
-        assert isinstance(twin, CallbackMechanism)
+        assert isinstance(twin, _CallbackMechanism)
         twin.callbacks = self.callbacks
         return twin
 
 
-class MujocoHost(HostAdapter):
-    """MuJoCo with the plugin, tendons for one muscle and gears at a hinge for two of one instance."""
-
-    name, title, staggered = "mujoco", "MuJoCo, engine plugin, Euler", True
+class _MujocoHost(HostAdapter):
+    staggered = True
 
     def __init__(self) -> None:
         _mujoco().set_mju_user_warning(lambda sentence: None)  # of masses that are too small, which are looked for
 
     def version(self) -> str:
-        """Version of MuJoCo."""
         return f"MuJoCo {_mujoco().__version__}"
+
+
+class MujocoHost(_MujocoHost):
+    """MuJoCo with the plugin, tendons for one muscle and gears at a hinge for two of one instance."""
+
+    name, title = "mujoco", "MuJoCo, engine plugin, Euler"
 
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The model of a scenario at its start."""
         mujoco = _mujoco()
         model = mujoco.MjModel.from_xml_string(_plugin_model(scenario, period))
-        hosted = PluginMechanism(scenario, model, mujoco.MjData(model))
+        hosted = _PluginMechanism(scenario, model, mujoco.MjData(model))
         hosted.reset()
         return hosted
 
@@ -198,19 +235,15 @@ class MujocoHost(HostAdapter):
         _mujoco().set_mju_user_warning(None)
 
 
-class MujocoPythonHost(HostAdapter):
+class MujocoPythonHost(_MujocoHost):
     """MuJoCo with callbacks of Python, tendons for one muscle and gears at a hinge for two of one part."""
 
-    name, title, staggered = "mujoco-python", "MuJoCo, callbacks of Python, Euler", True
+    name, title = "mujoco-python", "MuJoCo, callbacks of Python, Euler"
 
     def __init__(self) -> None:
-        _mujoco().set_mju_user_warning(lambda sentence: None)
+        super().__init__()
         self._callbacks: MuscleCallbacks | None = None
         self._parts: dict[str, Part] = {}  # with the parameters of scenarios, so that each is compiled once
-
-    def version(self) -> str:
-        """Version of MuJoCo."""
-        return f"MuJoCo {_mujoco().__version__}"
 
     def open(self, scenario: Scenario, period: float) -> HostedMechanism:
         """The model of a scenario at its start, and its callbacks instead of those of the last one."""
@@ -221,7 +254,7 @@ class MujocoPythonHost(HostAdapter):
         model = mujoco.MjModel.from_xml_string(_callback_model(scenario, period))
         self._callbacks = MuscleCallbacks(model, {part.muscles: part})
         self._callbacks.install()
-        hosted = CallbackMechanism(scenario, model, mujoco.MjData(model))
+        hosted = _CallbackMechanism(scenario, model, mujoco.MjData(model))
         hosted.callbacks = self._callbacks
         hosted.reset()
         return hosted

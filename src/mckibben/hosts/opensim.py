@@ -6,8 +6,9 @@
     seen = together.step(muscle=0.3)
 
 Each muscle is a `PathActuator` of the model, whose length is the span and whose force the part gives. In each step the part
-goes first, along the lengthening speeds of the moment; the model is then integrated with the mean tensions of the same step,
-by its own integrator.
+goes first, along the lengthening speeds of the moment; the model is then integrated with the mean tensions of the same
+step, by its own integrator. As `mckibben conform` sees OpenSim, the scenarios are paths between points on a slider, or two
+of constant moment arms on a hinge.
 """
 
 from __future__ import annotations
@@ -19,7 +20,11 @@ import numpy as np
 
 from ..errors import ConvergenceError, InputError
 from ..extras import library
+from ..muscles import Muscle
+from ..muscles.laws.ideal import Ideal
+from .adapters import HostAdapter, HostedMechanism, OwnActuator, PartReadings, RebuiltMechanism
 from .part import Part
+from .scenarios import HostMoment, Scenario
 
 ACCURACY = 1e-6  # of OpenSim's integrator
 
@@ -173,9 +178,8 @@ class CoSimulation:
             after = self._manager.integrate(self._count * self.period)
         except RuntimeError as error:
             raise ConvergenceError(f"OpenSim could not integrate the model at {self.time:g} s: {error}") from None
-        self.state.setTime(
-            after.getTime()
-        )  # into the same state: a copied one keeps lengthening speeds of another moment
+        # Into the same state: a copied one keeps lengthening speeds of another moment.
+        self.state.setTime(after.getTime())
         self.state.setY(after.getY())
         return readings
 
@@ -200,3 +204,125 @@ class CoSimulation:
         self.state.setY(numbers)
         self._count = round(saved.time / self.period)
         self._part_state = saved.part if saved.part.size else None
+
+
+CONFORM_ACCURACY = 1e-9  # so that the errors are those of the coupling
+SLACK_SPAN, SLACK_PRESSURE = 0.15, 5e5  # where a braid that is free at 17.3 cm is slack [m], [Pa]
+TO_LARGER_POSITIONS = "outside"  # name of the actuator by which load and force act
+
+
+def _opensim() -> Any:
+    return library("opensim", "The host opensim needs")
+
+
+def _model(scenario: Scenario) -> Any:
+    """The model of a scenario: a mass on a slider at the end of a path, or a hinge with paths of constant moment arms."""
+    osim, mechanism = _opensim(), scenario.mechanism
+    model = osim.Model()
+    model.setName(scenario.name)
+    model.setGravity(osim.Vec3(0.0))
+    inertia = mechanism.inertia if mechanism.rotary else 1.0
+    mass = 1.0 if mechanism.rotary else mechanism.inertia
+    body = osim.Body("load", mass, osim.Vec3(0.0), osim.Inertia(inertia, inertia, inertia))
+    model.addBody(body)
+    zero, ground = osim.Vec3(0.0), model.getGround()
+    if mechanism.rotary:
+        joint = osim.PinJoint("joint", ground, zero, zero, body, zero, zero)
+    else:
+        joint = osim.SliderJoint("joint", ground, zero, zero, body, zero, zero)
+    coordinate = joint.updCoordinate()
+    coordinate.setName("q")
+    coordinate.setDefaultValue(mechanism.start)
+    model.addJoint(joint)
+    for name, arm in mechanism.arms.items():
+        actuator = osim.PathActuator()
+        actuator.setName(name)
+        if mechanism.rotary:
+            path, names = osim.FunctionBasedPath(), osim.StdVectorString()
+            names.append("/jointset/joint/q")
+            path.setCoordinatePaths(names)
+            line = osim.Vector.createFromMat(np.array([mechanism.spans[name], -arm]))
+            path.setLengthFunction(osim.MultivariatePolynomialFunction(line, 1, 1))
+            actuator.set_path(path)
+        else:
+            actuator.addNewPathPoint("anchor", ground, zero)
+            actuator.addNewPathPoint("hook", body, zero)
+        model.addForce(actuator)
+    outside = osim.CoordinateActuator("q")
+    outside.setName(TO_LARGER_POSITIONS)
+    model.addForce(outside)
+    model.finalizeConnections()
+    return model
+
+
+class _OpensimMechanism(RebuiltMechanism):
+    """A scenario in OpenSim."""
+
+    def build(self) -> None:
+        scenario, period = self.scenario, self.period
+        part = scenario.part.with_parameters(scenario.parameters)
+        names = {name: name for name in part.muscles}
+        self.coupled = CoSimulation(_model(scenario), part, names, period=period, accuracy=CONFORM_ACCURACY)
+        forces = self.coupled.model.updForceSet()
+        self._outside = _opensim().CoordinateActuator.safeDownCast(forces.get(TO_LARGER_POSITIONS))
+        self._outside.overrideActuation(self.coupled.state, True)
+
+    @property
+    def position(self) -> float:
+        return float(self.coupled.state.getQ().get(0))
+
+    @property
+    def rate(self) -> float:
+        return float(self.coupled.state.getU().get(0))
+
+    def _put(self, moment: HostMoment) -> None:
+        osim, state = _opensim(), self.coupled.state
+        if moment.position is not None:
+            state.setQ(osim.Vector(1, moment.position))
+            state.setU(osim.Vector(1, moment.rate))
+        self._outside.setOverrideActuation(state, self.scenario.mechanism.load + moment.force)
+
+    def step(self, moment: HostMoment) -> PartReadings:
+        self._put(moment)
+        outputs = self.coupled.step(**moment.commands)
+        state = self.coupled.part_state
+        assert state is not None  # after a step
+        return PartReadings.of(self.coupled.part, state, outputs)
+
+    def save(self) -> Any:
+        return self.coupled.save_state()
+
+    def restore(self, saved: Any) -> None:
+        self.coupled.load_state(saved)
+
+    def look(self, moment: HostMoment) -> None:
+        self._put(moment)
+        self.coupled.observe(**moment.commands)
+
+
+class OpensimHost(HostAdapter):
+    """OpenSim, co-simulated from Python."""
+
+    name, title, staggered = "opensim", "OpenSim, co-simulation in Python, Runge-Kutta-Merson", False
+
+    def __init__(self) -> None:
+        # It stays quiet for good, because it prints a line when it is let speak again.
+        _opensim().Logger.removeFileSink()  # it would write opensim.log into the working directory
+        _opensim().Logger.setLevelString("error")
+
+    def version(self) -> str:
+        """Version of OpenSim."""
+        return f"OpenSim {_opensim().GetVersion().split('-')[0]}"
+
+    def open(self, scenario: Scenario, period: float) -> HostedMechanism:
+        """The model of a scenario at its start."""
+        return _OpensimMechanism(scenario, period)
+
+    def own_actuator(self) -> OwnActuator:
+        """OpenSim's McKibbenActuator beside a part with the same ideal law."""
+        braid = {"thread_length": 0.30, "turns": 1.5}
+        (own,) = actuator_tensions([SLACK_SPAN], pressure=SLACK_PRESSURE, **braid)
+        part = Part(Muscle(Ideal(**braid)), span=SLACK_SPAN, pressure=SLACK_PRESSURE)
+        tension = float(part.observe(part.rest(), span=SLACK_SPAN).tension)
+        title = "OpenSim's McKibbenActuator, threads of 30 cm with 1.5 turns, 5 bar"
+        return OwnActuator(title, SLACK_SPAN, own, tension)

@@ -18,14 +18,13 @@ import threading
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._jax import jax
 from ..answers import Caution, collect, warn
-from ..assembly.assumptions import Assumption, of_unit
-from ..assembly.build import unit_from_specimen
+from ..assembly.build import Assumption, unit_assumptions, unit_from_specimen
 from ..assembly.circuit_file import CircuitPlan, read_circuit
 from ..assembly.loads import HostLoad
 from ..assembly.machine import Machine
@@ -56,17 +55,7 @@ from ..simulation.mechanisms import (
 from ..simulation.stepping import CommandInput
 from ..slips import size_caution
 from ..specimens import specimen
-from .coupling import (
-    OF_MUSCLES,
-    HostedMuscles,
-    HostInputs,
-    HostStep,
-    PartOutputs,
-    PartState,
-    advance,
-    observe,
-    rest,
-)
+from .coupling import OF_MUSCLES, HostedMuscles, HostInputs, HostStep, PartOutputs, advance, observe, rest
 
 MODE = "default"  # of the compiler: the same bits in every host
 SUBSTEP = 5e-5  # [s]
@@ -77,16 +66,12 @@ SLOPE_STRETCH = 1e-5  # by which the slope of the mean tension is measured [m]
 STEPS_OF_HOSTS = (5e-4, 1e-3, 2e-3, 5e-3)  # for which the smallest mass is stated [s]
 
 
-class PartLayouts:
-    """How parameters, state, inputs and outputs of one structure of parts lie in vectors."""
+class PartLayouts(NamedTuple):
+    """How parameters, state and inputs of one structure of parts lie in vectors."""
 
-    def __init__(self, part: HostedMuscles, state: PartState, inputs: HostInputs) -> None:
-        self.part, self.state, self.inputs = (Layout.of(tree) for tree in (part, state, inputs))
-
-    @property
-    def key(self) -> tuple[Layout, Layout, Layout]:
-        """The three layouts, which can be hashed."""
-        return self.part, self.state, self.inputs
+    part: Layout
+    state: Layout
+    inputs: Layout
 
 
 def _advance(layouts: Any, part: Any, state: Any, inputs: Any, timing: Any) -> tuple[Any, Any]:
@@ -175,7 +160,12 @@ class Part:
             d.command: d.silent(published(named[d.command]) if d.command in named else None) for d in self.air.drives
         }
         self._said: set[str] = set()  # commands of which something was said
-        self.cautions: tuple[Caution, ...] = self._cautions(named, units, starts, substep)
+        said = [*self.air.cautions, size_caution(substep, "s", name="substep", usual=USUAL_SUBSTEPS)]
+        for name, muscle in named.items():
+            of, spec, start = "" if len(units) == 1 else f" of {name}", published(muscle), starts[name]
+            said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
+            said.append(pressure_caution(start, spec, text=f"{start:g}", name=f"start pressure{of}"))
+        self.cautions: tuple[Caution, ...] = collect(*said)
         warn(self.cautions)
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
@@ -185,9 +175,8 @@ class Part:
         self.command: dict[str, float] = {**dict.fromkeys(self.commands, 0.0), **self.air.begins, **settled}
         self.title = title or f"{' and '.join(units)} with air"
         ways = {name: unit.mounting for name, unit in units.items()}
-        same = len(set(ways.values())) == 1
         self.mounting = "; ".join(f"{n} {way}" for n, way in ways.items())
-        if same:
+        if len(set(ways.values())) == 1:
             self.mounting = f"{' and '.join(ways)} {next(iter(ways.values()))}"
             if len(ways) > 1:
                 self.mounting = self.mounting.replace("its anchors", "their anchors")
@@ -195,7 +184,9 @@ class Part:
         for name, muscle in named.items():
             if not isinstance(muscle, MuscleUnit):
                 cord = tendons.get(name)
-                made += of_unit(name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon))
+                made += unit_assumptions(
+                    name, units[name], usual_tendon=cord is not None and not isinstance(cord, Tendon)
+                )
             if name not in stated:
                 made.append(Assumption(f"span of {name}", self.span[name], "m", USUAL_SPAN))
         self.assumptions = tuple(made)
@@ -233,9 +224,8 @@ class Part:
             if rest is not None:  # friction and creep go with the length that the file states
                 spec, _ = at_rest_length(spec, name_of_law, {"rest_length": float(rest)})
             units[name] = unit_from_specimen(spec).replace(law=node.law)
-            usual[name] = (
-                float(values[node.signal][0]) if node.length is None and node.signal else float(node.length or 0)
-            )
+            moved = node.length is None and node.signal
+            usual[name] = float(values[node.signal][0]) if moved else float(node.length or 0)
         if not units:
             raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
         spans = usual | _by_muscle(span, "m", "span", units)
@@ -245,7 +235,7 @@ class Part:
         inputs = self.inputs(self.span, dict.fromkeys(self.muscles, 0.0), self.command)
         as_shapes = jax.eval_shape(rest, self.hosted, inputs)
         example = jax.tree.map(lambda s: np.zeros(s.shape, s.dtype), as_shapes)
-        self.layouts = PartLayouts(self.hosted, example, inputs)
+        self.layouts = PartLayouts(*map(Layout.of, (self.hosted, example, inputs)))
         self.parameters = self.layouts.part.pack(self.hosted)
         self._size = self.layouts.state.size
         self.example_state, self.example_inputs = example, inputs
@@ -258,7 +248,7 @@ class Part:
         self._masses_in_state = np.array([int(at) for at in numbered.physics["circuit"]["mass"].values()], int)
         names = _output_names(self.muscles)
         self.outputs = tuple(names)
-        self._Outputs: Any = _observation_type(names)
+        self._Outputs: Any = namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
 
     def __repr__(self) -> str:
         spans = ", ".join(f"{name} {with_unit(span, 'm')}" for name, span in self.span.items())
@@ -269,21 +259,6 @@ class Part:
         """How the muscles are held, and what was assumed, for the sources and descriptions of hosts."""
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
         return f"{self.mounting}; assumed: {assumed}"
-
-    def _cautions(
-        self,
-        muscles: Mapping[str, AnyMuscle],
-        units: Mapping[str, MuscleUnit],
-        starts: Mapping[str, float],
-        step: Amount,
-    ) -> tuple[Caution, ...]:
-        said = [*self.air.cautions, size_caution(step, "s", name="substep", usual=USUAL_SUBSTEPS)]
-        for name, muscle in muscles.items():
-            of = "" if len(units) == 1 else f" of {name}"
-            said += mounted_cautions(muscle, units[name], self.span[name], f"span{of}")
-            spec = published(muscle)
-            said.append(pressure_caution(starts[name], spec, text=f"{starts[name]:g}", name=f"start pressure{of}"))
-        return collect(*said)
 
     def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
         """The inputs of a moment as a tree."""
@@ -383,11 +358,10 @@ class Part:
         return self._Outputs._make(out.tolist())
 
     def _call(self, key: str, function: Any, arrays: list[np.ndarray], sizes: list[int]) -> list[np.ndarray]:
-        """Run one of the functions of vectors on places in memory that are kept for it."""
         with self._lock:
             if key not in self._calls:
                 places = [np.zeros_like(vector) for vector in arrays]
-                bound = functools.partial(function, self.layouts.key)
+                bound = functools.partial(function, tuple(self.layouts))
                 compiled = compile_function(bound, self.parameters, *places, title="a part")
                 wanted = [np.zeros(size) for size in sizes]
                 self._calls[key] = places, wanted, _bind(compiled, [self.parameters, *places], wanted)
@@ -398,7 +372,6 @@ class Part:
             return [vector.copy() for vector in wanted]
 
     def _moment(self, state: np.ndarray, span: Any, rate: Any, commands: Mapping[str, Any]) -> np.ndarray:
-        """The inputs of a moment as a vector; commands that are left out stay as the state has them."""
         spans = self._spans(span)
         rates = _by_muscle(rate, "m/s", "rate", self.muscles)
         for name, value in rates.items():
@@ -411,15 +384,12 @@ class Part:
         return vector
 
     def _spans(self, span: Any) -> dict[str, float]:
-        """Spans by muscle [m]; refuses one that its muscle cannot have."""
         spans = _by_muscle(span, "m", "span", self.muscles)
         for name, value in spans.items():
             low, high, _ = self.span_limits[name]
             if not low <= value <= high:
-                ends = f"{with_unit(low, 'm')} to {with_unit(high, 'm')}"
-                raise InputError(
-                    f"span of {name}", with_unit(value, "m"), f"must be from {ends}, which the muscle can take"
-                )
+                said = f"must be from {with_unit(low, 'm')} to {with_unit(high, 'm')}, which the muscle can take"
+                raise InputError(f"span of {name}", with_unit(value, "m"), said)
         return spans
 
     def _vector(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> np.ndarray:
@@ -478,19 +448,16 @@ class Part:
             span: as for `rest`.
             pressure: gauge pressure in all chambers [Pa].
         """
-        filled = self._with_pressure(pressure)
+        filled = self._with_hosted(self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure))))
         spans = filled.span | _by_muscle(span, "m", "span", filled.muscles)
         state = filled.rest(spans)
-        pulls = []
-        for stretch in (0.0, SLOPE_STRETCH):
-            ends = dict.fromkeys(filled.muscles, stretch / period)
-            pulls.append(filled.step(state, period=period, span=spans, rate=ends)[1])
-        differences = [pulls[1][k] - pulls[0][k] for k in range(len(filled.muscles))]
+        held, stretched = (
+            filled.step(state, period=period, span=spans, rate=dict.fromkeys(filled.muscles, stretch / period))[1]
+            for stretch in (0.0, SLOPE_STRETCH)
+        )
+        differences = [stretched[k] - held[k] for k in range(len(filled.muscles))]
         steepest: float = max(differences) / SLOPE_STRETCH
         return steepest
-
-    def _with_pressure(self, pressure: float) -> Part:
-        return self._with_hosted(self.hosted.replace(start=dict.fromkeys(self.hosted.start, float(pressure))))
 
     def with_parameters(self, changes: Mapping[str, float]) -> Part:
         """The part with some parameters changed.
@@ -567,10 +534,6 @@ def part_of(
         return Part.from_circuit(path, span=span, substep=substep, tendon=tendon)
     title = f"{specimen(os.fspath(source)).id} with air"
     return Part(os.fspath(source), Air(**stated), span=span, substep=substep, title=title, tendon=tendon)
-
-
-def _observation_type(names: list[str]) -> Any:
-    return namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
 
 
 def _by_muscle(value: Any, unit: str, field: str, muscles: Any) -> dict[str, float]:

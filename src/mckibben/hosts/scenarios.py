@@ -113,10 +113,8 @@ class HostReference(NamedTuple):
         values = self.tensions[muscle]
         whole = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(self.time))])
         begins = np.maximum(begins, 0.0)
-        tensions: np.ndarray = (np.interp(ends, self.time, whole) - np.interp(begins, self.time, whole)) / (
-            ends - begins
-        )
-        return tensions
+        gained = np.interp(ends, self.time, whole) - np.interp(begins, self.time, whole)
+        return np.asarray(gained / (ends - begins))
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,12 @@ class Scenario:
         count = self.count(period)
         at = np.arange(count) * period
         places = np.minimum((at / GRID + 1e-9).astype(int), len(next(iter(self.commands.values()))) - 1)
-        forces = self._mean_forces(at, period, staggered)
+        forces = np.zeros(count)
+        if self.forces:  # means over the steps, from the impulse that had been given before each moment
+            grid = GRID * np.arange(len(self.forces) + 1)
+            impulse = np.concatenate([[0.0], np.cumsum(self.forces)]) * GRID
+            begin = at - 0.5 * period if staggered else at
+            forces = (np.interp(begin + period, grid, impulse) - np.interp(begin, grid, impulse)) / period
         grid = GRID * np.arange(len(self.mechanism.path or ()))
         behind, before = (period, 0.0) if staggered else (0.0, period)
         moments = []
@@ -179,33 +182,21 @@ class Scenario:
             moments.append(HostMoment(commands, float(forces[k]), position, rate))
         return moments
 
-    def _mean_forces(self, at: np.ndarray, period: float, staggered: bool) -> np.ndarray:
-        if not self.forces:
-            return np.zeros(len(at))
-        grid = GRID * np.arange(len(self.forces) + 1)
-        whole = np.concatenate([[0.0], np.cumsum(self.forces)]) * GRID
-        begin = at - 0.5 * period if staggered else at
-        return (np.interp(begin + period, grid, whole) - np.interp(begin, grid, whole)) / period
-
     def machine(self) -> Machine:
         """Part and mechanism as one state equation."""
         hosted, mechanism = self.part.with_parameters(self.parameters).hosted, self.mechanism
         load: Any
+        held = tuple(self.part.muscles)
         if mechanism.path is not None:
-            load = HostLoad(held=tuple(self.part.muscles))
+            load = HostLoad(held=held)
         elif mechanism.rotary:
             arms = {
                 n: MomentArm(coefficients=np.array([a]), span=mechanism.spans[n]) for n, a in mechanism.arms.items()
             }
             load = JointLoad(arms=arms, inertia=mechanism.inertia, signal="force")
         else:
-            load = Body(
-                held=tuple(self.part.muscles),
-                start=mechanism.start,
-                mass=mechanism.inertia,
-                weight=mechanism.load,
-                signal="force",
-            )
+            mass, weight = mechanism.inertia, mechanism.load
+            load = Body(held=held, start=mechanism.start, mass=mass, weight=weight, signal="force")
         return Machine.of(hosted.circuit, hosted.muscles, load, hosted.environment)
 
     def reference(self) -> HostReference:
@@ -226,9 +217,8 @@ class Scenario:
             grid = GRID * np.arange(len(self.mechanism.path))
             positions = np.interp(time, grid, self.mechanism.path)
             for name in self.part.muscles:
-                signals[f"{name}.span"] = ramped(
-                    np.interp(time, grid, [self.mechanism.span(x)[name] for x in self.mechanism.path])
-                )
+                spans = [self.mechanism.span(x)[name] for x in self.mechanism.path]
+                signals[f"{name}.span"] = ramped(np.interp(time, grid, spans))
         else:
             forces = np.repeat(self.forces, per) if self.forces else np.zeros(samples - 1)
             signals["force"] = held(np.append(forces, forces[-1]))
@@ -287,9 +277,8 @@ def hanging(mass: float | None = None, weight: float | None = None, part: Part |
     part = part or single_part()
     weight = _carried(part) if weight is None else weight
     mass = weight / GRAVITY if mass is None else mass
-    return HostMechanism(
-        mass, dict.fromkeys(part.muscles, -1.0), dict.fromkeys(part.muscles, 0.0), load=weight, start=START
-    )
+    arms, spans = dict.fromkeys(part.muscles, -1.0), dict.fromkeys(part.muscles, 0.0)
+    return HostMechanism(mass, arms, spans, load=weight, start=START)
 
 
 def _given(path: Any) -> HostMechanism:
@@ -297,80 +286,51 @@ def _given(path: Any) -> HostMechanism:
 
 
 def _series(*pieces: tuple[float, int]) -> tuple[float, ...]:
-    """Values that each last some intervals of the grid."""
     return tuple(value for value, count in pieces for _ in range(count))
 
 
 def _isometric() -> Scenario:
-    command = _series((0.0, 3), (0.5, 7), (0.0, 10), (-0.5, 8), (0.0, 12))
-    return Scenario(
-        "isometric", "filled and vented at one span", single_part(), _given(np.full(41, START)), {"muscle": command}
-    )
+    command = {"muscle": _series((0.0, 3), (0.5, 7), (0.0, 10), (-0.5, 8), (0.0, 12))}
+    path = _given(np.full(41, START))
+    return Scenario("isometric", "filled and vented at one span", single_part(), path, command)
 
 
 def _hang() -> Scenario:
-    command = _series((0.0, 3), (0.08, 10), (0.0, 12), (-0.08, 10), (0.0, 25))
-    return Scenario("hang", "a weight lifted and let down", single_part(), hanging(), {"muscle": command})
+    command = {"muscle": _series((0.0, 3), (0.08, 10), (0.0, 12), (-0.08, 10), (0.0, 25))}
+    return Scenario("hang", "a weight lifted and let down", single_part(), hanging(), command)
 
 
 def _slack() -> Scenario:
-    pushes = _series((0.0, 5), (-80.0, 5), (0.0, 30))
-    return Scenario(
-        "slack", "a weight thrown up and caught", single_part(), hanging(), {"muscle": _series((0.0, 40))}, pushes
-    )
+    pushes, still = _series((0.0, 5), (-80.0, 5), (0.0, 30)), {"muscle": _series((0.0, 40))}
+    return Scenario("slack", "a weight thrown up and caught", single_part(), hanging(), still, pushes)
 
 
 def _loop() -> Scenario:
-    at = GRID * np.arange(61)
-    path = START - 5e-3 * (1.0 - np.cos(2.0 * np.pi * at / 0.3))
-    return Scenario(
-        "loop", "a span to and fro, valve closed", single_part(), _given(path), {"muscle": _series((0.0, 60))}
-    )
+    path = START - 5e-3 * (1.0 - np.cos(2.0 * np.pi * GRID * np.arange(61) / 0.3))
+    still = {"muscle": _series((0.0, 60))}
+    return Scenario("loop", "a span to and fro, valve closed", single_part(), _given(path), still)
 
 
 def _leak() -> Scenario:
-    command = _series((0.0, 3), (0.06, 10), (0.0, 47))
-    return Scenario(
-        "leak",
-        "a weight on a valve that leaks",
-        single_part(),
-        hanging(),
-        {"muscle": command},
-        parameters={LEAKING: LEAKAGE},
-    )
+    command, leaks = {"muscle": _series((0.0, 3), (0.06, 10), (0.0, 47))}, {LEAKING: LEAKAGE}
+    return Scenario("leak", "a weight on a valve that leaks", single_part(), hanging(), command, parameters=leaks)
 
 
 def _joint() -> Scenario:
-    both, turn = (
-        [(0.0, 5), (0.1, 10), (0.0, 10)],
-        [(0.04, 10), (0.0, 25), (-0.08, 10), (0.0, 20), (0.04, 10), (0.0, 20)],
-    )
-    flexor, extensor = _series(*both, *turn), _series(*both, *((-value, count) for value, count in turn))
-    mechanism = HostMechanism(
-        INERTIA,
-        {"flexor": ARM, "extensor": -ARM},
-        {"flexor": HINGE_SPAN, "extensor": HINGE_SPAN},
-        rotary=True,
-    )
-    return Scenario(
-        "joint", "a hinge between two muscles", pair_part(), mechanism, {"flexor": flexor, "extensor": extensor}
-    )
+    both = [(0.0, 5), (0.1, 10), (0.0, 10)]
+    turn = [(0.04, 10), (0.0, 25), (-0.08, 10), (0.0, 20), (0.04, 10), (0.0, 20)]
+    commands = {"flexor": _series(*both, *turn), "extensor": _series(*both, *((-value, n) for value, n in turn))}
+    arms, spans = {"flexor": ARM, "extensor": -ARM}, dict.fromkeys(commands, HINGE_SPAN)
+    mechanism = HostMechanism(INERTIA, arms, spans, rotary=True)
+    return Scenario("joint", "a hinge between two muscles", pair_part(), mechanism, commands)
 
 
 def _tank() -> Scenario:
-    part = tank_part()
+    part, title = tank_part(), "a weight on two muscles with one tank, handed over, thrown up and caught"
     left = _series((0.0, 3), (-0.03, 10), (0.0, 12), (0.03, 10), (0.0, 40))
     right = _series((0.0, 3), (0.04, 10), (0.0, 12), (-0.03, 10), (0.0, 40))
     pushes = _series((0.0, 45), (-60.0, 5), (0.0, 25))
-    return Scenario(
-        "tank",
-        "a weight on two muscles with one tank, handed over, thrown up and caught",
-        part,
-        hanging(part=part),
-        {"left": left, "right": right},
-        pushes,
-        closed=True,
-    )
+    return Scenario("tank", title, part, hanging(part=part), {"left": left, "right": right}, pushes, closed=True)
 
 
 SCENARIOS: dict[str, Callable[[], Scenario]] = {

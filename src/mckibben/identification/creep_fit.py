@@ -22,7 +22,7 @@ import numpy as np
 from .._jax import Scalar
 from ..errors import InputError, choice
 from ..estimation import Estimate, Parameter, PartialFit, akaike, conclude, descend_linear
-from ..muscles.creep import KelvinVoigtChain
+from ..muscles.elements import KelvinVoigtChain
 
 LAWS = ("free", "logarithmic")
 FEWEST = 8

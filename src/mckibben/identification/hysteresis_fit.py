@@ -29,7 +29,7 @@ from ..components import Hysteresis
 from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..estimation import Estimate, Estimation, Parameter, PartialFit, akaike, at_bounds, conclude
-from ..muscles.creep import MaxwellChain
+from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
 from .path_record import PathRecord

@@ -37,11 +37,11 @@ from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
-from ..muscles.creep import MaxwellChain
+from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, FrictionLimit
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..muscles.seat import SeatedLaw
+from ..muscles.laws.seated_braid import SeatedLaw
 from ..quantities import declared, with_unit
 from ..recordings import Recording
 from ..recordings.columns import quantity_of

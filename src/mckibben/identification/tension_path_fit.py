@@ -25,7 +25,7 @@ from .._jax import Array, Tree, jax, jnp
 from ..answers import brief
 from ..errors import InputError
 from ..estimation import NORMAL_QUANTILE, Estimate, Estimation, Parameter, at_bounds, conclude, descend_linear, widening
-from ..muscles.creep import MaxwellChain
+from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import FrictionLimit, MaxwellSlip
 
 ELEMENTS = 6  # of the friction

@@ -10,9 +10,9 @@ from .muscle import Muscle
 
 if TYPE_CHECKING:
     from . import build as build
+    from . import evidence as evidence
     from . import laws as laws
     from . import plausible as plausible
-    from . import ranges as ranges
     from . import sleeve as sleeve
     from .elements import Tendon as Tendon
     from .sleeve import braid_laws as braid_laws
@@ -31,10 +31,4 @@ __all__ = [
 ]
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "elements": ["Tendon"],
-        "sleeve": ["braid_laws"],
-    },
-)
+lazy_names(__name__, {"elements": ["Tendon"], "sleeve": ["braid_laws"]})

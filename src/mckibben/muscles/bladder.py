@@ -54,12 +54,6 @@ def _slope(y: Scalar) -> Scalar:
     return (u2 * u2) * ((35.0 - 84.0 * u) + u2 * (70.0 - 20.0 * u))
 
 
-def _curvature(y: Scalar) -> Scalar:
-    u = _within(y)
-    bell = u - u * u
-    return 140.0 * (bell * bell * bell)
-
-
 def _within(y: Scalar) -> Scalar:
     above = jnp.where(y <= 0.0, 0.0, y)  # what is no number stays none
     return jnp.where(above >= 1.0, 1.0, above)
@@ -72,7 +66,9 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 @_slope.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    return _slope(*primals), _curvature(*primals) * tangents[0]
+    value, u = _slope(*primals), _within(*primals)
+    bell = u - u * u
+    return value, 140.0 * (bell * bell * bell) * tangents[0]
 
 
 # traced once, however often a step calls them
@@ -93,7 +89,12 @@ def least_upper_volume(slope: Scalar, upper_length: Scalar, thread_strain: Scala
 
 
 def gas_energy(
-    pressure: Scalar, braid_volume: Scalar, *, upper_volume: Scalar, threshold_pressure: Scalar, threshold_width: Scalar
+    pressure: Scalar,
+    braid_volume: Scalar,
+    *,
+    upper_volume: Scalar,
+    threshold_pressure: Scalar = 0.0,
+    threshold_width: Scalar,
 ) -> Scalar:
     """The gas energy G(L, P') [J], the integral of the volume over the gauge pressure.
 

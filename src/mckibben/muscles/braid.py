@@ -67,10 +67,7 @@ def volume(length: Scalar, *, thread_length: Scalar, turns: Scalar) -> Scalar:
 def through(
     *, rest_length: float, rest_volume: float, shortest_length: float, diameter_shortened: float
 ) -> BraidShape | None:
-    """Braid with a given volume at rest and diameter when shortened; None if there is none.
-
-    Lengths [m], volume [m^3]; eqs. 6 and 7 solved for their two parameters.
-    """
+    """Braid with a volume at rest [m^3] and diameter when shortened [m], eqs. 6 and 7 solved; None if there is none."""
     slim, full = 4.0 * np.pi * rest_volume / rest_length, (np.pi * diameter_shortened) ** 2
     if not full > slim > 0.0:
         return None
@@ -88,9 +85,7 @@ def braid_of(law: object) -> BraidShape | None:
     dimensions = {n: float(v) for n in _SHAPE if (v := getattr(law, n, None)) is not None}
     if {"thread_length", "turns"} <= dimensions.keys():
         return BraidShape(dimensions["thread_length"], dimensions["turns"])
-    if {"rest_length", "rest_angle"} <= dimensions.keys() and (
-        "rest_diameter" in dimensions or "rest_radius" in dimensions
-    ):
+    if {"rest_length", "rest_angle"} <= dimensions.keys() and {"rest_diameter", "rest_radius"} & dimensions.keys():
         angle = dimensions["rest_angle"] + dimensions.get("angle_correction", 0.0)
         bore = dimensions.get("rest_diameter", 2.0 * dimensions.get("rest_radius", 0.0))
         shape = wound(rest_length=dimensions["rest_length"], rest_angle=angle, rest_diameter=bore)
@@ -110,3 +105,13 @@ def inner_volume(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_t
 def inner_diameter(length: Scalar, *, thread_length: Scalar, turns: Scalar, wall_thickness: Scalar) -> Scalar:
     """Inner diameter [m], zero where the wall fills the braid."""
     return jnp.maximum(diameter(length, thread_length=thread_length, turns=turns) - 2.0 * wall_thickness, 0.0)
+
+
+def stop_tension(length: Scalar, *, begins_at: Scalar, stiffness: Scalar) -> Scalar:
+    """The end non-linearity nl(L) = knl max(L - Lnl, 0)^2 of eq. 12 [N]; lengths [m], stiffness knl [N/m^2].
+
+    Chou and Hannaford name it for the stiff end of the stroke, where the braid is no cylinder any more, and leave it out of
+    their regular range. Here it is a one-sided parabola: zero with zero slope inside the working range, so that no printed
+    value changes, and stiffening beyond.
+    """
+    return stiffness * jnp.maximum(length - begins_at, 0.0) ** 2

@@ -20,7 +20,7 @@ from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, SpecimenNumber, muscle_specimen, specimens
 from . import dimensions
 from .biological import BiologicalMuscle
-from .creep import MaxwellChain
+from .elements import MaxwellChain
 from .evidence import measured_rest_lengths
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
@@ -45,16 +45,16 @@ def law_from_specimen(
         raise InputError("specimen", spec.id, "must be a muscle; it is a valve", where=spec.where)
     name = law or spec.law
     spec, changes = at_rest_length(spec, name, changes or {})
+    known = law_type(name)  # an unknown name is a better complaint than a missing one
     if name not in spec.laws:
-        known = law_type(name)  # an unknown name is a better complaint than a missing one
-        raise InputError(
-            "law", name, f"{spec.id} states {', '.join(spec.laws)}; fit {known.title} to it first", where=spec.where
-        )
-    group = spec.laws[name]
-    parameters = {
-        key: p.si(_unit_of(name, key, spec.where), field=f"laws.{name}.{key}", where=spec.where)
-        for key, p in group.items()
-    }
+        said = f"{spec.id} states {', '.join(spec.laws)}; fit {known.title} to it first"
+        raise InputError("law", name, said, where=spec.where)
+    parameters, units = {}, {key: q.unit for key, q in declared(known).items()}
+    for key, number in spec.laws[name].items():
+        field = f"laws.{name}.{key}"
+        if key not in units:
+            raise InputError(field, None, f"{name} has", known=units, where=spec.where)
+        parameters[key] = number.si(units[key], field=field, where=spec.where)
     return build_law(name, parameters | changes, where=spec.where or spec.id)
 
 
@@ -85,7 +85,8 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
     left = dict(changes)
     if spec.kind != "mckibben" or law not in spec.laws or "rest_length" not in left:
         return spec, left
-    whole, wanted = _stated_rest_length(spec, law), left.pop("rest_length")
+    stated, wanted = spec.laws[law].get("rest_length"), left.pop("rest_length")
+    whole = rest_length_of(spec) if stated is None else float(str(stated.si("m", field=f"laws.{law}.rest_length")))
     dimensions.REST_LENGTH.check(f"{law}.rest_length", wanted, where=spec.where or spec.id)
     ratio = float(wanted) / whole
     if abs(ratio - 1.0) < SAME_REST_LENGTH:
@@ -95,22 +96,25 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
     laws = {name: group for name, group in spec.laws.items() if name == law or law_type(name).any_length}
 
     rest = SpecimenNumber(value=float(wanted), unit="m", note="cut to length")
-    whole_number = spec.laws[law].get("rest_length", spec.properties.get("rest_length"))
+    whole_number = stated or spec.properties.get("rest_length")
 
     def cut(
         group: Mapping[str, SpecimenNumber], along: Callable[[str, SpecimenNumber], int]
     ) -> dict[str, SpecimenNumber]:
         def one(name: str, number: SpecimenNumber) -> SpecimenNumber:
+            # Equal to the rest length to the bit, or the muscle would be overstretched at rest.
             if whole_number is not None and (number.value, number.unit) == (whole_number.value, whole_number.unit):
-                return (
-                    rest if along(name, number) == 1 else number
-                )  # to the bit, or the muscle would be overstretched at rest
+                return rest if along(name, number) == 1 else number
             return _scaled(number, ratio ** along(name, number))
 
         return {name: one(name, number) for name, number in group.items()}
 
     def by_unit(_: str, number: SpecimenNumber) -> int:
         return next((power for unit, power in _ALONG_UNIT.items() if has_dimension(f"1 {number.unit}", unit)), 0)
+
+    def by_parameter(law: str, key: str, _: SpecimenNumber) -> int:
+        known = declared(law_type(law))
+        return known[key].along if key in known else 0  # an unknown one is refused where the law is built
 
     properties = cut(spec.properties, lambda name, _: _ALONG.get(name, 0))
     if not spec.errors:  # a file that says nothing of what was measured is taken to be of the length that it states
@@ -120,7 +124,7 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
         law=law,
         map=None,  # of the whole muscle
         properties=properties | {"rest_length": rest},
-        laws={n: cut(group, functools.partial(_along_of, n)) for n, group in laws.items()},
+        laws={n: cut(group, functools.partial(by_parameter, n)) for n, group in laws.items()},
         errors={name: group for name, group in spec.errors.items() if name in laws},
         friction={name: cut(group, by_unit) for name, group in spec.friction.items()},
     )
@@ -148,22 +152,8 @@ def cut_parameters(
         raise _of_one_length(law, float(rests[0]), float(wanted), [A_FIT])
     known = declared(law_type(law))
     cut = {name: value * (float(wanted) / float(rests[0])) ** known[name].along for name, value in parameters.items()}
-    return cut | {
-        name: float(wanted)
-        for name in cut
-        if name != "turns" and parameters[name] == rests[0] and known[name].along == 1
-    }
-
-
-def _stated_rest_length(spec: Specimen, law: str) -> float:
-    """Rest length for which a file states a law [m]."""
-    stated = spec.laws[law].get("rest_length")
-    return rest_length_of(spec) if stated is None else float(str(stated.si("m", field=f"laws.{law}.rest_length")))
-
-
-def _along_of(law: str, key: str, _: SpecimenNumber) -> int:
-    known = declared(law_type(law))
-    return known[key].along if key in known else 0  # an unknown one is refused where the law is built
+    equal = (n for n in cut if n != "turns" and parameters[n] == rests[0] and known[n].along == 1)
+    return cut | dict.fromkeys(equal, float(wanted))  # to the bit, as in `at_rest_length`
 
 
 def _scaled(number: SpecimenNumber, factor: float) -> SpecimenNumber:
@@ -179,23 +169,15 @@ A_FIT = "a fit of a law that goes with the length, such as hyperelastic_braid"
 
 
 def _others_of(spec: Specimen) -> list[str]:
-    """What does another length of a muscle: another law of it, else a fit of one; specimens of its bore."""
     laws = [name for name in spec.laws if law_type(name).any_length]
     bore = None if "rest_inner_diameter" not in spec.properties else spec.property_si("rest_inner_diameter", "m")
-    alike = [
-        s.id
-        for s in specimens()
-        if bore is not None and len(measured_rest_lengths(s)) > 1 and s.id != spec.id
-        and s.property_si("rest_inner_diameter", "m") == bore
-    ]  # fmt: skip
-    return [
-        f"the law {laws[0]} of {spec.id}" if laws else A_FIT,
-        *(f"the specimen {s}, fitted to several lengths" for s in alike),
-    ]
+    others = [] if bore is None else [s for s in specimens() if len(measured_rest_lengths(s)) > 1 and s.id != spec.id]
+    alike = [s.id for s in others if s.property_si("rest_inner_diameter", "m") == bore]
+    more = [f"the specimen {name}, fitted to several lengths" for name in alike]
+    return [f"the law {laws[0]} of {spec.id}" if laws else A_FIT, *more]
 
 
 def _of_one_length(law: str, whole: float, wanted: float, others: list[str], where: str | None = None) -> InputError:
-    """The refusal of another length, with what does it."""
     shown, own = with_unit(wanted, "m"), with_unit(whole, "m")
     said = f"rest_length must be {own}, got {shown}: the coefficients of {law} are of one length. Use {' or '.join(others)}"
     return InputError(f"{law}.rest_length", shown, f"must be {own}", where=where, sentence=said)
@@ -256,37 +238,22 @@ def construct(kind: type[TensionLaw], parameters: Mapping[str, JsonValue]) -> Te
     Whether a law knows its volume is part of its structure: it does if a rest volume is among the parameters.
     """
     options: dict[str, Any] = {}
-    if any(f.name == "volume_known" for f in _fields(kind)):
+    if any(f.name == "volume_known" for f in dataclasses.fields(kind)):
         options["volume_known"] = "rest_volume" in parameters
     return kind(**dict(parameters), **options)
 
 
 def required_fields(kind: type[TensionLaw]) -> list[str]:
     """Declared parameters of a law that have no default."""
-    return [f.name for f in _fields(kind) if "quantity" in f.metadata and not _has_default(f)]
+    return [f.name for f in dataclasses.fields(kind) if "quantity" in f.metadata and not _has_default(f)]
 
 
 def default_parameters(kind: type[TensionLaw]) -> dict[str, float]:
     """Declared parameters of a law that have a default, with that default [SI]."""
-    return {f.name: float(f.default) for f in _fields(kind) if "quantity" in f.metadata and _has_default(f)}
-
-
-def _unit_of(law: str, key: str, where: str) -> str:
-    known = declared(law_type(law))
-    if key not in known:
-        raise InputError(f"laws.{law}.{key}", None, f"{law} has", known=known, where=where)
-    return known[key].unit
-
-
-def _fields(kind: type) -> tuple[Any, ...]:
-    import dataclasses
-
-    return dataclasses.fields(kind)
+    return {f.name: float(f.default) for f in dataclasses.fields(kind) if "quantity" in f.metadata and _has_default(f)}
 
 
 def _has_default(field: Any) -> bool:
-    import dataclasses
-
     return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
 
 
@@ -408,17 +375,14 @@ def changed_parameters(
 
 
 def _own(friction: str | Hysteresis | None) -> Hysteresis | None:
-    if isinstance(friction, str):
-        if is_reference(friction):
-            return _build_friction(friction, {}, "friction", None)
-        raise InputError(
-            "friction", friction, "must be a friction such as MaxwellSlip; only specimens state one by name"
-        )
-    return friction
+    if not isinstance(friction, str):
+        return friction
+    if is_reference(friction):
+        return _build_friction(friction, {}, "friction", None)
+    raise InputError("friction", friction, "must be a friction such as MaxwellSlip; only specimens state one by name")
 
 
 def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hysteresis | None:
-    """The friction with which a muscle is simulated, see `MuscleFactory`."""
     if isinstance(friction, Hysteresis):
         return friction
     own = next((name for name in spec.friction if is_reference(name)), None)
@@ -433,7 +397,6 @@ def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hyster
 
 
 def _stated_creep(spec: Specimen) -> MemoryElement | None:
-    """The Maxwell elements that a specimen states among its properties; None where it states none."""
     if "creep_stiffness" not in spec.properties:
         return None
     where = spec.where or spec.id
@@ -453,27 +416,19 @@ def _stated_creep(spec: Specimen) -> MemoryElement | None:
     return MaxwellChain(stiffness=stiffness, time_constant=times)
 
 
-def from_specimen(
-    spec: Specimen,
-    law: str | None = None,
-    friction: str | None = None,
-    *,
-    changes: Mapping[str, JsonValue] | None = None,
-) -> Any:
+def from_specimen(spec: Specimen, law: str | None = None, friction: str | None = None) -> Any:
     """A `Muscle` of a McKibben specimen, or the `BiologicalMuscle` of a biological one.
 
     Args:
         spec: the specimen, as read from a file.
         law: one of the laws it states; its default law by default.
         friction: one of the frictions it states; the first by default, none if it states none.
-        changes: parameters of the law to replace, by field name [SI].
     """
     if spec.kind == "biological":
-        return _biological(spec, law or spec.law, dict(changes or {}))
-    spec, changes = at_rest_length(spec, law or spec.law, changes or {})
+        return _biological(spec, law or spec.law, {})
     chosen = friction or next(iter(spec.friction), None)
     return Muscle(
-        law=law_from_specimen(spec, law, changes=changes),
+        law=law_from_specimen(spec, law),
         friction=None if chosen is None else _stated_friction(spec, chosen),
         specimen=spec,
     )
@@ -525,9 +480,9 @@ def _stated_friction(spec: Specimen, name: str) -> Hysteresis:
 def _build_friction(name: str, stated: Mapping[str, SpecimenNumber], path: str, where: str | None) -> Hysteresis:
     """A friction from the numbers that a file states; what it declares beyond has its defaults."""
     kind = HYSTERESES.find(name, field=path, where=where)
-    has_limit = any(f.name == "limit" for f in _fields(kind))
+    has_limit = any(f.name == "limit" for f in dataclasses.fields(kind))
     known = {key: q.unit for key, q in declared(kind).items()} | (_LIMIT_UNITS if has_limit else {})
-    whole = {f.name for f in _fields(kind) if f.type in ("int", int)}
+    whole = {f.name for f in dataclasses.fields(kind) if f.type in ("int", int)}
     known |= dict.fromkeys(whole, "1")
     if kind is MaxwellSlip:
         known |= _SPREAD_UNITS

@@ -16,7 +16,7 @@ import numpy as np
 
 from .._jax import Tree, is_traced, jax, jit, jnp
 from ..components import Hysteresis, Scalar
-from ..components.evaluation import evaluated
+from ..components.programs import evaluated
 from ..errors import InputError
 from ..quantities import declared, is_unit, with_unit
 from .hysteresis import FrictionLimit
@@ -75,7 +75,6 @@ def pressures(law: TensionLaw, count: int = 64, *, lowest: float = -0.95e5, high
 
 
 def _with_slopes(law: TensionLaw, span: Scalar, pressure: Scalar) -> tuple[Scalar, ...]:
-    """F, V, and their derivatives to span and pressure."""
     at, ones, zeros = (span, pressure), jnp.ones_like(span), jnp.zeros_like(span)
     values, by_span = jax.jvp(lambda x, p: face(law, x, p), at, (ones, zeros))
     _, by_pressure = jax.jvp(lambda x, p: face(law, x, p), at, (zeros, ones))
@@ -237,10 +236,8 @@ def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[LawFinding]:
     try:
         low, high = (float(np.asarray(end)) for end in law.length_range())
         if not 0.0 < low < high < math.inf:
-            said = (
-                f"length_range must be two lengths, the shorter first and above zero: it is {low:.4g} m to {high:.4g} m"
-            )
-            return [*findings, LawFinding("range", _of(law, said), low)]
+            said = "length_range must be two lengths, the shorter first and above zero"
+            return [*findings, LawFinding("range", _of(law, f"{said}: it is {low:.4g} m to {high:.4g} m"), low)]
         length = np.concatenate([np.linspace(0.2, 1.5, 56) * thread_length(law), np.linspace(low, high, 8)])
         pressure = pressures(law)
         at = evaluate(law, length[:, None], pressure[None, :])
@@ -250,7 +247,10 @@ def law_findings(law: TensionLaw, *, lowest: float = 0.0) -> list[LawFinding]:
     if wrong:
         return [*findings, *wrong]
     inside = (length >= low) & (length <= high)
-    findings += _pushes(law, at, length, pressure)
+    i, j = np.unravel_index(int(np.argmin(at["F"])), at["F"].shape)
+    least, where = float(at["F"][i, j]), (float(length[i]), float(pressure[j]))
+    if least < 0.0:
+        findings.append(LawFinding("push", _of(law, f"pushes with {-least:.4g} N, {_place(*where)}"), least, *where))
     findings += _two_potentials(law, at, length, pressure)
     findings += _wrong_slopes(law, length[inside], pressure)
     findings += _volumes(law, at, length, pressure, lowest)
@@ -273,16 +273,6 @@ def _not_finite(
             said += f", and at {len(bad) - 1} more of {at[key].size} places" if len(bad) > 1 else ""
             yield LawFinding("finite", _of(law, said), float(len(bad)), *where)
             return
-
-
-def _pushes(
-    law: TensionLaw, at: Mapping[str, np.ndarray], length: np.ndarray, pressure: np.ndarray
-) -> list[LawFinding]:
-    i, j = np.unravel_index(int(np.argmin(at["F"])), at["F"].shape)
-    least, where = float(at["F"][i, j]), (float(length[i]), float(pressure[j]))
-    if least >= 0.0:
-        return []
-    return [LawFinding("push", _of(law, f"pushes with {-least:.4g} N, {_place(*where)}"), least, *where)]
 
 
 def _mixed_difference(at: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -343,15 +333,12 @@ def _volumes(
     low, high = (float(end) for end in law.length_range())
     rows = (length >= max(0.75 * high, low)) & (length <= high)
     columns = pressure >= lowest
-    volume = at["V"][rows][:, columns]
+    volume = 1e6 * at["V"][rows][:, columns]
+    capacitance = 1e6 * (at["V"][rows][:, columns] + (pressure[columns] + AMBIENT) * at["V_P"][rows][:, columns])
     findings = []
     for kind, words, value in (
-        ("volume", "has a gas volume of {:.4g} cm^3", 1e6 * volume),
-        (
-            "capacitance",
-            "loses gas while it is filled: d(P V)/dP is {:.4g} cm^3",
-            1e6 * (volume + (pressure[columns] + AMBIENT) * at["V_P"][rows][:, columns]),
-        ),
+        ("volume", "has a gas volume of {:.4g} cm^3", volume),
+        ("capacitance", "loses gas while it is filled: d(P V)/dP is {:.4g} cm^3", capacitance),
     ):
         if law.has_volume() and value.size and value.min() <= 0.0:
             i, j = np.unravel_index(int(np.argmin(value)), value.shape)
@@ -371,7 +358,7 @@ def _cycles(law: TensionLaw, lowest: float) -> list[LawFinding]:
             # Round the polygon one way the law gives work, round it the other way it takes as much.
             said = f"makes {abs(load - gas):.3g} J in a closed cycle that exchanges {exchanged:.3g} J"
             where = float(corners[1][0]), float(corners[1][1])
-            worst = LawFinding("energy", _of(law, f"{said}, through {_words(*where)}"), share, *where)
+            worst = LawFinding("energy", _of(law, f"{said}, {_place(*where, 'through')}"), share, *where)
     return [] if worst is None else [worst]
 
 
@@ -380,12 +367,9 @@ def declaration_findings(kind: type) -> list[LawFinding]:
     name, findings = law_name(kind), []
     known = declared(kind)
     for f in dataclasses.fields(kind):
-        plain = not f.metadata.get("static") and f.name not in known and "FrictionLimit" not in str(f.type)
-        if plain:
-            said = (
-                f"{name}: {f.name} has neither unit nor bounds; declare it as mckibben.quantity(unit, bounds, meaning)"
-            )
-            findings.append(LawFinding("declaration", said))
+        if not f.metadata.get("static") and f.name not in known and "FrictionLimit" not in str(f.type):
+            said = "has neither unit nor bounds; declare it as mckibben.quantity(unit, bounds, meaning)"
+            findings.append(LawFinding("declaration", f"{name}: {f.name} {said}"))
     for key, q in known.items():
         low, high = q.bounds
         if not is_unit(q.unit):
@@ -423,18 +407,16 @@ def sample(kind: type[T], parameters: Mapping[str, float] | None = None) -> T:
         if f.name in values or f.default is not dataclasses.MISSING or f.default_factory is not dataclasses.MISSING:
             continue
         if f.name in known:
-            values[f.name] = _usual_value(f.name, known[f.name])
+            low, high = known[f.name].bounds
+            least, most = known[f.name].typical
+            if known[f.name].unit == "m" and low <= USUAL_LENGTH <= high and "length" in f.name:
+                values[f.name] = USUAL_LENGTH
+            else:  # of a range of decades the geometric mean
+                wide = least > 0.0 and most > 20.0 * least
+                values[f.name] = math.sqrt(least * most) if wide else 0.5 * (least + most)
         elif "FrictionLimit" in str(f.type) or f.name == "limit":
             values[f.name] = FrictionLimit(constant=0.5, per_pressure=4e-6)
     return kind(**values)
-
-
-def _usual_value(name: str, q: Any) -> float:
-    low, high = q.bounds
-    if q.unit == "m" and low <= USUAL_LENGTH <= high and "length" in name:
-        return USUAL_LENGTH
-    low, high = q.typical
-    return math.sqrt(low * high) if low > 0.0 and high > 20.0 * low else 0.5 * (low + high)
 
 
 # ---- friction
@@ -478,15 +460,10 @@ def follow(
     return FrictionPath(*_follow(friction, displacements, pressures, step))
 
 
-def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[LawFinding]:
-    """What is wrong with a friction: energy that it makes, a balance that does not close, a force beyond its limit.
-
-    Args:
-        friction: any, with its parameters.
-        seed: of the path.
-    """
+def friction_findings(friction: Hysteresis) -> list[LawFinding]:
+    """What is wrong with a friction: energy that it makes, a balance that does not close, a force beyond its limit."""
     findings = declaration_findings(type(friction))
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     moves = np.repeat(rng.uniform(-1.0, 1.0, 12), 64) * 1e-4
     marks = np.interp(np.arange(moves.size + 1), np.arange(13) * 64, rng.uniform(0.0, 8e5, 13))
     try:
@@ -517,9 +494,8 @@ def friction_findings(friction: Hysteresis, *, seed: int = 0) -> list[LawFinding
     if beyond[k] > 1e-9 * max(float(largest.max()), 1e-12):
         where = float(span[k]), float(marks[k + 1])
         said = f"its force of {abs(path.after[k]):.4g} N is beyond its largest force of {largest[k]:.4g} N"
-        findings.append(
-            LawFinding("limit", _of(friction, f"{said}, at {with_unit(where[1], 'Pa')}"), float(beyond[k]), *where)
-        )
+        said = _of(friction, f"{said}, at {with_unit(where[1], 'Pa')}")
+        findings.append(LawFinding("limit", said, float(beyond[k]), *where))
     return findings
 
 
@@ -527,12 +503,8 @@ def _of(owner: Any, said: str) -> str:
     return f"{law_name(owner)}: {said}"
 
 
-def _words(length: float, pressure: float) -> str:
-    return f"{with_unit(length, 'm')} and {with_unit(pressure, 'Pa')}"
-
-
-def _place(length: float, pressure: float) -> str:
-    return f"at {_words(length, pressure)}"
+def _place(length: float, pressure: float, word: str = "at") -> str:
+    return f"{word} {with_unit(length, 'm')} and {with_unit(pressure, 'Pa')}"
 
 
 def _first_line(error: Exception) -> str:

@@ -2,21 +2,30 @@
 
 A file states the errors of its laws and the rest lengths of the muscles that were measured. Whatever answers for such a
 muscle says so: the error always, and a caution where it is large or where a rest length is beyond the measured ones.
+
+How far a tension may be off because of numbers that nobody measured, the ranges of a file say: each number is moved to both
+of its ends while the others stay; the changes to either side add as squares, for the numbers are independent. The
+parameters of a braid all follow from its dimensions, so that there the dimensions are moved instead. Ranges of a fitted law
+belong to parameters that only hold together; there the law's error says more.
 """
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..answers import Caution, collect
 from ..documents import JsonValue
-from ..quantities import with_unit
+from ..errors import InputError, NoVolumeError
+from ..quantities import declared, with_unit
 from ..specimens import Specimen
 from ..specimens.load import KNOWN_ERRORS
 from .braid import SHORTEST_SHARE, braid_of
+from .law import TensionLaw, law_name
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
 SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
@@ -44,11 +53,8 @@ class LawError(NamedTuple):
     def __str__(self) -> str:
         known = [f"{_percent(share)} {word}" for share, word in ((self.rms, "rms"), (self.largest, "at most")) if share]
         said = f"{' and '.join(known)} of the largest tension ({self.source})"
-        return (
-            f"{said}, {_percent(self.other_muscle)} on another muscle ({self.other_source})"
-            if self.other_muscle
-            else said
-        )
+        more = f", {_percent(self.other_muscle)} on another muscle ({self.other_source})" if self.other_muscle else ""
+        return said + more
 
     @property
     def worst(self) -> float:
@@ -68,9 +74,8 @@ def error_of(spec: Specimen | None, law: str) -> LawError | None:
     shares = {n: float(str(p.si("1", field=f"errors.{law}.{n}", where=spec.where))) for n, p in group.items()}
     notes = {name: number.note or "as its file states" for name, number in group.items()}
     source = notes.get("largest") or notes.get("rms", "")
-    return LawError(
-        **{n: shares.get(n) for n in KNOWN_ERRORS}, source=source, other_source=notes.get("other_muscle", "")
-    )
+    known = {n: shares.get(n) for n in KNOWN_ERRORS}
+    return LawError(**known, source=source, other_source=notes.get("other_muscle", ""))
 
 
 def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
@@ -109,7 +114,6 @@ def law_cautions(spec: Specimen | None, law: str) -> tuple[Caution, ...]:
 
 
 def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:
-    """Caution about a rest length beyond those that were measured."""
     measured = measured_rest_lengths(spec)
     if not measured or "rest_length" not in spec.properties:
         return None
@@ -119,14 +123,11 @@ def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Ca
     ends = " to ".join(with_unit(end, "m", 3) for end in dict.fromkeys((measured[0], measured[-1])))
     said = f"a rest length of {with_unit(rest, 'm', 4)} is beyond the measured ones of {spec.id}, {ends}"
     if error is None or error.other_length is None:
-        return Caution(
-            f"{said}: the tension there is that of a like muscle, and nothing says how far it is off", "rest_length"
-        )
-    note = spec.errors[law]["other_length"].note
-    return Caution(
-        f"{said}: there {law} was off by up to {_percent(error.other_length)} of the largest tension ({note})",
-        "rest_length",
-    )
+        why = "the tension there is that of a like muscle, and nothing says how far it is off"
+    else:
+        note = spec.errors[law]["other_length"].note
+        why = f"there {law} was off by up to {_percent(error.other_length)} of the largest tension ({note})"
+    return Caution(f"{said}: {why}", "rest_length")
 
 
 def beyond_braid_caution(law: object, length: np.ndarray, tension: np.ndarray) -> Caution | None:
@@ -137,12 +138,85 @@ def beyond_braid_caution(law: object, length: np.ndarray, tension: np.ndarray) -
     beyond = (length < (1.0 - SAME_LENGTH) * SHORTEST_SHARE * shape.thread_length) & (tension > 0.0)
     if not beyond.any():
         return None
-    at, angle = float(length[beyond].max()), shape.degrees(float(length[beyond].max()))
-    said = (
-        f"at {with_unit(at, 'm', 4)} the threads stand at {angle:.1f} deg, and gas shortens a braid to 54.7 deg at most"
-    )
-    return Caution(f"{said}: the law pulls where the braid cannot", "length")
+    at = float(length[beyond].max())
+    said = f"at {with_unit(at, 'm', 4)} the threads stand at {shape.degrees(at):.1f} deg"
+    most = "gas shortens a braid to 54.7 deg at most"
+    return Caution(f"{said}, and {most}: the law pulls where the braid cannot", "length")
 
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.2g} %"
+
+
+def tension_range(
+    spec: Specimen | None, name: str, law: TensionLaw, length: np.ndarray, pressure: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Lowest and highest tension [N], shaped as length and pressure together; None where the file states no such ranges.
+
+    Args:
+        spec: states the ranges.
+        name: of the law.
+        law: as it is used.
+        length: between the anchors [m].
+        pressure: gauge [Pa].
+    """
+    if spec is None or name not in spec.laws or "rms" in spec.errors.get(name, {}):
+        return None
+    from .sleeve import varied_law
+
+    units = {key: q.unit for key, q in declared(law).items()}
+    varied = varied_law(spec, name, law)
+    ends: list[dict[str, Any]] = [] if varied is None else varied.of_dimensions
+    for key, number in spec.laws[name].items():
+        if number.range is None or key not in units or (varied is not None and key not in varied.unseen):
+            continue
+        for end in number.range:
+            value = dataclasses.replace(number, value=end).si(units[key], field=f"laws.{name}.{key}", where=spec.where)
+            ends.append({key: value})
+    laws = [law.replace(**changes) for changes in ends]
+    if not laws:
+        return None
+    own = np.asarray(law.tension(length, pressure))
+    changes = np.array([np.asarray(one.tension(length, pressure)) - own for one in laws])
+    below, above = (np.sqrt(np.sum(np.square(np.clip(sign * changes, 0.0, None)), axis=0)) for sign in (-1.0, 1.0))
+    return np.maximum(own - below, 0.0), own + above
+
+
+FACTORS = [1.025**n for step in range(1, 66) for n in (step, -step)]  # of a value that are tried: from near 1 to 5
+
+
+def volume_contradiction(law: TensionLaw, span: float) -> InputError | None:
+    """Error about parameters that contradict each other, so that a law has no gas volume above zero; None where it has.
+
+    The parameters that could be changed are named, each alone, that first which has to be changed least.
+
+    Args:
+        law: the law.
+        span: at which the muscle is mounted [m].
+    """
+    try:
+        volume = float(law.volume(span, 0.0))
+    except NoVolumeError:
+        return None
+    if volume > 0.0:
+        return None
+    key, of = law_name(law), with_unit(volume, "m^3", 3)
+    said = f"the muscle's volume of gas would be {of} at a span of {with_unit(span, 'm', 4)}"
+    units = {n: q.unit for n, q in declared(type(law)).items()}
+    values = {n: float(getattr(law, n)) for n in units}
+    remedies: dict[str, str] = {}
+    for factor in FACTORS:
+        for name, value in values.items():
+            if name not in remedies and _has_volume(law, name, factor * value, span):
+                possible, stated = (with_unit(one, units[name], 3) for one in (factor * value, value))
+                remedies[name] = f"{name} {possible} (not {stated})"
+    field = f"{key}.{next(iter(remedies))}" if remedies else key
+    what = f"{said}: the parameters of {key} contradict each other"
+    sentence = f"{what}. What would do: {' or '.join(remedies.values())}" if remedies else what
+    return InputError(field, None, f"contradicts the other parameters of {key}", sentence=sentence)
+
+
+def _has_volume(law: TensionLaw, name: str, value: float, span: float) -> bool:
+    with contextlib.suppress(InputError):
+        return float(law.replace(**{name: value}).volume(span, 0.0)) > 0.0
+    return False

@@ -23,7 +23,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import declared, in_si, with_unit
 from ..specimens import Specimen, SpecimenNumber, save_specimen
-from .evidence import LawError, error_of, law_cautions
+from .evidence import LawError, error_of, law_cautions, tension_range
 from .law import LawState, TensionLaw, law_name
 from .plausible import length_caution, measured_length_caution, pressure_caution, stretch_caution
 
@@ -151,9 +151,8 @@ class Muscle(Module):
         """
         rest = self.rest_length
         if rest is None:
-            raise InputError(
-                "contraction", None, f"needs a rest length, which {self.title} does not state; give a length"
-            )
+            said = f"needs a rest length, which {self.title} does not state; give a length"
+            raise InputError("contraction", None, said)
         share = in_si(contraction, "1", field="contraction")
         if not is_traced(share) and not np.all(np.abs(np.asarray(share, float)) < 1.0):
             raise InputError("contraction", str(contraction), "must be between -100 % and 100 %")
@@ -163,15 +162,13 @@ class Muscle(Module):
         """Lowest and highest tension [N] that the ranges of the specimen's numbers leave at a length [m] and pressure [Pa].
 
         Raises:
-            InputError: the specimen states no ranges from which one could be computed; see `muscles.ranges.tension_range`.
+            InputError: the specimen states no ranges from which one could be computed; see `muscles.evidence.tension_range`.
         """
-        tension_range = implementation("muscles.ranges:tension_range")
         at, gauge = np.asarray(in_si(length, "m", field="length")), np.asarray(in_si(pressure, "Pa", field="pressure"))
         found = tension_range(self.specimen, self.law_name, self.law, at, gauge)
         if found is None:
-            raise InputError(
-                "specimen", None, f"must state ranges of numbers that were not measured; {self.title} does not"
-            )
+            said = f"must state ranges of numbers that were not measured; {self.title} does not"
+            raise InputError("specimen", None, said)
         low, high = (end if end.ndim else end.item() for end in found)
         return low, high
 
@@ -299,7 +296,6 @@ class Muscle(Module):
 
 
 def _rows(path: str, part: Any, stated: dict[str, SpecimenNumber]) -> list[ParameterRow]:
-    """The declared parameters of a part and of what it contains; of a field without a value none."""
     if not isinstance(part, Module):
         return []
     rows = []

@@ -31,10 +31,8 @@ SLIP = 3.0
 LEAST_PRESSURE = 2e3  # [Pa]; inflates nothing
 PRESSURE_UNITS = ("bar", "kPa", "psi", "mbar", "Pa", "MPa")
 LENGTH_UNITS = ("cm", "mm", "m", "inch")
-MEASURED_PRESSURE, MEASURED_LENGTHS = (
-    "highest_measured_pressure",
-    ("shortest_measured_length", "longest_measured_length"),
-)
+MEASURED_PRESSURE = "highest_measured_pressure"
+MEASURED_LENGTHS = ("shortest_measured_length", "longest_measured_length")
 WORKING_SHARE = 0.9  # of its rest length: where a muscle is mounted unless stated otherwise
 TAUT_SHARE = 0.05  # of its rest length that it has to be longer there than when it is free
 BEYOND = 0.02  # by which a value may exceed the measured ones without a word, a share
@@ -65,8 +63,9 @@ def usual_pressure(spec: Specimen) -> float:
 
 def largest_strain(spec: Specimen | None = None) -> float:
     """Strain of a braid beyond the longest length of its law at which its threads break [1]."""
-    stated = spec is not None and "largest_strain" in spec.properties
-    return spec.property_si("largest_strain", "1") if spec is not None and stated else LARGEST_STRAIN
+    if spec is None or "largest_strain" not in spec.properties:
+        return LARGEST_STRAIN
+    return spec.property_si("largest_strain", "1")
 
 
 def stretch_caution(length: float, longest: float) -> Caution | None:
@@ -75,10 +74,8 @@ def stretch_caution(length: float, longest: float) -> Caution | None:
         return None
     digits = next(digits for digits in (4, 6, 17) if with_unit(length, "m", digits) != with_unit(longest, "m", digits))
     shown, most = (with_unit(value, "m", digits) for value in (length, longest))
-    said = (
-        f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}; there its threads hold"
-    )
-    return Caution(said, "length")
+    said = f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}"
+    return Caution(f"{said}; there its threads hold", "length")
 
 
 def pressure_caution(
@@ -98,32 +95,25 @@ def pressure_caution(
         meant = likely_unit(text, "Pa", PRESSURE_UNITS, LEAST_PRESSURE, most, USUAL_PRESSURE)
         return Caution(f"a {name} of {shown} inflates no muscle{meant}", name) if meant else None
     if pressure <= most:
-        return None if spec is None else _beyond_measured_pressure(pressure, spec, name)
+        if spec is None or MEASURED_PRESSURE not in spec.properties:
+            return None
+        measured = spec.property_si(MEASURED_PRESSURE, "Pa")
+        if pressure <= (1.0 + BEYOND) * measured:
+            return None
+        said = f"a {name} of {shown} is beyond the measured ones of {spec.id}, up to {with_unit(measured, 'Pa', 3)}"
+        return Caution(f"{said}: the law alone answers there", name)
     said = f"a {name} of {shown} is beyond the range of the laws: {whose} {with_unit(most, 'Pa')}"
     if pressure > SLIP * most:
         said += likely_unit(text, "Pa", PRESSURE_UNITS, 0.02 * most, most, USUAL_PRESSURE)
     return Caution(said, name)
 
 
-def _beyond_measured_pressure(pressure: float, spec: Specimen, name: str) -> Caution | None:
-    """Caution about a gauge pressure above those to which a muscle's laws were fitted [Pa]."""
-    if MEASURED_PRESSURE not in spec.properties:
-        return None
-    measured = spec.property_si(MEASURED_PRESSURE, "Pa")
-    if pressure <= (1.0 + BEYOND) * measured:
-        return None
-    shown, most = with_unit(pressure, "Pa"), with_unit(measured, "Pa", 3)
-    said = f"a {name} of {shown} is beyond the measured ones of {spec.id}, up to {most}: the law alone answers there"
-    return Caution(said, name)
-
-
-def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, name: str = "length") -> Caution | None:
+def measured_length_caution(lengths: Iterable[float], spec: Specimen | None) -> Caution | None:
     """Caution about lengths outside of those to which a muscle's laws were fitted; None if all are within, or not known.
 
     Args:
         lengths: between the anchors [m].
         spec: the muscle, whose file may state the measured lengths.
-        name: of the length, in the sentence; the parameter of the caution.
     """
     if spec is None or not set(MEASURED_LENGTHS) <= set(spec.properties):
         return None
@@ -132,9 +122,8 @@ def measured_length_caution(lengths: Iterable[float], spec: Specimen | None, nam
     if not beyond:
         return None
     shown, ends = with_unit(beyond[0], "m"), f"{with_unit(low, 'm', 3)} to {with_unit(high, 'm', 3)}"
-    return Caution(
-        f"a {name} of {shown} is beyond the measured ones of {spec.id}, {ends}: the law alone answers there", name
-    )
+    said = f"a length of {shown} is beyond the measured ones of {spec.id}, {ends}"
+    return Caution(f"{said}: the law alone answers there", "length")
 
 
 def likely_pressure(text: str) -> str:
@@ -191,10 +180,10 @@ def parameter_cautions(owner: Any) -> tuple[Caution, ...]:
         if value is None or is_traced(value) or stated.typical == stated.bounds or stated.unit == "1":
             continue
         usual = (low / TYPICAL_MARGIN, high * TYPICAL_MARGIN)
-        set_ones = [
+        numbers = (
             one for one in np.ravel(value).tolist() if one not in stated.bounds
-        ]  # a bound switches an effect off
-        said += [size_caution(one, stated.unit, name=path, usual=usual) for one in set_ones]
+        )  # a bound switches an effect off
+        said += [size_caution(one, stated.unit, name=path, usual=usual) for one in numbers]
     return collect(*said)
 
 
@@ -235,7 +224,7 @@ def span_limits(law: Any) -> tuple[float, float, float]:
 
 
 def span_cautions(
-    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span", text: str | None = None
+    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span"
 ) -> tuple[Caution, ...]:
     """Cautions about a span at which a muscle is mounted [m].
 
@@ -245,7 +234,6 @@ def span_cautions(
         rest: its rest length [m].
         spec: where its measured lengths may stand.
         name: of the span, in the sentence; the parameter of the cautions.
-        text: as it was typed.
 
     Raises:
         InputError: no muscle can be that long or short; names the lengths that it can take.
@@ -253,18 +241,13 @@ def span_cautions(
     shortest, most, longest = span_limits(law)
     shown, at_rest, ends = (with_unit(value, "m") for value in (span, rest, longest))
     if not shortest <= span <= most:
-        meant = likely_unit(text, "m", LENGTH_UNITS, 0.5 * longest, longest, 0.75 * longest)
         problem = f"must be from 1 mm to {with_unit(most, 'm')} for a muscle of {at_rest} at rest"
-        raise InputError(name, shown, problem + meant)
+        raise InputError(name, shown, problem)
     if span > (1.0 + BEYOND) * longest:
         said = f"a {name} of {shown} stretches the muscle beyond {ends}, the longest length that its law is made for"
         return (Caution(said, name),)
-    # none contracts to half of its length
-    return collect(length_caution(span, longest, text=text, name=name) or _limp(span, longest, name))
-
-
-def _limp(span: float, longest: float, name: str) -> Caution | None:
-    if span >= 0.5 * longest:
-        return None
-    shown, half = with_unit(span, "m"), with_unit(0.5 * longest, "m")
-    return Caution(f"a {name} of {shown} leaves the muscle slack: none contracts to less than {half}", name)
+    far = length_caution(span, longest, name=name)
+    if far is None and span < 0.5 * longest:
+        half = with_unit(0.5 * longest, "m")
+        far = Caution(f"a {name} of {shown} leaves the muscle slack: none contracts to less than {half}", name)
+    return collect(far)

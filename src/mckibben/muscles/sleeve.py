@@ -161,17 +161,13 @@ def braid_laws(dimensions: Mapping[str, Scalar], *, upper_length: Scalar | None 
     shape = braid.wound(rest_length=rest, rest_angle=angle, rest_diameter=layer)
     upper = upper_length
     if upper is None:
-        upper = jnp.minimum(
-            INFERRED["length_share"].value * rest, braid.length_at(NARROWEST, thread_length=shape.thread_length)
-        )
-    thick = ThickWall(
-        thread_length=shape.thread_length, turns=shape.turns, wall_thickness=wall + thread, upper_length=upper
-    )
-    modulus = youngs_modulus(shore)
-    slope, zero = straight_line(
-        thick, upper, SHORTEST * shape.thread_length, braid.SHORTEST_SHARE * shape.thread_length
-    )
+        narrowest = braid.length_at(NARROWEST, thread_length=shape.thread_length)
+        upper = jnp.minimum(INFERRED["length_share"].value * rest, narrowest)
     inner = {"thread_length": shape.thread_length, "turns": shape.turns, "wall_thickness": wall + thread}
+    thick = ThickWall(**inner, upper_length=upper)
+    modulus = youngs_modulus(shore)
+    ends = SHORTEST * shape.thread_length, braid.SHORTEST_SHARE * shape.thread_length
+    slope, zero = straight_line(thick, upper, *ends)
     rest_volume = braid.inner_volume(rest, **inner)
     # Beyond the upper length the gas ceases to pull over this length, where the law has emptied its braid; threads do not
     # let a muscle get longer there. The stop is as strong as the gas at the highest usual pressure then.
@@ -243,7 +239,14 @@ def from_braid(
         "shore": INFERRED["shore"].value if shore is None else _hardness(shore),
     }
     at = {key: _number(key, value) for key, value in dimensions.items()}
-    _check_geometry(at)
+    filled = 4.0 * at["thread_diameter"] + 2.0 * at["bladder_thickness"]
+    if filled > (1.0 - LEAST_BORE) * at["diameter"]:
+        least = filled / (1.0 - LEAST_BORE)
+        allowed = f"must be more than {least * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
+        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
+    if at["rest_length"] < at["diameter"]:
+        allowed = f"must be the diameter or more, {at['diameter'] * 1e3:.3g} mm, or the braid is no cylinder"
+        raise InputError("rest_length", f"{at['rest_length'] * 1e3:.3g} mm", allowed, where="braid")
     laws, upper, pull, bore = _computed(_varied(at, shore is None))
     return Specimen(
         id=name,
@@ -259,18 +262,6 @@ def from_braid(
     )
 
 
-def _check_geometry(at: Mapping[str, float]) -> None:
-    """Refuse dimensions that no braid on a bladder has."""
-    filled = 4.0 * at["thread_diameter"] + 2.0 * at["bladder_thickness"]
-    if filled > (1.0 - LEAST_BORE) * at["diameter"]:
-        least = filled / (1.0 - LEAST_BORE)
-        allowed = f"must be more than {least * 1e3:.3g} mm, for bladder and threads fill {filled * 1e3:.3g} mm"
-        raise InputError("diameter", f"{at['diameter'] * 1e3:.3g} mm", allowed, where="braid")
-    if at["rest_length"] < at["diameter"]:
-        allowed = f"must be the diameter or more, {at['diameter'] * 1e3:.3g} mm, or the braid is no cylinder"
-        raise InputError("rest_length", f"{at['rest_length'] * 1e3:.3g} mm", allowed, where="braid")
-
-
 @jit
 def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, Any]:
     """The laws of varied dimensions; of the dimensions as read the upper length, tension at rest, and contracted bore."""
@@ -278,21 +269,16 @@ def _computed(varied: dict[str, Any]) -> tuple[dict[str, TensionLaw], Any, Any, 
     nominal: dict[str, Any] = braid_laws(at)
     linear, thick = nominal["linear_threshold"], nominal["thick_wall"]
     laws = braid_laws(varied, upper_length=linear.upper_length)
-    bore = braid.inner_diameter(
-        linear.free_length(PRESSURE),
-        thread_length=thick.thread_length,
-        turns=thick.turns,
-        wall_thickness=thick.wall_thickness,
-    )
+    inner = {name: getattr(thick, name) for name in ("thread_length", "turns", "wall_thickness")}
+    bore = braid.inner_diameter(linear.free_length(PRESSURE), **inner)
     return laws, linear.upper_length, linear.tension(at["rest_length"], PRESSURE), bore
 
 
 def _stated_error(known: tuple[BraidError, ...]) -> SpecimenNumber:
     """The largest error of a law for the make of which it is worst among those that it may be of: a loose sleeve."""
     first, *others = known
-    note = f"computed, not measured: of a {first.make}" + "".join(
-        f"; {100 * e.largest:.0f} % of {e.make}" for e in others
-    )
+    more = "".join(f"; {100 * one.largest:.0f} % of {one.make}" for one in others)
+    note = f"computed, not measured: of a {first.make}{more}"
     return SpecimenNumber(value=100.0 * first.largest, unit="%", inferred=True, note=note)
 
 
@@ -305,6 +291,7 @@ class VariedLaw(NamedTuple):
 
 # Properties of a braid's specimen, in the order of `DIMENSIONS`.
 _PROPERTIES = ("rest_length", "outer_diameter", "rest_angle", "thread_diameter", "bladder_thickness", "shore_hardness")
+_READ_PROPERTIES = dict(zip(_PROPERTIES, DIMENSIONS.items(), strict=True))
 
 
 def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
@@ -323,9 +310,8 @@ def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
     unseen = {*_MODULI, *_UNSEEN, *(INFERRED if name == "linear_threshold" else ())}
     changes: list[dict[str, Any]] = []
     count = 1 + 2 * len(DIMENSIONS)
-    columns = {
-        n: np.broadcast_to(np.asarray(getattr(built, n), float), (count,)) for n in declared(law) if n not in unseen
-    }
+    seen = (name for name in declared(law) if name not in unseen)
+    columns = {n: np.broadcast_to(np.asarray(getattr(built, n), float), (count,)) for n in seen}
     for k in range(1, count):
         off = {n: float(getattr(law, n)) + c[k] - c[0] for n, c in columns.items() if c[k] != c[0]}
         changes += [off] if off else []
@@ -360,7 +346,6 @@ def slenderness_caution(spec: Specimen) -> str | None:
 
 
 def _hardness(shore: float | str) -> float | str:
-    """A hardness without the letter of its scale."""
     if not isinstance(shore, str):
         return shore
     text = shore.strip()
@@ -392,12 +377,10 @@ def _varied(at: Mapping[str, float], unknown: bool) -> dict[str, np.ndarray]:
 
 
 def _group(law: str, built: TensionLaw, threads: float) -> dict[str, SpecimenNumber]:
-    """The parameters of a law, with the ranges that the readings leave, for threads of a length [m]."""
     known = declared(built)
     # No braid shortens beyond 54.7 degrees, and one that pulls at rest has its end below its rest length.
-    limits = {name: q.bounds for name, q in known.items()} | {
-        "shortest_length": (braid.SHORTEST_SHARE * threads, threads)
-    }
+    limits = {name: q.bounds for name, q in known.items()}
+    limits["shortest_length"] = braid.SHORTEST_SHARE * threads, threads
     return {key: _parameter(law, key, q.unit, getattr(built, key), limits[key]) for key, q in known.items()}
 
 
@@ -423,9 +406,8 @@ def _parameter(law: str, key: str, unit: str, values: Scalar, limits: tuple[floa
         return stated_number(value, unit, source="inferred", note=note, interval=ends)
     if key == "upper_length":
         return stated_number(value, unit, source="chou1996", note="as the property of that name")
-    return stated_number(
-        value, unit, source="chou1996", note=f"computed from the dimensions{cut}", interval=(low, high)
-    )
+    note = f"computed from the dimensions{cut}"
+    return stated_number(value, unit, source="chou1996", note=note, interval=(low, high))
 
 
 # Elastic parameters: factors of the range that hardness and readings leave, and the note.
@@ -443,9 +425,7 @@ _UNSEEN: dict[str, tuple[tuple[float, float] | None, str]] = {
     "stop_stiffness": ((0.0, 3e7), "not seen on a sleeve; no stop is assumed"),
     "thread_strain": ((1e-3, 0.02), "the material is not stated; default of the law"),
 }
-_STOPS = {
-    "linear_threshold": "assumed: no load draws the muscle out of its threads",
-}
+_STOPS = {"linear_threshold": "assumed: no load draws the muscle out of its threads"}
 
 
 def _properties(
@@ -454,42 +434,24 @@ def _properties(
     wall = at["bladder_thickness"] + 2.0 * at["thread_diameter"]
     hardness, share, friction = INFERRED["shore"], INFERRED["length_share"], INFERRED["friction_share"]
     longest = max(share.range[1] * at["rest_length"], upper)
-    return {
-        "rest_length": stated_number(at["rest_length"], "m", note=AS_READ),
-        "outer_diameter": stated_number(at["diameter"], "m", note=AS_READ),
-        "rest_angle": stated_number(at["braid_angle"], "rad", note=AS_READ),
-        "thread_diameter": stated_number(at["thread_diameter"], "m", note=AS_READ),
-        "bladder_thickness": stated_number(at["bladder_thickness"], "m", note=AS_READ),
-        "shore_hardness": stated_number(
+    read = {name: stated_number(at[key], q.unit, note=AS_READ) for name, (key, q) in _READ_PROPERTIES.items()}
+    if unknown:
+        read["shore_hardness"] = stated_number(
             at["shore"], "1", source="inferred", note=hardness.note, interval=hardness.range
         )
-        if unknown
-        else stated_number(at["shore"], "1", note=AS_READ),
-        "rest_inner_diameter": stated_number(
-            at["diameter"] - 2.0 * wall, "m", note="outer diameter less bladder and two layers of threads"
-        ),
+    bore = at["diameter"] - 2.0 * wall
+
+    def of_nylon(value: float, unit: str, note: str, low: float, high: float) -> SpecimenNumber:
+        return stated_number(value, unit, source="chou1996", note=note, interval=(low, high))
+
+    rubbing = [share * largest for share in (friction.value, *friction.range)]
+    contracts = "inner, at 5 bar without load, of the braid's geometry"
+    return read | {
+        "rest_inner_diameter": stated_number(bore, "m", note="outer diameter less bladder and two layers of threads"),
         "wall_thickness": stated_number(wall, "m", note="bladder and two layers of threads"),
-        "upper_length": stated_number(
-            upper,
-            "m",
-            source="chou1996",
-            note=f"{share.note}; less for narrow braids",
-            interval=(at["rest_length"], longest),
-        ),
-        "coulomb_friction": stated_number(
-            friction.value * largest,
-            "N",
-            source="chou1996",
-            note=f"at 5 bar; {friction.note}",
-            interval=(friction.range[0] * largest, friction.range[1] * largest),
-        ),
-        "diameter_shortened": stated_number(
-            contracted,
-            "m",
-            source="chou1996",
-            note="inner, at 5 bar without load, of the braid's geometry",
-            interval=(0.9 * contracted, 1.1 * contracted),
-        ),
+        "upper_length": of_nylon(upper, "m", f"{share.note}; less for narrow braids", at["rest_length"], longest),
+        "coulomb_friction": of_nylon(rubbing[0], "N", f"at 5 bar; {friction.note}", *rubbing[1:]),
+        "diameter_shortened": of_nylon(contracted, "m", contracts, 0.9 * contracted, 1.1 * contracted),
     }
 
 

@@ -84,16 +84,6 @@ def _pull(y: Scalar) -> Scalar:
     return (y - t) + t * a * (1.0 - a / 3.0)
 
 
-def _share_slope(y: Scalar) -> Scalar:
-    t = _between(y)
-    return -4.0 * t * (1.0 - t * t)
-
-
-def _pull_slope(y: Scalar) -> Scalar:
-    a = jnp.minimum(jnp.abs(y), 1.0)
-    return a * (2.0 - a)
-
-
 @_further.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
     return _further(*primals), _share(*primals) * tangents[0]
@@ -101,12 +91,14 @@ def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
 
 @_share.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    return _share(*primals), _share_slope(*primals) * tangents[0]
+    value, t = _share(*primals), _between(*primals)
+    return value, -4.0 * t * (1.0 - t * t) * tangents[0]
 
 
 @_pull.defjvp
 def _(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    return _pull(*primals), _pull_slope(*primals) * tangents[0]
+    value, a = _pull(*primals), jnp.minimum(jnp.abs(*primals), 1.0)
+    return value, a * (2.0 - a) * tangents[0]
 
 
 # traced once, however often a step calls them

@@ -44,7 +44,9 @@ class WornBraid(TensionLaw):
     def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas energy of the shares with and without threads [J]."""
         kept = self.sound.gas_energy(length, pressure)
-        lost = self.sound.gas_energy(self._lost_length() + 0.0 * length, pressure)
+        rest = getattr(self.sound, "rest_length", None)
+        held = jnp.asarray(FILLED * self.sound.length_range()[1] if rest is None else rest)
+        lost = self.sound.gas_energy(held + 0.0 * length, pressure)
         return kept + self.lost_threads * (lost - kept)
 
     def length_range(self) -> tuple[Scalar, Scalar]:
@@ -54,7 +56,3 @@ class WornBraid(TensionLaw):
     def has_volume(self) -> bool:
         """Whether the sound law knows its volume."""
         return self.sound.has_volume()
-
-    def _lost_length(self) -> Scalar:
-        rest = getattr(self.sound, "rest_length", None)
-        return jnp.asarray(FILLED * self.sound.length_range()[1] if rest is None else rest)

@@ -8,11 +8,11 @@ from .gas import AIR, Gas
 if TYPE_CHECKING:
     from .build import ELEMENTS as ELEMENTS
     from .build import build_element as build_element
+    from .build import size_as as size_as
     from .build import valve_from_specimen as valve_from_specimen
     from .circuit import Branch as Branch
     from .circuit import Circuit as Circuit
     from .orifice import Orifice as Orifice
-    from .sizes import size_as as size_as
     from .tubes import InertialTube as InertialTube
     from .tubes import LumpedTube as LumpedTube
     from .volume import MovingVolume as MovingVolume

@@ -1,39 +1,192 @@
 """Pneumatic elements from tables: kinds by name, values with units, and the usual ways to state a size.
 
-A passage (a field that is an `Orifice`) is stated by exactly one size: `sizes` has the ways. An element with two passages
-takes these keys for both, or with the name of one in front: ``nominal_flow``, ``vent_nominal_flow``. The times of a valve's
-drive stand beside the element's own keys. A diameter may be the name of a tube of the catalogue, ``"PU-4x2"``.
+A passage (a field that is an `Orifice`) is stated by exactly one of `SIZES`, as a catalogue has it; the signs of the
+standard are read as well (`ALIASES`). Definitions and examples: docs/explanation/catalogue-flows.md. An element with two
+passages takes these keys for both, or with the name of one in front: ``nominal_flow``, ``vent_nominal_flow``. The times of a
+valve's drive stand beside the element's own keys. A diameter may be the name of a tube of the catalogue, ``"PU-4x2"``.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from ..components.flow import FlowElement
+from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..quantities import Quantity, declared, parse, with_unit
 from ..registry import Registry
 from ..specimens import Specimen
 from ..specimens.parts import bore_of
-from . import sizes
 from .compressor import Compressor
 from .gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
-from .leak import Leak
-from .orifice import Orifice
-from .sizes import DIAMETER, ORIFICE_FIELDS, PASSAGE_WAYS, SIZES, SizeStatement, canonical, has_size
+from .orifice import Leak, Orifice
+from .solenoid import PilotStage, Solenoid
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
-from .valves import (
-    CheckValve,
-    OnOffValve,
-    PilotStage,
-    PressureRegulator,
-    QuickExhaust,
-    Solenoid,
-    SpoolValve,
-    ThreeWayValve,
+from .valves import CheckValve, OnOffValve, PressureRegulator, QuickExhaust, SpoolValve, ThreeWayValve
+
+# What states a size, and the keys that go with it.
+SIZES: dict[str, tuple[str, ...]] = {
+    "conductance": (),
+    "nominal_flow": (),
+    "flow_into_the_room": ("flow_pressure",),
+    "Kv": (),
+    "Cv": (),
+    "hole_diameter": ("discharge",),
+}
+ALIASES = {"C": "conductance", "b": "critical_ratio"}  # signs of the standard
+TITLES = {
+    "conductance": "Sonic conductance C",
+    "nominal_flow": "Nominal flow, 6 to 5 bar",
+    "flow_into_the_room": "Flow into the room",
+    "Kv": "Kv, water at 1 bar",
+    "Cv": "Cv, water at 1 psi",
+    "hole_diameter": "Hole",
+}
+PREFIXES = ("fill", "vent", "relief", "feed")  # names of passages in front of a key
+BARE_UNITS = {"Kv": "m^3/h"}  # of a number without a unit: IEC 60534-1 has Kv in cubic metres per hour
+
+NOMINAL_FLOW = Quantity(
+    "m^3/s", (0.0, 10.0), "standard nominal flow, from 6 to 5 bar gauge, as reference air (ANR)", "qnN", (1e-5, 1e-1)
 )
+FLOW = Quantity("m^3/s", (0.0, 10.0), "volume flow of reference air into the room", "q", (1e-5, 1e-1))
+FLOW_PRESSURE = Quantity("Pa", (1.0, 1e8), "gauge pressure at which it flows into the room", "p", (1e5, 1e6))
+KV = Quantity("m^3/s", (0.0, 1.0), "flow coefficient, water at a drop of 1 bar", "Kv", (1e-6, 1e-2))
+CV = Quantity("1", (0.0, 1e4), "flow coefficient, US gallons of water per minute at 1 psi", "Cv", (0.01, 50.0))
+DIAMETER = Quantity("m", (1e-6, 0.1), "inner diameter", "D", (1e-4, 1e-2))
+DISCHARGE = Quantity("1", (0.01, 1.0), "discharge coefficient", "Cd", (0.6, 0.95))
+
+
+@dataclasses.dataclass(frozen=True)
+class SizeStatement:
+    """A way to state an element other than by its fields: required keys, optional keys, and the conversion."""
+
+    needs: Mapping[str, Quantity]
+    may: Mapping[str, Quantity]
+    make: Callable[..., Any]
+
+
+ORIFICE_FIELDS = {name: q for name, q in declared(Orifice).items() if name != "conductance"}
+PASSAGE_WAYS = (
+    SizeStatement(
+        {"nominal_flow": NOMINAL_FLOW},
+        ORIFICE_FIELDS,
+        lambda nominal_flow, **rest: Orifice.from_nominal_flow(nominal_flow, **rest),
+    ),
+    SizeStatement(
+        {"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE},
+        ORIFICE_FIELDS,
+        lambda flow_into_the_room, flow_pressure, **rest: Orifice.from_flow(
+            flow_into_the_room, pressure=flow_pressure, **rest
+        ),
+    ),
+    SizeStatement({"Kv": KV}, ORIFICE_FIELDS, lambda Kv, **rest: Orifice.from_kv(Kv, **rest)),
+    SizeStatement({"Cv": CV}, ORIFICE_FIELDS, lambda Cv, **rest: Orifice.from_cv(Cv, **rest)),
+    SizeStatement(
+        {"hole_diameter": DIAMETER},
+        {**ORIFICE_FIELDS, "discharge": DISCHARGE},
+        lambda hole_diameter, **rest: Orifice.of_hole(hole_diameter, **rest),
+    ),
+)
+LEAK_WAY = SizeStatement(
+    {"flow_into_the_room": FLOW, "flow_pressure": FLOW_PRESSURE},
+    {},
+    lambda flow_into_the_room, flow_pressure: Leak.from_flow(flow_into_the_room, pressure=flow_pressure),
+)
+
+
+def canonical(key: str, prefixes: Iterable[str] = ()) -> str:
+    """Key of an alias, with the prefix of a passage kept; other keys unchanged."""
+    prefix = _prefix(key, prefixes)
+    base = key.removeprefix(prefix)
+    return prefix + ALIASES.get(base, base)
+
+
+def with_aliases(known: Mapping[str, Quantity], prefixes: Iterable[str] = ()) -> dict[str, Quantity]:
+    """Known keys, followed by their aliases."""
+    keys = dict(known)
+    for key, quantity in known.items():
+        prefix = _prefix(key, prefixes)
+        for alias, name in ALIASES.items():
+            if key == prefix + name:
+                keys[prefix + alias] = quantity
+    return keys
+
+
+def has_size(names: Iterable[str], prefix: str = "") -> bool:
+    """Whether some keys, each in its one name, state a size: of one passage by its prefix, or of all."""
+    return any(prefix + size in names for size in SIZES)
+
+
+def of_passage(key: str) -> bool:
+    """Whether a key, in its one name and without a prefix, belongs to any passage alike."""
+    return key in ORIFICE_FIELDS or key in SIZES or any(key in more for more in SIZES.values())
+
+
+def replaced(key: str, names: Collection[str], prefixes: Iterable[str]) -> bool:
+    """Whether a key belongs to a size that others state instead."""
+    prefix = _prefix(key, prefixes)
+    base = key.removeprefix(prefix)
+    sizes = [size for size, more in SIZES.items() if base == size or base in more]
+    if not sizes or not (has_size(names) or (prefix and has_size(names, prefix))):
+        return False
+    return base in SIZES or not any(p + size in names for size in sizes for p in ("", prefix))
+
+
+def one_size(stated: Mapping[str, float], prefix: str, where: str | None) -> None:
+    """Refuse a passage whose size is stated more than once [SI]."""
+    sizes = [key for key in SIZES if key in stated]
+    if len(sizes) > 1:
+        units = {"conductance": declared(Orifice)["conductance"].unit} | {
+            key: q.unit for way in PASSAGE_WAYS for key, q in way.needs.items()
+        }
+        allowed = f"{sizes[0]} states the size already: give exactly one of {', '.join(SIZES)}"
+        raise InputError(prefix + sizes[1], with_unit(stated[sizes[1]], units[sizes[1]]), allowed, where=where)
+
+
+def put_value(values: Mapping[str, JsonValue], key: str, value: JsonValue) -> dict[str, JsonValue]:
+    """The values of an element, as a file has them, with one replaced or added.
+
+    A key that the file has under its other name keeps that name. A size takes the place of one that is stated in another
+    way, with what goes with that.
+    """
+    prefix, target = _prefix(key, PREFIXES), canonical(key, PREFIXES)
+    base, gone = target.removeprefix(prefix), set()
+    if base in SIZES:
+        others = [size for size in SIZES if size != base]
+        gone = {prefix + name for size in others for name in (size, *SIZES[size])}
+    kept = {k: v for k, v in values.items() if canonical(k, PREFIXES) not in gone}
+    name = next((k for k in kept if canonical(k, PREFIXES) == target), key)
+    return kept | {name: value}
+
+
+def size_as(orifice: Orifice, size: str, *, flow_pressure: float = 6e5) -> float:
+    """The size of an orifice as a catalogue would state it.
+
+    Args:
+        orifice: whose conductance and critical ratio are taken.
+        size: one of `SIZES`.
+        flow_pressure: gauge pressure of a flow into the room [Pa].
+
+    Returns:
+        The value [SI unit of the key].
+    """
+    conductance, rest = float(orifice.conductance), {"critical_ratio": float(orifice.critical_ratio)}
+    if size == "conductance":
+        return conductance
+    if size == "hole_diameter":  # the flow goes with the square of a diameter
+        return float(1e-3 * (conductance / float(Orifice.of_hole(1e-3).conductance)) ** 0.5)
+    way = next(w for w in PASSAGE_WAYS if size in w.needs)
+    values = {size: 1e-3} | ({"flow_pressure": flow_pressure} if "flow_pressure" in way.needs else {})
+    return 1e-3 * conductance / float(way.make(**values, **rest).conductance)
+
+
+def _prefix(key: str, prefixes: Iterable[str]) -> str:
+    return next((f"{p}_" for p in prefixes if key.startswith(f"{p}_")), "")
+
+
+# ---- elements by kind
 
 
 def _required_of_element(kind: Any) -> str | None:
@@ -71,7 +224,13 @@ ENDS = Quantity("1", (0.0, 1e3), "loss of both ends in velocity heads", "K", (0.
 PRESSURE_ABS = Quantity("Pa", (1.0, 1e8), "absolute pressure at which the turbulent loss is taken", "p", (1e5, 1e6))
 
 
-def _pipe(length: float, diameter: float, friction: float, ends: float, at_pressure_abs: float) -> dict[str, Any]:
+def _pipe(
+    length: float,
+    diameter: float,
+    friction: float = 0.024,
+    ends: float = 1.5,
+    at_pressure_abs: float = REFERENCE_PRESSURE,
+) -> dict[str, Any]:
     """Constant coefficients of a pipe: laminar by Hagen and Poiseuille, turbulent at one density."""
     density = AIR.density(at_pressure_abs, REFERENCE_TEMPERATURE)
     return {
@@ -81,38 +240,20 @@ def _pipe(length: float, diameter: float, friction: float, ends: float, at_press
     }
 
 
-def _quadratic(
-    *,
-    length: float,
-    diameter: float,
-    friction: float = 0.024,
-    ends: float = 1.5,
-    at_pressure_abs: float = REFERENCE_PRESSURE,
-) -> QuadraticTube:
-    return QuadraticTube(**_pipe(length, diameter, friction, ends, at_pressure_abs))
-
-
-def _inertial(
-    *,
-    length: float,
-    diameter: float,
-    friction: float = 0.024,
-    ends: float = 1.5,
-    at_pressure_abs: float = REFERENCE_PRESSURE,
-) -> InertialTube:
-    return InertialTube(**_pipe(length, diameter, friction, ends, at_pressure_abs), length=length)
-
-
 _PIPE = SizeStatement(
     {"length": LENGTH, "diameter": DIAMETER},
     {"friction": FRICTION, "ends": ENDS, "at_pressure_abs": PRESSURE_ABS},
-    _quadratic,
+    lambda **stated: QuadraticTube(**_pipe(**stated)),
 )
 WAYS: dict[str, tuple[SizeStatement, ...]] = {
     "orifice": PASSAGE_WAYS,
-    "leak": (sizes.LEAK_WAY, SizeStatement({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary)),
+    "leak": (LEAK_WAY, SizeStatement({"length": LENGTH, "diameter": DIAMETER}, {}, Leak.of_capillary)),
     "quadratic_tube": (_PIPE,),
-    "inertial_tube": (dataclasses.replace(_PIPE, make=_inertial),),
+    "inertial_tube": (
+        dataclasses.replace(
+            _PIPE, make=lambda length, **stated: InertialTube(**_pipe(length, **stated), length=length)
+        ),
+    ),
 }
 
 
@@ -193,11 +334,7 @@ def valve_from_specimen(
             raise InputError(f"valve.{key}", str(p.value), "must be one number", where=place)
         known[key].check(f"valve.{key}", value, where=place)
         target = canonical(key, passages)
-        if (
-            target in wanted
-            and (chosen == own_kind or sizes.of_passage(target))
-            and not sizes.replaced(target, stated, passages)
-        ):
+        if target in wanted and (chosen == own_kind or of_passage(target)) and not replaced(target, stated, passages):
             given.setdefault(target, value)
     if effective and (has_size(stated) or not passages_of(chosen)):
         raise InputError(
@@ -240,7 +377,7 @@ def known_keys(kind: str) -> dict[str, Quantity]:
     if len(passages) > 1:
         known |= {f"{passage}_{key}": q for passage in passages for key, q in keys.items()}
     # The conductance of a leak is a laminar one, and not the standard's.
-    return sizes.with_aliases(known, passages) if passages or kind == "orifice" else known
+    return with_aliases(known, passages) if passages or kind == "orifice" else known
 
 
 def _passage_keys() -> dict[str, Quantity]:
@@ -256,7 +393,11 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
     numbers: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
-            raise InputError(f"{kind}.{key}", None, _unknown(kind, key), known=known, where=where)
+            said = f"{kind} has"
+            if kind.endswith("_tube") and canonical(key) in SIZES:
+                part = f"a part that a catalogue states by {key} is an orifice"
+                said = f"a tube is stated by its length and bore; {part}; {said}"
+            raise InputError(f"{kind}.{key}", None, said, known=known, where=where)
         q, field, target = known[key], f"{kind}.{key}", canonical(key, passages)
         if target in numbers:
             raise InputError(
@@ -271,16 +412,6 @@ def _numbers(kind: str, values: Mapping[str, Any], where: str | None) -> dict[st
     return numbers
 
 
-def _unknown(kind: str, key: str) -> str:
-    """The words that begin the list of the keys of a kind."""
-    if kind.endswith("_tube") and canonical(key) in SIZES:
-        return (
-            f"a tube is stated by its length and bore; a part that a catalogue states by {key} is an orifice; "
-            f"{kind} has"
-        )
-    return f"{kind} has"
-
-
 def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) -> str:
     """Value as text; a bare number gets the unit of the standard that defines the key."""
     words = value if isinstance(value, str) else repr(value)
@@ -289,7 +420,7 @@ def with_usual_unit(key: str, value: str | float, passages: Sequence[str] = ()) 
         float(words)
     except ValueError:
         return words
-    return f"{words} {sizes.BARE_UNITS[base]}" if base in sizes.BARE_UNITS else words
+    return f"{words} {BARE_UNITS[base]}" if base in BARE_UNITS else words
 
 
 def _build(kind: str, given: Mapping[str, float], where: str | None) -> FlowElement:
@@ -337,8 +468,9 @@ def _one(
     """Build an object from its own fields, or from another set of keys; missing or conflicting keys raise an error."""
     fields = declared(owner)
     if owner is Orifice:
-        sizes.one_size(stated, prefix, where)
-    make, needs, may = owner, _required(owner), fields
+        one_size(stated, prefix, where)
+    required = [f.name for f in dataclasses.fields(owner) if f.name in fields and f.default is dataclasses.MISSING]
+    make, needs, may = owner, required, fields
     for way in ways:  # a key that an element also has as a field, such as a tube's length, decides nothing
         if any(key in stated and key not in fields for key in way.needs):
             make, needs, may = way.make, list(way.needs), {**way.needs, **way.may}
@@ -357,8 +489,3 @@ def _one(
         return make(**stated, **(parts or {}))
     except InputError as error:
         raise (error.at(where) if where else error) from None
-
-
-def _required(owner: Any) -> list[str]:
-    missing = dataclasses.MISSING
-    return [f.name for f in dataclasses.fields(owner) if "quantity" in f.metadata and f.default is missing]

@@ -31,10 +31,9 @@ from ..components.module import flatten
 from ..components.system import Exchange, Moment, System, Value
 from ..errors import InputError
 from .gas import AIR, Gas
-from .heat import Inflow, VolumeState
-from .leak import Leak
+from .orifice import Leak
 from .tubes import TUBES
-from .volume import Chamber, Junction, MovingVolume, Reservoir, volume_of
+from .volume import Chamber, Inflow, Junction, MovingVolume, Reservoir, VolumeState, volume_of
 
 
 class Branch(NamedTuple):
@@ -85,7 +84,8 @@ class Circuit(System):
             p = float(pressures[name])
             if not p > 0.0:
                 raise InputError(f"pressure of {name}", p, "must be an absolute pressure above 0 Pa", where="circuit")
-        return self.at_rest(pressures, _Fixed(inputs or {}), temperature)
+        fixed = {name: Value(jnp.asarray(x, float), jnp.zeros(())) for name, x in (inputs or {}).items()}
+        return self.at_rest(pressures, fixed, temperature)
 
     def at_rest(
         self, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value], temperature: Scalar = 293.15
@@ -95,13 +95,12 @@ class Circuit(System):
         masses = {
             name: self.gas.mass(p, self._volume(name, p, inputs).value, temperature) for name, p in values.items()
         }
-        elements = {name: element.settled(self._driven(name, inputs)) for name, element in self.elements.items()}
+        elements = {}
+        for name, element in self.elements.items():
+            signal = self.ends[name][1]
+            # of a command that nobody knows yet, the element keeps what it is set to by hand
+            elements[name] = element.settled(self._command(name, inputs) if signal in inputs else None)
         return {"mass": masses, "pressure": values, "elements": elements}
-
-    def _driven(self, name: str, inputs: Mapping[str, Value]) -> Scalar | None:
-        """The command of an element at the start, or None if it is not known."""
-        signal = self.ends[name][1]
-        return None if signal is None or signal not in inputs else self._command(name, inputs)
 
     def initial_memory(self, state: Tree, inputs: Mapping[str, Value] | None = None) -> Tree:
         """Memory for a state at rest, with inputs as the engine gives them; empty if there is none."""
@@ -289,7 +288,6 @@ class Circuit(System):
         return node
 
     def _at(self, name: str, gases: Mapping[str, GasState]) -> tuple[GasState, ...]:
-        """The gas at the ports of an element."""
         return tuple(gases[end] for end in self.ends[name][0])
 
     def _command(self, name: str, inputs: Mapping[str, Value]) -> Scalar:
@@ -331,7 +329,6 @@ class Circuit(System):
     def _streams(
         self, state: Tree, memory: Tree, gases: dict[str, GasState], inputs: Mapping[str, Value]
     ) -> dict[str, ExergyStream]:
-        """The gas on every path."""
         streams = {}
         for name, flows in self._flows(state, memory, gases, inputs).items():
             element, ends = self.elements[name], self.ends[name][0]
@@ -357,13 +354,6 @@ class Circuit(System):
             if power is not None:
                 enthalpy[b], total = enthalpy[b] + power, total + power
         return {name: Inflow(mass[name], enthalpy[name]) for name in self.nodes}, total
-
-
-class _Fixed(dict[str, Any]):
-    """Plain lengths as inputs at rest."""
-
-    def __getitem__(self, name: str) -> Value:
-        return Value(jnp.asarray(super().__getitem__(name), float), jnp.zeros(()))
 
 
 def _kept(memory: Tree, name: str) -> Any:
@@ -427,25 +417,15 @@ class ExergyStream(NamedTuple):
 
 
 class Passing(NamedTuple):
-    """A circuit at one moment.
+    """A circuit at one moment."""
 
-    Attributes:
-        gas: at every node.
-        volumes: volumes of every chamber.
-        streams: by path.
-        inflow: into every node.
-        added: by machines to the gas, all together [W].
-        pressure_rates: pressure rates of every chamber [Pa/s].
-        heat: into the gas of every chamber [W].
-    """
-
-    gas: dict[str, GasState]
-    volumes: dict[str, VolumeState]
-    streams: dict[str, ExergyStream]
-    inflow: dict[str, Inflow]
-    added: Scalar
-    pressure_rates: dict[str, Scalar]
-    heat: dict[str, Scalar]
+    gas: dict[str, GasState]  # at every node
+    volumes: dict[str, VolumeState]  # volumes of every chamber
+    streams: dict[str, ExergyStream]  # by path
+    inflow: dict[str, Inflow]  # into every node
+    added: Scalar  # by machines to the gas, all together [W]
+    pressure_rates: dict[str, Scalar]  # pressure rates of every chamber [Pa/s]
+    heat: dict[str, Scalar]  # into the gas of every chamber [W]
 
     def swelling(self, name: str) -> Scalar:
         """Rate at which a volume grows, by its motion and by its pressure [m^3/s]."""

@@ -24,7 +24,7 @@ from ..components.flow import FlowElement, Gases
 from ..errors import InputError
 from ..quantities import quantity, with_unit
 from .gas import AIR, Gas
-from .valves.shares import switched
+from .solenoid import switched
 
 
 class Compressor(FlowElement):

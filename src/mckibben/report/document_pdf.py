@@ -34,11 +34,11 @@ from .blocks import (
     TableCell,
     TableRow,
     Text,
+    gauge_svg,
     pieces,
     plain,
     printable,
 )
-from .document_html import gauge_svg
 from .figures.style import PANEL, to_svg
 
 if TYPE_CHECKING:
@@ -142,7 +142,6 @@ class _Writer:
     # ---- words
 
     def text(self, text: Text) -> str:
-        """Text as typst content."""
         return "[" + "".join(f"#{self._piece(p)};" for p in pieces(text)) + "]"
 
     def _piece(self, piece: str | Span | Cite | Hyperlink) -> str:
@@ -232,9 +231,22 @@ class _Writer:
         yield "#{"
         yield f"set text(size: {size:.2f}pt)"
         yield f"table(columns: ({widths},), align: ({align},),"
-        yield from self._head(block)
+        yield "table.header("
+        if any(c.group for c in block.columns):
+            for group, some in itertools.groupby(block.columns, lambda c: c.group):
+                yield f"table.cell(colspan: {len(list(some))}, align: left, head({quoted(group)}, {quoted('')})),"
+        for column in block.columns:
+            yield f"head({self.text(column.title)}, {quoted(column.unit)}),"
+        yield "), head-line,"
         for row in block.rows:
-            yield from self._row(row, block)
+            for i, cell in enumerate(row.cells):
+                written = self._cell(cell, row)
+                # what spans both keeps a note on the page of its row
+                spans = bool(row.note) and i < block.head
+                yield f"table.cell(rowspan: 2, breakable: false, {written})," if spans else f"{written},"
+            if row.note:
+                yield f"below({len(block.columns) - block.head}, {self.text(row.note)}),"
+            yield "grid-line,"
         yield ")"
         yield "}"
         hints = dict.fromkeys(
@@ -243,25 +255,6 @@ class _Writer:
         if hints:
             legend = "; ".join(f"{text}: {hint}" for text, hint in hints)
             yield f"#quiet({self.text(legend + '.')})"
-
-    def _head(self, table: ReportTable) -> Iterator[str]:
-        yield "table.header("
-        if any(c.group for c in table.columns):
-            for group, some in itertools.groupby(table.columns, lambda c: c.group):
-                yield f"table.cell(colspan: {len(list(some))}, align: left, head({quoted(group)}, {quoted('')})),"
-        for column in table.columns:
-            yield f"head({self.text(column.title)}, {quoted(column.unit)}),"
-        yield "), head-line,"
-
-    def _row(self, row: TableRow, table: ReportTable) -> Iterator[str]:
-        for i, cell in enumerate(row.cells):
-            written = self._cell(cell, row)
-            # what spans both keeps a note on the page of its row
-            spans = bool(row.note) and i < table.head
-            yield f"table.cell(rowspan: 2, breakable: false, {written})," if spans else f"{written},"
-        if row.note:
-            yield f"below({len(table.columns) - table.head}, {self.text(row.note)}),"
-        yield "grid-line,"
 
     def _cell(self, cell: Text | TableCell | Gauge, row: TableRow) -> str:
         if isinstance(cell, Gauge):

@@ -39,12 +39,18 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
+    headed,
+    listed,
+    numeric,
+    power_text,
+    unit_text,
+    versions,
+    versions_text,
 )
 from .document import Document
 from .figures import fit_figures
 from .figures.fit_figures import law_title
 from .figures.style import number, symbol_text
-from .words import listed, power_text, unit_text, versions, versions_text
 
 __all__ = ["fit_document", "fit_report", "versions", "write_fit_report"]
 
@@ -112,10 +118,15 @@ def fit_document(studies: Iterable[Ranking]) -> Document:
     these = "this muscle" if len(shown) == 1 else "these muscles"
     lead = f"Which law describes {these}, how well it predicts what it was not shown, and what its parameters are."
     versions_said = f"{versions_text()}. Fits are deterministic: the same table and versions give this file again."
+    keys: dict[str, None] = {}
+    for study in shown:
+        keys |= dict.fromkeys(study.specimen.sources if study.specimen else ())
+        for fit in study.fits:
+            keys |= dict.fromkeys(law_type(fit.law).cites)
     sections = (
         *(Section(study.title, tuple(_study(study, f"s{i}")), f"s{i}") for i, study in enumerate(shown, 1)),
         Section("How to read this", (KeyValues(READING),), "reading"),
-        Section("Papers this rests on", (References(tuple(_cited(shown))),), "papers"),
+        Section("Papers this rests on", (References(tuple(list(keys))),), "papers"),
         Section("Versions", (Paragraph(versions_said),), "versions"),
     )
     return Document("Tension laws fitted to measured force", sections, lead)
@@ -129,11 +140,19 @@ def _study(study: Ranking, mark: str) -> list[Block]:
     facts: list[tuple[str, Text]] = [*_facts(study)]
     sources = _sources(study)
     facts += [("Source", f"Data: {'; '.join(sources)}")] if sources else []
+    held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     blocks: list[Block] = [
         Paragraph(_summary(study), "lead"),
         KeyValues(tuple(facts)),
         Heading("Ranking"),
-        _ranking(study),
+        Figure(
+            fit_figures.ranking(study),
+            "Filled triangle: root mean square error of points whose pressure the fit was not shown; "
+            "the bar ends at the largest. "
+            + (f"Open triangle, dashed: points above, {held_out}. " if held_out else "")
+            + "A black mark on the frame: outside of it.",
+            f"Ranking of the laws for {study.title}; the table below has its numbers.",
+        ),
         *_table(study, mark),
     ]
     for fit in study.fits:
@@ -145,18 +164,6 @@ def _study(study: Ranking, mark: str) -> list[Block]:
         if fit is best and len(study.fits) > 1:
             blocks.append(Heading("Other laws"))
     return blocks
-
-
-def _ranking(study: Ranking) -> Figure:
-    held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
-    return Figure(
-        fit_figures.ranking(study),
-        "Filled triangle: root mean square error of points whose pressure the fit was not shown; "
-        "the bar ends at the largest. "
-        + (f"Open triangle, dashed: points above, {held_out}. " if held_out else "")
-        + "A black mark on the frame: outside of it.",
-        f"Ranking of the laws for {study.title}; the table below has its numbers.",
-    )
 
 
 def _summary(study: Ranking) -> str:
@@ -300,7 +307,6 @@ def _cell(value: float | None, best: float, column: int, size: float, converged:
 
 
 def _state(fit: Fit, size: float) -> TableCell:
-    """Cell with a mark and a few words: whether a fit converged, and cautions."""
     if not fit.converged:
         return TableCell("did not converge", "stop")
     words = []
@@ -321,14 +327,7 @@ def _law(fit: Fit, study: Ranking, *, main: bool) -> list[Block]:
     kind = law_type(fit.law)
     meaning = (kind.__doc__ or "").strip().split("\n")[0]
     cautions, held = cautions_of(fit, study.points.largest), _held(fit)
-    columns = (
-        TableColumn(""),
-        TableColumn("Parameter"),
-        TableColumn("Value", number=True),
-        TableColumn("Half-width", number=True),
-        TableColumn("Unit"),
-        TableColumn("−50 % to +50 % of the value"),
-    )
+    columns = headed("", "Parameter", *numeric("Value", "Half-width"), "Unit", "−50 % to +50 % of the value")
     rows = tuple(_parameter(name, fit) for name in fit.parameters)
     blocks: list[Block] = [Paragraph((meaning, " ", Cite(tuple(kind.cites))))]
     blocks += [NoteBox("Caution", tuple(cautions))] if cautions else []
@@ -471,15 +470,6 @@ def cautions_of(fit: Fit, size: float) -> list[str]:
 
 
 # ---- words
-
-
-def _cited(studies: list[Ranking]) -> list[str]:
-    keys: dict[str, None] = {}
-    for study in studies:
-        keys |= dict.fromkeys(study.specimen.sources if study.specimen else ())
-        for fit in study.fits:
-            keys |= dict.fromkeys(law_type(fit.law).cites)
-    return list(keys)
 
 
 def _newton(value: float, digits: int | None = None) -> str:

@@ -13,7 +13,7 @@ from ..assembly.build import INFERRED
 from ..documents import JsonValue
 from ..errors import InputError
 from ..specimens import Specimen, SpecimenNumber, specimen
-from .words import amount, flat, is_number, mapping, minus, significant, tied, unit_text
+from .blocks import amount, flat, is_number, mapping, minus, significant, tied, unit_text
 
 # Values that no file states and the assembly infers, by what follows the unit's name in a path.
 _USUAL = {
@@ -98,13 +98,11 @@ def inferred_inputs(meta: Mapping[str, JsonValue]) -> list[InferredInput]:
 
 
 def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
-    """Whether a part of the circuit repeats the circuit's gas."""
     _, inside, last = path.partition(".gas.")
     return bool(inside) and f"circuit.gas.{last}" != path and all_of_them.get(f"circuit.gas.{last}") == entry
 
 
 def _names(path: str, meta: Mapping[str, JsonValue]) -> Iterator[str]:
-    """Possible names of a parameter in the files of rig and specimen."""
     head, _, rest = path.partition(".")
     layout = f"plumbing.{meta.get('plumbing', '')}"
     if head == "circuit":

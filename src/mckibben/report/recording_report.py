@@ -39,23 +39,23 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
-)
-from .document import Document, checked_place
-from .figures.recording_figures import against_figure, force_frequency_figure, time_figure, usual_channels
-from .origins import inferred_inputs, known_specimen, parameters
-from .words import (
     amount,
     flat,
+    headed,
     is_number,
     listed,
     mapping,
     minus,
+    numeric,
     person_unit,
     significant,
     tied,
     unit_text,
     versions_text,
 )
+from .document import Document, checked_place
+from .figures.recording_figures import against_figure, force_frequency_figure, time_figure, usual_channels
+from .origins import inferred_inputs, known_specimen, parameters
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -85,22 +85,13 @@ def clock(record: Recording) -> list[str]:
 
 def channels(record: Recording) -> ReportTable:
     """Smallest, mean and largest value of every channel, and the share of samples that are known."""
-    columns = (
-        TableColumn("Channel"),
-        TableColumn("Kind"),
-        TableColumn("Smallest", number=True),
-        TableColumn("Mean", number=True),
-        TableColumn("Largest", number=True),
-        TableColumn("Unit"),
-        TableColumn("", wide=True),
-    )
+    columns = headed("Channel", "Kind", *numeric("Smallest", "Mean", "Largest"), "Unit", TableColumn("", wide=True))
     rows = []
     for name, s in record.summary().items():
         unit, share = person_unit(s["unit"]), float(np.isfinite(record[name]).mean())
         numbers = [significant(from_si(s[k], s["unit"], unit)) for k in ("min", "mean", "max")]
-        known = (
-            "" if share == 1.0 else f"known in {tied(significant(100.0 * share, 3), '%')}" if share else "nothing known"
-        )
+        known = f"known in {tied(significant(100.0 * share, 3), '%')}" if share else "nothing known"
+        known = "" if share == 1.0 else known
         words = "; ".join(w for w in (record.channels[name].meaning, known) if w)
         rows.append(TableRow((Span(name, "code"), s["kind"], *numbers, unit_text(unit), words)))
     return ReportTable(columns, tuple(rows))
@@ -112,14 +103,13 @@ def steps(record: Recording) -> list[Block]:
         listed, names = steps_of(record), [*varied(record)]
     except InputError:
         return []
-    columns = (
+    columns = headed(
         TableColumn("", number=True),
-        TableColumn("Step"),
+        "Step",
         TableColumn("Case", wide=True),
-        TableColumn("From", "s", True),
-        TableColumn("To", "s", True),
-        TableColumn("Ended by"),
-        TableColumn("Recorded"),
+        *numeric(("From", "s"), ("To", "s")),
+        "Ended by",
+        "Recorded",
     )
     rows = []
     for s in listed[:MOST_STEPS]:
@@ -127,9 +117,11 @@ def steps(record: Recording) -> list[Block]:
         times = [significant(float(s[k]), 6) for k in ("start", "end")]
         ended, kept = str(s.get("ended_by", "")), "yes" if s["recorded"] else "no"
         rows.append(TableRow((str(s["index"]), str(s["label"]), minus(case), *times, ended, kept)))
-    rest = len(listed) - len(rows)
-    more: list[Block] = [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest else []
-    return [ReportTable(columns, tuple(rows), head=1), *more]
+    return [ReportTable(columns, tuple(rows), head=1), *_more(len(listed) - len(rows))]
+
+
+def _more(rest: int) -> list[Block]:
+    return [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest > 0 else []
 
 
 def events(meta: Mapping[str, JsonValue]) -> list[Block]:
@@ -143,10 +135,9 @@ def events(meta: Mapping[str, JsonValue]) -> list[Block]:
     ]
     if not rows:
         return []
-    rest = len(rows) - MOST_EVENTS
-    more: list[Block] = [Paragraph(f"And {rest} more, in the recording.", "quiet")] if rest > 0 else []
-    columns = (TableColumn("Time", "s", True), TableColumn("Event", wide=True))
-    return [Heading("Events"), ReportTable(columns, tuple(rows[:MOST_EVENTS]), head=1), *more]
+    columns = headed(TableColumn("Time", "s", True), TableColumn("Event", wide=True))
+    shown = ReportTable(columns, tuple(rows[:MOST_EVENTS]), head=1)
+    return [Heading("Events"), shown, *_more(len(rows) - MOST_EVENTS)]
 
 
 def balances(meta: Mapping[str, JsonValue]) -> list[Block]:
@@ -161,7 +152,7 @@ def balances(meta: Mapping[str, JsonValue]) -> list[Block]:
     )
     blocks: list[Block] = [
         Paragraph(words, "quiet"),
-        ReportTable((TableColumn("Balance of"), TableColumn("Share left", number=True)), rows),
+        ReportTable(headed("Balance of", TableColumn("Share left", number=True)), rows),
     ]
     friction = {k: v for k, v in mapping(meta.get("friction")).items() if is_number(v)}
     if friction:
@@ -202,12 +193,7 @@ def _ledger(ledger: Mapping[str, Any]) -> ReportTable:
         share = f", {significant(abs(ledger['remainder']) / through, 2)} of what went through" if through else ""
         row = _part("remainder", f"is accounted for nowhere{share}", float(ledger["remainder"]), 0.0)
         rows.append(TableRow(row.cells, look="quiet"))
-    columns = (
-        TableColumn("Part"),
-        TableColumn(""),
-        TableColumn("Amount", "J", True),
-        TableColumn("Of what came in", "%", True),
-    )
+    columns = headed("Part", "", *numeric(("Amount", "J"), ("Of what came in", "%")))
     return ReportTable(columns, tuple(rows))
 
 
@@ -227,15 +213,14 @@ def calibration(meta: Mapping[str, JsonValue]) -> list[Block]:
         corrections = read_plain(meta["calibration"])
     except InputError:  # of a newer version: what it says is shown as it stands
         return [KeyValues(tuple(flat(meta["calibration"])))]
-    columns = (
-        TableColumn("Channel"),
-        TableColumn("Term"),
-        TableColumn("Value", number=True),
-        TableColumn("± 95 %", number=True),
-        TableColumn("Unit"),
+    columns = headed(
+        "Channel",
+        "Term",
+        *numeric("Value", "± 95 %"),
+        "Unit",
         TableColumn("Method and reference", wide=True),
-        TableColumn("Date"),
-        TableColumn("Valid until"),
+        "Date",
+        "Valid until",
     )
     rows = tuple(_terms(corrections, str(meta.get("created") or corrections.created)))
     pairs = (("Rig", corrections.rig), ("Made", corrections.created))
@@ -277,9 +262,8 @@ def deadlines(meta: Mapping[str, JsonValue]) -> list[Block]:
     names = {"late": "Began more than a tenth of a period late", "behind": "Began more than a period late"}
     for key, words in names.items():
         if is_number(timing.get(key)):
-            pairs.append(
-                (words, f"{significant(float(timing[key]), 9)} ({significant(100.0 * timing[key] / count, 3)} %)")
-            )
+            share = significant(100.0 * timing[key] / count, 3)
+            pairs.append((words, f"{significant(float(timing[key]), 9)} ({share} %)"))
     percentiles = timing.get("percentiles")
     if isinstance(percentiles, list) and len(percentiles) == 4 and all(map(is_number, percentiles)):
         shares = ("half of them", "99 %", "99.9 %", "all")
@@ -347,7 +331,6 @@ def _cycling(parts: Sequence[Recording], name: str) -> list[Recording]:
 
 
 def _figure(parts: list[Recording], across: str, up: str, label: str) -> Block:
-
     where = f", step “{label}”" if label else ""
     title = f"{_word(up).capitalize()} over {_word(across)}"
     drawn = against_figure(parts, across, channels=[up], title=f"{title}{where}")
@@ -362,7 +345,6 @@ def _word(name: str) -> str:
 
 
 def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) -> list[Block]:
-    """Show width, height, work and stiffness of the mean loop of each part."""
     rows: list[TableRow] = []
     cautions: list[Caution] = []
     for part in parts:
@@ -373,49 +355,25 @@ def _table(parts: list[Recording], length: str, tension: str, apart: list[str]) 
         cautions += said
         for held, loops in groups:
             mean = mean_loop(loops)
-            values = (1e3 * mean.width, mean.height, mean.work, 1e-2 * mean.stiffness, mean.friction)
-            case = ", ".join(filter(None, (_case(part, apart), held.words())))
+            width, stiffness = from_si(mean.width, "m", "mm"), from_si(mean.stiffness, "N/m", "N/cm")
+            values = (width, mean.height, mean.work, stiffness, mean.friction)
+            step = part.meta.get("step")
+            whose = _case_words(step["case"], str(step["label"]), apart) if step else "whole recording"
+            case = ", ".join(filter(None, (whose, held.words())))
             rows.append(TableRow((case, str(len(loops)), *(significant(v) for v in values))))
     if not rows:
         return []
-    columns = (
-        TableColumn("Case"),
-        TableColumn("Cycles", number=True),
-        TableColumn("Width", "mm", True),
-        TableColumn("Height", "N", True),
-        TableColumn("Work", "J", True),
-        TableColumn("Stiffness", "N/cm", True),
-        TableColumn("Friction", "N", True),
+    columns = headed(
+        "Case",
+        *numeric("Cycles", ("Width", "mm"), ("Height", "N"), ("Work", "J"), ("Stiffness", "N/cm"), ("Friction", "N")),
     )
     words = (
         f"Mean loop of each part and of what was held in it, {_word(tension)} over {_word(length)}. Width at mid-range of "
-        "the tension, height at "
+        "the tension, height at that of the length, both positive where the muscle takes work in; friction is half the "
+        "height. Work per cycle is positive where the muscle does it"
     )
-    return [
-        ReportTable(
-            columns,
-            tuple(rows),
-            words + "that of the length, both positive where the muscle takes work in; friction is half the height. "
-            "Work per cycle is positive where the muscle does it",
-        ),
-        *(
-            [NoteBox("Caution", tuple(f"{c.text[:1].upper()}{c.text[1:]}." for c in collect(*cautions)))]
-            if cautions
-            else []
-        ),
-    ]
-
-
-def stimulation_blocks(record: Recording) -> list[Block]:
-    """Tables of the contractions and work loops of a stimulated muscle, and tension against the rate of stimulation."""
-    blocks: list[Block] = []
-    for title, listed_rows in stimulation_tables(record).items():
-        blocks += [Heading(title), listed_rows]
-    drawn = force_frequency_figure(record)
-    if drawn is not None:
-        caption = "Largest and mean active tension over the rate of stimulation."
-        blocks.append(Figure(as_written(drawn), caption, caption))
-    return blocks
+    said = tuple(f"{c.text[:1].upper()}{c.text[1:]}." for c in collect(*cautions))
+    return [ReportTable(columns, tuple(rows), words), *([NoteBox("Caution", said)] if cautions else [])]
 
 
 def stimulation_tables(record: Recording) -> dict[str, ReportTable]:
@@ -430,10 +388,15 @@ def stimulation_tables(record: Recording) -> dict[str, ReportTable]:
         except InputError:
             continue
         rows = [
-            TableRow((_varied_case(one, apart), *(_number(getattr(one, name), scale) for name, scale, _, _ in columns)))
+            TableRow(
+                (
+                    _case_words(one.case, one.label, apart),
+                    *(_number(getattr(one, name), scale) for name, scale, _, _ in columns),
+                )
+            )
             for one in each
         ]
-        heads = (TableColumn("Case"), *(TableColumn(title, unit, True) for _, _, title, unit in columns))
+        heads = headed("Case", *(TableColumn(title, unit, True) for _, _, title, unit in columns))
         title = "Contractions" if columns is CONTRACTION_COLUMNS else "Work loops with stimulation"
         tables[title] = ReportTable(heads, tuple(rows))
     return tables
@@ -454,9 +417,8 @@ LOOP_COLUMNS = (
 )
 
 
-def _varied_case(one: StimulatedContraction | StimulatedLoop, apart: Sequence[str]) -> str:
-    values = [f"{name.replace('_', ' ')} {one.case[name]}" for name in apart if name in one.case]
-    return listed(values) or one.label
+def _case_words(case: Mapping[str, Any], label: str, apart: Sequence[str]) -> str:
+    return listed(f"{name.replace('_', ' ')} {case[name]}" for name in apart if name in case) or label
 
 
 def _number(value: float, scale: float) -> str:
@@ -464,16 +426,7 @@ def _number(value: float, scale: float) -> str:
 
 
 def _told_apart(record: Recording) -> list[str]:
-    """Names of what varies among the steps."""
     return [*varied(record)] if record.meta.get("steps") else []
-
-
-def _case(part: Recording, apart: list[str]) -> str:
-    step = part.meta.get("step")
-    if not step:
-        return "whole recording"
-    values = [f"{n.replace('_', ' ')} {step['case'][n]}" for n in apart if n in step["case"]]
-    return listed(values) or str(step["label"])
 
 
 MOST_FURTHER = 60  # lines of what a recording says beside all that is known here
@@ -499,7 +452,9 @@ def recording_report(record: Recording, *, name: str = "") -> Document:
         *_sections(record),
         *_rests(meta),
     ]
-    return Document(str(meta.get("title") or name or "Recording"), tuple(sections), _sentence(meta))
+    said = str(meta.get("sentence") or "").removeprefix(f"{meta.get('title')}.").strip()  # the title stands above it
+    lead = said or ", ".join(str(meta[k]) for k in ("circuit", "run") if meta.get(k))
+    return Document(str(meta.get("title") or name or "Recording"), tuple(sections), lead)
 
 
 def write_recording_report(file: str | os.PathLike[str], out: str | Path) -> Path:
@@ -510,11 +465,6 @@ def write_recording_report(file: str | os.PathLike[str], out: str | Path) -> Pat
     """
     place = checked_place(out)
     return recording_report(read_recording(Path(file)), name=Path(file).name).write(place)
-
-
-def _sentence(meta: Mapping[str, JsonValue]) -> str:
-    said = str(meta.get("sentence") or "").removeprefix(f"{meta.get('title')}.").strip()
-    return said or ", ".join(str(meta[k]) for k in ("circuit", "run") if meta.get(k))
 
 
 # ---- what was done
@@ -542,16 +492,19 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
             facts.append((title, text))
 
     spec = known_specimen(meta)
-    add(
-        "Muscle",
-        spec.title if spec else "",
-        meta.get("specimen") if not isinstance(meta.get("specimen"), Mapping) else "",
-    )
+    named = meta.get("specimen")
+    add("Muscle", spec.title if spec else "", "" if isinstance(named, Mapping) else named)
     if is_number(meta.get("rest_length")):
         add("Rest length", amount(meta["rest_length"], "m"))
     rig = mapping(meta.get("rig_document"))
     add("Test machine", rig.get("title"), f"rig {meta['rig']}" if meta.get("rig") else "")
-    add("Air", f"plumbing “{meta['plumbing']}”" if meta.get("plumbing") else "", *_room(meta))
+    room = mapping(meta.get("environment"))
+    lines = []
+    if is_number(room.get("pressure_abs")):
+        lines.append(f"room at {amount(room['pressure_abs'], 'Pa', 5)} absolute")
+    if is_number(room.get("temperature")):
+        lines.append(tied(significant(room["temperature"]), "K"))
+    add("Air", f"plumbing “{meta['plumbing']}”" if meta.get("plumbing") else "", *lines)
     add("Protocol", mapping(meta.get("protocol")).get("name"), mapping(meta.get("protocol")).get("source"))
     add("Recorded", meta.get("created"))
     add("Time", *clock(record))
@@ -567,16 +520,6 @@ def _facts(record: Recording, name: str) -> list[tuple[str, Text]]:
     return facts
 
 
-def _room(meta: Mapping[str, JsonValue]) -> list[str]:
-    room = mapping(meta.get("environment"))
-    lines = []
-    if is_number(room.get("pressure_abs")):
-        lines.append(f"room at {amount(room['pressure_abs'], 'Pa', 5)} absolute")
-    if is_number(room.get("temperature")):
-        lines.append(tied(significant(room["temperature"]), "K"))
-    return lines
-
-
 # ---- what was recorded
 
 
@@ -587,13 +530,19 @@ def _figures(record: Recording) -> list[Block]:
     shown = usual_channels([record])
     kinds = {record.channels[n].kind for n in shown}
     words = ["Measured channels are lines"] if "measured" in kinds else []
-    words += [
-        "true ones of the simulation thin lines on them" if words else "lines are true values of the simulation"
-    ] * ("true" in kinds)
+    thin = "true ones of the simulation thin lines on them" if words else "lines are true values of the simulation"
+    words += [thin] * ("true" in kinds)
     words += ["commands dashed"] * ("command" in kinds)
     caption = f"{listed(words)}. A line ends where samples are missing."
     over = Figure(as_written(time_figure(record)), caption[0].upper() + caption[1:], f"Over time: {listed(shown)}.")
-    return [over, *stimulation_blocks(record), *loop_blocks(record), Heading("Channels"), channels(record)]
+    blocks: list[Block] = []
+    for title, listed_rows in stimulation_tables(record).items():
+        blocks += [Heading(title), listed_rows]
+    drawn = force_frequency_figure(record)
+    if drawn is not None:
+        caption = "Largest and mean active tension over the rate of stimulation."
+        blocks.append(Figure(as_written(drawn), caption, caption))
+    return [over, *blocks, *loop_blocks(record), Heading("Channels"), channels(record)]
 
 
 # ---- the rest
@@ -617,17 +566,16 @@ def _parameters(meta: Mapping[str, JsonValue]) -> list[Block]:
     guessed = inferred_inputs(meta)
     if guessed:
         rows = tuple(TableRow((Span(g.name, "code"), g.value, g.file), note=g.note) for g in guessed)
-        columns = (TableColumn("Name in its file"), TableColumn("Value", wide=True), TableColumn("File"))
+        columns = headed("Name in its file", TableColumn("Value", wide=True), "File")
         words = (
             "No source prints these; they were chosen so that what is printed follows, or as such parts usually are."
         )
         blocks += [Paragraph(words), ReportTable(columns, rows, "Inferred, as far as this run used it")]
     resolved = parameters(meta)
     if resolved:
-        rows = tuple(
-            TableRow((Span(p.path, "code"), p.value, ("○ " if p.inferred else "") + p.origin)) for p in resolved
-        )
-        columns = (TableColumn("Path"), TableColumn("Value"), TableColumn("Origin", wide=True))
+        marked = [("○ " if p.inferred else "") + p.origin for p in resolved]
+        rows = tuple(TableRow((Span(p.path, "code"), p.value, o)) for p, o in zip(resolved, marked, strict=True))
+        columns = headed("Path", "Value", TableColumn("Origin", wide=True))
         count = sum(p.inferred for p in resolved)
         title = ("All parameters of the run ", Span(f"{len(resolved)}, of them {count} inferred, marked ○", "quiet"))
         words = "Default or derived: the package's own value, or one that follows from the files of rig and specimen."
@@ -635,14 +583,11 @@ def _parameters(meta: Mapping[str, JsonValue]) -> list[Block]:
     further = [p for k, v in meta.items() if k not in _TOLD for p in flat(v, str(k))]
     if further:
         kept = tuple((name, minus(text)) for name, text in further[:MOST_FURTHER])
-        rest = len(further) - len(kept)
-        more = (Paragraph(f"And {rest} more, in the recording.", "quiet"),) if rest else ()
-        blocks.append(Fold("Further metadata", (KeyValues(kept), *more)))
+        blocks.append(Fold("Further metadata", (KeyValues(kept), *_more(len(further) - len(kept)))))
     return blocks
 
 
 def _rests(meta: Mapping[str, JsonValue]) -> list[Section]:
-    """Papers and versions."""
     cited = meta.get("citations")
     keys = dict.fromkeys(str(k) for k in cited) if isinstance(cited, list) else {}
     spec = known_specimen(meta)

@@ -39,10 +39,15 @@ from .blocks import (
     TableColumn,
     TableRow,
     Text,
+    headed,
+    minus,
+    numeric,
+    significant,
+    unit_text,
+    versions_text,
 )
 from .document import Document
 from .paper_figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
-from .words import minus, significant, unit_text, versions_text
 
 PARTS = {
     "I": "Part I. Static and dynamic tension-length relationships",
@@ -214,11 +219,8 @@ def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: s
         yield Paragraph(left_out)
     rows = tuple(TableRow((_mark(t.kind), str(t.rows), _range(t), t.kind.meaning)) for t in tallies(outcomes))
     if rows:
-        columns = (
-            TableColumn("Verdict"),
-            TableColumn("Rows", number=True),
-            TableColumn("Difference from the print", number=True),
-            TableColumn("What it says", wide=True),
+        columns = headed(
+            "Verdict", *numeric("Rows", "Difference from the print"), TableColumn("What it says", wide=True)
         )
         yield ReportTable(columns, rows)
         yield Paragraph(
@@ -230,7 +232,6 @@ def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: s
 
 
 def _range(tally: Tally) -> str:
-    """Smallest and largest difference of a kind, in per cent."""
     if tally.lowest is None or tally.highest is None:
         return ""
     ends = dict.fromkeys(percent(end, 1) for end in (tally.lowest, tally.highest))
@@ -252,14 +253,13 @@ def _part(part: str, outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> 
 
 
 def _table(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> ReportTable:
-    columns = (
-        TableColumn("Verdict"),
+    columns = headed(
+        "Verdict",
         TableColumn("What", wide=True),
-        TableColumn("Paper", number=True),
-        TableColumn("Ours", number=True),
-        TableColumn("Unit"),
+        *numeric("Paper", "Ours"),
+        "Unit",
         TableColumn("Difference", number=True),
-        TableColumn("Tolerance"),
+        "Tolerance",
     )
     return ReportTable(columns, tuple(_row(o, drawn) for o in outcomes), head=1)
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from .._lazy import lazy_submodules
 from ..errors import MckibbenError
-from . import loops, part1, part2, part4, shortening  # noqa: F401
+from . import computed, measured, part4  # noqa: F401 - they register how the rows are computed
 from .recorded import Folder, kept_in, saved_in, told
 from .rows import PrintedRow, RowOutcome, needs_recording, reproduce_row, select
 

@@ -22,10 +22,10 @@ from ..analysis.energy import (
 )
 from ..components import Environment
 from ..muscles.build import law_from_specimen
-from ..quantities import parse
+from ..quantities import from_si, parse
 from ..specimens import specimen
-from . import part1
-from .rows import ComputedValue, all_rows, reproduces
+from . import computed, rows
+from .rows import ComputedValue, reproduces
 
 MUSCLE = "nylon"
 PRESSURE = 5e5  # [Pa]
@@ -36,10 +36,10 @@ def muscle(volume: str = "paper") -> CycleMuscle:
     """Muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
     law = law_from_specimen(specimen(MUSCLE))
     line = {
-        "stiffness_per_pressure": part1.KG,
-        "shortest_length": part1.LMIN,
-        "passive_stiffness": part1.passive_stiffness(),
-        "threshold_pressure": part1.threshold_pressure(),
+        "stiffness_per_pressure": computed.KG,
+        "shortest_length": computed.LMIN,
+        "passive_stiffness": computed.passive_stiffness(),
+        "threshold_pressure": computed.threshold_pressure(),
     }
     return cycle_muscle(law.replace(**line), volume)
 
@@ -72,9 +72,7 @@ def cycle(
 
 def printed(identifier: str) -> float:
     """Value that the paper prints for a row of Part IV, in the row's unit; the figures draw it."""
-    value = next(row.paper for row in all_rows() if row.id == f"energy.{identifier}")
-    assert isinstance(value, float)
-    return value
+    return rows.printed(f"energy.{identifier}")
 
 
 def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) -> str:
@@ -88,7 +86,30 @@ def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) 
     return words if name == "maximal" else f"{words}, {ours(reading='throughout')} with friction throughout"
 
 
-# ---- misprints
+def _number(name: str, what: str, *, accumulator: bool = False) -> ComputedValue:
+    """A number of a cycle, beside what other readings give."""
+    value: float = getattr(cycle(name, accumulator=accumulator), what)
+    return ComputedValue(value, _beside(name, what, "" if what == "efficiency" else " J", accumulator=accumulator))
+
+
+for _name in ("maximal", "isotonic", "valve"):
+    for _row, _what, _accumulator in (
+        ("input", "input", False),
+        ("input_accumulator", "input", True),
+        ("efficiency", "efficiency", False),
+        ("efficiency_accumulator", "efficiency", True),
+    ):
+        # what more is to be said of these is said below
+        if (_name, _row) not in (("maximal", "efficiency"), ("maximal", "efficiency_accumulator"), ("valve", "input")):
+            _unit = "1" if _what == "efficiency" else "J"
+            reproduces(f"energy.{_name}.{_row}", _unit)(
+                functools.partial(_number, _name, _what, accumulator=_accumulator)
+            )
+reproduces("energy.maximal.output", "J")(lambda: _number("maximal", "output"))
+reproduces("energy.atmosphere", "Pa")(lambda: parse("1 atm", "Pa", field="atmosphere"))  # by its definition
+reproduces("energy.maximal.zero_pressure", "Pa", "where friction takes all that the gas gives")(
+    lambda: zero_pressure(muscle(), "maximal", conditions())
+)
 
 
 @reproduces("energy.maximal.compression", "J")
@@ -97,50 +118,24 @@ def compression() -> ComputedValue:
     one, ambient = cycle("maximal"), conditions().ambient.pressure_abs
     high, final = one.start_pressure + ambient, one.shortened_volume
     wrong = -high * final * math.log(final / one.stretched_volume) - high * final * (1.0 - ambient / high)
-    return ComputedValue(one.compression, f"{wrong:.1f} J from V2 = {1e6 * one.stretched_volume:.2f} cm3")
-
-
-@reproduces("energy.atmosphere", "Pa")
-def atmosphere() -> float:
-    """One standard atmosphere, by its definition."""
-    return parse("1 atm", "Pa", field="atmosphere")
-
-
-# ---- maximal shortening at constant pressure
-
-
-@reproduces("energy.maximal.input", "J")
-def maximal_input() -> ComputedValue:
-    """Input of maximal shortening, W01 + W12."""
-    return ComputedValue(cycle("maximal").input, _beside("maximal", "input", " J"))
-
-
-@reproduces("energy.maximal.input_accumulator", "J")
-def maximal_input_accumulator() -> ComputedValue:
-    """Input of maximal shortening, exchanged with the accumulator."""
-    return ComputedValue(cycle("maximal", accumulator=True).input, _beside("maximal", "input", " J", accumulator=True))
-
-
-@reproduces("energy.maximal.output", "J")
-def maximal_output() -> ComputedValue:
-    """Work of maximal shortening, Wa."""
-    return ComputedValue(cycle("maximal").output, _beside("maximal", "output", " J"))
+    return ComputedValue(
+        one.compression, f"{wrong:.1f} J from V2 = {from_si(one.stretched_volume, 'm^3', 'cm^3'):.2f} cm3"
+    )
 
 
 @reproduces("energy.maximal.efficiency", "1")
 def maximal_efficiency() -> ComputedValue:
     """Efficiency Ea of maximal shortening."""
-    efficiency = cycle("maximal").efficiency
-    return ComputedValue(efficiency, f"{efficiency:.4f} unrounded; {_beside('maximal', 'efficiency')}")
+    value, words = _number("maximal", "efficiency")
+    return ComputedValue(value, f"{value:.4f} unrounded; {words}")
 
 
 @reproduces("energy.maximal.efficiency_accumulator", "1")
 def maximal_efficiency_accumulator() -> ComputedValue:
     """Efficiency Ea of maximal shortening with the accumulator."""
     smooth = cycle("maximal", accumulator=True, friction=False).efficiency
-    words = f"{smooth:.3f} without friction, which is what is printed"
-    efficiency = cycle("maximal", accumulator=True).efficiency
-    return ComputedValue(efficiency, f"{words}; {_beside('maximal', 'efficiency', accumulator=True)}")
+    value, words = _number("maximal", "efficiency", accumulator=True)
+    return ComputedValue(value, f"{smooth:.3f} without friction, which is what is printed; {words}")
 
 
 @reproduces("energy.maximal.best_pressure", "Pa")
@@ -151,81 +146,24 @@ def maximal_best_pressure() -> ComputedValue:
     return ComputedValue(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
 
 
-@reproduces("energy.maximal.zero_pressure", "Pa", "where friction takes all that the gas gives")
-def maximal_zero_pressure() -> float:
-    """Pressure at which the output of maximal shortening is zero."""
-    return zero_pressure(muscle(), "maximal", conditions())
-
-
 @reproduces("energy.maximal.output_below_W12", "1")
 def maximal_output_below_delivery() -> ComputedValue:
     """Largest ratio Wa/W12 of maximal shortening."""
     cycles = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
     share = cycles.output / cycles.delivery
-    return ComputedValue(float(np.nanmax(share)), f"at {1e-5 * PRESSURES[int(np.nanargmax(share))]:.1f} bar")
-
-
-# ---- isotonic shortening
-
-
-@reproduces("energy.isotonic.input", "J")
-def isotonic_input() -> ComputedValue:
-    """Input of the isotonic cycle, area EFGH."""
-    return ComputedValue(cycle("isotonic").input, _beside("isotonic", "input", " J"))
-
-
-@reproduces("energy.isotonic.input_accumulator", "J")
-def isotonic_input_accumulator() -> ComputedValue:
-    """Input of the isotonic cycle with the accumulator, area E'FGH'."""
-    return ComputedValue(
-        cycle("isotonic", accumulator=True).input, _beside("isotonic", "input", " J", accumulator=True)
-    )
+    at = from_si(PRESSURES[int(np.nanargmax(share))], "Pa", "bar")
+    return ComputedValue(float(np.nanmax(share)), f"at {at:.1f} bar")
 
 
 @reproduces("energy.isotonic.output", "J")
 def isotonic_output() -> ComputedValue:
     """Output of both isotonic cycles."""
-    one = cycle("isotonic")
-    words = f"tendon at {one.load:.1f} N down to {100 * one.shortened_length:.3f} cm"
-    return ComputedValue(one.output, f"{words}; {_beside('isotonic', 'output', ' J')}")
-
-
-@reproduces("energy.isotonic.efficiency", "1")
-def isotonic_efficiency() -> ComputedValue:
-    """Efficiency Eb of the isotonic cycle."""
-    return ComputedValue(cycle("isotonic").efficiency, _beside("isotonic", "efficiency"))
-
-
-@reproduces("energy.isotonic.efficiency_accumulator", "1")
-def isotonic_efficiency_accumulator() -> ComputedValue:
-    """Efficiency Eb of the isotonic cycle with the accumulator."""
-    return ComputedValue(
-        cycle("isotonic", accumulator=True).efficiency, _beside("isotonic", "efficiency", accumulator=True)
-    )
+    one, (value, words) = cycle("isotonic"), _number("isotonic", "output")
+    return ComputedValue(value, f"tendon at {one.load:.1f} N down to {100 * one.shortened_length:.3f} cm; {words}")
 
 
 @reproduces("energy.valve.input", "J")
 def valve_input() -> ComputedValue:
     """Input of the valve-controlled isotonic cycle, area EF'GH."""
-    one = cycle("valve")
-    return ComputedValue(
-        one.input, f"{one.throttling:.2f} J of it, area FF'G, throttled; {_beside('valve', 'input', ' J')}"
-    )
-
-
-@reproduces("energy.valve.input_accumulator", "J")
-def valve_input_accumulator() -> ComputedValue:
-    """Input of the valve-controlled isotonic cycle with the accumulator, area E'F'GH'."""
-    return ComputedValue(cycle("valve", accumulator=True).input, _beside("valve", "input", " J", accumulator=True))
-
-
-@reproduces("energy.valve.efficiency", "1")
-def valve_efficiency() -> ComputedValue:
-    """Efficiency Ec of the valve-controlled isotonic cycle."""
-    return ComputedValue(cycle("valve").efficiency, _beside("valve", "efficiency"))
-
-
-@reproduces("energy.valve.efficiency_accumulator", "1")
-def valve_efficiency_accumulator() -> ComputedValue:
-    """Efficiency Ec of the valve-controlled isotonic cycle with the accumulator."""
-    return ComputedValue(cycle("valve", accumulator=True).efficiency, _beside("valve", "efficiency", accumulator=True))
+    value, words = _number("valve", "input")
+    return ComputedValue(value, f"{cycle('valve').throttling:.2f} J of it, area FF'G, throttled; {words}")

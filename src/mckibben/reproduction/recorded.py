@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from ..analysis.segments import segments
 from ..assembly.build import unit_from_specimen
@@ -145,16 +144,38 @@ def recording(
     said = repr((name, muscle, rig, plumbing, accept_saturation, rigid, sorted(values.items())))
 
     def make() -> Recording:
-        return _made(name, muscle, rig, plumbing, accept_saturation, rigid, values)
+        settings = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+        bench = prepare(
+            protocol(name, **settings),
+            muscle=muscle,
+            unit=unit_from_specimen(muscle, tendon=RIGID_CORD) if rigid else None,
+            rig=rig_of(rig, RIGID_FRAME) if rigid else rig,
+            plumbing=plumbing,
+            accept_saturation=accept_saturation,
+        )
+        words = ", ".join([name, muscle, *(str(value) for value in values.values() if not isinstance(value, tuple))])
+
+        def progress(done: float, total: float) -> None:
+            for tell in _tellers:
+                tell(f"recording {words}: {100.0 * done / total:.0f} %")
+
+        progress(0.0, 1.0)
+        recording = run(bench, progress=progress)
+        if recording.meta["result"] != "done":
+            raise ConvergenceError(f"{words}: {recording.meta['message']}")
+        return recording
 
     record = shared(said, make)
     others = [w for w in (None if rig == "paper" else rig, plumbing, "rigid" if rigid else None) if w]
     for folder in _saved_in:
-        _save(
-            record,
-            folder,
-            [name, muscle, *others, *(f"{k} {v}" for k, v in values.items() if not isinstance(v, tuple))],
-        )
+        # Save a recording under the words that say which it is; another one of the same words gets a number
+        words = [name, muscle, *others, *(f"{k} {v}" for k, v in values.items() if not isinstance(v, tuple))]
+        stem = re.sub(r"[^\w.]+", "-", " ".join(words)).strip("-")[:LONGEST_NAME]
+        numbers = itertools.count(2)
+        path = folder / f"{stem}.nc"
+        while path.exists():
+            path = folder / f"{stem}-{next(numbers)}.nc"
+        record.save(path)
     return record
 
 
@@ -182,47 +203,6 @@ def saved_in(folder: str | os.PathLike[str] | None) -> Iterator[None]:
         yield
     finally:
         _saved_in.pop()
-
-
-def _save(record: Recording, folder: Path, words: list[str]) -> None:
-    """Save a recording under the words that say which it is; another one of the same words gets a number."""
-    stem = re.sub(r"[^\w.]+", "-", " ".join(words)).strip("-")[:LONGEST_NAME]
-    numbers = itertools.count(2)
-    path = folder / f"{stem}.nc"
-    while path.exists():
-        path = folder / f"{stem}-{next(numbers)}.nc"
-    record.save(path)
-
-
-def _made(
-    name: str,
-    muscle: str,
-    rig: str,
-    plumbing: str | None,
-    accept_saturation: bool,
-    rigid: bool,
-    values: dict[str, Any],
-) -> Recording:
-    settings = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
-    bench = prepare(
-        protocol(name, **settings),
-        muscle=muscle,
-        unit=unit_from_specimen(muscle, tendon=RIGID_CORD) if rigid else None,
-        rig=rig_of(rig, RIGID_FRAME) if rigid else rig,
-        plumbing=plumbing,
-        accept_saturation=accept_saturation,
-    )
-    words = ", ".join([name, muscle, *(str(value) for value in values.values() if not isinstance(value, tuple))])
-
-    def progress(done: float, total: float) -> None:
-        for tell in _tellers:
-            tell(f"recording {words}: {100.0 * done / total:.0f} %")
-
-    progress(0.0, 1.0)
-    recording = run(bench, progress=progress)
-    if recording.meta["result"] != "done":
-        raise ConvergenceError(f"{words}: {recording.meta['message']}")
-    return recording
 
 
 def step_of(record: Recording, label: str, **case: str | float) -> Recording:

@@ -136,6 +136,13 @@ def all_rows() -> tuple[PrintedRow, ...]:
     return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
 
 
+def printed(identifier: str) -> float:
+    """Value that the paper prints for a row, in the row's unit."""
+    value = next(row.paper for row in all_rows() if row.id == identifier)
+    assert isinstance(value, float)
+    return value
+
+
 def select(part: str | None = None, identifiers: list[str] | None = None) -> list[PrintedRow]:
     """Rows of one part (``I`` to ``IV``, ``discussion``) or whose identifier begins with one of the given texts."""
     rows = list(all_rows())
@@ -159,7 +166,10 @@ def reproduce_row(row: PrintedRow) -> RowOutcome:
     way = _WAYS[row.id]
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
-    ours = from_si(value, way.si_unit, _plain_unit(row.unit))
+    plain = row.unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
+    ours = from_si(
+        value, way.si_unit, plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
+    )
     note = "; ".join(filter(None, (_again(row), row.note, way.note, remark, _reasoned(row), _based(row))))
     return RowOutcome(row, ours, judge(row, ours), note)
 
@@ -240,12 +250,6 @@ def _row(entry: dict[str, Any]) -> PrintedRow:
     paper = entry["paper"]
     value = tuple(float(v) for v in paper) if isinstance(paper, list) else float(paper)
     return PrintedRow(**(entry | {"paper": value}))
-
-
-def _plain_unit(unit: str) -> str:
-    """Unit of a row without the muscle's rest length L0, by which the computing function has divided."""
-    plain = unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
-    return plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
 
 
 class VerdictKind(NamedTuple):

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 from .._jax import Tree
 from ..answers import Caution, brief, collect
-from ..assembly.assumptions import Assumption, inferred
-from ..assembly.build import INFERRED, LINE_VALVE, AirLine, circuit_for, is_line_valve
+from ..assembly.build import INFERRED, LINE_VALVE, AirLine, Assumption, circuit_for, inferred_assumption, is_line_valve
 from ..assembly.circuit_file import CircuitPlan, driven, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
@@ -21,11 +20,10 @@ from ..errors import InputError
 from ..muscles.plausible import LEAST_PRESSURE, argument_cautions, pressure_caution
 from ..pneumatics.build import build_element, valve_from_specimen
 from ..pneumatics.circuit import Circuit
-from ..pneumatics.heat import HeatModel, WallHeat
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.valves import PressureRegulator
-from ..pneumatics.volume import MovingVolume
+from ..pneumatics.volume import HeatModel, MovingVolume, WallHeat
 from ..quantities import amount, with_unit
 from ..registry import is_reference, named_by_person
 from ..slips import size_caution
@@ -153,7 +151,7 @@ class Air(Stated):
 
     def _assumptions(self) -> tuple[Assumption, ...]:
         made = [
-            inferred(f"air.{name.replace('_', '.') if name.startswith('tube') else name}", name)
+            inferred_assumption(f"air.{name.replace('_', '.') if name.startswith('tube') else name}", name)
             for name, left in (
                 ("tube_length", self.tube is None or self.tube == USUAL_TUBE),
                 ("tube_diameter", self.tube is None or self.tube == USUAL_TUBE),
@@ -164,7 +162,7 @@ class Air(Stated):
         ]
         if self.valve == REGULATOR:
             made += [
-                inferred("air.valve.flow", "valve_flow"),
+                inferred_assumption("air.valve.flow", "valve_flow"),
                 Assumption("air.valve.band", REGULATOR_BAND, "Pa", "error of the pressure at which it is fully open"),
                 Assumption("air.valve.lag", REGULATOR_LAG, "s", "lag of its set-point"),
             ]

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..answers import Caution, brief, collect
-from ..assembly.assumptions import Assumption, of_unit
-from ..assembly.build import rig_cord, unit_from_muscle, unit_from_specimen
+from ..assembly.build import Assumption, rig_cord, unit_assumptions, unit_from_muscle, unit_from_specimen
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
 from ..assembly.loads.joint import STOP_STIFFNESS
 from ..assembly.muscle_unit import MuscleUnit
@@ -157,7 +156,9 @@ class Mechanism(Stated, abc.ABC):
         for name, muscle in self.muscles.items():
             if not isinstance(muscle, MuscleUnit):
                 tendon = self.tendons()[name]
-                made += of_unit(name, units[name], usual_tendon=tendon is not None and not isinstance(tendon, Tendon))
+                made += unit_assumptions(
+                    name, units[name], usual_tendon=tendon is not None and not isinstance(tendon, Tendon)
+                )
         return (*made, *(Assumption(field, span, "m", note) for field, (span, note) in spans.items()))
 
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:

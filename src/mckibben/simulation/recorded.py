@@ -9,9 +9,8 @@ import numpy as np
 
 from .._jax import Scalar, Tree
 from ..answers import Caution, collect
-from ..assembly.accounts import CLOSED, Accounts, accounts
-from ..assembly.assumptions import table
-from ..assembly.exergy_balance import document
+from ..assembly.accounts import CLOSED, Accounts, accounts, document
+from ..assembly.build import assumption_table
 from ..assembly.output_names import CONSTANT, output_meaning
 from ..components.paths import resolved
 from ..engine import sampled
@@ -153,7 +152,7 @@ def _meta(
         "specimen": ", ".join(dict.fromkeys(s.id for s in specimens)) or None,
         "parameters": resolved(machine),
         "mounting": {name: unit.mounting for name, unit in machine.units.items()},
-        "assumptions": table(simulation.assumptions),
+        "assumptions": assumption_table(simulation.assumptions),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},
         "balance": {name: float(getattr(closed, name)) for name in CLOSED} if closed else {},
         "friction": {"work": closed.friction, "dissipated": closed.dissipated} if closed else {},

@@ -22,7 +22,7 @@ import numpy as np
 
 from .._jax import Scalar, Tree
 from ..answers import Caution, collect, warn
-from ..assembly.assumptions import Assumption
+from ..assembly.build import Assumption
 from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue

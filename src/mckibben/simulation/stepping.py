@@ -17,8 +17,7 @@ from .._jax import Tree, jnp
 from ..answers import Caution, brief
 from ..assembly.machine import Machine
 from ..components import Scalar, field
-from ..components.sampled import Plant
-from ..components.system import Exchange, Moment
+from ..components.system import Exchange, Moment, Plant
 from ..engine import sampled
 from ..engine.packed import Layout
 from ..engine.signals import Signal, Value

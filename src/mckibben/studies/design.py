@@ -11,8 +11,7 @@ import numpy as np
 
 from ..analysis.steps import SETTLED
 from ..batch import Output, VariantOutcome, Variants, grid
-from ..batch.run_template import make_template
-from ..batch.settings import setting
+from ..batch.run_template import make_template, setting
 from ..batch.sweep import Sweep, run_batch
 from ..bench.rig_file import rig as rig_of
 from ..documents import JsonValue

@@ -22,9 +22,8 @@ from ..errors import InputError
 from ..extras import library
 from ..muscles.biological import BiologicalMuscle
 from ..muscles.laws import LAWS, law_type
-from ..pneumatics import sizes
 from ..pneumatics.build import known_keys as keys_of_element
-from ..pneumatics.build import passages_of, valve_from_specimen
+from ..pneumatics.build import passages_of, size_as, valve_from_specimen
 from ..quantities import declared, in_si
 from ..specimens import KNOWN_PROPERTIES, Specimen, SpecimenNumber, specimen, specimens
 from ..specimens import parts as published
@@ -301,7 +300,7 @@ def _valve(spec: Specimen) -> ListedPart:
         with contextlib.suppress(
             InputError
         ):  # of a file that leaves something out, which is said when the valve is used
-            flow = sizes.size_as(getattr(valve_from_specimen(spec), passages_of(spec.element)[0]), "nominal_flow")
+            flow = size_as(getattr(valve_from_specimen(spec), passages_of(spec.element)[0]), "nominal_flow")
             note = "computed from the size that the file states, for comparison: from 6 to 5 bar gauge"
             numbers.insert(0, PartNumber("nominal_flow", flow, "m^3/s", inferred=True, note=note))
     return _made("valves", spec.id, spec.title, spec.element, tuple(numbers), spec.sources, spec.note)

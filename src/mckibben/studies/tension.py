@@ -282,7 +282,7 @@ def _add_ranges(points: list[dict[str, Any]], muscle: muscles.Muscle, name: str)
     if spec is None or spec.kind != "mckibben":
         return ()
     at = [np.array([p[name] for p in points]) for name in ("length", "pressure")]
-    ends = muscles.ranges.tension_range(spec, name, muscle.law, *at)
+    ends = muscles.evidence.tension_range(spec, name, muscle.law, *at)
     for point, low, high in zip(points, *ends, strict=True) if ends is not None else ():
         point |= {"tension_low": float(low), "tension_high": float(high)}
     said = []

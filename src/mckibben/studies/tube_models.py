@@ -22,14 +22,13 @@ from ..components import Environment
 from ..components.flow import TwoPort
 from ..engine import ramped
 from ..experiments.waveforms import MultiSine, PointTable
-from ..experiments.waveforms.random import uniform
+from ..experiments.waveforms.shapes import uniform
 from ..identification import Estimate, Trial, fit_circuit
 from ..pneumatics import AIR
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.distributed import DistributedTube, ReservoirEnd, VesselEnd, simulate
-from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
 from ..pneumatics.tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube
-from ..pneumatics.volume import FixedVolume, Reservoir
+from ..pneumatics.volume import FixedVolume, HeatModel, Isothermal, Reservoir, WallHeat
 from ..quantities import with_unit
 
 LENGTH, DIAMETER = 1.0, 3.175e-3  # 100 cm of 1/8 in tube [m]

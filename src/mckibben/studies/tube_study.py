@@ -18,7 +18,7 @@ import numpy as np
 
 from .._jax import Tree, jax
 from ..engine import STEP, march
-from ..pneumatics.heat import HeatModel, Isothermal, WallHeat
+from ..pneumatics.volume import HeatModel, Isothermal, WallHeat
 from .tube_models import (
     ACCUMULATORS,
     CHANNEL,

@@ -211,13 +211,14 @@ class Timer:
 
     def __init__(self, document: PageDocument, period: float, do: Callable[[], object], active: bool = True) -> None:
         self.active = active
-        document.spawn(self._run(document, period, do))
 
-    async def _run(self, document: PageDocument, period: float, do: Callable[[], object]) -> None:
-        while not document.closed:
-            await asyncio.sleep(period)
-            if self.active and document.connected:
-                await document.call(do)
+        async def run() -> None:
+            while not document.closed:
+                await asyncio.sleep(period)
+                if self.active and document.connected:
+                    await document.call(do)
+
+        document.spawn(run())
 
 
 class PageDocument:
@@ -336,16 +337,10 @@ class PageDocument:
             return
         self.connected = True
         self._arrived.set()
-        both = [asyncio.create_task(self._hear(socket)), asyncio.create_task(self._tell(socket, received))]
         try:
-            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            await until_one_ends(self._hear(socket), self._tell(socket, received))
         finally:
             self.connected = False
-            for task in both:
-                task.cancel()
-            for result in await asyncio.gather(*both, return_exceptions=True):
-                if isinstance(result, Exception) and not isinstance(result, WebSocketDisconnect | RuntimeError):
-                    LOGGER.error("a page lost its line", exc_info=result)
 
     async def _tell(self, socket: WebSocket, seen: int) -> None:
         while not self.closed:
@@ -384,6 +379,21 @@ class PageDocument:
             end()
         for task in self._tasks:
             task.cancel()
+
+
+async def until_one_ends(*work: Coroutine[object, object, None]) -> None:
+    """Hear and tell over a socket until one of them ends, as it does where the line is lost."""
+    from starlette.websockets import WebSocketDisconnect
+
+    both = [asyncio.create_task(one) for one in work]
+    try:
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in both:
+            task.cancel()
+        for result in await asyncio.gather(*both, return_exceptions=True):
+            if isinstance(result, Exception) and not isinstance(result, WebSocketDisconnect | RuntimeError):
+                LOGGER.error("a page lost its line", exc_info=result)  # it comes back by itself
 
 
 def _operations(records: list[tuple[str, Element]]) -> list[list[object]]:

@@ -1,21 +1,83 @@
-"""The socket of a page: it receives actions, and sends state, messages and samples, at most 60 times a second."""
+"""The socket of a page: who the page is, its actions, and state, messages and samples for it, at most 60 times a second.
+
+A page has an identity: a public name, and a secret that only the page itself and the server know. It gets both when it
+connects, and shows the secret to be the same page again after a reload or a lost line. The secret is another one after
+every connection: the one before ends as soon as the page says that it has the new one, so that a copy of it is worth
+nothing. A name alone is worth nothing either.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import json
 import logging
+import secrets
+from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..documents import JsonValue, parse_json
-from .identity import PageRegistry
+from .elements import until_one_ends
 from .workspace import Workspace
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
+
+KEPT = 256  # identities that are remembered; the one that connected longest ago is forgotten first
+
+
+@dataclass
+class Identity:
+    """Identity of one page."""
+
+    name: str
+    digest: bytes = b""  # digest of the secret that the page is known to have; empty before it said so
+    next_digest: bytes = b""  # digest of the secret that it was given last; empty once the page has confirmed it
+
+
+class PageRegistry:
+    """Identities of all pages of a server; for one thread."""
+
+    def __init__(self) -> None:
+        self._identities: OrderedDict[str, Identity] = OrderedDict()
+        self._names: dict[bytes, str] = {}  # by the digest of a secret that is valid
+
+    def admit(self, secret: str) -> tuple[str, str]:
+        """Identity of a secret, or a new one if the secret is not valid."""
+        digest = _digest(secret)
+        identity = self._identities.get(self._names.get(digest, ""))
+        if identity is None:
+            identity = Identity(secrets.token_hex(6))
+            self._identities[identity.name] = identity
+        elif digest == identity.next_digest:
+            self.confirm(identity.name)  # the page has it, whether it said so or not
+        self._names.pop(identity.next_digest, None)
+        fresh = secrets.token_urlsafe(24)
+        identity.next_digest = _digest(fresh)
+        self._names[identity.next_digest] = identity.name
+        self._identities.move_to_end(identity.name)
+        while len(self._identities) > KEPT:
+            _, oldest = self._identities.popitem(last=False)
+            self._names.pop(oldest.digest, None)
+            self._names.pop(oldest.next_digest, None)
+        return identity.name, fresh
+
+    def confirm(self, name: str) -> None:
+        """Confirm that the page has its new secret, which invalidates the previous one."""
+        identity = self._identities.get(name)
+        if identity is not None and identity.next_digest:
+            self._names.pop(identity.digest, None)
+            identity.digest, identity.next_digest = identity.next_digest, b""
+
+
+def _digest(secret: str) -> bytes:
+    """Digest of a secret, compared in its place so that the time of a comparison reveals nothing."""
+    return hashlib.sha256(secret.encode("utf-8", "replace")).digest()
+
 
 LOGGER = logging.getLogger(__name__)
 TICK = 1.0 / 60.0  # time between two looks at what is new [s]
@@ -38,12 +100,7 @@ async def stop_at_once(workspace: Workspace, reason: str) -> str:
 
 
 class Lines:
-    """Sockets of all pages; every page has an identity, and one socket.
-
-    Args:
-        workspace: state of the server.
-        served: address and version, for the footer.
-    """
+    """Sockets of all pages; every page has an identity, and one socket."""
 
     def __init__(self, workspace: Workspace, served: dict[str, str]) -> None:
         self.workspace, self.served, self.registry = workspace, served, PageRegistry()
@@ -70,27 +127,17 @@ class Lines:
             self._ending.add(ending)
             ending.add_done_callback(self._ending.discard)
         try:
-            await line.run({"page": page, "secret": secret, "saved": self._saved(hello), **self.served})
+            saved = None  # by an earlier server, of the run of a page that was connected to it
+            if hello.get("server") and hello["server"] != self.workspace.server:
+                saved = self.workspace.saved_before(str(hello.get("file") or ""))
+            await line.run({"page": page, "secret": secret, "saved": saved, **self.served})
         finally:
             if self._open.get(page) is line:
                 del self._open[page]
 
-    def _saved(self, hello: dict[str, JsonValue]) -> str | None:
-        """Name of the file into which an earlier server saved its run, for a page that was connected to it."""
-        if not hello.get("server") or hello["server"] == self.workspace.server:
-            return None
-        return self.workspace.saved_before(str(hello.get("file") or ""))
-
 
 class PageConnection:
-    """Connection of one page.
-
-    Args:
-        socket: accepted.
-        workspace: state of the server.
-        page: public name of its identity.
-        confirmed: called when the page has its new secret.
-    """
+    """Connection of one page."""
 
     def __init__(
         self, socket: WebSocket, workspace: Workspace, page: str, confirmed: Callable[[], None] = lambda: None
@@ -110,20 +157,12 @@ class PageConnection:
 
     async def run(self, hello: dict[str, JsonValue]) -> None:
         """Greet the page, and serve it until its socket closes."""
-        from starlette.websockets import WebSocketDisconnect
-
         await self._send({"type": "hello", "server": self.workspace.server, **hello})
         self.workspace.control.join(self.page)
         self.workspace.changed()
-        both = [asyncio.create_task(self._hear()), asyncio.create_task(self._tell())]
         try:
-            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            await until_one_ends(self._hear(), self._tell())
         finally:
-            for task in both:
-                task.cancel()
-            for one in await asyncio.gather(*both, return_exceptions=True):
-                if isinstance(one, Exception) and not isinstance(one, WebSocketDisconnect | RuntimeError):
-                    LOGGER.error("a page lost its line", exc_info=one)  # it comes back by itself
             self.workspace.control.leave(self.page)
             self.workspace.changed()
 

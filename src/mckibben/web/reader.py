@@ -136,11 +136,7 @@ def return_large_blocks() -> None:
 
 
 def read_outside(function: Callable[..., T], path: Path, *arguments: object) -> T:
-    """Call a function with a file: in a separate process if the file is large, else at once.
-
-    Raises:
-        MckibbenError: as the function and `ReaderProcess` do.
-    """
+    """Call a function with a file: in a separate process if the file is large, else at once."""
     if is_small(path):
         with contextlib.suppress(LargeAnswerError), small_answers(SMALL_CONTENT):
             return function(path, *arguments)
@@ -183,7 +179,6 @@ def _serve(
     passes: int,
     limits: ReadingLimits,
 ) -> None:
-    """Call the function and send its result or its error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)

@@ -21,17 +21,26 @@ from urllib.parse import quote
 
 from .. import __version__
 from ..errors import InputError, MckibbenError
-from .connections import BACKLOG, SWITCH, Connections, Listener, bound_log, counted_protocol, reserve_descriptors
+from .bench import measured_data
+from .charts import LARGEST_CHART, sent_figure
 from .elements import Documents
-from .guard import STOP, Guard, is_loopback
+from .guard import (
+    BACKLOG,
+    STOP,
+    SWITCH,
+    Connections,
+    Guard,
+    Listener,
+    bound_log,
+    counted_protocol,
+    is_loopback,
+    reserve_descriptors,
+)
 from .live import Lines, stop_at_once
-from .pages import bench as bench_page
-from .pages.bench import measured_data
 from .reader import return_large_blocks
-from .save import LARGEST_CHART, sent_figure
-from .shelf import LARGEST, check_size
-from .shell import HOME, PAGES, written
+from .shelf import LARGEST, check_size, plain_name
 from .transfers import receive_file
+from .widgets import HOME, PAGES, document, piece, written
 from .workspace import Workspace
 
 REASON = 0.5  # time for which a stop waits for its reason [s]
@@ -43,15 +52,7 @@ UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not kn
 def build(
     workspace: Workspace, host: str, port: int, token: str | None = None, connections: Connections | None = None
 ) -> Guard:
-    """Build the application, guarded.
-
-    Args:
-        workspace: state of the server.
-        host: address that the server listens on.
-        port: port number.
-        token: that is requested; a new one by default.
-        connections: of the server, which are bounded.
-    """
+    """Build the application, guarded."""
     from starlette.applications import Starlette
 
     documents = Documents()
@@ -59,8 +60,14 @@ def build(
 
     @contextlib.asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        workspace.begin()
-        ticking = asyncio.create_task(_tick(workspace, connections))
+        async def tick() -> None:
+            while True:
+                workspace.tick()
+                connections.tick()
+                await asyncio.sleep(LOOK)
+
+        workspace.machine.begin()
+        ticking = asyncio.create_task(tick())
         try:
             yield
         finally:
@@ -72,15 +79,7 @@ def build(
     return Guard(Starlette(routes=routes, lifespan=life), host, port, token, connections)
 
 
-async def _tick(workspace: Workspace, connections: Connections) -> None:
-    while True:
-        workspace.tick()
-        connections.tick()
-        await asyncio.sleep(LOOK)
-
-
 def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
-    """Routes of the pages, their sockets, uploads and downloads."""
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
@@ -146,7 +145,6 @@ def _static(name: str) -> str:
 
 
 def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
-    """Routes of the bench page, the socket of samples, the emergency stop, recordings, and static files."""
     from starlette.requests import ClientDisconnect, Request
     from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
     from starlette.routing import Mount, Route, WebSocketRoute
@@ -163,7 +161,9 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
         return FileResponse(_static("favicon.svg"), media_type="image/svg+xml")
 
     async def bench(_: Request) -> Response:
-        return HTMLResponse(bench_page.build(), headers={"cache-control": "no-store"})
+        # drawn by its scripts alone: it lives by its socket, and is never built again while something moves
+        page = document(PAGES[0], piece("bench.html"), sheets=("bench.css",), scripts=("js/bench.js",))
+        return HTMLResponse(page, headers={"cache-control": "no-store"})
 
     async def stop(request: Request) -> Response:
         begun = b""
@@ -189,7 +189,8 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
         try:
             if request.method == "POST":
                 check_size(name, int(request.headers.get("content-length", 0)), LARGEST)
-                path = await asyncio.to_thread(measured_data.keep, workspace, name, await receive_file(request))
+                file = await receive_file(request)
+                path = await asyncio.to_thread(workspace.uploads.store_again, plain_name(name), file.path)
             else:
                 path = measured_data.find(workspace, name)
             chosen = workspace.machine.chosen  # type: ignore[attr-defined]

@@ -1,17 +1,22 @@
-"""Folders of files with plain names only, so that nothing outside them is read, written or shown."""
+"""What a server keeps: files with plain names, so that nothing outside their folder is read or shown, and results."""
 
 from __future__ import annotations
 
+import filecmp
 import re
 import secrets
 import shutil
+import threading
 import unicodedata
-from collections.abc import Iterable
+from collections import OrderedDict
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any, TypeVar
 
-from ..documents import write_whole
+from ..documents import write_text, write_whole
 from ..errors import InputError, not_found
 
+R = TypeVar("R")
 LARGEST = 200 * 2**20  # of an upload [B]
 WELL_NAMED = re.compile(r"[^\W_][\w ._()+-]{0,119}")
 LONGEST = 200  # bytes of a name; file systems end at 255
@@ -99,12 +104,13 @@ class Shelf:
 
         return write_whole(self.path(self.free(name)), write)
 
-    def store_once(self, name: str, data: bytes) -> Path:
-        """Return the file that holds these bytes under this or a similar name, as the newest one; store it if there is none.
+    def store_again(self, name: str, data: Path) -> Path:
+        """Store an uploaded file; one of the same name and content is used again."""
+        path = self.path(name)
+        return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else self.store(name, data)
 
-        Raises:
-            InputError: as `store` does.
-        """
+    def store_once(self, name: str, data: bytes) -> Path:
+        """Return the file that holds these bytes under this or a similar name, as the newest one; else store it."""
         wanted = self.path(name)
         similar = re.compile(rf"{re.escape(wanted.stem)}(-\d+)?{re.escape(wanted.suffix)}")
         for path in (self.folder / other for other in self.names() if similar.fullmatch(other)):
@@ -112,6 +118,12 @@ class Shelf:
                 path.touch()
                 return path
         return self.store(name, data)
+
+    def write_text(self, name: str, words: str) -> None:
+        """Write a text file; refused if the name is not allowed."""
+        path = self.path(name)
+        self.ready()
+        write_text(path, words)
 
     def rename(self, name: str, to: str) -> Path:
         """Rename a file; its suffix stays."""
@@ -167,3 +179,42 @@ def check_size(name: str, size: int, largest: int = LARGEST) -> None:
     if not 0 < size <= largest:
         shown = f"{name[:120]} of {size / 2**20:.3g} MB"
         raise InputError("file", shown, f"must be between 1 B and {largest / 2**20:.0f} MB; nothing was stored")
+
+
+class SharedResults:
+    """Results by key, each made once for all pages that ask for it at the same time; those not asked for longest go."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._kept = most, OrderedDict[Any, Any]()
+        self._lock, self._makers = threading.Lock(), dict[Any, threading.Lock]()
+
+    def known(self, key: object) -> Any:
+        """The result of a key, if it is kept."""
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+            return self._kept.get(key)
+
+    def get(self, key: object, make: Callable[[], R]) -> R:
+        """The result of a key, made now if it is not kept; an error is not kept."""
+        with self._lock:
+            maker = self._makers.setdefault(key, threading.Lock())
+        try:
+            with maker:
+                result: R | None = self.known(key)
+                if result is None:
+                    result = make()
+                    self.put(key, result)
+                return result
+        finally:
+            with self._lock:
+                if key not in self._kept:
+                    self._makers.pop(key, None)
+
+    def put(self, key: object, result: object) -> None:
+        """Keep a result."""
+        with self._lock:
+            self._kept[key] = result
+            self._kept.move_to_end(key)
+            while len(self._kept) > self._most:
+                self._makers.pop(self._kept.popitem(last=False)[0], None)

@@ -1,6 +1,7 @@
-"""The newest samples for all pages, as binary frames that a page draws directly.
+"""The seven channels of the web interface: the newest samples for all pages, and what the last whole cycle says.
 
-A frame is the identity of its server, four whole numbers and then the channels one after the other, little endian:
+Samples go out as binary frames that a page draws directly: the identity of the server, four whole numbers and then the
+channels one after the other, little endian:
 
     server 8 bytes, epoch u32, first sample u32, samples n u32, channels m u32, values f32 (m, n)
 
@@ -13,12 +14,19 @@ from __future__ import annotations
 import secrets
 import struct
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..analysis.loops import closed_area
+from ..analysis.shortening import shortening_power
+from ..bench.rig import Rig
 from ..documents import JsonValue
+from ..errors import MckibbenError
+from ..pneumatics.gas import AIR
+from ..quantities import from_si, shown_unit
+from ..recordings.recording import Channel, Recording
 
 CHANNELS = ("pressure", "tension", "length", "flow", "valve", "set_pressure", "set_length")
 HEAD = struct.Struct("<8sIIII")
@@ -26,14 +34,7 @@ KEPT = 60_000  # samples that a page which lost the line gets again
 
 
 class Stream:
-    """Samples of the newest epoch; memory is bounded.
-
-    Args:
-        kept: samples.
-
-    Attributes:
-        server: identity of the server whose stream it is: 16 hexadecimal digits, drawn again by every one.
-    """
+    """Samples of the newest epoch; memory is bounded."""
 
     def __init__(self, kept: int = KEPT) -> None:
         self.server = secrets.token_hex(8)
@@ -103,8 +104,100 @@ class Stream:
             return {n: float(self._ring[i, at]) for i, n in enumerate(CHANNELS)}
 
 
-def unpacked(frame: bytes) -> tuple[int, int, dict[str, np.ndarray]]:
-    """Decode a frame: epoch, number of its first sample and channels (n,)."""
-    _, epoch, first, n, m = HEAD.unpack_from(frame)
-    values = np.frombuffer(frame, "<f4", n * m, HEAD.size).reshape(m, n)
-    return epoch, first, dict(zip(CHANNELS, values, strict=False))
+TUBE = "tube.mass_flow"
+# Channel of a run by the name of `CHANNELS`.
+RECORDED = {
+    "pressure": "pressure", "tension": "tension", "length": "span", "set_pressure": "command.pressure",
+    "set_length": "command.span",
+}  # fmt: skip
+# Of every channel: SI unit of the stream, and the unit and factor of the screen.
+UNITS = {"pressure": "Pa", "tension": "N", "length": "m", "flow": "m^3/s", "valve": "1"}
+SHOWN = {"flow": "L/min", "valve": "%"}
+
+
+class Columns:
+    """Conversion of a rig's channels to those of the web interface."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.top = float(rig.valve_out.high)
+        room = rig.environment
+        self.density = float(AIR.density(room.pressure_abs, room.temperature))
+
+    def of(self, arrays: Mapping[str, JsonValue]) -> dict[str, np.ndarray]:
+        """Return columns (n,) by the names of `stream.CHANNELS` [SI]; the flow is in terms of ambient air [m^3/s]."""
+        columns = {shown: np.asarray(arrays[name], float) for shown, name in RECORDED.items() if name in arrays}
+        if "valve.command" in arrays:
+            columns["valve"] = np.asarray(arrays["valve.command"], float) / self.top
+        # the mass flow towards the muscle: of its tube, or what the valve lets in less what it lets out
+        into = [n for n in arrays if n.endswith("supply_to_outlet.mass_flow")]
+        out = [n for n in arrays if n.endswith("outlet_to_exhaust.mass_flow")]
+        if TUBE in arrays:
+            columns["flow"] = np.asarray(arrays[TUBE], float) / self.density
+        elif into and out:
+            flow = np.asarray(arrays[into[0]], float) - np.asarray(arrays[out[0]], float)
+            columns["flow"] = flow / self.density
+        return columns
+
+
+def factors() -> dict[str, dict[str, JsonValue]]:
+    """Return the displayed unit of every quantity, and its factor from SI."""
+    units: dict[str, dict[str, JsonValue]] = {}
+    for name, si in UNITS.items():
+        unit = SHOWN.get(name, shown_unit(si))
+        units[name] = {"unit": unit, "factor": 100.0 if unit == "%" else from_si(1.0, si, unit.replace("L", "l"))}
+    return units
+
+
+LEAST_SAMPLES = 16  # samples of a cycle
+
+
+def of_cycle(columns: dict[str, np.ndarray], period: float, frequency: float) -> list[dict[str, JsonValue]]:
+    """Compute work, power and air of the last cycle.
+
+    Args:
+        columns: columns of the last two cycles and some samples, (n,) each [SI].
+        period: period of the samples [s].
+        frequency: frequency of the cycles [Hz].
+
+    Returns:
+        Name, value, unit and places of each number that could be had; nothing if the cycle has too few samples. The
+        work is positive where the muscle does it.
+    """
+    n = round(1.0 / (frequency * period))
+    length, tension = columns["length"].astype(float), columns["tension"].astype(float)
+    if n < LEAST_SAMPLES or len(length) < n or not (np.isfinite(length).all() and np.isfinite(tension).all()):
+        return []
+    work = -closed_area(length[-n:], tension[-n:])
+    rows = [_measure("Work per cycle", work, "J", 2)]
+    try:
+        channels = {"length": Channel(length, "m", "measured"), "tension": Channel(tension, "N", "measured")}
+        record = Recording(period * np.arange(len(length)), channels, {})
+        power = shortening_power(record, length="length", tension="tension", frequency=frequency)
+        rows.append(_measure("Mean power while shortening", power.mean_power, "W", 2))
+        rows.append(_measure("Peak power", power.largest_power, "W", 2))
+    except MckibbenError:
+        pass  # not yet two turns of a kind
+    flow = columns["flow"][-n:].astype(float)
+    if np.isfinite(flow).all():
+        air = from_si(float(np.sum(np.maximum(flow, 0.0)) * period), "m^3", "cm^3")
+        rows.append(_measure("Air per cycle, as in the room", air, "cm\u00b3", 1))
+    rows.append(_measure("Highest tension", float(tension[-n:].max()), "N", 1))
+    return rows
+
+
+def _measure(name: str, value: float, unit: str, places: int) -> dict[str, JsonValue]:
+    return {"name": name, "value": value, "unit": unit, "places": places}
+
+
+def channel(record: Recording, names: Sequence[str]) -> str:
+    """The first of some channels that a recording has; nothing if it has none."""
+    return next((n for n in names if n in record and np.isfinite(record[n]).any()), "")
+
+
+def places(record: Recording) -> dict[str, str]:
+    """Channels of length, pressure and tension, measured ones first."""
+    from ..report.recording_report import LENGTHS, PRESSURES, TENSIONS
+
+    named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
+    channels = {quantity: channel(record, names) for quantity, names in named.items()}
+    return {quantity: name for quantity, name in channels.items() if name}

@@ -1,4 +1,4 @@
-"""Slow work and file transfers: work in threads, and files that are uploaded and downloaded."""
+"""Slow work in threads, and files that are uploaded and downloaded, those of specimens among them."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ import tempfile
 import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ..errors import InputError, MckibbenError
+from ..specimens import muscle_specimen
 from .elements import Element, call_script, page_document
 from .reader import ReaderProcess, is_small
-from .shelf import LARGEST, check_size, plain_name
-from .widgets import box, button, loading, raw, refused, text
+from .shelf import LARGEST, Shelf, check_size, plain_name
+from .widgets import box, button, loading, raw, refused, say_refused, tell, text
 
 if TYPE_CHECKING:
     from starlette.requests import Request
 
+T = TypeVar("T")
 PART = 2**20  # of an upload that is written at once [B]
 PROGRESS = 0.25  # time between two words on how far a file is read [s]
 AWAY = 5.0  # time for which a page may lose its line before what it reads is stopped [s]
 
 
-async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *arguments: Any) -> Any:
+async def run_in_thread(place: Element, words: str, work: Callable[..., T], *arguments: Any) -> T | None:
     """Run slow work in another thread; `place` keeps its size and shows a label.
 
     Work that ends late leaves what was put into the place meanwhile.
@@ -45,6 +47,15 @@ async def run_in_thread(place: Element, words: str, work: Callable[..., Any], *a
         return None
     label.delete()
     return result
+
+
+async def attempt(work: Callable[..., T], *arguments: Any) -> T | None:
+    """Run work in another thread; None if it was refused, with the sentence at the foot of the page."""
+    try:
+        return await asyncio.to_thread(work, *arguments)
+    except MckibbenError as error:
+        tell(str(error))
+        return None
 
 
 async def read_with_progress(
@@ -111,11 +122,7 @@ class IncomingFile:
 
 
 async def receive_file(request: Request) -> IncomingFile:
-    """Receive the body of a request, named by its query, as a file; none of it stays in memory.
-
-    Raises:
-        InputError: if it has no room on the disk.
-    """
+    """Receive the body of a request, named by its query, as a file; none of it stays in memory."""
     file = IncomingFile(request.query_params.get("name", "file"))
     with open(file.path, "wb", buffering=0) as stream:
         part = bytearray()
@@ -146,7 +153,7 @@ class UploadPlace:
     """
 
     def __init__(self, words: str, take: Callable[[IncomingFile], object], endings: Sequence[str]) -> None:
-        self._take, self._endings = take, endings
+        self._take = take
         with box("div", "drop") as self.element:
             with box("div", "grow"):
                 self.about = box("div")
@@ -156,21 +163,14 @@ class UploadPlace:
                 type="file", accept=",".join(endings), data_most=LARGEST, hidden=True, tabindex=-1, aria_label=words
             )
             button("Choose", small=True).set(data_chooses=self._picker.number)
-        self._picker.on_value("rejected", self._rejected).on_value("came", self._came)
+        kinds = ", ".join(endings)
+        why = f"the file has another ending than {kinds}, or more than {LARGEST >> 20} MB; nothing was stored"
+        self._picker.on_value("rejected", lambda _: say_refused(self._answer, why)).on_value("came", self._came)
         self.also(self.element)
 
     def also(self, place: Element) -> None:
         """Accept files that are dropped on another element too."""
         place.set(data_takes=self._picker.number)
-
-    def _rejected(self, _: object) -> None:
-        kinds = ", ".join(self._endings)
-        self._say(f"the file has another ending than {kinds}, or more than {LARGEST >> 20} MB; nothing was stored")
-
-    def _say(self, sentence: str) -> None:
-        self._answer.clear()
-        with self._answer:
-            refused(sentence)
 
     async def _came(self, file: IncomingFile) -> None:
         self._answer.clear()
@@ -180,7 +180,7 @@ class UploadPlace:
             if asyncio.iscoroutine(result):
                 await result
         except MckibbenError as error:
-            self._say(str(error))
+            say_refused(self._answer, error)
 
 
 def download(name: str, data: bytes) -> None:
@@ -189,3 +189,51 @@ def download(name: str, data: bytes) -> None:
     key = secrets.token_urlsafe(12)
     document.downloads[key] = (name, data)
     call_script("download", f"/download/{document.key}/{key}", name)
+
+
+ENDINGS = (".toml",)
+LARGEST_SPECIMEN = 2**20  # of a specimen file [B]
+WORDS = "A specimen file of your own: .toml, as mckibben braid and the page Fit write it"
+
+
+class SpecimenFile(NamedTuple):
+    """A specimen file as it was when it was chosen: its path, and when it was changed [ns]."""
+
+    path: str
+    changed: int
+
+
+def specimen_file(shelf: Shelf, name: str) -> SpecimenFile:
+    """Find a file of a visitor by its name; refused if there is none."""
+    path = shelf.found(name)
+    return SpecimenFile(str(path), path.stat().st_mtime_ns)
+
+
+def own_titles(shelf: Shelf, fits: Callable[[Path], bool]) -> dict[str, str]:
+    """Names of the files of a visitor, the newest first, with the words of a list; unsuitable ones are left out."""
+    titles = {}
+    for name in shelf.names():
+        try:
+            if fits(shelf.path(name)):
+                titles[name] = f"{Path(name).stem} (your own)"
+        except MckibbenError:
+            continue  # said where it is chosen by its name
+    return titles
+
+
+def specimen_place(shelf: Shelf, take: Callable[[str], object]) -> UploadPlace:
+    """Build the place for a specimen file; `take` is told its name on the shelf."""
+
+    def came(file: IncomingFile) -> object:
+        name = plain_name(file.name)
+        if file.path.stat().st_size > LARGEST_SPECIMEN:
+            raise InputError("file", name, f"must be at most {LARGEST_SPECIMEN >> 20} MB; nothing was stored")
+        try:
+            muscle_specimen(file.path)  # refused here, by the name that its sender gave it, and nothing is stored
+        except InputError as error:
+            raise error.changed(where=name) if error.where else error.changed(sentence=f"{name}: {error}") from None
+        stored = shelf.store_once(name, file.content())
+        file.close()
+        return take(stored.name)
+
+    return UploadPlace(WORDS, came, ENDINGS)

@@ -1,14 +1,92 @@
-"""Building blocks of the pages: panels, buttons, lists, dialogs, messages; styled by ``static/lab.css``."""
+"""Building blocks of the pages: frame, panels, buttons, lists, dialogs, messages; styled by ``static/lab.css``."""
 
 from __future__ import annotations
 
+import functools
 import html
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import resources
+from typing import TYPE_CHECKING, NamedTuple
 
-from .elements import Element, call_script
-from .shell import PAGES, frame
+from ..report.figures.colours import style_sheet
+from .elements import Element, PageDocument, call_script, page_document
 
+if TYPE_CHECKING:
+    from starlette.requests import Request
+
+TITLE = "McKibben muscle test bench"
+
+
+class Page(NamedTuple):
+    """One of the pages."""
+
+    path: str
+    name: str
+    module: str
+    key: str
+
+
+PAGES = (
+    Page("/", "Bench", "bench", "B"), Page("/fit", "Fit", "fit", "F"), Page("/compare", "Compare", "compare", "C"),
+    Page("/energy", "Energy", "energy", "E"), Page("/circuit", "Circuit", "circuit", "I"),
+    Page("/size", "Size", "size", "S"),
+    Page("/paper", "The paper", "paper", "P"), Page("/recordings", "Recordings", "recordings", "R"),
+)  # fmt: skip
+SHEETS = ("tokens.css", "uplot/uPlot.min.css", "lab.css")
+SCRIPTS = ("js/lab.js", "js/charts.js")
+HOME = "/static/lab"  # of the sheets and scripts; their modules name each other by relative paths
+
+
+@functools.cache
+def piece(name: str) -> str:
+    """Text of a file of `static`."""
+    return (resources.files(__package__) / "static" / name).read_text(encoding="utf-8")
+
+
+def written(built: PageDocument) -> str:
+    """HTML of a page that was built."""
+    (page,) = (p for p in PAGES if p.module == built.module)
+    return document(page, built.html(), sheets=built.sheets, scripts=built.scripts, key=built.key)
+
+
+def document(
+    page: Page, content: str, *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = (), key: str = ""
+) -> str:
+    """HTML of a page."""
+    tags = [f'<link rel="stylesheet" href="{HOME}/{s}">' for s in (*SHEETS, *sheets)]
+    tags += [f'<script type="module" src="{HOME}/{s}"></script>' for s in (*SCRIPTS, *scripts)]
+    early = (  # before anything is drawn, so that a dark page never begins light
+        'const t=new URLSearchParams(location.search).get("theme")??sessionStorage.getItem("mckibben-theme");'
+        'if(t==="dark"||t==="light")document.documentElement.dataset.theme=t;'
+        'if((new URLSearchParams(location.search).get("projector")??sessionStorage.getItem("mckibben-projector"))==="1")'
+        'document.documentElement.dataset.projector="1"'
+    )
+    tabs = [
+        f'<a href="{p.path}" data-key="{p.key.lower()}"{" aria-current=page" if p == page else ""}>{html.escape(p.name)}</a>'
+        for p in PAGES
+    ]
+    head = piece("head.html").replace("{tabs}", "".join(tabs)).replace("{names}", ", ".join(p.name for p in PAGES))
+    head = head.replace("{keys}", " ".join(f"<kbd>{p.key}</kbd>" for p in PAGES))
+    body = f'data-document="{key}"' if key else 'class="raw"'
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{page.name} \u00b7 {TITLE}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<link rel="icon" href="{HOME}/favicon.svg"><script>{early}</script><style>{style_sheet()}</style>{"".join(tags)}'
+        f"</head><body {body}>"
+        f'<script>document.body.dataset.page="{page.module}"</script>'
+        f"{head}{content}</body></html>"
+    )
+
+
+def asked(request: Request, *names: str) -> dict[str, str]:
+    """Parameters of a page's address, those of the given names only."""
+    query: Mapping[str, str] = request.query_params
+    return {n: query[n][:400] for n in names if n in query}
+
+
+THIN = "\u2009\u2060"  # between a number and its unit
 SIGNS = {
     "caution": '<svg width="14" height="13" viewBox="0 0 12 11" aria-hidden="true"><path d="M6 .5l5.500 10H.500z" '
     'fill="var(--caution-edge)"/></svg>',
@@ -22,32 +100,23 @@ SIGNS = {
 
 @contextmanager
 def page_frame(
-    module: str, title: str = "", sub: str = "", *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()
+    module: str, sub: str = "", *, sheets: tuple[str, ...] = (), scripts: tuple[str, ...] = ()
 ) -> Iterator[Element]:
-    """Build a page in the frame, with its name in a header; yields the header's place for buttons.
-
-    Args:
-        module: module of `pages`, which says which page it is.
-        title: heading; the page's name by default.
-        sub: a few words beside it.
-        sheets: further style sheets of `static`.
-        scripts: further modules of `static`.
-    """
+    """Build a page in the frame, with its name in a header; yields the header's place for buttons."""
     (one,) = (p for p in PAGES if p.module == module)
-    frame(one, sheets=sheets, scripts=scripts)
+    built = page_document()
+    built.module, built.sheets, built.scripts = module, sheets, ("js/elements.js", *scripts)
     with Element("div", "content").set(id="content", tabindex=-1) as main:
         with Element("div", "bar2"):
             with Element("h1"):
-                text("span", title or one.name)
+                text("span", one.name)
             text("span", sub, "sub")
             bar = Element("div", "row wrap").style(margin_left="auto")
     with main, Element("div", "page"):
         yield bar
 
 
-def box(tag: str, classes: str = "") -> Element:
-    """Build an element for others."""
-    return Element(tag, classes)
+box = Element  # for others
 
 
 def text(tag: str, words: object, classes: str = "") -> Element:
@@ -136,6 +205,25 @@ def check(words: str, on: bool, change: Callable[[bool], object], more: str = ""
     return one
 
 
+def sentence(words: object) -> str:
+    """Words with a capital and a full stop."""
+    said = str(words).rstrip(".")
+    return f"{said[:1].upper()}{said[1:]}."
+
+
+def grouped(value: float | None, places: int = 2) -> str:
+    """Number with fixed decimals, in groups of three, with a typographic minus; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "\u2013"
+    digits = f"{abs(value):,.{places}f}".replace(",", "\u2009")
+    return ("\u2212" if value < 0.0 and float(f"{value:.{places}f}") != 0.0 else "") + digits
+
+
+def file_size(size: int) -> str:
+    """Size of a file [B] as text."""
+    return f"{size / 2**20:.3g}{THIN}MB" if size >= 2**20 else f"{max(size / 2**10, 0.1):.3g}{THIN}kB"
+
+
 def note(words: str, kind: str = "caution") -> Element:
     """Build a caution (``caution``), or the reason of a stop (``stop``)."""
     with box("div", "note stop" if kind == "stop" else "note").set(role="note") as one:
@@ -163,6 +251,14 @@ def refused(words: str) -> Element:
     return one
 
 
+def say_refused(place: Element, words: object) -> None:
+    """Show in a place why something was refused, and nothing else; empty words leave it empty."""
+    place.clear()
+    if words:
+        with place:
+            refused(str(words))
+
+
 @contextmanager
 def loading(words: str, share: float | None = None, classes: str = "") -> Iterator[Element]:
     """Show work in progress with a moving line, or a line of the completed share; further elements go below."""
@@ -177,7 +273,9 @@ def table(
     columns: Sequence[str], rows: Sequence[Sequence[object]], *, right: Sequence[int] = (), name: str = ""
 ) -> Element:
     """Build a table; `right` are the columns of numbers."""
-    with box("div", "scroll-x") as one, box("table").set(aria_label=name):
+    # wider than a phone: who has no mouse scrolls it by the arrows
+    one = box("div", "scroll-x").set(tabindex="0", role="group", aria_label=name)
+    with one, box("table").set(aria_label=name):
         with box("thead"), box("tr"):
             for i, column in enumerate(columns):
                 text("th", column, "num" if i in right else "").set(scope="col")
@@ -190,14 +288,7 @@ def table(
 
 
 class Dialog:
-    """A native dialog, which Esc closes while nothing moves; elements of its ``with`` block go into its body.
-
-    Args:
-        title: heading.
-        classes: further ones of the element.
-        body: those of its body.
-        once: take it out of the page when it is closed.
-    """
+    """A native dialog, which Esc closes while nothing moves; elements of its ``with`` block go into its body."""
 
     def __init__(self, title: str, classes: str = "ask", body: str = "bd stack", *, once: bool = False) -> None:
         self._once = once
@@ -262,12 +353,9 @@ class TypedField:
                     text("span", unit, "u")
             if about:
                 text("span", about, "about")
-        self._input.on_value("input", self._typed)
+        self._input.on_value("input", lambda value: setattr(self, "value", str(value)))
         if done is not None:
             self._input.on("enter", done)
-
-    def _typed(self, value: object) -> None:
-        self.value = str(value)
 
     def set(self, value: str) -> None:
         """Set the text of the field."""

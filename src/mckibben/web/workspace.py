@@ -1,7 +1,10 @@
-"""State of a server: the machine, the folder of recordings, the control token, and the actions to undo.
+"""State of a server: the machine, the folder of recordings, which page is in control, and the actions to undo.
 
 Nothing in it knows of pages or sockets. A page says `act` with the name of an action and its words, and hears a sentence;
 `status` is what every page shows in its top bar.
+
+One page at a time is in control. It goes by the public name of its identity, which a reload keeps. When it vanishes,
+whatever runs runs on; after `HOLD` [s] the next page that asks gets the controls without being asked for.
 """
 
 from __future__ import annotations
@@ -10,16 +13,222 @@ import json
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from ..documents import JsonValue
 from ..errors import InputError, MckibbenError
 from ..recordings.formats import readable
-from .control import Control
 from .shelf import Shelf
 from .stream import Stream
-from .toasts import Toasts
+
+HOLD = 5.0  # time for which the controls wait for a page that vanished [s]
+AFTER = 1.0  # until then what was held by hand is vented, before a page that did not ask is in control [s]
+
+
+@dataclass
+class Watcher:
+    """A watching page."""
+
+    lines: int = 0  # how many connections it has; none while it is away
+    left: float = 0.0  # when the last one ended [s]
+
+
+class Control:
+    """The control token, passed between pages; safe for use by several threads."""
+
+    def __init__(self, clock: Callable[[], float], lost: Callable[[], None], back: Callable[[], None]) -> None:
+        self._clock, self._lost, self._back = clock, lost, back
+        self._lock = threading.RLock()
+        self._pages: dict[str, Watcher] = {}
+        self.holder: str | None = None
+        self.wanted: str | None = None  # who asked for the controls
+
+    def join(self, page: str) -> None:
+        """Add a page; the first one, or the one in control that returns, gets control."""
+        with self._lock:
+            self._pages.setdefault(page, Watcher()).lines += 1
+            if self.holder is None or (self.holder != page and self._free()):
+                self.holder = page
+            if self.holder == page:
+                self._back()
+
+    def leave(self, page: str) -> None:
+        """Remove one connection of a page."""
+        with self._lock:
+            one = self._pages.get(page)
+            if one is None:
+                return
+            one.lines -= 1
+            if one.lines > 0:
+                return
+            one.left = self._clock()
+            if self.wanted == page:
+                self.wanted = None
+            if self.holder == page:
+                self._lost()
+            else:
+                del self._pages[page]
+
+    def ask(self, page: str) -> bool:
+        """Request control for a page; return whether it has control now."""
+        with self._lock:
+            if self.holder == page:
+                return True
+            if self.holder is None or self._free() or not self.present:
+                self._take(page)
+                return True
+            self.wanted = page
+            return False
+
+    def give(self, page: str) -> bool:
+        """Hand control over to the page that requested it; return whether that happened."""
+        with self._lock:
+            if self.holder != page or self.wanted is None:
+                return False
+            self._take(self.wanted)
+            return True
+
+    def tick(self) -> None:
+        """Pass control to the only other page if the page in control has been away for too long."""
+        with self._lock:
+            there = [name for name, one in self._pages.items() if one.lines > 0]
+            if len(there) == 1 and there[0] != self.holder and self._free(HOLD + AFTER):
+                self._take(there[0])
+
+    def keep(self, page: str) -> None:
+        """Refuse the request for control."""
+        with self._lock:
+            if self.holder == page:
+                self.wanted = None
+
+    def _take(self, page: str) -> None:
+        before, self.holder, self.wanted = self.holder, page, None
+        if before is not None and self._pages.get(before, Watcher()).lines == 0:
+            self._pages.pop(before, None)
+        self._back()
+
+    def holds(self, page: str) -> bool:
+        """Whether a page is in control."""
+        return self.holder == page
+
+    @property
+    def present(self) -> bool:
+        """Whether the page in control is connected."""
+        return self.holder is not None and self._pages.get(self.holder, Watcher()).lines > 0
+
+    @property
+    def watching(self) -> int:
+        """Number of other connected pages."""
+        with self._lock:
+            return sum(1 for name, one in self._pages.items() if one.lines > 0 and name != self.holder)
+
+    def _free(self, longest: float = HOLD) -> bool:
+        """Whether the page in control has been away for longer than a time [s]."""
+        one = self._pages.get(self.holder or "")
+        return one is None or (one.lines == 0 and self._clock() - one.left > longest)
+
+
+LASTS = 20.0  # time for which a thing can be undone [s]
+
+
+@dataclass
+class Toast:
+    """Notice of one completed action."""
+
+    number: int  # counted from 1
+    text: str
+    undo: Callable[[], Any] | None  # brings it back; None if nothing can
+    commit: Callable[[], Any] | None  # makes it final when its time has run out
+    left: float  # time that is left while nobody looks at it closely [s]
+    since: float | None  # when that began to run [s]; None while it waits
+
+
+class Toasts:
+    """Notices of a server; safe for use by several threads."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock, self._lock, self._count = clock, threading.RLock(), 0
+        self._kept: dict[int, Toast] = {}
+        self.version = 0
+
+    def tell(
+        self,
+        text: str,
+        undo: Callable[[], object] | None = None,
+        commit: Callable[[], object] | None = None,
+        lasts: float = LASTS,
+    ) -> int:
+        """Add a notice; return its number."""
+        with self._lock:
+            self._count += 1
+            self._kept[self._count] = Toast(self._count, text, undo, commit, lasts, self._clock())
+            self.version += 1
+            return self._count
+
+    def undo(self, number: int | None = None) -> str:
+        """Undo the newest action, or a given one; return its description."""
+        with self._lock:
+            can = [n for n, t in self._kept.items() if t.undo is not None and (number is None or n == number)]
+            if not can:
+                raise InputError("undo", None, f"comes too late: what was done can be undone for {LASTS:g} s")
+            toast = self._kept.pop(can[-1])
+            self.version += 1
+        assert toast.undo is not None
+        toast.undo()
+        return toast.text
+
+    def wait(self, number: int, waits: bool) -> None:
+        """Pause the time of a notice while the pointer is on it, or resume it."""
+        with self._lock:
+            toast = self._kept.get(number)
+            if toast is None or (toast.since is None) == waits:
+                return
+            now = self._clock()
+            if toast.since is None:
+                toast.since = now
+            else:
+                toast.left, toast.since = toast.left - (now - toast.since), None
+            self.version += 1
+
+    def close(self, number: int) -> None:
+        """Commit an action, since its notice was closed."""
+        with self._lock:
+            toast = self._kept.pop(number, None)
+            self.version += 1
+        if toast is not None and toast.commit is not None:
+            toast.commit()
+
+    def tick(self) -> None:
+        """Commit actions whose time for Undo is over."""
+        now = self._clock()
+        with self._lock:
+            over = [t.number for t in self._kept.values() if t.since is not None and now - t.since >= t.left]
+        for number in over:
+            self.close(number)
+
+    def finish(self) -> None:
+        """Commit all actions."""
+        for number in list(self._kept):
+            self.close(number)
+
+    def plain(self) -> list[dict[str, JsonValue]]:
+        """Notices for JSON, the oldest first; ``left`` is the remaining time [s]."""
+        now = self._clock()
+        with self._lock:
+            left = {t.number: t.left - (0.0 if t.since is None else now - t.since) for t in self._kept.values()}
+            return [
+                {
+                    "number": n,
+                    "text": t.text,
+                    "undo": t.undo is not None,
+                    "waits": t.since is None,
+                    "left": max(0.0, left[n]),
+                }
+                for n, t in self._kept.items()
+            ]
+
 
 RECORDINGS = (".nc", ".csv", ".mcap", ".mat", ".tdms", ".parquet")
 UPLOADS = readable()  # tables of a fit, and files that become recordings
@@ -88,16 +297,14 @@ class Workspace:
         self.control = Control(clock, self.machine.control_lost, self.machine.control_back)
         self._own: dict[str, Callable[..., Any]] = {
             "emergency_stop": self._emergency_stop,
-            "ask_control": self._ask,
+            "ask_control": lambda page: (
+                "in control" if self.control.ask(page) else "asked; the page in control was told"
+            ),
             "give_control": self._give,
             "keep_control": self._keep,
-            "undo": self._undo,
+            "undo": lambda page, number=None: f"undone: {self.toasts.undo(number)}",
             "toast": self._toast,
         }
-
-    def begin(self) -> None:
-        """Prepare the machine."""
-        self.machine.begin()
 
     @property
     def server(self) -> str:
@@ -212,9 +419,6 @@ class Workspace:
         self.machine.emergency_stop(str(reason)[:80] or "from the web interface")
         return "vented"
 
-    def _ask(self, page: str) -> str:
-        return "in control" if self.control.ask(page) else "asked; the page in control was told"
-
     def _give(self, page: str) -> str:
         if not self.control.give(page):
             raise InputError("controls", None, "are kept: nobody has asked for them")
@@ -223,9 +427,6 @@ class Workspace:
     def _keep(self, page: str) -> str:
         self.control.keep(page)
         return "kept"
-
-    def _undo(self, page: str, number: int | None = None) -> str:
-        return f"undone: {self.toasts.undo(number)}"
 
     def _toast(self, page: str, number: int, waits: bool | None = None) -> str:
         if waits is None:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mckibben.bench.calibrate.file import document, merged, read_calibration, write_calibration
+from mckibben.bench.calibrate.session import document, merged, read_calibration, write_calibration
 from mckibben.errors import InputError
 from mckibben.recordings.calibration import DAY, Calibration, Correction, CorrectionTerm, Origin
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from mckibben.bench.calibrate.estimate import Reference
-from mckibben.bench.calibrate.machine import HardwareReadings
 from mckibben.bench.calibrate.session import CalibrationSession
-from mckibben.bench.calibrate.sources import OperatorTask, SimulatedPerson, SimulatedSensors, grids
+from mckibben.bench.calibrate.sources import HardwareReadings, OperatorTask, SimulatedPerson, SimulatedSensors, grids
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, LineLostError

@@ -6,9 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from mckibben.bench.calibrate.estimate import Point, Reference, line, of_counts, reading, zero
+from mckibben.bench.calibrate.estimate import Point, Reference, line, of_counts, reading, skew, zero
 from mckibben.bench.calibrate.session import CalibrationSession
-from mckibben.bench.calibrate.skew import skew
 from mckibben.bench.calibrate.sources import SimulatedPerson, SimulatedSensors
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError

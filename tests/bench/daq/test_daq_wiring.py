@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from daq_machines import mixer_wiring
 
-from mckibben.bench.hardware.analogue import Scale
+from mckibben.bench.hardware.converters import Scale
 from mckibben.bench.hardware.daq import Analog, Counter, wiring
 from mckibben.errors import InputError
 

@@ -11,7 +11,7 @@ from serial_machines import PERIOD, Tiny, over_the_line, step, straight
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.hardware.serial_line import SerialHardware
 from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.line import Arrivals
+from mckibben.bench.hardware.serial_line.link import Arrivals
 from mckibben.bench.hardware.serial_line.messages import SampleMessage
 from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_process, in_thread
 from mckibben.errors import InputError, LineLostError

@@ -12,7 +12,7 @@ from serial_devices import Direct
 from serial_machines import Tiny, over_the_line, straight
 
 from mckibben.bench.hardware.serial_line import SerialHardware, messages
-from mckibben.bench.hardware.serial_line.line import DRIFT, GRACE, Arrivals, EndedError, ReceivedSample
+from mckibben.bench.hardware.serial_line.link import DRIFT, GRACE, Arrivals, EndedError, ReceivedSample
 from mckibben.bench.hardware.serial_line.messages import SampleMessage
 from mckibben.errors import InputError, LineLostError
 

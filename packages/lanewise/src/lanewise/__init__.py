@@ -18,11 +18,9 @@ from .errors import ArgumentError, CacheWarning, DriverError, LanewiseError, Low
 if TYPE_CHECKING:
     from ._adjoint import adjoint
     from ._c import CFunction, CLibrary, dotted_path, to_c, to_c_library
-    from ._compiled import CompiledFunction, compile
+    from ._compiled import CompiledFunction, Derivatives, compile, differentiable, lower
     from ._derivatives import tangents
-    from ._differentiable import Derivatives, differentiable
     from ._gpu import to_gpu, to_ptx
-    from ._lower import lower
     from ._program import Leaf, Program
 
 __version__ = "0.1.0"
@@ -36,13 +34,13 @@ _MODULES = {
     "dotted_path": "_c",
     "CLibrary": "_c",
     "CompiledFunction": "_compiled",
-    "Derivatives": "_differentiable",
+    "Derivatives": "_compiled",
     "Leaf": "_program",
     "Program": "_program",
     "adjoint": "_adjoint",
     "compile": "_compiled",
-    "differentiable": "_differentiable",
-    "lower": "_lower",
+    "differentiable": "_compiled",
+    "lower": "_compiled",
     "tangents": "_derivatives",
     "to_c": "_c",
     "to_c_library": "_c",

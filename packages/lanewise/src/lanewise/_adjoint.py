@@ -126,16 +126,13 @@ class ReverseAnalysis:
             n in own or self.home[n] in inside for n in self.loads if buffer in enclosing_buffers(n.attr[0])
         ) and not any(
             all(
-                n in self._body(x) or self.home[n] in self.inside[x]
+                n in self.plan.bodies[x] or self.home[n] in self.inside[x]
                 for n in self.loads
                 if buffer in enclosing_buffers(n.attr[0])
             )
             and self._writes(x, buffer)
             for x in inside
         )
-
-    def _body(self, loop: Loop) -> list[Entry]:
-        return self.plan.bodies[loop]
 
     def _writes(self, loop: Loop, buffer: Buffer) -> bool:
         """Whether a buffer is written by loops inside of one, not by itself."""
@@ -167,7 +164,7 @@ class ReverseAnalysis:
             nodes: dict[Node, None] = {}
             for x in sorted(self.inside[loop], key=lambda x: x.serial):
                 places = self.plan.live.carried[x]
-                used = [n for k in places for n in (loop_inits(x, k, loop), x.nexts[k]) if n is not None]
+                used = [n for k in places for n in ((None if x is loop else x.inits[k]), x.nexts[k]) if n is not None]
                 for entry in self.plan.bodies[x]:
                     if isinstance(entry, Store):
                         used.append(entry.value)
@@ -189,11 +186,6 @@ def _needed(node: Node) -> tuple[Node, ...]:
     if node.op == "given":
         return node.args[2::2]
     return (*node.args, node) if node.op in ("div", "sqrt", "exp", "expm1", "pow") else node.args
-
-
-def loop_inits(inner: Loop, place: int, outer: Loop) -> Node | None:
-    """Initial value of an inner loop if it comes from outside the outer loop; of the outer loop itself if used outside."""
-    return None if inner is outer else inner.inits[place]
 
 
 # ---- memory
@@ -407,7 +399,11 @@ class _Reverse(DerivedGraph, Sums):
             elif isinstance(entry, Store):
                 if entry.adds:
                     raise LoweringError("the program", "it adds to memory; it is a derivative itself")
-                if self._written(entry.buffer, scope):
+                # on the way back memory is written only where it is read there again
+                top = scope
+                while top.around is not None and not top.turned:
+                    top = top.around
+                if top.around is None or entry.buffer in top.buffers:
                     value = self.replay.node(scope, entry.value)
                     self.replay.store(scope, entry, self.replay.buffer(scope, entry.buffer), value)
             else:
@@ -418,13 +414,6 @@ class _Reverse(DerivedGraph, Sums):
                     self._keep(("inverse", entry.args[1]), inverse, nest, around)
                 if keeps and nest and entry in self.shape.dear:
                     self._keep(entry, self.replay.node(scope, entry), nest, around)
-
-    def _written(self, buffer: Buffer, scope: Scope) -> bool:
-        """Whether memory is written in this scope: on the way back, only what is read there again."""
-        top = scope
-        while top.around is not None and not top.turned:
-            top = top.around
-        return top.around is None or buffer in top.buffers
 
     def _forward_loop(self, loop: Loop, scope: Scope, nest: list[Loop], around: list[Loop], keeps: bool) -> None:
         g, places = self.new, self.plan.live.carried[loop]

@@ -136,7 +136,6 @@ def find_homes(graph: Graph, live: Liveness) -> dict[Any, Loop | None]:
     """Loop of each node, as far out as its dependencies allow; the same for each loop itself."""
     home: dict[Any, Loop | None] = {}
     outer: dict[Loop, set[Loop]] = {x: set() for x in live.loops}  # what is used inside and stands outside
-    ends: dict[Loop, int] = {}
 
     def deepest(loops: Iterable[Loop | None]) -> Loop | None:
         return max((x for x in loops if x is not None), key=lambda x: x.depth, default=None)
@@ -173,7 +172,13 @@ def find_homes(graph: Graph, live: Liveness) -> dict[Any, Loop | None]:
         if node.op in ("end", "done"):
             loop = loop_of_token(node)
             if loop not in home:
-                _finish_inner(loop, live, position, finish, ends)
+                # loops that were opened inside follow in the order of opening, and are finished first
+                k = position[loop] + 1
+                while k < len(live.loops) and live.loops[k].depth > loop.depth:
+                    k += 1
+                for inner in reversed(live.loops[position[loop] + 1 : k]):
+                    finish(inner)
+                finish(loop)
             home[node] = home[loop]
             continue
         at = home[node] = deepest(home[a] for a in node.args)
@@ -183,18 +188,6 @@ def find_homes(graph: Graph, live: Liveness) -> dict[Any, Loop | None]:
     for loop in reversed(live.loops):
         finish(loop)
     return home
-
-
-def _finish_inner(
-    loop: Loop, live: Liveness, position: dict[Loop, int], finish: Callable[[Loop], None], ends: dict[Loop, int]
-) -> None:
-    """Finish a loop after those that were opened inside it: they follow it in the order of opening."""
-    k = position[loop] + 1
-    while k < len(live.loops) and live.loops[k].depth > loop.depth:
-        k += 1
-    for inner in reversed(live.loops[position[loop] + 1 : k]):
-        finish(inner)
-    finish(loop)
 
 
 def loop_of_token(node: Node) -> Loop:

@@ -6,7 +6,7 @@
 is called like `Program`; a run without lanes is the processor's. Arguments are copied there and results back for every
 call, in chunks that fit the GPU's memory; `GpuKernel.seconds` is what the GPU itself took for the last one.
 
-The text is that of `_llvm` for blocks of a single lane; only an entry is put before it, that finds a thread's lane:
+The text is that of `_kernel` for blocks of a single lane; only an entry is put before it, that finds a thread's lane:
 
     lanes(ptr memory, ptr scratch, i64 stride, i64 last)
 
@@ -27,21 +27,200 @@ system of 2,400 lines of PTX had the same bits as on the processor in every resu
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import math
+import os
 import re
-from collections.abc import Collection, Sequence
+import sys
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from ctypes import POINTER, byref, c_char_p, c_float, c_int, c_size_t, c_uint, c_uint64, c_void_p
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import _gpu_driver
 from ._analysis import find_divergence
-from ._kernel import Kernel, Slot, cache_key, llvm
-from ._llvm import emit
+from ._kernel import Kernel, Slot, cache_key, emit, llvm
 from ._program import Program
 from .cache import load_or_make
-from .errors import ArgumentError, UnavailableError
+from .errors import ArgumentError, DriverError, UnavailableError
+
+VARIABLE = "LANEWISE_GPU_DRIVER"  # a library to load in the place of the driver's
+NAMES = {"win32": ("nvcuda.dll",)}.get(sys.platform, ("libcuda.so.1", "libcuda.so"))
+MAJOR, MINOR = 75, 76  # attributes of a device
+LOG, LOG_SIZE = 5, 6  # options of loading: where errors are written, and how much of them
+SPACE = 8192  # for them
+CALLS: dict[str, Sequence[Any]] = {
+    "cuInit": (c_uint,),
+    "cuGetErrorString": (c_int, POINTER(c_char_p)),
+    "cuDeviceGetCount": (POINTER(c_int),),
+    "cuDeviceGet": (POINTER(c_int), c_int),
+    "cuDeviceGetName": (c_char_p, c_int, c_int),
+    "cuDeviceGetAttribute": (POINTER(c_int), c_int, c_int),
+    "cuDevicePrimaryCtxRetain": (POINTER(c_void_p), c_int),
+    "cuCtxSetCurrent": (c_void_p,),
+    "cuModuleLoadDataEx": (POINTER(c_void_p), c_char_p, c_uint, POINTER(c_int), POINTER(c_void_p)),
+    "cuModuleGetFunction": (POINTER(c_void_p), c_void_p, c_char_p),
+    "cuMemGetInfo_v2": (POINTER(c_size_t), POINTER(c_size_t)),
+    "cuMemAlloc_v2": (POINTER(c_uint64), c_size_t),
+    "cuMemFree_v2": (c_uint64,),
+    "cuMemcpyHtoD_v2": (c_uint64, c_void_p, c_size_t),
+    "cuMemcpyDtoH_v2": (c_void_p, c_uint64, c_size_t),
+    "cuLaunchKernel": (c_void_p, *(c_uint,) * 7, c_void_p, POINTER(c_void_p), POINTER(c_void_p)),
+    "cuEventCreate": (POINTER(c_void_p), c_uint),
+    "cuEventRecord": (c_void_p, c_void_p),
+    "cuEventSynchronize": (c_void_p,),
+    "cuEventElapsedTime": (POINTER(c_float), c_void_p, c_void_p),
+    "cuEventDestroy_v2": (c_void_p,),
+}
+
+
+class Device(NamedTuple):
+    """A GPU: its number, name, and compute capability."""
+
+    number: int
+    name: str
+    capability: tuple[int, int]
+
+
+@functools.cache
+def _library(name: str | None) -> Any:
+    """The driver, ready for use."""
+    for candidate in (name,) if name else NAMES:
+        try:
+            library = ctypes.CDLL(candidate)
+        except OSError:
+            continue
+        for call, types in CALLS.items():
+            function = getattr(library, call, None)
+            if function is None:
+                raise UnavailableError(
+                    f"No GPU: the driver {candidate} has no {call}; one of CUDA 11 or later is needed."
+                )
+            function.argtypes, function.restype = types, c_int
+        if (code := library.cuInit(0)) != 0:
+            raise UnavailableError(f"No GPU: the driver says {_error_text(library, code)!r}.")
+        return library
+    raise UnavailableError(f"No GPU: no NVIDIA driver was found ({', '.join((name,) if name else NAMES)}).")
+
+
+def _error_text(library: Any, code: int) -> str:
+    text = c_char_p()
+    library.cuGetErrorString(code, byref(text))
+    return text.value.decode() if text.value else f"error {code}"
+
+
+def call(name: str, *values: object) -> None:
+    """Call a function of the driver.
+
+    Raises:
+        UnavailableError: if there is no driver, or it finds no GPU.
+        DriverError: if the call fails; says why in the driver's words.
+    """
+    library = _library(os.environ.get(VARIABLE) or None)
+    code = getattr(library, name)(*values)
+    if code != 0:
+        raise DriverError(f"The GPU's driver refused {name}: {_error_text(library, code)}.")
+
+
+def devices() -> list[Device]:
+    """List all GPUs of this machine.
+
+    Raises:
+        UnavailableError: if there is no driver, or it finds none; says which in one line.
+    """
+    count, number, major, minor = c_int(), c_int(), c_int(), c_int()
+    call("cuDeviceGetCount", byref(count))
+    gpus = []
+    for k in range(count.value):
+        call("cuDeviceGet", byref(number), k)
+        text = ctypes.create_string_buffer(256)
+        call("cuDeviceGetName", text, len(text), number.value)
+        call("cuDeviceGetAttribute", byref(major), MAJOR, number.value)
+        call("cuDeviceGetAttribute", byref(minor), MINOR, number.value)
+        gpus.append(Device(number.value, text.value.decode(errors="replace"), (major.value, minor.value)))
+    if not gpus:
+        raise UnavailableError("No GPU: the driver is there, but it finds no device.")
+    return gpus
+
+
+@functools.cache
+def _context(name: str | None, number: int) -> c_void_p:
+    context = c_void_p()
+    call("cuDevicePrimaryCtxRetain", byref(context), number)
+    return context
+
+
+def use_device(device: Device) -> None:
+    """Make this thread's calls those of a device; its context is the one that other libraries use as well."""
+    call("cuCtxSetCurrent", _context(os.environ.get(VARIABLE), device.number))
+
+
+def load_ptx(text: str, entry: str) -> c_void_p:
+    """A function of PTX, compiled by the driver (which keeps what it compiled) for the device in use."""
+    log = ctypes.create_string_buffer(SPACE)
+    options = (c_int * 2)(LOG, LOG_SIZE)
+    values = (c_void_p * 2)(ctypes.addressof(log), SPACE)
+    module, function = c_void_p(), c_void_p()
+    try:
+        call("cuModuleLoadDataEx", byref(module), text.encode(), 2, options, values)
+    except DriverError as error:
+        words = " ".join(log.value.decode(errors="replace").split())
+        raise DriverError(f"{error} {words}".strip()) from None
+    call("cuModuleGetFunction", byref(function), module, entry.encode())
+    return function
+
+
+def free_memory() -> int:
+    """Bytes of memory that the device in use has left."""
+    free, total = c_size_t(), c_size_t()
+    call("cuMemGetInfo_v2", byref(free), byref(total))
+    return free.value
+
+
+@contextmanager
+def allocate(size: int) -> Iterator[int]:
+    """Bytes of the device's memory, given back at the end: their address, at a multiple of 256."""
+    address = c_uint64()
+    call("cuMemAlloc_v2", byref(address), max(size, 1))
+    try:
+        yield address.value
+    finally:
+        call("cuMemFree_v2", address)
+
+
+def copy_to_device(address: int, array: np.ndarray) -> None:
+    """Copy a contiguous NumPy array to the device."""
+    if array.nbytes:
+        call("cuMemcpyHtoD_v2", address, array.ctypes.data, array.nbytes)
+
+
+def copy_from_device(array: np.ndarray, address: int) -> None:
+    """Copy from the device into a contiguous NumPy array, after all that was launched before."""
+    if array.nbytes:
+        call("cuMemcpyDtoH_v2", array.ctypes.data, address, array.nbytes)
+
+
+def launch(function: c_void_p, blocks: int, threads: int, *values: int) -> float:
+    """Run a function with 64-bit arguments and wait for it; returns the seconds that the device took."""
+    held = [c_uint64(v) for v in values]
+    pointers = (c_void_p * len(held))(*map(ctypes.addressof, held))
+    begin, end = c_void_p(), c_void_p()
+    call("cuEventCreate", byref(begin), 0)
+    call("cuEventCreate", byref(end), 0)
+    try:
+        call("cuEventRecord", begin, None)
+        call("cuLaunchKernel", function, blocks, 1, 1, threads, 1, 1, 0, None, pointers, None)
+        call("cuEventRecord", end, None)
+        call("cuEventSynchronize", end)
+        took = c_float()
+        call("cuEventElapsedTime", byref(took), begin, end)
+    finally:
+        call("cuEventDestroy_v2", begin)
+        call("cuEventDestroy_v2", end)
+    return took.value * 1e-3
+
 
 # ---- assembly
 
@@ -224,7 +403,7 @@ class GpuKernel(Kernel):
 
     def __init__(
         self,
-        device: _gpu_driver.Device,
+        device: Device,
         text: str,
         slots: Sequence[Slot],
         places: MemoryLayout,
@@ -234,8 +413,8 @@ class GpuKernel(Kernel):
     ) -> None:
         self.device, self.slots, self.places, self.scratch = device, list(slots), places, scratch
         self.real, self.most, self.seconds = np.dtype(real), most, 0.0
-        _gpu_driver.use_device(device)
-        self.function = _gpu_driver.load_ptx(text, ENTRY)
+        use_device(device)
+        self.function = load_ptx(text, ENTRY)
 
     def chunk(self, lanes: int) -> int:
         """Number of lanes that fit at a time.
@@ -244,7 +423,7 @@ class GpuKernel(Kernel):
             ArgumentError: if not a single one does.
         """
         each = self.places.per_lane + self.scratch
-        room = int(SHARE * _gpu_driver.free_memory()) - self.places.fixed
+        room = int(SHARE * free_memory()) - self.places.fixed
         fitting = lanes if not each else room // each // ROUND * ROUND
         if fitting < 1:
             need = self.places.fixed + ROUND * each
@@ -267,46 +446,43 @@ class GpuKernel(Kernel):
             else:
                 outputs[slot.place] = np.empty((*slot.shape, n), self.type(slot))
                 arrays.append(outputs[slot.place])
-        _gpu_driver.use_device(self.device)
+        use_device(self.device)
         size, self.seconds = self.chunk(n), 0.0
         stride = -(-size // ROUND) * ROUND
         with (
-            _gpu_driver.allocate(self.places.fixed + stride * self.places.per_lane) as memory,
-            _gpu_driver.allocate(stride * self.scratch) as scratch,
+            allocate(self.places.fixed + stride * self.places.per_lane) as memory,
+            allocate(stride * self.scratch) as scratch,
         ):
             for k, first in enumerate(range(0, n, size)):
                 last = min(first + size, n)
-                self._put(arrays, memory, stride, first, last, fixed=k == 0)
+                fixed = k == 0
+                for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
+                    if slot.role != "argument":
+                        continue
+                    if slot.differs:
+                        part = np.zeros((*slot.shape, stride), array.dtype)
+                        part[..., : last - first] = array[..., first:last]
+                        copy_to_device(memory + a + b * stride, part)
+                    elif fixed:
+                        copy_to_device(memory + a, array)
                 blocks = -(-(last - first) // BLOCK)
-                self.seconds += _gpu_driver.launch(self.function, blocks, BLOCK, memory, scratch, stride, last - first)
+                self.seconds += launch(self.function, blocks, BLOCK, memory, scratch, stride, last - first)
                 self._get(arrays, memory, stride, first, last)
         return outputs
-
-    def _put(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int, *, fixed: bool) -> None:
-        """Copy the arguments of a chunk of lanes."""
-        for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
-            if slot.role != "argument":
-                continue
-            if slot.differs:
-                part = np.zeros((*slot.shape, stride), array.dtype)
-                part[..., : last - first] = array[..., first:last]
-                _gpu_driver.copy_to_device(memory + a + b * stride, part)
-            elif fixed:
-                _gpu_driver.copy_to_device(memory + a, array)
 
     def _get(self, arrays: Sequence[Any], memory: int, stride: int, first: int, last: int) -> None:
         """Copy the results of a chunk of lanes."""
         for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
             if slot.role == "result":
                 part = np.empty((*slot.shape, stride), array.dtype)
-                _gpu_driver.copy_from_device(part, memory + a + b * stride)
+                copy_from_device(part, memory + a + b * stride)
                 array[..., first:last] = part[..., : last - first]
 
 
 class GpuProgram(Program):
     """A program whose runs of many lanes are a GPU's."""
 
-    device: _gpu_driver.Device
+    device: Device
     most: int | None = None
 
     def kernel(
@@ -352,16 +528,16 @@ def to_gpu(program: Program, *, device: int = 0, most: int | None = None) -> Gpu
         UnavailableError: no driver, no GPU, or one that is too old; says which in one line.
         ArgumentError: there is no such device.
     """
-    devices = _gpu_driver.devices()
-    if not 0 <= device < len(devices):
+    gpus = devices()
+    if not 0 <= device < len(gpus):
         raise ArgumentError(
             "device",
-            f"Unknown device {device}. Known are 0 to {len(devices) - 1}: {', '.join(d.name for d in devices)}",
+            f"Unknown device {device}. Known are 0 to {len(gpus) - 1}: {', '.join(d.name for d in gpus)}",
         )
-    if devices[device].capability < OLDEST:
-        version = ".".join(map(str, devices[device].capability))
-        raise UnavailableError(f"No GPU: {devices[device].name} has compute capability {version}; 6.0 is needed.")
+    if gpus[device].capability < OLDEST:
+        version = ".".join(map(str, gpus[device].capability))
+        raise UnavailableError(f"No GPU: {gpus[device].name} has compute capability {version}; 6.0 is needed.")
     made = GpuProgram(program.graph, program.arguments, program.results, program.title)
     made.serialised = program.serialised
-    made.device, made.most = devices[device], most
+    made.device, made.most = gpus[device], most
     return made

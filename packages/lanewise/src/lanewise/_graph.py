@@ -494,24 +494,19 @@ def _compare(op: str) -> Fold:
             if op == "le" and (high <= least or low > most):
                 return g.const(high <= least, "bool")
         if op in ("eq", "ne"):
-            return _same(g, op, a, b)
+            for x, y in ((a, b), (b, a)):
+                if y.op == "const" and x.op in ("real", "int") and x.args[0].kind == "bool" and y.attr in (0, 1):
+                    return x.args[0] if (y.attr == 1) == (op == "eq") else g.make("not", (x.args[0],))
+                if y.op == "const" and x.kind == "bool":
+                    return x if bool(y.attr) == (op == "eq") else g.make("not", (x,))
+                if not g.exact and y.op in ("max", "min") and x in y.args and x.kind == "real":
+                    other = y.args[1] if y.args[0] is x else y.args[0]
+                    reached = g.make("le", (other, x) if y.op == "max" else (x, other))
+                    return reached if op == "eq" else g.make("not", (reached,))
+            return None
         return None
 
     return fold
-
-
-def _same(g: Graph, op: str, a: Node, b: Node) -> Node | None:
-    """Fold eq and ne of truth values, of a number and an extreme of it, and of a number with itself."""
-    for x, y in ((a, b), (b, a)):
-        if y.op == "const" and x.op in ("real", "int") and x.args[0].kind == "bool" and y.attr in (0, 1):
-            return x.args[0] if (y.attr == 1) == (op == "eq") else g.make("not", (x.args[0],))
-        if y.op == "const" and x.kind == "bool":
-            return x if bool(y.attr) == (op == "eq") else g.make("not", (x,))
-        if not g.exact and y.op in ("max", "min") and x in y.args and x.kind == "real":
-            other = y.args[1] if y.args[0] is x else y.args[0]
-            reached = g.make("le", (other, x) if y.op == "max" else (x, other))
-            return reached if op == "eq" else g.make("not", (reached,))
-    return None
 
 
 for _op in ("lt", "le", "eq", "ne"):

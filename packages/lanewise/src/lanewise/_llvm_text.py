@@ -449,13 +449,9 @@ def _suffix(body: Memory, vector: bool) -> str:
 @_op("rcp")
 def _rcp(body: Memory, node: Node) -> str:
     vector, kind, (a,) = _operands(body, node)
-    return _reciprocal(body, vector, kind, a)
-
-
-def _reciprocal(body: Memory, vector: bool, kind: str, d: str) -> str:
     if vector and body.estimates:
-        return reciprocal(body, d)
-    return body.emit(f"fdiv {kind} {_one(body, vector)}, {d}")
+        return reciprocal(body, a)
+    return body.emit(f"fdiv {kind} {_one(body, vector)}, {a}")
 
 
 def _one(body: Memory, vector: bool) -> str:

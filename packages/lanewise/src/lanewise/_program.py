@@ -34,8 +34,17 @@ from numpy.typing import ArrayLike
 from ._analysis import Schedule, find_divergence, make_schedule, rewrite
 from ._elementary import expand_elementary
 from ._graph import Buffer, Graph, Loop, Node, Store, gc_paused
-from ._kernel import BoundKernel, Kernel, Slot, cache_key, compile_assembly, function_attributes, host, load_object
-from ._llvm import emit
+from ._kernel import (
+    BoundKernel,
+    Kernel,
+    Slot,
+    cache_key,
+    compile_assembly,
+    emit,
+    function_attributes,
+    host,
+    load_object,
+)
 from ._llvm_text import fits
 from ._passes import optimise
 from .cache import load_or_make

@@ -17,16 +17,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from ._graph import DOUBLE, Graph, Loop, Node
-from ._jaxpr import ClosedJaxpr, Literal, jaxpr_as_fun
 from ._rules_arrays import make_array
 from ._trace import (
     RULES,
     SMALL,
     AccumulatedArray,
     BufferArray,
+    ClosedJaxpr,
     ConcatenatedArray,
     ConstantArray,
     LazyArray,
+    Literal,
     Refusal,
     Tracer,
     add_index,
@@ -36,6 +37,7 @@ from ._trace import (
     flat_index,
     is_long,
     is_zero,
+    jaxpr_as_fun,
     materialise,
     rule,
     scale_index,
@@ -102,11 +104,8 @@ def _slope(eqn: Any, names: list[Any], by: Any) -> Any:
     call = jaxpr_as_fun(ClosedJaxpr(own.replace(constvars=[], invars=names, outvars=eqn.outvars, eqns=[eqn]), ()))
     change = tuple(np.zeros(v.aval.shape, _tangent(v)) if v is not by else np.ones((), v.aval.dtype) for v in names)
     shapes = [jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in names]
-    return _needed(jax.make_jaxpr(lambda *element_at: jax.jvp(call, element_at, change)[1])(*shapes))
-
-
-def _needed(closed: Any) -> Any:
-    """A jaxpr without what its results do not depend on: the function itself, of which only the slopes are wanted."""
+    # The function itself goes, of which only the slopes are wanted: what no result depends on
+    closed = jax.make_jaxpr(lambda *element_at: jax.jvp(call, element_at, change)[1])(*shapes)
     wanted, kept = {v for v in closed.jaxpr.outvars if not isinstance(v, Literal)}, []
     for eqn in reversed(closed.jaxpr.eqns):
         if not wanted.isdisjoint(eqn.outvars):

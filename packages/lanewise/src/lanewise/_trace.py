@@ -12,14 +12,27 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 
 from ._graph import Buffer, Graph, Node
-from ._jaxpr import ClosedJaxpr, Literal
 from .errors import LoweringError
+
+# `jax.extend.core` is the public place of these classes, but importing it imports Pallas besides, some 7 % of the time that
+# a fresh process takes to lower and run its first program. They are taken from where `jax.extend.core` takes them, and from
+# the public place where JAX has moved them.
+if TYPE_CHECKING:
+    from jax.extend.core import ClosedJaxpr as ClosedJaxpr
+    from jax.extend.core import Literal as Literal
+    from jax.extend.core import Primitive as Primitive
+    from jax.extend.core import jaxpr_as_fun as jaxpr_as_fun
+else:
+    try:
+        from jax._src.core import ClosedJaxpr, Literal, Primitive, jaxpr_as_fun  # noqa: F401
+    except ImportError:
+        from jax.extend.core import ClosedJaxpr, Literal, Primitive, jaxpr_as_fun  # noqa: F401
 
 # ---- values while tracing
 

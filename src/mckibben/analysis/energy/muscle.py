@@ -19,7 +19,7 @@ import numpy as np
 
 from ..._jax import jnp
 from ...components import Module, Scalar, derivative, jit_arrays
-from ...components.evaluation import evaluated
+from ...components.programs import evaluated
 from ...errors import InputError, NoVolumeError
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.gas_spring import spring_volume

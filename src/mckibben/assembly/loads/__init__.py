@@ -1,10 +1,6 @@
-"""Loads of muscles, one file each: a prescribed motion, a body on a line, a joint, a chain of links, another program."""
+"""Loads of muscles: a prescribed motion, a body on a line, a joint, a chain of links, another program."""
 
-from .body import Body
-from .chain import ChainLink, LinkChain
-from .host import HostLoad
-from .joint import JointLoad, MomentArm
-from .load import Load, SpanState
-from .plate import PlateLoad
+from .joint import ChainLink, JointLoad, LinkChain, MomentArm
+from .load import Body, HostLoad, Load, PlateLoad, SpanState
 
 __all__ = ["Body", "ChainLink", "HostLoad", "JointLoad", "LinkChain", "Load", "MomentArm", "PlateLoad", "SpanState"]

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..._jax import Tree, jnp
-from ...components import Module, Scalar
+from ...components import Module, Scalar, field
 from ...components.system import Value
+from ...quantities import quantity
 
 TOGETHER = "together"  # the muscle that stands for all of a load's
 
@@ -91,3 +92,162 @@ class Load(Module):
     @abc.abstractmethod
     def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
         """Recorded outputs of the load [SI]."""
+
+
+class HeldMuscles(Load):
+    """A load that states which muscles it holds."""
+
+    held: tuple[str, ...] = field(static=True, kw_only=True)
+
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles that it holds."""
+        return self.held
+
+
+class PrescribedMotion(HeldMuscles):
+    """A load whose motion is given: it has no state, stores nothing and loses nothing."""
+
+    def initial(self) -> Tree:
+        """Return no state."""
+        return ()
+
+    def rates(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> Tree:
+        """Return no rates."""
+        return ()
+
+    def stored_energy(self, state: Tree) -> Scalar:
+        """Stored energy, zero [J]."""
+        return jnp.zeros(())
+
+    def powers(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Scalar, Scalar]:
+        """Power of what moves it against the tensions; the loss is zero [W]."""
+        spans = self.spans(state, inputs)
+        return sum((tensions[n] * spans[n].velocity for n in self.held), start=jnp.zeros(())), jnp.zeros(())
+
+    def outputs(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Return no outputs beside the spans."""
+        return {}
+
+
+class PlateLoad(PrescribedMotion):
+    """Holds each of its muscles at one span, constant or by a signal."""
+
+    span: Scalar = quantity("m", (1e-3, 100.0), "span, where no signal gives it", symbol="X", default=0.14)
+    # Name of the signal that gives the span [m].
+    signal: str | None = field(static=True, kw_only=True, default=None)
+
+    def alone(self, muscle: str, name: str) -> Load:
+        """Return the same plate, since its position is prescribed."""
+        return self.with_fields(held=(name,))
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the load with one muscle."""
+        return self.with_fields(held=(name,))
+
+    def collected(self) -> Load:
+        """Return the load with one muscle, which pulls as all of them do."""
+        return self.replace(held=(TOGETHER,))
+
+    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Sum of the tensions [N]."""
+        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
+
+    def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
+        """Equal spans of all muscles."""
+        at = (self.span, jnp.zeros(())) if self.signal is None else inputs[self.signal]
+        return {name: SpanState(*at) for name in self.held}
+
+
+class BodyState(NamedTuple):
+    """Position, which is the span [m], and velocity [m/s]."""
+
+    position: Scalar
+    velocity: Scalar
+
+
+class Body(HeldMuscles):
+    """A mass with weight, spring and damper; all but the mass are optional.
+
+        m dv/dt = W + f - k (X - X0) - c v - sum T,   dX/dt = v
+
+    X is the span. A dead weight W pulls it longer, and so does a force f from a signal. Range: one direction; no stops
+    but those of the muscle.
+    """
+
+    start: Scalar = quantity("m", (1e-3, 100.0), "span at the start", symbol="X")
+    mass: Scalar = quantity("kg", (1e-4, 1e4), "inertia", symbol="m", typical=(0.1, 100.0))
+    weight: Scalar = quantity("N", (-1e5, 1e5), "constant force that lengthens", symbol="W", default=0.0)
+    stiffness: Scalar = quantity("N/m", (0.0, 1e8), "spring", symbol="k", default=0.0)
+    spring_rest: Scalar = quantity("m", (-10.0, 100.0), "span at which the spring is relaxed", symbol="X0", default=0.0)
+    damping: Scalar = quantity("N*s/m", (0.0, 1e6), "damper", symbol="c", default=0.0)
+    # Name of the signal of a further force that lengthens [N].
+    signal: str | None = field(static=True, kw_only=True, default=None)
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the load with one muscle."""
+        return self.with_fields(held=(name,))
+
+    def collected(self) -> Load:
+        """Return the load with one muscle, which pulls as all of them do."""
+        return self.replace(held=(TOGETHER,))
+
+    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Sum of the tensions [N]."""
+        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
+
+    def initial(self) -> BodyState:
+        """State at rest."""
+        return BodyState(self.start, jnp.zeros(()))
+
+    def spans(self, state: BodyState, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
+        """Equal spans of all muscles."""
+        return {name: SpanState(state.position, state.velocity) for name in self.held}
+
+    def _outside(self, inputs: Mapping[str, Value]) -> Scalar:
+        return jnp.zeros(()) if self.signal is None else inputs[self.signal].value
+
+    def rates(self, state: BodyState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> BodyState:
+        """Velocity and acceleration."""
+        pull = sum((tensions[n] for n in self.held), start=jnp.zeros(()))
+        inner = self.stiffness * (state.position - self.spring_rest) + self.damping * state.velocity
+        return BodyState(state.velocity, (self.weight + self._outside(inputs) - inner - pull) / self.mass)
+
+    def max_rate_bound(self, state: BodyState, restraints: Mapping[str, Restraint]) -> Scalar:
+        """Bound of the body on spring, damper and muscles [1/s]."""
+        stiff = self.stiffness + sum(restraints[n].stiffness for n in self.held)
+        return mode_bound(self.mass, stiff, self.damping + sum(restraints[n].damping for n in self.held))
+
+    def stored_energy(self, state: BodyState) -> Scalar:
+        """Kinetic, elastic, and of the weight's height [J]."""
+        elastic = 0.5 * self.stiffness * (state.position - self.spring_rest) ** 2
+        return 0.5 * self.mass * state.velocity**2 + elastic - self.weight * state.position
+
+    def powers(
+        self, state: BodyState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> tuple[Scalar, Scalar]:
+        """Power of the signal's force, and power lost in the damper [W]."""
+        return self._outside(inputs) * state.velocity, self.damping * state.velocity**2
+
+    def outputs(
+        self, state: BodyState, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]
+    ) -> dict[str, Scalar]:
+        """Position [m] and velocity [m/s]."""
+        return {"position": state.position, "velocity": state.velocity}
+
+
+class HostLoad(PrescribedMotion):
+    """Muscles whose spans another program gives, each by its own signal ``<muscle>.span`` [m]."""
+
+    def signals(self) -> tuple[str, ...]:
+        """Names of the signals of the spans."""
+        return tuple(f"{name}.span" for name in self.held)
+
+    def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
+        """Span of every muscle from its signal."""
+        return {name: SpanState(*inputs[f"{name}.span"]) for name in self.held}
+
+    def accounts(self, state: Tree, tensions: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+        """Tension [N], whose integral is the impulse, and power [W] at the end of each muscle."""
+        spans = self.spans(state, inputs)
+        impulses = {f"{n}.impulse": tensions[n] + jnp.zeros(()) for n in self.held}
+        return impulses | {f"{n}.work": tensions[n] * spans[n].velocity for n in self.held}

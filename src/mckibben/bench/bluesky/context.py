@@ -21,7 +21,7 @@ from ophyd_async.core import Callback, SignalBackend
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from .. import channels
-from ..metadata import initial_metadata
+from ..recorder import initial_metadata
 from ..session import MachineSession
 from ..session.continued import LOOK
 

@@ -29,7 +29,7 @@ from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import check
 from ...experiments.protocol import Protocol
 from ...recordings.recording import Recording
-from ..metadata import initial_metadata
+from ..recorder import initial_metadata
 from .context import DeviceContext
 
 PAGE = 1000  # samples in a page of events

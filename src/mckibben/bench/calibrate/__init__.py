@@ -5,12 +5,9 @@ comes out and `recordings.recalibration` applies it to a recording.
 """
 
 from ..._lazy import lazy_submodules
-from .estimate import CalibrationLine, Point, Reference, dead_weights, encoder, pressure_reference, zero
-from .file import merged, read_calibration, write_calibration
-from .machine import HardwareReadings
-from .session import CalibrationSession
-from .skew import skew
-from .sources import SimulatedSensors
+from .estimate import CalibrationLine, Point, Reference, dead_weights, encoder, pressure_reference, skew, zero
+from .session import CalibrationSession, merged, read_calibration, write_calibration
+from .sources import HardwareReadings, SimulatedSensors
 
 __all__ = [
     "HardwareReadings",

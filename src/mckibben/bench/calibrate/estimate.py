@@ -1,4 +1,4 @@
-"""Gain and zero from readings and a reference, with the uncertainty from readings, counts and reference.
+"""Gain and zero from readings and a reference, and the skew of channels, with the uncertainty of each.
 
     I_j = z + s x_j + e_j,   gain = 1/s,   zero = z,   var e_j = (u_r^2 + u_h^2)/m_j + u_q^2 + s^2 u_x^2
 
@@ -14,17 +14,29 @@ data: Guide to the expression of uncertainty in measurement, JCGM 100:2008, 4.2,
 
 Range: straight sensors; references whose errors are small against the range. The buoyancy of air, 1.5e-4 of steel masses,
 is not corrected: state masses by their conventional value less that, or let the scale's uncertainty cover it.
+
+The skew of channels that record the same sine or sweep is the delay of each behind the first:
+
+    y_i(t) = c_i + g_i (A cos phi(t - T_i) + B sin phi(t - T_i)),   phi(t) = 2 pi (f t + k t^2/2),   g_1 = 1,   T_1 = 0
+
+All of f, A, B, c, g, T, and k of a sweep, are fitted at once by least squares, each channel in units of its own amplitude:
+the lag is found far below a sample. The uncertainty is that of a fit whose residuals follow one another: the gradients of
+`STRETCHES` stretches of the record are taken as independent, not their samples.
+
+Range: a lag below half a period, amplitudes of four counts and more, three periods and more; a sweep begins with the record.
+A filter delays slow signals by 1/(2 pi fc) and fast ones by less: the skew is that of the frequency used.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
+from ...estimation import descend
 from ...recordings.calibration import CorrectionTerm
 
 GRAVITY = 9.80665  # standard [m/s^2]
@@ -37,19 +49,12 @@ HARMONICS = 12  # of the error of counts over its period, a count
 
 
 class ReferenceReading(NamedTuple):
-    """Samples of a channel at one point [unit of the channel].
+    """Samples of a channel at one point [unit of the channel]."""
 
-    Attributes:
-        mean: mean of all samples.
-        scatter: standard deviation of the samples.
-        error: standard uncertainty of the mean, from that of the blocks' means.
-        degrees: degrees of freedom of that.
-    """
-
-    mean: float
-    scatter: float
-    error: float
-    degrees: float
+    mean: float  # mean of all samples
+    scatter: float  # standard deviation of the samples
+    error: float  # standard uncertainty of the mean, from that of the blocks' means
+    degrees: float  # degrees of freedom of that
 
 
 class Point(NamedTuple):
@@ -61,39 +66,23 @@ class Point(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """A reference that readings are compared with.
+    """A reference that readings are compared with."""
 
-    Attributes:
-        name: for the file.
-        uncertainty: standard, of each of its values [their unit].
-        scale: standard, of all its values alike, as a share [1].
-        exact_nothing: whether nothing is nothing, as where no mass hangs.
-    """
-
-    name: str = ""
-    uncertainty: float = 0.0
-    scale: float = 0.0
-    exact_nothing: bool = False
+    name: str = ""  # for the file
+    uncertainty: float = 0.0  # standard, of each of its values [their unit]
+    scale: float = 0.0  # standard, of all its values alike, as a share [1]
+    exact_nothing: bool = False  # whether nothing is nothing, as where no mass hangs
 
 
 class CalibrationLine(NamedTuple):
-    """The line fitted to the points of a calibration, with the uncertainties of its gain and zero.
+    """The line fitted to the points of a calibration, with the uncertainties of its gain and zero."""
 
-    Attributes:
-        gain: true over indicated [1].
-        zero: reading at zero [unit].
-        correlation: correlation of the two [1].
-        residuals: residuals of each point, true value by the line less that by the reference [unit].
-        hysteresis: largest difference of the residuals at one value of the reference [unit].
-        misfit: chi^2 over its degrees of freedom, NaN for two points [1].
-    """
-
-    gain: CorrectionTerm
-    zero: CorrectionTerm
-    correlation: float
-    residuals: np.ndarray
-    hysteresis: float
-    misfit: float
+    gain: CorrectionTerm  # true over indicated [1]
+    zero: CorrectionTerm  # reading at zero [unit]
+    correlation: float  # correlation of the two [1]
+    residuals: np.ndarray  # residuals of each point, true value by the line less that by the reference [unit]
+    hysteresis: float  # largest difference of the residuals at one value of the reference [unit]
+    misfit: float  # chi^2 over its degrees of freedom, NaN for two points [1]
 
     @property
     def linearity(self) -> float:
@@ -268,3 +257,144 @@ def _degrees(*parts: tuple[float, float], total: float) -> float:
     """Effective degrees of freedom by Welch and Satterthwaite: parts are variances with finite degrees of freedom."""
     known = sum(variance**2 / degrees for variance, degrees in parts if degrees > 0.0)
     return math.inf if known <= total**2 / MOST_DEGREES else max(float(total**2 / known), 1.0)
+
+
+STRETCHES = 24
+LEAST_PERIODS = 3.0
+LEAST_COUNTS = 4.0
+MOST_LEFT = 0.5  # of a channel's rms value that the sine may leave unexplained
+
+
+class SkewModel(NamedTuple):
+    """Model of channels at sample times; its parameters are a flat vector, see `parts`."""
+
+    time: np.ndarray
+    channels: int
+    sweep: bool
+
+    def parts(self, p: np.ndarray) -> tuple[float, float, float, float, np.ndarray, np.ndarray, np.ndarray]:
+        """f, k, A, B, and of each channel c, g and T."""
+        n = self.channels
+        phases = p[4 : 4 + n], np.append(1.0, p[4 + n : 3 + 2 * n]), np.append(0.0, p[3 + 2 * n : 2 + 3 * n])
+        return float(p[0]), float(p[1]), float(p[2]), float(p[3]), *phases
+
+    def both(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Channels (channels, n), and their derivatives by the parameters (channels, n, parameters)."""
+        f, k, a, b, c, g, lag = self.parts(p)
+        n = self.channels
+        t = self.time[None, :] - lag[:, None]
+        phase = 2.0 * np.pi * (f * t + 0.5 * k * t * t)
+        cos, sin = np.cos(phase), np.sin(phase)
+        wave, slope = a * cos + b * sin, b * cos - a * sin
+        d = np.zeros((*wave.shape, len(p)))
+        d[:, :, 0] = g[:, None] * slope * 2.0 * np.pi * t
+        d[:, :, 1] = g[:, None] * slope * np.pi * t * t if self.sweep else 0.0
+        d[:, :, 2], d[:, :, 3] = g[:, None] * cos, g[:, None] * sin
+        for i in range(n):
+            d[i, :, 4 + i] = 1.0
+            if i:
+                d[i, :, 3 + n + i] = wave[i]
+                d[i, :, 2 + 2 * n + i] = -g[i] * slope[i] * 2.0 * np.pi * (f + k * t[i])
+        return c[:, None] + g[:, None] * wave, d
+
+
+def skew(
+    time: np.ndarray,
+    signals: Mapping[str, np.ndarray],
+    *,
+    frequency: float,
+    to: float | None = None,
+    resolution: Mapping[str, float] | None = None,
+) -> dict[str, CorrectionTerm]:
+    """Compute the delay of each channel behind the first one [s].
+
+    Args:
+        time: uniform, from 0 s on, (n,) [s].
+        signals: by channel (n,), the first one first [any unit].
+        frequency: frequency of the sine, or of the sweep at its beginning, to a period of the record or better [Hz].
+        to: of a linear sweep, the frequency at the end of the record [Hz]; None for a sine.
+        resolution: one count of each channel, if known [unit of the channel].
+
+    Raises:
+        InputError: if a channel does not show it, or the record cannot tell.
+    """
+    names = list(signals)
+    if len(names) < 2:
+        raise InputError("channels", ", ".join(names) or None, "must be two or more, for one is compared with another")
+    period = (time[-1] - time[0]) / (len(time) - 1)
+    highest, length = max(frequency, to or 0.0), len(time) * period
+    if not (min(frequency, highest if to is None else to) * length >= LEAST_PERIODS and highest < 0.4 / period):
+        allowed = (
+            f"must be between {LEAST_PERIODS / length:.4g} Hz and {0.4 / period:.4g} Hz for {length:.4g} s of samples"
+        )
+        raise InputError("frequency", f"{frequency:g} Hz" + ("" if to is None else f" to {to:g} Hz"), allowed)
+    y, least = [], resolution or {}
+    for name in names:
+        values = np.asarray(signals[name], float)
+        spread = float(values.std())
+        if not (
+            np.isfinite(spread) and spread * math.sqrt(2.0) >= LEAST_COUNTS * least.get(name, 0.0) and spread > 0.0
+        ):
+            raise InputError(
+                f"signal of {name}", None, f"must be 4 counts or more, got an amplitude of {1.4142 * spread:.3g}"
+            )
+        y.append((values - values.mean()) / spread)
+    return _fitted(
+        SkewModel(np.asarray(time, float) - time[0], len(names), to is not None), np.array(y), names, frequency, to
+    )
+
+
+def _fitted(
+    model: SkewModel, y: np.ndarray, names: list[str], frequency: float, to: float | None
+) -> dict[str, CorrectionTerm]:
+    rate = 0.0 if to is None else (to - frequency) / model.time[-1]
+    start = _start(model, y, frequency, rate)
+    # slow and quick parameters of one size
+    scale = np.ones(len(start))
+    scale[0], scale[1] = 0.1 / model.time[-1], 0.1 / model.time[-1] ** 2
+    scale[2 + 2 * model.channels :] = 0.1 / (2.0 * np.pi * frequency)
+    free = np.array([i for i in range(len(start)) if model.sweep or i != 1])
+
+    def put(q: np.ndarray) -> np.ndarray:
+        p = start.copy()
+        p[free] = start[free] + scale[free] * q
+        return p
+
+    solution = descend(
+        lambda q: (model.both(put(q))[0] - y).ravel(),
+        np.zeros(len(free)),
+        jacobian=lambda q: (model.both(put(q))[1][:, :, free] * scale[free]).reshape(-1, len(free)),
+    )
+    p = put(solution.x)
+    modelled, d = model.both(p)
+    left = y - modelled
+    for name, rms in zip(names, np.sqrt((left**2).mean(axis=1)), strict=True):
+        if rms > MOST_LEFT:
+            wave = f"a sine of {frequency:g} Hz" if to is None else f"a sweep from {frequency:g} Hz to {to:g} Hz"
+            raise InputError(f"signal of {name}", None, f"must be {wave}, got {100.0 * rms:.0f} % something else")
+    d = d[:, :, free] * scale[free]
+    inverse = np.linalg.inv(np.einsum("cnp,cnq->pq", d, d))
+    edges = np.array_split(np.arange(len(model.time)), STRETCHES)
+    gradients = np.array([np.einsum("cnp,cn->p", d[:, e], left[:, e]) for e in edges])
+    covariance = inverse @ (gradients.T @ gradients) @ inverse * STRETCHES / (STRETCHES - 1.0)
+    deviation = np.sqrt(np.diag(covariance)) * scale[free]
+    first = 2 + 2 * model.channels
+    lags = {n: first + i for i, n in enumerate(names) if i}
+    where = {int(j): i for i, j in enumerate(free)}
+    terms = {n: CorrectionTerm(float(p[j]), float(deviation[where[j]]), STRETCHES - 1.0) for n, j in lags.items()}
+    return {names[0]: CorrectionTerm(0.0, 0.0), **terms}
+
+
+def _start(model: SkewModel, y: np.ndarray, frequency: float, rate: float) -> np.ndarray:
+    """Parameters near the solution: the frequency by a search, the amplitudes and lags by projection."""
+    t = model.time
+    chirp = np.exp(-1j * np.pi * rate * t * t) * np.hanning(len(t))
+    tries = frequency + np.linspace(-1.0, 1.0, 41) / t[-1]
+    spectrum = np.abs(np.exp(-2j * np.pi * tries[:, None] * t[None, :]) @ (chirp * y[0]))
+    f = float(tries[np.argmax(spectrum)])
+    amplitude = y @ (np.exp(-2j * np.pi * f * t) * chirp) * 2.0 / np.hanning(len(t)).sum()
+    # about the middle of a sweep, where the window looks
+    middle = f + rate * 0.5 * t[-1]
+    lag = -np.angle(amplitude[1:] / amplitude[0]) / (2.0 * np.pi * middle)
+    gain = np.abs(amplitude[1:]) / np.abs(amplitude[0])
+    return np.concatenate([[f, rate, amplitude[0].real, -amplitude[0].imag], np.zeros(len(y)), gain, lag])

@@ -1,4 +1,4 @@
-"""Sources of calibration readings: the sensors of a rig, simulated at known true values; `machine` reads real ones.
+"""Sources of calibration readings: the sensors of a rig, simulated at known true values, or a machine at rest.
 
 Readings are *indicated* values: what the nominal scale of the rig's converters makes of the counts.
 """
@@ -6,6 +6,7 @@ Readings are *indicated* values: what the nominal scale of the rig's converters 
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
@@ -15,10 +16,11 @@ from ..._jax import jit, jnp
 from ...components.system import Moment, System
 from ...engine.integration import integrate
 from ...engine.signals import ramped
+from ...errors import InputError, LineLostError
 from ...experiments.waveforms import Waveform
-from ..hardware.analogue import Sensor
-from ..hardware.converters import SPAN
-from ..hardware.motor import Encoder
+from ..hardware.converters import SPAN, Converters, Sensor
+from ..hardware.interface import Hardware
+from ..hardware.stand import Encoder
 from ..rig import Rig
 from ..sensors import SENSORS
 from .estimate import Reference
@@ -30,23 +32,14 @@ LEAD = 0.5  # time for which a filter has seen a waveform before the first sampl
 
 
 class ChannelScale(NamedTuple):
-    """Nominal scale of a channel [unit].
+    """Nominal scale of a channel [unit]."""
 
-    Attributes:
-        low: lowest value that its converter shows; minus infinity for an encoder.
-        high: highest.
-        resolution: one count.
-        unit: SI unit.
-        least: lowest true value that its transducer sees.
-        most: highest.
-    """
-
-    low: float
-    high: float
-    resolution: float
-    unit: str
-    least: float = -math.inf
-    most: float = math.inf
+    low: float  # lowest value that its converter shows; minus infinity for an encoder
+    high: float  # highest
+    resolution: float  # one count
+    unit: str  # SI unit
+    least: float = -math.inf  # lowest true value that its transducer sees
+    most: float = math.inf  # highest
 
     @property
     def range(self) -> float:
@@ -55,19 +48,12 @@ class ChannelScale(NamedTuple):
 
 
 class OperatorTask(NamedTuple):
-    """A task for the operator during a calibration.
+    """A task for the operator during a calibration."""
 
-    Attributes:
-        sentence: as text.
-        values: true values to bring about, by channel [unit]; empty if a waveform is requested.
-        gauge: whether the reference shows a value that the person may answer with.
-        wave: wave of unit amplitude, for all channels at once.
-    """
-
-    sentence: str
-    values: Mapping[str, float]
-    gauge: bool = False
-    wave: Waveform | None = None
+    sentence: str  # as text
+    values: Mapping[str, float]  # true values to bring about, by channel [unit]; empty if a waveform is requested
+    gauge: bool = False  # whether the reference shows a value that the person may answer with
+    wave: Waveform | None = None  # wave of unit amplitude, for all channels at once
 
 
 # Brings a task about; gives what the reference shows [unit], or None where that is what was asked for.
@@ -108,8 +94,8 @@ class SimulatedSensors:
     gain; it was zeroed anywhere within a count.
     """
 
-    def __init__(self, rig: Rig, seed: int = 0, *, period: float = PERIOD) -> None:
-        self.period, self.grids = period, grids(rig)
+    def __init__(self, rig: Rig, seed: int = 0) -> None:
+        self.period, self.grids = PERIOD, grids(rig)
         self._sensors = dict(rig.sensors)
         self._nominal = rig.encoder
         self._draw = np.random.default_rng([seed, 1])
@@ -130,18 +116,17 @@ class SimulatedSensors:
         """Return the next samples; of a waveform from its start."""
         draws = {n: self._draw.standard_normal(samples) for n in self._sensors}
         rest = {n: np.float64(self.true[n]) for n in self._sensors}
-        y, x = (None, rest) if self.wave is None else self._waved(self.wave, samples)
+        y: dict[str, Any] | None = None
+        x: dict[str, Any] = rest
+        if self.wave is not None:  # filtered once, since they are always the same
+            if (self.wave, samples) not in self._waves:
+                self._waves = {(self.wave, samples): self._filtered(self.wave, samples)}
+            y, x = self._waves[self.wave, samples]
         readings = {n: np.asarray(v) for n, v in _readings(self._sensors, y, x, draws).items()}
         if self._encoder is not None and self._nominal is not None:
             count = self._encoder.count(self.true[SPAN], self._zeroed)
             readings[SPAN] = np.full(samples, float(self._nominal.span(count, 0.0)))
         return readings
-
-    def _waved(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Filtered signals and true values at the samples; cached, since they are always the same."""
-        if (wave, samples) not in self._waves:
-            self._waves = {(wave, samples): self._filtered(wave, samples)}
-        return self._waves[wave, samples]
 
     def _filtered(self, wave: Waveform, samples: int) -> tuple[dict[str, Any], dict[str, Any]]:
         lead = round(LEAD / self.period)
@@ -171,20 +156,18 @@ class SimulatedPerson:
     def __call__(self, task: OperatorTask) -> None:
         """Set the sensors to the true value of the reference; equal settings have equal errors."""
         self.asked.append(task.sentence)
-        self.sensors.put({n: self._true(value) for n, value in task.values.items()})
+        true = dict.fromkeys(task.values, 0.0)
+        for name, value in task.values.items():
+            if value == 0.0 and self.reference.exact_nothing:
+                continue
+            if value not in self._errors:
+                self._errors[value] = self.reference.uncertainty * float(self._draw.standard_normal())
+            true[name] = value * (1.0 + self._common) + self._errors[value]
+        self.sensors.put(true)
         self.sensors.wave = task.wave
-
-    def _true(self, value: float) -> float:
-        if value == 0.0 and self.reference.exact_nothing:
-            return 0.0
-        if value not in self._errors:
-            self._errors[value] = self.reference.uncertainty * float(self._draw.standard_normal())
-        return value * (1.0 + self._common) + self._errors[value]
 
 
 class _Filters(System):
-    """Sensors with input signals, for their filters."""
-
     sensors: dict[str, Sensor]
 
     def rate(self, state: Any, memory: Any, inputs: Any) -> Any:
@@ -205,3 +188,97 @@ def _readings(sensors: Any, y: Any, x: Any, draws: Any) -> dict[str, Any]:
     """Compute readings (n,) from filtered signals y, settled if there are none, and true values x."""
     y = {n: s.initial(x[n]) for n, s in sensors.items()} if y is None else y
     return {n: s.reading(y[n], x[n], draws[n])[0] + jnp.zeros_like(draws[n]) for n, s in sensors.items()}
+
+
+PATIENCE = 5.0  # beyond the time that the samples take [s]
+
+
+class HardwareReadings:
+    """A machine, vented and without motor force, sampled continuously in a thread.
+
+    It is sampled between the readings too, since a machine that is told nothing takes its line for lost. The encoder is
+    zeroed once, at the beginning. To be used in a ``with``.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        converters: Converters,
+        *,
+        scales: Mapping[str, ChannelScale] | None = None,
+    ) -> None:
+        """Prepare the readings of a machine that is not started yet, with the scales of its counts."""
+        self.period, self._hardware = PERIOD, hardware
+        self._scales = dict(converters.analog)
+        self._encoder = converters.encoder if hardware.has_encoder else None
+        self._rest = 0 if converters.motor is None else int(converters.motor.count(0.0))
+        missing = [n for n in self._scales if n not in hardware.names]
+        if missing:
+            raise InputError("channels", ", ".join(missing), "the machine has", known=hardware.names)
+        self.grids = {
+            n: ChannelScale(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
+            for n, s in self._scales.items()
+        }
+        if self._encoder is not None:
+            self.grids[SPAN] = ChannelScale(-math.inf, math.inf, float(self._encoder.resolution), "m")
+        self.grids |= {n: one for n, one in (scales or {}).items() if n in self.grids}
+        self._news = threading.Condition()
+        self._wanted, self._request, self._ended = 0, 0, False
+        self._rows: list[tuple[tuple[int, ...], int]] = []
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._sample, name="calibration", daemon=True)
+
+    def __enter__(self) -> HardwareReadings:
+        self._hardware.start(self.period)
+        self._hardware.vent()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        with self._news:
+            self._ended = True
+        self._thread.join(PATIENCE)
+        self._hardware.close()
+
+    def read(self, samples: int) -> dict[str, np.ndarray]:
+        """Return the next samples.
+
+        Raises:
+            LineLostError: if the machine does not give them.
+        """
+        with self._news:
+            self._rows, self._wanted, self._request = [], samples, self._request + 1
+            self._news.wait_for(
+                lambda: not self._wanted or self._error is not None, samples * self.period * 2.0 + PATIENCE
+            )
+            if self._error is not None:
+                raise LineLostError(str(self._error)) from self._error
+            if self._wanted:
+                raise LineLostError(f"machine: {len(self._rows)} of {samples} samples came in time")
+            rows = self._rows
+        names = self._hardware.names
+        counts = np.array([row for row, _ in rows], float).reshape(samples, len(names))
+        readings = {n: np.asarray(s.value(counts[:, names.index(n)])) for n, s in self._scales.items()}
+        if self._encoder is not None:
+            readings[SPAN] = np.asarray(self._encoder.span(np.array([c for _, c in rows], float), 0.0))
+        return readings
+
+    def _sample(self) -> None:
+        machine, k = self._hardware, 0
+        try:
+            while not self._ended:
+                request = self._request  # a sample that was taken before the request does not count
+                machine.wait(k)
+                k += 1
+                counts, edges = tuple(int(c) for c in machine.counts), machine.edges
+                machine.write(0, self._rest)
+                with self._news:
+                    if self._wanted and request == self._request:
+                        self._rows.append((counts, edges))
+                        self._wanted -= 1
+                        if not self._wanted:
+                            self._news.notify_all()
+        except Exception as error:
+            with self._news:
+                self._error = error
+                self._news.notify_all()

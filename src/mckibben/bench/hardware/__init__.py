@@ -1,19 +1,17 @@
-"""Parts of a test machine, one file each: computer, converters and sensors, motor and encoder, frame."""
+"""Parts of a test machine: computer, converters and sensors, the stand with its motor, and the machine as a whole."""
 
 from typing import TYPE_CHECKING
 
 from ..._lazy import lazy_names, lazy_submodules
-from .analogue import AnalogOut, Converter, Sensor
 from .computer import Computer
-from .frame import Frame, FrameState, StandState, TestStand
-from .motor import Encoder, Motor, MotorPowers
+from .converters import AnalogOut, Converter, Sensor
+from .stand import Encoder, Frame, FrameState, Motor, MotorPowers, StandState, TestStand
 
 if TYPE_CHECKING:
-    from . import connect as connect
     from . import serial_line as serial_line
-    from .connect import HardwareRequest as HardwareRequest
-    from .connect import connected as connected
     from .interface import Hardware as Hardware
+    from .interface import HardwareRequest as HardwareRequest
+    from .interface import connected as connected
 
 __all__ = [
     "AnalogOut",
@@ -36,7 +34,6 @@ lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
-        "connect": ["HardwareRequest", "connected"],
-        "interface": ["Hardware"],
+        "interface": ["Hardware", "HardwareRequest", "connected"],
     },
 )

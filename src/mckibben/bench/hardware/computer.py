@@ -96,19 +96,12 @@ class Computer(Module):
 
 
 class Timing(NamedTuple):
-    """The timing of a sample loop.
+    """The timing of a sample loop."""
 
-    Attributes:
-        period: period of the samples, a whole number of timer ticks [s].
-        inner: steps of the physics per sample.
-        latency: from a sample to the action of its commands [s].
-        depth: samples for which commands are kept, for latency and dead times.
-    """
-
-    period: float
-    inner: int
-    latency: float
-    depth: int
+    period: float  # period of the samples, a whole number of timer ticks [s]
+    inner: int  # steps of the physics per sample
+    latency: float  # from a sample to the action of its commands [s]
+    depth: int  # samples for which commands are kept, for latency and dead times
 
     @property
     def sample_rate(self) -> float:

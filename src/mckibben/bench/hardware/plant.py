@@ -16,17 +16,13 @@ from collections.abc import Mapping
 
 from ..._jax import Tree, jnp
 from ...assembly.machine import Machine
-from ...assembly.pair_map import NAMES
-from ...assembly.stiffness import joint_stiffness
+from ...assembly.pair_map import NAMES, joint_stiffness
 from ...components import Scalar, field
-from ...components.sampled import Plant
-from ...components.system import Moment, Value
+from ...components.system import Moment, Plant, Value
 from ...engine.signals import Signal
 from ..sensors import SENSORS
-from .analogue import AnalogOut, Sensor
-from .converters import Converters
-from .frame import TestStand
-from .motor import Encoder
+from .converters import AnalogOut, Converters, Sensor
+from .stand import Encoder, TestStand
 
 
 class MeasuredPlant(Plant):

@@ -1,9 +1,8 @@
 """Sessions: a machine with its clock, operated manually and by protocols, observed by any number of clients."""
 
 from ..._lazy import lazy_submodules
-from .interface import MachineSession
+from .interface import MachineSession, Message, Messages, Status
 from .session import Session
-from .status import Message, Messages, Status
 
 __all__ = ["MachineSession", "Message", "Messages", "Session", "Status"]
 

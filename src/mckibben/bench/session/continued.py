@@ -66,11 +66,6 @@ class Arrival:
 class ContinuedMachine:
     """A stage with the machine of a session, which is sampled before, during and after the run.
 
-    Args:
-        session: that has the machine.
-        prepared: what is done.
-        attended: whether an operator carries out the tasks of the protocol.
-
     Raises:
         InputError: if a segment cannot be played on this machine.
     """
@@ -148,7 +143,6 @@ class ContinuedMachine:
         raise InputError(name, measured, f"the protocol begins at {goal}, which was not reached")
 
     def _count_at(self, span: float) -> int:
-        """Return the count of the encoder at a span [m], to the nearest count."""
         converters = self.session.setup.converters
         if converters.encoder is None:
             return 0

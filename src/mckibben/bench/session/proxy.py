@@ -29,23 +29,21 @@ from ...documents import JsonValue
 from ...errors import InputError, LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...recordings import read_recording
-from ..hardware.connect import connected
+from ..hardware.interface import connected
 from ..prepare import PreparedRun
 from ..protocol_run import RunState
 from ..rig_file import rig as rig_of
 from ..sample_loop import Lateness
-from ..software.emergency_stop import EmergencyStop
-from .interface import MachineSession
+from ..software.interlocks import EmergencyStop
+from .interface import CLOSED, IDLE, LOST, MachineSession, ManualSetup, Message, Messages, Status, session_rate
 from .session import Session
-from .setup import ManualSetup, session_rate
-from .status import CLOSED, IDLE, LOST, Message, Messages, Status
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from ...recordings.recording import Recording
     from ...specimens import Specimen
-    from ..hardware.clock import Clock
+    from ..hardware.simulated import Clock
     from ..protocol_run import Display, Progress
     from ..rig import Rig
 
@@ -74,7 +72,7 @@ class SessionProxy(MachineSession):
     """A session in another process, which owns the machine and its clock.
 
     Args:
-        words: that name the machine, see `hardware.connect.connected`; None: a simulated one.
+        words: that name the machine, see `hardware.interface.connected`; None: a simulated one.
         rig: a rig, its name or file.
         muscle: a specimen, its id or file.
         lock_step: a simulated device waits for every command.
@@ -387,7 +385,6 @@ class SessionServer:
             self.say(number, "refused", MckibbenError(f"{type(error).__name__}: {str(error)[:200]}"))
 
     def _run(self, number: int, prepared: PreparedRun, kinds: list[str], **options: Any) -> None:
-        """Run a protocol, and say what the client wants to be told, each with the state of the run."""
         states = [RunState()]
 
         def begun(state: RunState) -> None:
@@ -418,7 +415,10 @@ def serve_machine(
     """Main function of the process: serve the machine named by `words` over a pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal; the program that operates the machine releases it
     signal.signal(signal.SIGTERM, _leave)
-    _go_first()
+    with contextlib.suppress(OSError, AttributeError):  # go first, as far as the system allows
+        os.setsid()  # Linux shares the processors between sessions, and within them
+    with contextlib.suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     try:
         period = rig.computer.period(options.get("rate") or session_rate(rig))
         with connected(words, rig, period, lock_step=lock_step, silence=SILENCE) as hardware:
@@ -435,11 +435,3 @@ def serve_machine(
 
 def _leave(number: int, _: FrameType | None) -> None:
     raise SystemExit(1)
-
-
-def _go_first() -> None:
-    """Raise the scheduling priority of this process as far as the system allows."""
-    with contextlib.suppress(OSError, AttributeError):
-        os.setsid()  # Linux shares the processors between sessions, and within them
-    with contextlib.suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))

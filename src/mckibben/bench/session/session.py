@@ -25,28 +25,40 @@ import numpy as np
 from ...assembly.muscle_unit import MuscleUnit
 from ...engine import STEP
 from ...errors import InputError, LineLostError, MckibbenError
+from ...experiments.amounts import CHANNELS
 from ...experiments.protocol import Protocol
 from ...quantities import with_unit
 from ...recordings.recording import Recording
 from ...specimens import Specimen
 from .. import channels
-from ..hardware.clock import Clock
 from ..hardware.interface import Hardware
+from ..hardware.simulated import Clock
 from ..prepare import PreparedRun
 from ..protocol_run import Display, NewMachine, Progress, ProtocolRun, RunState, Stage, channels_of
+from ..recorder import ManualRecording
 from ..rig import Rig
 from ..rig_file import rig as rig_of
 from ..sample_loop import LOOK, Lateness, SampledMachine, SampleLoop, Setpoints
 from ..segment import AFTER_STOP, Chunk
-from ..software.emergency_stop import EmergencyStop, sentence
-from ..software.interlocks import Trip
-from ..software.manual import ABANDONED
-from ..software.sequencer import SPAN, TENSION, VELOCITY
-from ._recording import ManualRecording
+from ..software.interlocks import EmergencyStop, Trip, stop_sentence
+from ..software.sequencer import ABANDONED, SPAN, TENSION, VELOCITY
 from .continued import ContinuedMachine
-from .interface import MachineSession
-from .setup import HOLD, MODES, ManualSetup
-from .status import CLOSED, IDLE, LOST, MANUAL, RUNNING, STOPPED, Message, Messages, SampleRing, Status
+from .interface import (
+    CLOSED,
+    HOLD,
+    IDLE,
+    LOST,
+    MANUAL,
+    MODES,
+    RUNNING,
+    STOPPED,
+    MachineSession,
+    ManualSetup,
+    Message,
+    Messages,
+    SampleRing,
+    Status,
+)
 
 VENTED = 2e3  # pressure below which nothing is left to vent [Pa]
 LONGEST = 3.0  # time for which the end of a session waits for that [s]
@@ -116,9 +128,8 @@ class Session(MachineSession):
         self._alone, self._since_alone = False, 0.0
         self._first_news = 0  # number of the first sample whose stops are news
         self._used = False  # whether anything was asked for since it was last vented
-        self.ready = self._aside = (
-            False  # whether the machine that is operated by hand stands still during a run on a new machine
-        )
+        # aside: the machine that is operated by hand stands still during a run on a new machine
+        self.ready = self._aside = False
         if by_hand:
             self.make_ready()
 
@@ -205,7 +216,7 @@ class Session(MachineSession):
         shown, when = chunk.results.shown, float(times[i])
         code = int(shown["code"][i])
         if code == Trip.EMERGENCY_STOP:
-            self._why = sentence(self.button, when)
+            self._why = stop_sentence(self.button, when)
         else:
             at = {n: float(v[i]) for n, v in chunk.results.measured.items() if not n.endswith(".code")}
             self._why = self._setup.watch.reason(code, at | {"velocity": float(shown["velocity"][i])}, when)
@@ -213,7 +224,6 @@ class Session(MachineSession):
         self._say(self._why, "stop", when, code=Trip(code).name.lower())
 
     def _collect(self) -> None:
-        """Collect the samples of the manual loop, after those of a run before it."""
         with self._lock:
             run_loop = self._run_loop
             if self.ready and not (run_loop is not None and run_loop.pending) and self._loop.kept:
@@ -275,7 +285,6 @@ class Session(MachineSession):
             self._lose(error)
 
     def _lose(self, error: BaseException) -> None:
-        """Note that the machine is lost; called by the loop that sampled it."""
         with self._lock:
             if self._gone:
                 return
@@ -326,7 +335,6 @@ class Session(MachineSession):
             self._collect()
 
     def _until(self, true: Callable[[], bool], longest: float) -> None:
-        """Wait for a condition in real time, at most for a time [s]."""
         end = time.monotonic() + longest
         self._collect()
         while not true() and time.monotonic() < end:
@@ -365,7 +373,6 @@ class Session(MachineSession):
         return self.machine.number * self.period if self.ready else 0.0
 
     def _remark(self, text: str, time: float | None = None, **more: Any) -> None:
-        """Add an event to the recording, if there is one."""
         with self._lock:
             if self._recording is not None:
                 self._recording.remark(text, self._now if time is None else time, **more)
@@ -406,9 +413,8 @@ class Session(MachineSession):
                 raise InputError("set-point", name, known=("pressure", *MODES))
         motors = [n for n in wanted if n in MODES]
         if len(motors) > 1:
-            raise InputError(
-                motors[1], str(wanted[motors[1]]), f"the motor controls one thing, and that is {motors[0]}"
-            )
+            problem = f"the motor controls one thing, and that is {motors[0]}"
+            raise InputError(motors[1], str(wanted[motors[1]]), problem)
         amounts = {name: self.setup.amount(name, value) for name, value in wanted.items()}
         self._alone = False
         change = {"alone": 0.0} | ({"pressure": amounts["pressure"]} if "pressure" in amounts else {})
@@ -416,8 +422,7 @@ class Session(MachineSession):
             change |= {"mode": float(MODES[motors[0]]), "motor": amounts[motors[0]]}
         self._setpoints.change(**change)
         self._used = True
-        units = {"pressure": "Pa", "span": "m", "velocity": "m/s", "tension": "N"}
-        self._remark(", ".join(f"{n} {with_unit(v, units[n])}" for n, v in amounts.items()))
+        self._remark(", ".join(f"{n} {with_unit(v, CHANNELS[n])}" for n, v in amounts.items()))
         self._wake()
 
     def vent(self) -> None:
@@ -433,7 +438,7 @@ class Session(MachineSession):
         """Stop, vent and brake; see `MachineSession`."""
         self.button.press(reason)
         if not self.ready and self._run is None and not self._why:
-            self._why = sentence(self.button, 0.0)
+            self._why = stop_sentence(self.button, 0.0)
             self._messages.say(self.why, None, "stop")
         if not self.ready or self._aside:
             return
@@ -454,7 +459,7 @@ class Session(MachineSession):
                 if self.ready:
                     self._rest()
                     self._loop.renew()
-                    self._first_news = self.machine.number + 1
+                    self._first_news = self.machine.number + 1  # samples on their way still show the old stop
             self.note("reset")
             if self.ready:
                 self.wait(2.0 * self.period)
@@ -492,9 +497,8 @@ class Session(MachineSession):
             if stop is None:
                 self._require_no_stop("run")
             prepared = protocol if isinstance(protocol, PreparedRun) else self.prepare(protocol, accept_saturation)
-            stage: Stage = (
-                NewMachine(self._given, clock) if new_machine else ContinuedMachine(self, prepared, ask is not None)
-            )
+            attended = ask is not None
+            stage: Stage = NewMachine(self._given, clock) if new_machine else ContinuedMachine(self, prepared, attended)
             run = ProtocolRun(
                 prepared, stage, progress=progress, display=display, ask=ask, log=log, begun=begun,
                 stop=self.button if stop is None else stop,

@@ -12,14 +12,77 @@ Straight-line; which channels there are is decided once, by their names.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from enum import IntEnum
+from types import FrameType
 from typing import Any, NamedTuple
 
 from ..._jax import Tree, jnp
 from ...components import Module, Scalar, field
-from ...components.sensors import SENSORS
+from ...components.system import SENSORS
 from ...quantities import quantity, with_unit
+
+
+def stop_sentence(stop: Callable[[], bool], when: float) -> str:
+    """Message describing a stop at a time [s]; a stop function without a text was requested by the user."""
+    kind, done = ("stopped", "vented") if getattr(stop, "ordinary", False) else ("emergency stop", "stopped and vented")
+    return f"{kind} at {when:.6g} s: {getattr(stop, 'reason', '') or 'asked to'}; {done}"
+
+
+class EmergencyStop:
+    """A latching stop button, for any thread or a signal of the system. Called as a function it returns its state.
+
+    Args:
+        told: given the reason, and whether it is ordinary, whenever it is pressed.
+
+    Attributes:
+        reason: reason given with the stop.
+        ordinary: whether the user ended the run, without a fault; the machine does the same.
+    """
+
+    def __init__(self, listener: Callable[[str, bool], None] | None = None) -> None:
+        """Create the button, not pressed."""
+        self._pressed, self._told = threading.Event(), listener
+        self.reason, self.ordinary = "", False
+
+    def press(self, reason: str = "the button was pressed", *, ordinary: bool = False) -> None:
+        """Press the button. The first reason stays; an ordinary stop can become an emergency."""
+        if not self._pressed.is_set() or (self.ordinary and not ordinary):
+            self.reason, self.ordinary = reason, ordinary
+            self._pressed.set()
+        if self._told is not None:
+            self._told(reason, ordinary)
+
+    def __call__(self) -> bool:
+        """Return whether the button is pressed."""
+        return self._pressed.is_set()
+
+    @contextmanager
+    def on_signals(self) -> Iterator[None]:
+        """Press the button on Ctrl-C and on termination, within the context; a second signal ends the program.
+
+        In a thread that is not the main one nothing is changed; nor is a hang-up that is ignored, as by `nohup`.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        names = [n for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+        names = [n for n in names if n != "SIGHUP" or signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN]
+        before = {name: signal.signal(getattr(signal, name), self._signalled) for name in names}
+        try:
+            yield
+        finally:
+            for name, handler in before.items():
+                signal.signal(getattr(signal, name), handler)
+
+    def _signalled(self, number: int, _: FrameType | None) -> None:
+        if self():
+            raise KeyboardInterrupt
+        self.press(f"signal {signal.Signals(number).name}")
+
 
 ASKED = 0.1  # share of the valve's range above which a pressure must show
 NOTHING_READ = 0.02  # share of it below which there is none
@@ -186,28 +249,32 @@ class Interlocks(Module):
         return {Trip.OUT_OF_LIMITS: ~jnp.stack(within).all()} if within else {}
 
     def reason(self, code: int, measured: Mapping[str, float], time: float) -> str:
-        """Describe a violation: value, limit and action, in one sentence; empty for code 0.
-
-        Args:
-            code: code of `step`.
-            measured: channels of the sample that stopped the machine [SI]; may hold velocity [m/s].
-            time: time of that sample [s].
-        """
+        """Describe a violation: value, limit and action, in one sentence; empty for code 0."""
         trip = Trip(int(code))
         if trip is Trip.NOTHING:
             return ""
+        velocity, limit, patience = measured.get("velocity"), float(self.most_lag), with_unit(float(self.patience), "s")
+        velocity = None if velocity is None else abs(float(velocity))
+        tension = measured.get("tension")
+        span_reads = f"the span reads {_value(measured.get('span'), 'm')}"
         sentences: dict[Trip, Callable[[], str]] = {
             Trip.OVER_PRESSURE: lambda: _over("pressure", _pressure_of(measured), "Pa", self.burst_pressure),
             Trip.OVER_FORCE: lambda: _over("tension", measured.get("tension"), "N", self.most_tension),
             Trip.TOO_SHORT: lambda: _over("span", measured.get("span"), "m", self.shortest, "or more"),
             Trip.TOO_LONG: lambda: _over("span", measured.get("span"), "m", self.longest),
-            Trip.OVER_SPEED: lambda: _over("speed", _size(measured.get("velocity")), "m/s", self.most_speed),
+            Trip.OVER_SPEED: lambda: _over("speed", velocity, "m/s", self.most_speed),
             Trip.LOST_PRESSURE: lambda: self._lost_pressure(_pressure_of(measured)),
-            Trip.LOST_TENSION: lambda: self._lost_tension(measured.get("tension")),
+            Trip.LOST_TENSION: lambda: (
+                _doubtful("tension", tension, "N", self.tension_rail, self.tension_floor, self.patience)
+                or f"the tension sensor reads {_value(tension, 'N')}, which is doubtful"
+            ),
             Trip.LOST_SPAN: lambda: self._lost_span(measured.get("span")),
             Trip.EMERGENCY_STOP: lambda: "the emergency stop was pressed",
             Trip.OUT_OF_LIMITS: lambda: self._out_of_limits(measured),
-            Trip.SPAN_LAG: lambda: self._span_lag(measured.get("span")),
+            Trip.SPAN_LAG: lambda: (
+                f"{span_reads}, more than {with_unit(limit, 'm')} from its set-point for {patience}: "
+                "an encoder that stands still, a blocked motor, or too low gains"
+            ),
         }
         return f"{trip.name.lower().replace('_', ' ')} at {time:.6g} s: {sentences[trip]()}; {_DONE}"
 
@@ -231,16 +298,6 @@ class Interlocks(Module):
         return (
             f"the pressure sensor reads {reads} though the valve was asked for more than {asked} for "
             f"{with_unit(float(self.implausible_after), 's')}: no sensor, no supply or a muscle that is cut off"
-        )
-
-    def _lost_tension(self, x: float | None) -> str:
-        said = _doubtful("tension", x, "N", self.tension_rail, self.tension_floor, self.patience)
-        return said or f"the tension sensor reads {_value(x, 'N')}, which is doubtful"
-
-    def _span_lag(self, x: float | None) -> str:
-        return (
-            f"the span reads {_value(x, 'm')}, more than {with_unit(float(self.most_lag), 'm')} from its set-point for "
-            f"{with_unit(float(self.patience), 's')}: an encoder that stands still, a blocked motor, or too low gains"
         )
 
     def _lost_span(self, x: float | None) -> str:
@@ -270,10 +327,6 @@ def _lasting(true: Scalar, held: Any, dt: Scalar, limit: Scalar) -> tuple[Tree, 
 
 def _value(x: Scalar | None, unit: str) -> str:
     return "unknown" if x is None else with_unit(float(x), unit)
-
-
-def _size(x: float | None) -> float | None:
-    return None if x is None else abs(float(x))
 
 
 def _over(label: str, x: Scalar | None, unit: str, limit: Scalar, side: str = "or less") -> str:

@@ -11,12 +11,11 @@ from typing import Any
 
 from ..._jax import Tree, jnp
 from ...components import Scalar, field
-from ...components.sampled import Software
+from ...components.system import Software
 from ...quantities import quantity
 from .controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
 from .interlocks import Interlocks
-from .manual import Manual
-from .sequencer import SPAN, TENSION, VELOCITY, SampleSetpoints, Sequencer
+from .sequencer import SPAN, TENSION, VELOCITY, Manual, SampleSetpoints, Sequencer
 
 
 class BenchSoftware(Software):
@@ -39,25 +38,17 @@ class BenchSoftware(Software):
     def initial(self, measured: Mapping[str, Scalar]) -> Tree:
         """State at the first sample of the protocol."""
         span = measured.get("span", jnp.zeros(()))
-        return {
-            "place": self.sequencer.initial(
-                self.start_pressure, jnp.where(jnp.isnan(self.start_motor), span, self.start_motor)
-            ),
-            "motion": self.motion.initial(span),
-            "pressure": self.pressure.initial(),
-            "position": self.position.initial(),
-            "force": self.force.initial(),
-            "interlocks": self.interlocks.initial(),
-            "driven": jnp.asarray(span, float),
-            "stopped": jnp.asarray(False),
-        }
+        motor = jnp.where(jnp.isnan(self.start_motor), span, self.start_motor)
+        states = {n: getattr(self, n).initial() for n in ("pressure", "position", "force", "interlocks")}
+        states |= {"place": self.sequencer.initial(self.start_pressure, motor), "motion": self.motion.initial(span)}
+        return states | {"driven": jnp.asarray(span, float), "stopped": jnp.asarray(False)}
 
     def step(
         self, state: Tree, measured: Mapping[str, Scalar], row: Tree, dt: Scalar
     ) -> tuple[Tree, dict[str, Scalar], dict[str, Scalar]]:
         """Compute one sample: commands ``valve`` [Pa], ``motor`` [N], ``open``; set-points, place and code are reported.
 
-        A row may have ``stop``, 1 while the emergency stop is pressed, and has what `manual.ROW` names in manual mode.
+        A row may have ``stop``, 1 while the emergency stop is pressed, and has what `sequencer.ROW` names in manual mode.
         """
         read = {name: value for name, value in measured.items() if not name.endswith(".code")}
         nothing = jnp.zeros(())
@@ -75,17 +66,9 @@ class BenchSoftware(Software):
         driven = jnp.where(asked.mode == SPAN, asked.motor, state["driven"])
         driven = jnp.where(asked.mode == TENSION, span, driven)
         driven = jnp.where(asked.mode == VELOCITY, driven + asked.motor * dt, driven)
-        position, holding = self.position.step(
-            state["position"],
-            driven,
-            jnp.where(asked.mode == VELOCITY, asked.motor, asked.velocity),
-            asked.acceleration,
-            span,
-            velocity,
-            tension,
-            dt,
-            jnp.where(running & (asked.mode != TENSION), 1.0, 0.0),
-        )
+        set_points = driven, jnp.where(asked.mode == VELOCITY, asked.motor, asked.velocity), asked.acceleration
+        active = jnp.where(running & (asked.mode != TENSION), 1.0, 0.0)
+        position, holding = self.position.step(state["position"], *set_points, span, velocity, tension, dt, active)
         force, pulling = self.force.step(
             state["force"], asked.motor, tension, velocity, dt, jnp.where(running & (asked.mode == TENSION), 1.0, 0.0)
         )
@@ -105,16 +88,8 @@ class BenchSoftware(Software):
             "motor": jnp.where(stopped, -self.brake * velocity, commands["motor"]) if self.has_motor else nothing,
             "open": jnp.where(stopped, 1.0, asked.open),
         }
-        new = {
-            "place": place,
-            "motion": motion,
-            "pressure": pressure,
-            "position": position,
-            "force": force,
-            "interlocks": watching,
-            "driven": driven,
-            "stopped": stopped,
-        }
+        states = {"pressure": pressure, "position": position, "force": force, "interlocks": watching}
+        new = states | {"place": place, "motion": motion, "driven": driven, "stopped": stopped}
         return new, commands, self._shown(asked, velocity, code, at.missed, stopped)
 
     def _shown(

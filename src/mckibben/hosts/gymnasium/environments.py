@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -15,7 +15,7 @@ from ...answers import Caution, warn
 from ...documents import JsonValue
 from ...errors import ConvergenceError, InputError
 from ...simulation.kernel import SampleKernel
-from .tasks import BROKEN, TASKS, Task
+from .tasks import BROKEN, TASKS, Episode, Task
 
 Box = gymnasium.spaces.Box
 PICTURE = "report.figures.mechanism_picture:MechanismPicture"
@@ -44,7 +44,6 @@ class _Plant:
         self.action_space = Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def kernel(self, lanes: int | None = None) -> SampleKernel:
-        """The compiled control period, at rest."""
         sim = self.simulation
         kernel = SampleKernel(sim.programs, sim.parameters, sim.period, sim.inner, lanes)
         kernel.set_carry(*self.start)
@@ -65,11 +64,9 @@ class _Plant:
         return clipped
 
     def seen(self, rows: np.ndarray) -> dict[str, Any]:
-        """Fields of the simulation's observation by name, from its vector or its rows per lane."""
         return dict(zip(self.fields, rows, strict=False))
 
     def picture(self, readings: dict[str, Any], goal: np.ndarray, time: float) -> np.ndarray:
-        """The mechanism with its muscles at a moment, as pixels (height, width, 3)."""
         if self._picture is None:
             self._picture = implementation(PICTURE)(self.simulation, self.task.title)
         drawn: np.ndarray = self._picture.frame(readings, dict(zip(self.task.wanted, goal, strict=True)), time)
@@ -168,13 +165,6 @@ class MuscleEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._plant.picture(self._seen(), self.goal, self._count * self._plant.simulation.period)
 
 
-class _Goals(NamedTuple):
-    """Episodes of all lanes: goals and disturbances, (numbers, samples, lanes)."""
-
-    goals: np.ndarray
-    disturbances: np.ndarray
-
-
 class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many muscle environments as lanes of one native kernel.
 
@@ -209,12 +199,10 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         self.task = self._plant.task
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**MuscleEnv.metadata, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space, self.single_action_space = (
-            self._plant.observation_space,
-            self._plant.action_space,
-        )
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        plant = self._plant
+        self.single_observation_space, self.single_action_space = plant.observation_space, plant.action_space
+        self.observation_space = batch_space(plant.observation_space, num_envs)
+        self.action_space = batch_space(plant.action_space, num_envs)
         if max_episode_steps is not None and not (isinstance(max_episode_steps, int) and max_episode_steps >= 1):
             raise InputError("max_episode_steps", max_episode_steps, "must be a whole number from 1")
         self._limit = self.task.samples if max_episode_steps is None else max_episode_steps
@@ -223,7 +211,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         self._count = np.zeros(num_envs, int)
         self._ended = np.zeros(num_envs, bool)
         counts = len(self.task.draw(np.random.default_rng(0)).goals), len(self._plant.disturbed)
-        self._episodes = _Goals(*(np.zeros((count, self.task.samples, num_envs)) for count in counts))
+        # Of all lanes, (numbers, samples, lanes).
+        self._episodes = Episode(*(np.zeros((count, self.task.samples, num_envs)) for count in counts))
         self._generators: list[np.random.Generator] = []
 
     def reset(
@@ -261,7 +250,6 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         return self._observations(), {}
 
     def _begin(self, lanes: np.ndarray) -> None:
-        """Put lanes to rest, with goals drawn again."""
         carry, observed = self._plant.start
         self._kernel.put_carry(lanes, carry, observed)
         self._count[lanes], self._ended[lanes] = 0, False
@@ -279,9 +267,8 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
         actions = self._plant.clipped(np.asarray(actions, float).reshape(self.action_space.shape))
         again = self._ended.copy()
         if again.any() and self.autoreset_mode == AutoresetMode.DISABLED:
-            raise InputError(
-                "reset_mask", None, "must be given to reset lanes that have ended, for autoreset is disabled"
-            )
+            said = "must be given to reset lanes that have ended, for autoreset is disabled"
+            raise InputError("reset_mask", None, said)
         place = self._count % self.task.samples
         plant, kernel = self._plant, self._kernel
         for k, command in enumerate(plant.actions):
@@ -331,6 +318,5 @@ class MuscleVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndar
             return None
         goals = self._episodes.goals[:, self._count % self.task.samples, self._lanes]
         rows, period = self._kernel.observation, self._plant.simulation.period
-        return tuple(
-            self._plant.picture(self._plant.seen(rows[:, k]), goals[:, k], self._count[k] * period) for k in self._lanes
-        )
+        plant = self._plant
+        return tuple(plant.picture(plant.seen(rows[:, k]), goals[:, k], self._count[k] * period) for k in self._lanes)

@@ -131,10 +131,8 @@ class Task(abc.ABC):
             goal: (goals,), or (goals, lanes).
         """
         low, high, places = _ranges(type(self))
-        rows = [
-            goal[place] if place is not None else readings[s.name] for s, place in zip(self.senses, places, strict=True)
-        ]
-        values = np.array(rows).T
+        pairs = zip(self.senses, places, strict=True)
+        values = np.array([readings[sense.name] if place is None else goal[place] for sense, place in pairs]).T
         scaled: np.ndarray = np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.0, 1.0).astype(np.float32)
         return scaled
 

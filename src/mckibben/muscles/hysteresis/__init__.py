@@ -10,13 +10,12 @@ from ...registry import Registry
 from .bouc_wen import BoucWen
 from .coulomb import Coulomb
 from .dahl import Dahl
-from .limit import FrictionLimit
 from .maxwell_slip import MaxwellSlip
 from .prandtl_ishlinskii import PlayMap, PrandtlIshlinskii
+from .slip import FrictionLimit
 
 
 def _required_of_friction(kind: object) -> str | None:
-    """What something must be to be a friction; None where it is one."""
     if not (isinstance(kind, type) and issubclass(kind, Hysteresis)):
         return "a class derived from mckibben.components.Hysteresis"
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
@@ -37,13 +36,4 @@ HYSTERESES: Registry[type[Hysteresis]] = Registry(
     accept=_required_of_friction,
 )
 
-__all__ = [
-    "HYSTERESES",
-    "BoucWen",
-    "Coulomb",
-    "Dahl",
-    "FrictionLimit",
-    "MaxwellSlip",
-    "PlayMap",
-    "PrandtlIshlinskii",
-]
+__all__ = ["HYSTERESES", "BoucWen", "Coulomb", "Dahl", "FrictionLimit", "MaxwellSlip", "PlayMap", "PrandtlIshlinskii"]

@@ -19,8 +19,7 @@ from ..._jax import jnp
 from ...components import Scalar, field
 from ...errors import InputError
 from ...quantities import quantity
-from .limit import FrictionLimit
-from .slip import RelaxingContacts
+from .slip import FrictionLimit, RelaxingContacts
 
 
 class BoucWen(RelaxingContacts):
@@ -52,32 +51,24 @@ class BoucWen(RelaxingContacts):
             beta: as Wen writes it [m^-n].
             gamma: as Wen writes it, between -beta and beta, since the hysteresis makes energy beyond [m^-n].
             exponent: n.
-
         """
         if not (beta + gamma > 0.0 and -beta <= gamma <= beta):
-            raise InputError(
-                "gamma",
-                float(gamma),
-                f"must be between {-beta:g} and {beta:g}, with beta + gamma > 0",
-                where=cls.__name__,
-            )
+            said = f"must be between {-beta:g} and {beta:g}, with beta + gamma > 0"
+            raise InputError("gamma", float(gamma), said, where=cls.__name__)
         travel = (1.0 / (beta + gamma)) ** (1.0 / exponent)
-        limit = FrictionLimit(constant=stiffness * travel)
-        return cls(
-            limit=limit, stiffness=jnp.asarray(stiffness), share=jnp.asarray(beta / (beta + gamma)), exponent=exponent
-        )
+        limit, share = FrictionLimit(constant=stiffness * travel), jnp.asarray(beta / (beta + gamma))
+        return cls(limit=limit, stiffness=jnp.asarray(stiffness), share=share, exponent=exponent)
 
     def relaxed(self, deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
         """Relax the deflection, by the implicit mean [m]."""
-        return self._mean_twice(deflection, displacement, travel) - deflection
-
-    def _mean_twice(self, deflection: Scalar, dx: Scalar, travel: Scalar) -> Scalar:
-        """Twice the implicit mean, z + z': u + c q u |u|^(n-1) = r for u = (z + z')/2 in the direction of motion."""
+        # Twice the mean, z + z': u + c q u |u|^(n-1) = r for u = (z + z')/2 in the direction of motion.
+        dx = displacement
         ahead = jnp.where(dx < 0.0, -1.0, 1.0)
         right = ahead * deflection + 0.5 * jnp.abs(dx)
         # Loading takes 1 off the slope at the limit, unloading adds 2 s - 1; neither is ever negative.
         c = jnp.where(right < 0.0, 2.0 * self.share - 1.0, 1.0)
         relative = 0.5 * c * jnp.abs(dx) / travel
         if self.exponent == 1:
-            return 2.0 * ahead * right / (1.0 + relative)
-        return 4.0 * ahead * right / (1.0 + jnp.sqrt(1.0 + 4.0 * relative * jnp.abs(right) / travel))
+            return 2.0 * ahead * right / (1.0 + relative) - deflection
+        both = 4.0 * ahead * right / (1.0 + jnp.sqrt(1.0 + 4.0 * relative * jnp.abs(right) / travel))
+        return both - deflection

@@ -17,7 +17,7 @@ from ..._jax import jnp
 from ...components import Scalar
 from ...components.element import Advanced, Hysteresis
 from ...quantities import quantity
-from .limit import FrictionLimit
+from .slip import FrictionLimit
 
 
 class Coulomb(Hysteresis):

@@ -16,8 +16,7 @@ from __future__ import annotations
 from ..._jax import jnp
 from ...components import Scalar
 from ...quantities import quantity
-from .limit import FrictionLimit
-from .slip import RelaxingContacts
+from .slip import FrictionLimit, RelaxingContacts
 
 
 class Dahl(RelaxingContacts):

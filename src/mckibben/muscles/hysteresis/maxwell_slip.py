@@ -23,8 +23,7 @@ from ...components import Scalar
 from ...components.element import Advanced
 from ...errors import InputError
 from ...quantities import quantity
-from .limit import FrictionLimit
-from .slip import Contacts, advanced, per_contact, slip
+from .slip import Contacts, FrictionLimit, advanced, per_contact, slip
 
 
 class MaxwellSlip(Contacts):
@@ -56,7 +55,6 @@ class MaxwellSlip(Contacts):
             shortest: smallest yield travel [m].
             longest: largest yield travel [m].
             at_pressure: gauge pressure at which the travels are meant [Pa].
-
         """
         if elements < 1:
             raise InputError("elements", elements, "must be 1 or more", where=cls.__name__)

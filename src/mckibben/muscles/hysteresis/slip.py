@@ -1,4 +1,9 @@
-"""The contact that all friction models with memory share: a spring that deflects, and lets go what it cannot hold.
+"""What all friction models share: the force at which friction yields, and the contact that deflects and lets go.
+
+    Fc(P') = Fc0 + c max(P', 0)
+
+The threads of a braid are pressed on each other and on the bladder by the gas, so their friction grows with it; Chou
+and Hannaford print one constant, which their loops show to be a value for 5 bar. Vacuum presses nothing together.
 
 A contact of constant stiffness k carries the force k z at the deflection z. It is moved by the displacement, and what
 the deflection does not take up has slipped. Only the yield travel d(P') = Fc(P')/k depends on pressure, never the
@@ -8,11 +13,31 @@ stiffness: a force Fc(P') z/d would give energy back when the pressure rises.
 from __future__ import annotations
 
 import abc
+from typing import Any
 
 from ..._jax import jnp
-from ...components import AbstractVar, Scalar
+from ...components import AbstractVar, Module, Scalar
 from ...components.element import Advanced, Hysteresis
-from .limit import FrictionLimit
+from ...quantities import quantity
+
+
+class FrictionLimit(Module):
+    """Largest force of a friction, or of each of its elements where the parameters are arrays."""
+
+    constant: Scalar = quantity("N", (0.0, 1e5), "friction without pressure", symbol="Fc0", typical=(0.0, 20.0))
+    per_pressure: Scalar = quantity(
+        "m^2", (0.0, 1.0), "friction per gauge pressure", symbol="c", typical=(0.0, 5e-5), default=0.0
+    )
+
+    def force(self, pressure: Scalar, xp: Any = jnp) -> Scalar:
+        """Fc(P') [N] at a gauge pressure [Pa]; by `xp`, NumPy or JAX's."""
+        limit: Scalar = self.constant + self.per_pressure * xp.maximum(pressure, 0.0)
+        return limit
+
+    def scaled(self, factor: Scalar) -> FrictionLimit:
+        """Return the limit multiplied by a factor >= 0."""
+        return FrictionLimit(constant=factor * self.constant, per_pressure=factor * self.per_pressure)
+
 
 # A yield travel below this [m] is none: it keeps a friction of zero, and its derivative, finite.
 LEAST_TRAVEL = 1e-12
@@ -47,7 +72,6 @@ def advanced(stiffness: Scalar, before: Scalar, displacement: Scalar, after: Sca
         before: deflections before, last axis the contacts [m].
         displacement: displacement of all contacts, with a last axis of one [m].
         after: deflections after [m].
-
     """
     mean = 0.5 * stiffness * (before + after)
     dissipated = jnp.sum(jnp.maximum(mean * (before + displacement - after), 0.0), axis=-1)
@@ -83,9 +107,8 @@ class Contacts(Hysteresis):
 
     def largest_force(self, pressure: Scalar) -> Scalar:
         """Sum of the contacts' limits [N]."""
-        return jnp.sum(
-            jnp.broadcast_to(self.limit.force(per_contact(pressure)), jnp.shape(self.travel(pressure))), axis=-1
-        )
+        limits = self.limit.force(per_contact(pressure))
+        return jnp.sum(jnp.broadcast_to(limits, jnp.shape(self.travel(pressure))), axis=-1)
 
     def lubricated(self, factor: float = 0.9) -> Hysteresis:
         """Return the friction with every limit scaled."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from ..._jax import jnp
 from ...components import AbstractVar, Scalar, field
-from ...quantities import quantity
 from .. import bladder, dimensions
 from ..law import TensionLaw
 
@@ -62,12 +61,9 @@ class SpringVolume(TensionLaw):
             "shortest_length": self.shortest_length,
             "per_pressure": self.stiffness_per_pressure,
         }
-        upper = self.upper_length
-        rest = (
-            self.rest_volume
-            if self.volume_known
-            else volume_when_unknown(upper_length=upper, thread_strain=self.thread_strain, **line)
-        )
+        upper, rest = self.upper_length, self.rest_volume
+        if not self.volume_known:
+            rest = volume_when_unknown(upper_length=upper, thread_strain=self.thread_strain, **line)
         return bladder.gas_energy(
             pressure,
             spring_volume(length, rest_volume=rest, **line),
@@ -88,12 +84,8 @@ class SpringVolume(TensionLaw):
 class GasSpring(SpringVolume):
     """Gas spring (eq. 11)."""
 
-    stiffness_per_pressure: Scalar = quantity(
-        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2), along=-1
-    )
-    shortest_length: Scalar = quantity(
-        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5), along=1
-    )
+    stiffness_per_pressure: Scalar = dimensions.stiffness_per_pressure()
+    shortest_length: Scalar = dimensions.shortest_length()
     rest_length: Scalar = dimensions.rest_length()
     upper_length: Scalar = dimensions.upper_length()
     rest_volume: Scalar = dimensions.rest_volume()

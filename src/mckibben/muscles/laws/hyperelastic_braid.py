@@ -48,14 +48,7 @@ class HyperelasticBraid(TensionLaw):
     rest_length: Scalar = dimensions.rest_length()
     rest_diameter: Scalar = dimensions.rest_diameter()
     wall_thickness: Scalar = dimensions.rubber_wall()
-    thread_depth: Scalar = quantity(
-        "1",
-        (0.0, 1.0),
-        "place of the threads in the wall, 0 inside to 1 outside",
-        symbol="p",
-        typical=(0.2, 1.0),
-        default=0.5,
-    )
+    thread_depth: Scalar = dimensions.thread_depth()
     rest_angle: Scalar = dimensions.rest_angle((0.38, 0.6))
     length_factor: Scalar = quantity(
         "1", (0.95, 1.05), "true over nominal rest length", symbol="lr", typical=(0.99, 1.01), default=1.0
@@ -95,7 +88,6 @@ class HyperelasticBraid(TensionLaw):
             pressure,
             self._bore_volume(length, strain),
             upper_volume=self._bore_volume(self.upper_length, 0.0),
-            threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )
 

@@ -44,7 +44,6 @@ class Ideal(TensionLaw):
             pressure,
             braid.volume(length, **shape),
             upper_volume=braid.volume(LONGEST * self.thread_length, **shape),
-            threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )
 

@@ -16,19 +16,15 @@ from __future__ import annotations
 from ...components import Scalar, field
 from ...quantities import quantity
 from .. import dimensions
-from ..stop import stop_tension
+from ..braid import stop_tension
 from .gas_spring import SpringVolume
 
 
 class LinearThreshold(SpringVolume):
     """Linearised law with threshold and passive stiffness (eqs. 12a, 12b and 13)."""
 
-    stiffness_per_pressure: Scalar = quantity(
-        "m", (1e-6, 10.0), "stiffness per gauge pressure", symbol="Kg", typical=(5e-4, 5e-2), along=-1
-    )
-    shortest_length: Scalar = quantity(
-        "m", (1e-3, 100.0), "theoretical shortest length", symbol="Lmin", typical=(0.05, 0.5), along=1
-    )
+    stiffness_per_pressure: Scalar = dimensions.stiffness_per_pressure()
+    shortest_length: Scalar = dimensions.shortest_length()
     threshold_pressure: Scalar = quantity(
         "Pa", (-5e5, 2e6), "gauge pressure at which the bladder reaches the braid", symbol="Pth", typical=(0.0, 2e5)
     )

@@ -61,7 +61,6 @@ class MartensBoblan(TensionLaw):
             pressure,
             braid.volume(length, **shape),
             upper_volume=braid.volume(LONGEST * shape["thread_length"], **shape),
-            threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )
 

@@ -43,14 +43,7 @@ class Sarosi(TensionLaw):
 
     title = "Sarosi, six coefficients"
     cites = ("sarosi2015",)
-    fitted = (
-        "area_exponential",
-        "force_exponential",
-        "decay",
-        "area_slope",
-        "area_constant",
-        "force_constant",
-    )
+    fitted = ("area_exponential", "force_exponential", "decay", "area_slope", "area_constant", "force_constant")
 
     def elastic_tension(self, length: Scalar) -> Scalar:
         """The terms without pressure [N]."""

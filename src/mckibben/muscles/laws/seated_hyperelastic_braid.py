@@ -22,28 +22,20 @@ priors, which were chosen with the data of all the muscles in view on which the 
 
 from __future__ import annotations
 
-from ..._jax import jnp
-from ...components import Scalar, derivative
+from ...components import Scalar
 from ...quantities import quantity
-from .. import dimensions, seat
-from ..law import TensionLaw
+from .. import dimensions
 from .hyperelastic_braid import HyperelasticBraid
+from .seated_braid import BraidInSeats
 
 
-class SeatedHyperelasticBraid(TensionLaw):
+class SeatedHyperelasticBraid(BraidInSeats):
     """Embedded threads in a rubber wall of any Ogden exponent, between inactive ends that settle under load."""
 
     rest_length: Scalar = dimensions.rest_length()
     rest_diameter: Scalar = dimensions.rest_diameter()
     wall_thickness: Scalar = dimensions.rubber_wall()
-    thread_depth: Scalar = quantity(
-        "1",
-        (0.0, 1.0),
-        "place of the threads in the wall, 0 inside to 1 outside",
-        symbol="p",
-        typical=(0.2, 1.0),
-        default=0.5,
-    )
+    thread_depth: Scalar = dimensions.thread_depth()
     rest_angle: Scalar = dimensions.rest_angle((0.36, 0.56))
     length_factor: Scalar = quantity(
         "1", (0.95, 1.05), "true over nominal rest length", symbol="lr", typical=(0.997, 1.003), default=1.0
@@ -86,22 +78,8 @@ class SeatedHyperelasticBraid(TensionLaw):
         "seat_compliance": (1e-4, 5e-5),
     }
 
-    def elastic_tension(self, length: Scalar) -> Scalar:
-        """Force of the rubber wall without gas [N]."""
-        return derivative(lambda x: self._potential(x, jnp.zeros_like(x)), length)
-
-    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
-        """Gas energy [J]: what the potential loses by the pressure."""
-        return self._potential(length, jnp.zeros_like(pressure)) - self._potential(length, pressure)
-
-    def take_up(self, length: Scalar, pressure: Scalar) -> Scalar:
-        """How far both ends have settled together [m], by which the braid is shorter than the muscle."""
-        return seat.take_up(self._braid(), self.seat_compliance, length, pressure)
-
-    def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
-        return seat.seated_potential(self._braid(), self.seat_compliance, length, pressure)
-
-    def _braid(self) -> HyperelasticBraid:
+    def braid(self) -> HyperelasticBraid:
+        """The braid with the exponent, the inactive ends and the threads of this law."""
         return HyperelasticBraid(
             rest_length=self.rest_length,
             rest_diameter=self.rest_diameter,
@@ -116,7 +94,3 @@ class SeatedHyperelasticBraid(TensionLaw):
             threshold_width=self.threshold_width,
             real_exponent=self.ogden_exponent,
         )
-
-    def length_range(self) -> tuple[Scalar, Scalar]:
-        """Range from 0.6 of the rest length to the upper working length [m]."""
-        return 0.6 * self.rest_length, self.upper_length

@@ -13,8 +13,8 @@ from ..._jax import jnp
 from ...components import Scalar
 from ...quantities import quantity
 from .. import bladder, braid, dimensions
+from ..braid import stop_tension
 from ..law import TensionLaw
-from ..stop import stop_tension
 
 
 class ThickWall(TensionLaw):
@@ -47,7 +47,6 @@ class ThickWall(TensionLaw):
             pressure,
             braid.inner_volume(length, **shape),
             upper_volume=jnp.maximum(braid.inner_volume(self.upper_length, **shape), least),
-            threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )
 

@@ -59,7 +59,6 @@ class TonduLopez(TensionLaw):
             pressure,
             self._volume(length, k) + lift,
             upper_volume=upper + lift,
-            threshold_pressure=0.0,
             threshold_width=self.threshold_width,
         )
 

@@ -7,11 +7,8 @@ A tube from a reservoir into a vessel::
     result = simulate(tube, supply, VesselEnd(volume=1.64e-4), duration=1.0, sample_period=1e-3, pressure_abs=1e5)
 """
 
-from .ends import ClosedEnd, End, ReservoirEnd, VesselEnd
-from .integration import simulate
-from .openings import OpenBore, Opening, Restriction
-from .result import EndRecord, TubeBalance, TubeResult
-from .tube import DistributedTube
+from .ends import ClosedEnd, End, OpenBore, Opening, ReservoirEnd, Restriction, VesselEnd
+from .tube import DistributedTube, EndRecord, TubeBalance, TubeResult, simulate
 
 __all__ = [
     "TubeBalance",

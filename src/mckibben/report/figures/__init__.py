@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 from ..._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
-    from .joint_figures import joint_figure as joint_figure
     from .muscle_figures import DrawnLoop as DrawnLoop
     from .muscle_figures import loop_figure as loop_figure
     from .recording_figures import time_figure as time_figure
+    from .run_figures import joint_figure as joint_figure
 
 __all__ = [
     "DrawnLoop",
@@ -21,7 +21,7 @@ lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
-        "joint_figures": ["joint_figure"],
+        "run_figures": ["joint_figure"],
         "muscle_figures": ["DrawnLoop", "loop_figure"],
         "recording_figures": ["time_figure"],
     },

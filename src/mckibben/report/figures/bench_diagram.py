@@ -10,15 +10,15 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from ...bench.hardware.analogue import AnalogOut, Sensor
+from ...bench.hardware.converters import AnalogOut, Sensor
 from ...bench.rig import Rig
 from ...bench.sensors import SENSORS
 from ...engine import STEP
 from ...experiments.waveforms import time_words
-from ...quantities import with_unit
+from ...quantities import from_si, with_unit
 from . import style
+from .circuit_cells import Text, Words, stacked
 from .circuit_diagram import draw_mark, draw_text
-from .circuit_labels import Text, Words, stacked
 from .circuit_symbols import Point, Stroke, arrow, dot, line, muscle, rectangle, source, tube
 from .style import COLOURS, INK, INK_3, NORMAL, PANEL, SMALL, SUNKEN
 
@@ -82,7 +82,6 @@ class _Drawing:
     # ---- rows
 
     def bands(self, rate: float) -> None:
-        """Draw the backgrounds of physics and software, with their names and rates."""
         period = time_words(self.rig.computer.period(rate))
         for (low, high), top, name, note in (
             (
@@ -128,14 +127,14 @@ class _Drawing:
             return
         self.put(muscle(ANGLE, hanging=False).marks, far, TOP)
         self.write([Words("muscle", SMALL, True, INK)], far + 65.0, TOP + 26.0, "center")
-        self.anchor(far + 21.0)
-        self.other_end(far + 118.0)
-
-    def other_end(self, x: float) -> None:
-        """Draw what holds the far end of the muscle: the motor by its cord, or a plate."""
+        x = far + 21.0
+        y = TOP - 17.0
+        self.marks += [line((x, TOP - 5.0), (x, y)), line((x - 6.0, y), (x + 18.0, y))]
+        self.marks += [line((x - 4.0 + 5.5 * i, y), (x - 8.0 + 5.5 * i, y - 5.0), width=0.7) for i in range(5)]
+        self.write([Words("frame")], x + 23.0, y + 7.0, "left")
         motor = self.rig.motor
         wall = MOTOR - 34.0
-        self.marks.append(line((x, TOP), (wall, TOP), colour=COLOURS["tension"]))
+        self.marks.append(line((far + 118.0, TOP), (wall, TOP), colour=COLOURS["tension"]))
         if motor is None:
             self.marks.append(line((wall, TOP - 18.0), (wall, TOP + 18.0), width=2.4))
             return
@@ -144,15 +143,10 @@ class _Drawing:
 
     def _tube_words(self) -> list[Words]:
         sizes = {name: getattr(self.plumbing.tube, name, None) for name in ("length", "diameter")}
-        words = [self.of(f"tube.{n}", f"{1e3 * _si(v):.4g} mm") for n, v in sizes.items() if v is not None]
+        words = [
+            self.of(f"tube.{n}", f"{from_si(_si(v), 'm', 'mm'):.4g} mm") for n, v in sizes.items() if v is not None
+        ]
         return [Words("tube", SMALL, True, INK), *([Words(", ".join(words))] if words else [])]
-
-    def anchor(self, x: float) -> None:
-        """Draw the frame at the fixed end of the muscle, hatched as a ground."""
-        y = TOP - 17.0
-        self.marks += [line((x, TOP - 5.0), (x, y)), line((x - 6.0, y), (x + 18.0, y))]
-        self.marks += [line((x - 4.0 + 5.5 * i, y), (x - 8.0 + 5.5 * i, y - 5.0), width=0.7) for i in range(5)]
-        self.write([Words("frame")], x + 23.0, y + 7.0, "left")
 
     def channels(self) -> None:
         """Draw sensors with their filters and converters, and the outputs at the sides."""
@@ -200,7 +194,6 @@ class _Drawing:
         return [head, Words(f"{out.bits} bits, {each}"), Words("holds until the next")]
 
     def output(self, x: float, to: float, words: list[Words]) -> None:
-        """Draw the converter of a command, and its connections."""
         self.box(x - 50.0, BORDER + 8.0, 100.0, 42.0, words)
         self.lead([(WATCH, COMMANDS), (x, COMMANDS), (x, BORDER - 34.0)], COLOURS["valve"])
         self.lead([(x, BORDER + 8.0), (x, to)], COLOURS["valve"])
@@ -225,22 +218,18 @@ class _Drawing:
     # ---- strokes and words
 
     def of(self, key: str, words: str, table: str = "") -> str:
-        """Return a text with a star if the rig's file marks it as inferred."""
         path = f"{table or f'plumbing.{self.layout}'}.{key}"
         return words + ("*" if any(path == p or path.startswith(f"{p}.") for p in self.rig.inferred) else "")
 
     def put(self, marks: Iterable[Stroke], x: float, y: float) -> None:
-        """Add a symbol at its place."""
         self.marks += [m.placed(x, y) for m in marks]
 
     def box(self, x: float, top: float, wide: float, high: float, words: list[Words]) -> None:
-        """Draw a frame around lines of text."""
         self.marks.append(rectangle(x, top - high, x + wide, top, fill=PANEL))
         block = sum(1.25 * w.size + 0.5 for w in words)
         self.write(words, x + wide / 2, top - (high - block) / 2, "center")
 
     def lead(self, points: list[Point], colour: str) -> None:
-        """Draw a dashed signal line with an arrowhead."""
         head = arrow(points[-2], points[-1])[1]
         (x, y), (near_x, near_y) = points[-1], points[-2]
         far = math.hypot(x - near_x, y - near_y)
@@ -249,7 +238,6 @@ class _Drawing:
         self.marks.append(head._replace(fill=colour, colour=colour))
 
     def write(self, words: list[Words], x: float, top: float, align: str) -> None:
-        """Draw lines of text below each other."""
         self.texts += stacked(words, x, top, align)
 
 
@@ -267,7 +255,6 @@ def _si(value: Any) -> float:
 
 
 def _step(size: float, unit: str) -> str:
-    """Size of one count, in the unit usual for small values."""
     scale, small = {"Pa": (1e-2, "mbar"), "m": (1e6, "um")}.get(unit, (1.0, unit))
     return _micro(f"{style.number(float(f'{scale * size:.2g}'))} {small}")
 

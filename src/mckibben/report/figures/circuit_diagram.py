@@ -1,20 +1,32 @@
 """The diagram of a pneumatic circuit: symbols of ISO 1219-1, lines, names, main values and pressures at the start.
 
 Lines are ink; where pressures are given they take the colour of pressure, the stronger the higher. Commands are dashed.
-Crossing lines join only where there is a dot.
+Crossing lines join only where there is a dot. Symbols with their labels stand in the cells of a grid, a column further right
+than what feeds them, branches below each other; the lines run in channels between the columns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...errors import InputError
 from ...pneumatics.circuit import Circuit
 from ...pneumatics.volume import Reservoir
 from . import style
-from .circuit_labels import Text, Words, ambient, element_words, is_atmosphere, node_words, stacked
-from .circuit_layout import DiagramWiring, Net, SymbolCell, arrange, element_cell, node_cell, wiring
+from .circuit_cells import (
+    SymbolCell,
+    Text,
+    Words,
+    ambient,
+    element_cell,
+    element_words,
+    is_atmosphere,
+    node_cell,
+    node_words,
+    stacked,
+)
 from .circuit_symbols import Box, Point, Stroke
 from .style import COLOURS, INK, LINE
 
@@ -195,3 +207,285 @@ def draw_text(ax: Axes, text: Text) -> None:
         parse_math=False,
         zorder=3,
     )
+
+
+# ---- the grid
+
+
+GAP, CHANNEL, TRACK = 16.0, 18.0, 11.0
+
+
+class DiagramWiring(NamedTuple):
+    """A circuit for the layout, without atmosphere: the nodes left and right of each element."""
+
+    order: tuple[str, ...]  # of the nodes, supplies first
+    left: dict[str, tuple[str, ...]]
+    right: dict[str, tuple[str, ...]]
+
+    def leaving(self, node: str) -> list[str]:
+        """Elements right of a node, continuing ones before those that only vent."""
+        elements = [e for e, ends in self.left.items() if node in ends]
+        return sorted(elements, key=lambda e: not self.right[e])
+
+    def arriving(self, node: str) -> list[str]:
+        """Elements left of a node."""
+        return [e for e, ends in self.right.items() if node in ends]
+
+
+def wiring(
+    supplies: Sequence[str], nodes: Sequence[str], ends: Mapping[str, tuple[str, ...]], starts: set[str]
+) -> DiagramWiring:
+    """Order the nodes by their distance from a supply, and orient every element from the earlier to the later.
+
+    Args:
+        supplies: nodes of given pressure.
+        nodes: all nodes but the air outside.
+        ends: the nodes at each element's ports.
+        starts: elements that feed a node from the air outside.
+    """
+    fed = [end for e in ends if e in starts for end in ends[e]]
+    order: dict[str, None] = {}
+    queue = deque(supplies)
+    waiting = deque(dict.fromkeys([*fed, *nodes]))
+    while queue or waiting:
+        node = queue.popleft() if queue else waiting.popleft()
+        if node in order:
+            continue
+        order[node] = None
+        queue.extend(end for ports in ends.values() if node in ports for end in ports if end not in order)
+    rank = {name: i for i, name in enumerate(order)}
+    left, right = {}, {}
+    for name, ports in ends.items():
+        sources = [n for n in ports if n in supplies]
+        if not sources and ports and not (name in starts and len(set(ports)) == 1):
+            sources = [min(ports, key=rank.__getitem__)]
+        left[name] = tuple(dict.fromkeys(sources))
+        right[name] = tuple(n for n in dict.fromkeys(ports) if n not in sources)
+    # Supplies are in order from the start, so that whatever they feed comes after all of them.
+    return DiagramWiring(tuple([*supplies, *(n for n in order if n not in supplies)]), left, right)
+
+
+def columns(wires: DiagramWiring) -> dict[tuple[str, str], int]:
+    """Column of each node ("node", name) and element ("element", name): one after the last that feeds it."""
+    places: dict[tuple[str, str], int] = {}
+    for node in wires.order:
+        before = [max((places["node", n] for n in wires.left[e]), default=-2) + 1 for e in wires.arriving(node)]
+        places["node", node] = max(before, default=-1) + 1
+    for e, ends in wires.left.items():
+        feeds = [places["node", n] for n in wires.right[e]]
+        places["element", e] = max(places["node", n] for n in ends) + 1 if ends else min(feeds, default=1) - 1
+    first = min(places.values(), default=0)
+    return {key: at - first for key, at in places.items()}
+
+
+class _Board:
+    """Occupied cells of the grid, and the nodes whose lines may meet the ends of rows."""
+
+    def __init__(
+        self, wires: DiagramWiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]
+    ):
+        self.wires, self.column, self.cells = wires, column, cells
+        self.rows: dict[tuple[str, str], int] = {}
+        self.taken: set[tuple[int, int]] = set()
+        self.nodes: dict[tuple[int, int], str] = {}
+        self.claims: dict[tuple[int, int, int], str] = {}  # column, row and the side the line comes from
+
+    def put(self, kind: str, name: str, hint: int) -> int:
+        row = hint
+        while not (self._node_fits(name, row) if kind == "node" else self._element_fits(name, row)):
+            row += 1
+        self.rows[kind, name] = row
+        if kind == "node":
+            self.nodes[self.column[kind, name], row] = name
+            return row
+        body, claims = self._reach(name, row)
+        self.taken |= body
+        self.claims |= claims
+        return row
+
+    def _node_fits(self, name: str, row: int) -> bool:
+        at = self.column["node", name], row
+        free = at not in self.taken and at not in self.nodes
+        return free and all(self.claims.get((*at, side), name) == name for side in (-1, 1))
+
+    def _element_fits(self, name: str, row: int) -> bool:
+        body, claims = self._reach(name, row)
+        for at in body:
+            if at in self.taken or at in self.nodes or any((*at, side) in self.claims for side in (-1, 1)):
+                return False
+        return all((c, r) not in self.taken and self.nodes.get((c, r), net) == net for (c, r, _), net in claims.items())
+
+    def _reach(self, name: str, row: int) -> tuple[set[tuple[int, int]], dict[tuple[int, int, int], str]]:
+        """Cells that an element keeps free, and the nodes that may be at the two ends of its row."""
+        at = self.column["element", name]
+        start, end = at, at
+        claims = {}
+        for side, nets in ((-1, self.wires.left[name]), (1, self.wires.right[name])):
+            if not nets:
+                continue
+            far = (min if side < 0 else max)(self.column["node", n] for n in nets)
+            start, end = (far + 1, end) if side < 0 else (start, far - 1)
+            straight = [p.node for p in self.cells["element", name].ports if p.side == side and p.route[-1][1] == 0.0]
+            main = straight[0] if straight and self.column["node", straight[0]] == far else ""
+            claims[far, row, -side] = main
+        return {(c, row) for c in range(start, end + 1)}, claims
+
+
+def rows(
+    wires: DiagramWiring, column: Mapping[tuple[str, str], int], cells: Mapping[tuple[str, str], SymbolCell]
+) -> dict[tuple[str, str], int]:
+    """Row of each node and element: a branch continues straight, further branches go below."""
+    board = _Board(wires, column, cells)
+    roots = [("element", e) for e, ends in wires.left.items() if not ends] + [("node", n) for n in wires.order]
+    for root in roots:
+        stack = [(*root, 0)]
+        while stack:
+            kind, name, hint = stack.pop()
+            if (kind, name) in board.rows:
+                continue
+            row = board.put(kind, name, hint)
+            following = wires.leaving(name) if kind == "node" else wires.right[name]
+            other = "element" if kind == "node" else "node"
+            stack += [(other, following_column, row) for following_column in reversed(following)]
+    used = {row: i for i, row in enumerate(sorted(set(board.rows.values())))}
+    return {key: used[row] for key, row in board.rows.items()}
+
+
+# ---- from the grid to points
+
+
+class Net(NamedTuple):
+    """Lines of a node, and the dots where three or more of them meet."""
+
+    lines: tuple[tuple[Point, ...], ...]
+    dots: tuple[Point, ...]
+
+
+class DiagramGrid(NamedTuple):
+    """Origins of all cells, lines of all nodes, and the bounding rectangle."""
+
+    at: dict[tuple[str, str], Point]
+    nets: dict[str, Net]
+    box: Box
+
+
+class _Bus(NamedTuple):
+    """Ends that a node's line along one column connects, and its own height."""
+
+    node: str
+    side: int
+    ends: tuple[tuple[str, int], ...]  # element and port
+    low: float
+    high: float
+
+
+def arrange(wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell]) -> DiagramGrid:
+    """Place all cells and route all lines."""
+    column = columns(wires)
+    row = rows(wires, column, cells)
+    y = {0: 0.0}
+    for r in range(1, max(row.values()) + 1):
+        y[r] = y[r - 1] - _most(cells, row, r - 1, -1) - GAP - _most(cells, row, r, 1)
+    buses = _buses(wires, cells, {key: y[r] for key, r in row.items()})
+    tracks = _tracks(buses, column)
+    x, channels = _widths(column, cells, tracks)
+    at = {key: (x[column[key]], y[row[key]]) for key in row}
+    nets: dict[str, Net] = {}
+    for node in wires.order:
+        lines: list[tuple[Point, ...]] = []
+        dots: list[Point] = []
+        for bus in (b for b in buses if b.node == node):
+            channel = column["node", node] + (0 if bus.side > 0 else -1)
+            track = tracks.get((node, bus.side))
+            place = None if track is None else channels[channel] + TRACK * track[0]
+            _run(bus, at, cells, place, lines, dots)
+        nets[node] = Net(tuple(lines), tuple(dots))
+    low, high = min(y.values()) - _most(cells, row, max(row.values()), -1), _most(cells, row, 0, 1)
+    right = max(x[column[key]] + cells[key].box.x1 for key in column)
+    return DiagramGrid(at, nets, Box(0.0, low, right, y[0] + high))
+
+
+def _most(
+    cells: Mapping[tuple[str, str], SymbolCell], row: Mapping[tuple[str, str], int], which: int, sign: int
+) -> float:
+    boxes = [cells[key].box for key, r in row.items() if r == which]
+    return max(b.y1 if sign > 0 else -b.y0 for b in boxes)
+
+
+def _buses(
+    wires: DiagramWiring, cells: Mapping[tuple[str, str], SymbolCell], height: Mapping[tuple[str, str], float]
+) -> list[_Bus]:
+    buses = []
+    for node in wires.order:
+        for side, elements in ((-1, wires.arriving(node)), (1, wires.leaving(node))):
+            ends, ys = [], [height["node", node]]
+            for e in elements:
+                for i, port in enumerate(cells["element", e].ports):
+                    if port.node == node and port.side == -side:
+                        ends.append((e, i))
+                        ys.append(height["element", e] + port.route[-1][1])
+            if ends:
+                buses.append(_Bus(node, side, tuple(ends), min(ys), max(ys)))
+    return buses
+
+
+def _tracks(buses: Sequence[_Bus], column: Mapping[tuple[str, str], int]) -> dict[tuple[str, int], tuple[int, int]]:
+    """Track of each line along a column and the channel of the track, none for a straight line."""
+    tracks: dict[tuple[str, int], tuple[int, int]] = {}
+    used: dict[int, list[list[_Bus]]] = {}
+    for bus in sorted(buses, key=lambda b: (b.low - b.high, b.node, b.side)):
+        if bus.high - bus.low < 1e-6:
+            continue
+        channel = column["node", bus.node] + (0 if bus.side > 0 else -1)
+        lanes = used.setdefault(channel, [])
+        fits = [all(bus.low > b.high + 4.0 or b.low > bus.high + 4.0 for b in lane) for lane in lanes]
+        if True not in fits:
+            lanes.append([])
+            fits.append(True)
+        lanes[fits.index(True)].append(bus)
+        tracks[bus.node, bus.side] = fits.index(True), channel
+    return tracks
+
+
+def _widths(
+    column: Mapping[tuple[str, str], int],
+    cells: Mapping[tuple[str, str], SymbolCell],
+    tracks: Mapping[tuple[str, int], tuple[int, int]],
+) -> tuple[dict[int, float], dict[int, float]]:
+    x: dict[int, float] = {}
+    channels: dict[int, float] = {}
+    at = 0.0
+    for c in range(max(column.values()) + 1):
+        boxes = [cells[key].box for key, place in column.items() if place == c]
+        x[c] = at - min((b.x0 for b in boxes), default=0.0)
+        at = x[c] + max((b.x1 for b in boxes), default=0.0)
+        lanes = 1 + max((t for t, channel in tracks.values() if channel == c), default=-1)
+        channels[c] = at + CHANNEL / 2.0
+        at += CHANNEL + TRACK * max(lanes - 1, 0)
+    return x, channels
+
+
+def _run(
+    bus: _Bus,
+    at: Mapping[tuple[str, str], Point],
+    cells: Mapping[tuple[str, str], SymbolCell],
+    place: float | None,
+    lines: list[tuple[Point, ...]],
+    dots: list[Point],
+) -> None:
+    """Add the lines of one side of a node: from each port to the line along the column, and from there to the node."""
+    x, y = at["node", bus.node]
+    meets: dict[float, int] = {}
+    for e, i in bus.ends:
+        ex, ey = at["element", e]
+        route = [(ex + a, ey + b) for a, b in cells["element", e].ports[i].route]
+        end = x if place is None else place
+        lines.append((*route, (end, route[-1][1])))
+        meets[route[-1][1]] = meets.get(route[-1][1], 0) + 1
+    if place is None:
+        return
+    lines += [((x, y), (place, y)), ((place, bus.low), (place, bus.high))]
+    meets[y] = meets.get(y, 0) + 1
+    for height, count in meets.items():
+        if count + (height > bus.low) + (height < bus.high) > 2:
+            dots.append((place, height))

@@ -209,7 +209,6 @@ def muscle(angle: float | None, *, hanging: bool) -> Symbol:
 
 
 def _bulge(x: np.ndarray, long: float, half: float) -> np.ndarray:
-    """Half the height of the outline along the axis."""
     bulge: np.ndarray = half * (0.6 + 0.4 * np.minimum(np.minimum(x, long - x) / 12.0, 1.0) ** 0.5)
     return bulge
 
@@ -397,7 +396,6 @@ def _valve(ports: Sequence[str], *, positions: int, proportional: bool) -> Symbo
 
 
 def _inside(kind: str, wide: float, y: float, role: Sequence[str]) -> list[Stroke]:
-    """Draw the connections of one position into its box."""
     left = [y - LEVEL * i for i in range(role.count("in") + role.count("exhaust"))]
     right = [y - LEVEL * i for i in range(role.count("out"))]
     open_left, open_right = set(left), set(right)

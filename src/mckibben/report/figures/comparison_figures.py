@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 WIDTH = style.WIDE  # [inch]
 LEFT, RIGHT, FOOT, KEY_LINE, KEY, GAP_X, GAP_Y, TALL = 0.42, 0.4, 0.5, 0.2, 0.3, 0.62, 1.02, 1.72  # [inch]
 COLUMNS = 4
+MS = from_si(1.0, "s", "ms")
 NEAR = 0.07  # of the axes: letters that are nearer are written together
 Panel = tuple[str, str, str, tuple[str, str | None], tuple[str, str | None], Callable[..., None]]
 
@@ -166,14 +167,13 @@ def _letters(ax: Axes, ends: Sequence[tuple[np.ndarray, np.ndarray, _Line]]) -> 
     for across, up, letters, biological in marks:
         if len(marks) == 1 and len(ends) > 1:  # all lines end here: letters would tell nothing
             return
-        ax.annotate(
+        style.beside(
+            ax,
             letters,
             (across, up),
+            (4, 0),
             xycoords="axes fraction",
-            xytext=(4, 0),
-            textcoords="offset points",
             va="center",
-            fontsize=style.SMALL,
             fontweight="bold",
             color=style.colour(None if biological else "tension"),
             annotation_clip=False,
@@ -193,7 +193,7 @@ def _per_section(curve: Any, one: Trials) -> Any:
 
 
 def _milliseconds(curve: Any, _: Trials) -> Any:
-    return 1e3 * curve[0], curve[1]
+    return curve[0] * MS, curve[1]
 
 
 _CURVE = {"section": "force_length", "step": "rise"}  # panels that show another curve's numbers
@@ -210,7 +210,6 @@ def _nothing(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> Non
 
 
 def _lengths(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
-    """Draw the driven curves, and thin passive ones."""
     for one, line in zip(muscles, lines, strict=True):
         ax.plot(*one.curves["passive"], **{**line.style, "lw": 0.8, "alpha": 0.7})
     ax.set_xlim(0.55, 1.5)
@@ -245,15 +244,14 @@ def _until(end: float) -> Callable[..., None]:
 
 def _twitch(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
     _until(300.0)(ax, muscles, lines)
-    ax.axvspan(0.0, 1e3 * PULSE, ymax=0.03, color=INK_3, lw=0)
+    ax.axvspan(0.0, PULSE * MS, ymax=0.03, color=INK_3, lw=0)
 
 
 def _step(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
-    """Draw rise and fall, both from their command on."""
     for one, line in zip(muscles, lines, strict=True):
         if "fall" in one.curves:
             time, pull = one.curves["fall"]
-            ax.plot(1e3 * time, pull, **line.style)
+            ax.plot(time * MS, pull, **line.style)
     _until(200.0)(ax, muscles, lines)
 
 
@@ -272,7 +270,7 @@ _STATIC: list[Panel] = [
     ("force_velocity", "Tension", "isokinetic", _SPEED, ("Over the isometric one", "tension"), _speeds),
 ]
 _PROTOCOLS: list[Panel] = [
-    ("twitch", "Isometric twitch", f"bar: {1e3 * PULSE:.0f} ms command", _TIME, _TENSION, _twitch),
+    ("twitch", "Isometric twitch", f"bar: {PULSE * MS:.0f} ms command", _TIME, _TENSION, _twitch),
     ("step", "Isometric step", "rise and fall", _TIME, _TENSION, _step),
     ("release", "Quick release", f"to {LOAD:g} F₀", _TIME, ("Length over L₀", "length"), _release),
     ("work_loop", "Work loop", "1 Hz", _LENGTH, _TENSION, _nothing),
@@ -291,7 +289,7 @@ _TITLES = {
 
 
 def _matched(ax: Axes, match: Match, name: str) -> None:
-    scale = 1e3 if name == "twitch" else 1.0
+    scale = MS if name == "twitch" else 1.0
     colour = COLOURS["tension"]
     curves = (
         (match.target_curves, match.target.id, {"color": INK, "lw": style.LINE, "ls": "-"}),
@@ -315,12 +313,12 @@ def _matched(ax: Axes, match: Match, name: str) -> None:
     ax.set_ylim(0.0, top)
     if name == "twitch":  # its legend has all lines; there is room for it beside the steepest curve
         others = ax.figure.axes[-2]
-        others.legend(
+        style.key(
+            others,
             *ax.get_legend_handles_labels(),
             loc="center right",
             bbox_to_anchor=(1.02, 0.56),
             fontsize=style.SMALL - 1.0,
-            frameon=False,
             handlelength=2.0,
             labelcolor=INK_2,
         )

@@ -116,7 +116,8 @@ def figure_12() -> Figure:
     loops = [cycle_loops(part4.muscle(), "maximal", part4.conditions(accumulator=a)) for a in (False, True)]
     draw_piston(panels[0], loops, printed_joules(), letter="a")
     draw_tendon(panels[1], loops, printed_joules(), letter="b")
-    draw_efficiency(panels[2], efficiency_lines(), printed_marks(), letter="c", note=DASHED)
+    looks = (("paper", True, "-", INK), ("potential", True, style.RECORDING_DASHES[1], INK_3))
+    draw_efficiency(panels[2], efficiency_lines(looks), printed_marks(), letter="c", note=DASHED)
     style.heading(panels[0], "Fig. 12. Maximal shortening at constant pressure, nylon muscle, 5 bar", above=40.0)
     return fig
 
@@ -147,16 +148,16 @@ def printed_joules() -> Printed:
     }
 
 
-def efficiency_lines() -> list[EfficiencyLine]:
-    """Curves of Fig. 12c, and those with the consistent volume."""
+def efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
+    """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
     lines = []
-    for volume, dash, colour in (("paper", "-", INK), ("potential", style.RECORDING_DASHES[1], INK_3)):
+    for volume, friction, dash, colour in looks:
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
-            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator)
+            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
             low = 1e-3 + float(muscle.threshold())
             at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
-            said = words if volume == "paper" else ""
-            lines.append(EfficiencyLine(said, energy_curve(muscle, "maximal", at, between), dash, colour))
+            curve = energy_curve(muscle, "maximal", at, between)
+            lines.append(EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
     return lines
 
 
@@ -262,12 +263,11 @@ def draw_efficiency(
             {"marker": "x", "mec": CAUTION} if mark.misprint else {"marker": "o", "mec": INK, "mfc": PANEL}
         )
         ax.plot([at], [share], ls="none", ms=6.5, mew=1.4, zorder=5, **look)
-        ax.annotate(
+        style.beside(
+            ax,
             mark.words,
             (at, share),
             (7, 6 if mark.misprint else -13),
-            textcoords="offset points",
-            fontsize=SMALL,
             color=CAUTION if mark.misprint else INK,
             zorder=6,
         )
@@ -282,14 +282,12 @@ def _key(loop: CycleLoops) -> tuple[str, bool]:
 
 
 def _word(path: CyclePath) -> str:
-    """Name of the path by its corners."""
     return "".join(path.corners).replace("'", "′")
 
 
 def _corners(
     ax: Axes, paths: Sequence[CyclePath], scale: tuple[float, float], beside: Mapping[str, tuple[int, int]]
 ) -> None:
-    """Draw a dot and a letter at each corner."""
     drawn: list[str] = []
     for path in paths:
         for letter, i in path.corners.items():
@@ -298,11 +296,11 @@ def _corners(
             drawn.append(letter)
             at = float(path.x[i]) * scale[0], float(path.y[i]) * scale[1]
             ax.plot(*at, "o", ms=4.0, mfc=INK, mec=PANEL, mew=0.6, zorder=6, clip_on=False)
-            ax.annotate(
+            style.beside(
+                ax,
                 letter.replace("'", "′"),
                 at,
                 beside.get(letter, beside[letter[0]]),
-                textcoords="offset points",
                 ha="center",
                 va="center",
                 fontsize=SMALL + 0.5,
@@ -349,7 +347,6 @@ def _wasted(ax: Axes, isotonic: CyclePath, valve: CycleLoops, ml: float, bar: fl
 
 
 def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: bool = False) -> None:
-    """List areas: ours, and the printed one in brackets."""
     for i, (word, ours, paper) in enumerate(said):
         text = f"{word}  {number(ours, 2)} J" + (f"  (printed {number(paper, 2)})" if paper is not None else "")
         style.note(

@@ -1,4 +1,4 @@
-"""Figures of an identification: curves over points, residuals, ranking, correlation, and extrapolation.
+"""Figures of an identification: curves over points, residuals, ranking, correlation, extrapolation, and a posterior's bands.
 
 Points are measured, lines are the law. Tension and its errors are in the colour of tension, pressures written at the
 line ends in theirs.
@@ -8,35 +8,38 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...components import jit_arrays
 from ...identification import Fit
+from ...identification.posterior import Posterior
 from ...identification.ranking import Ranking
 from ...muscles.law import TensionLaw
 from ...muscles.laws import law_type
-from ...quantities import declared, from_si
+from ...quantities import declared, from_si, shown_unit
 from ...recordings import ForceMap
-from . import formats, style
-from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
+from . import style
+from .ranking_figures import draw_ranking as draw_ranking
+from .ranking_figures import law_title as law_title
+from .ranking_figures import ranking as ranking
+from .study_figures import FRICTIONS
+from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ...batch.posterior import PredictedRun
+    from ...identification.hysteresis_fit import LoopFit
+    from ...identification.record_posterior import RecordPosterior
+
 
 MOST_LINES, MOST_LABELS, MOST_PANELS = 24, 8, 3
 FINE = 61
-NARROW_TABLE, WIDE_TABLE = 5.5, 9.0  # widths of a figure, below which the ranking has fewer columns [inch]
 KEY = "▲ measured\N{EM SPACE}○ measured, slack\N{EM SPACE}— law"
-
-
-def law_title(fit: Fit) -> str:
-    """Title of a fit's law."""
-    return str(law_type(fit.law).title)
 
 
 # ---- 1 tension over length
@@ -222,7 +225,9 @@ def residuals(fit: Fit) -> Figure:
         values, title = _over(fit.points, over)
         _draw_errors(ax, values, error, limit, filled=i == 0)
         style.quantity_axes(ax, x=(title, over), y=("Law less measured, N", "tension"))
-        ax.set_xlim(*_padded(values, zero=over == "pressure"))
+        low, high = float(values.min()), float(values.max())
+        margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+        ax.set_xlim(*((0.0 if (over == "pressure") and low >= 0.0 else low - margin), high + margin))
         style.heading(ax, head, remark, above=24.0)
         _band(ax, 0.01 * fit.points.largest, label=i == len(panels) - 1)
     return fig
@@ -232,12 +237,6 @@ def _over(points: ForceMap, what: str) -> tuple[np.ndarray, str]:
     if what == "pressure":
         return np.array([from_si(float(p), "Pa", "bar") for p in points.pressure]), "Pressure, bar"
     return points.length * from_si(1.0, "m", "cm"), "Length, cm"
-
-
-def _padded(values: np.ndarray, *, zero: bool = False) -> tuple[float, float]:
-    low, high = float(values.min()), float(values.max())
-    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
-    return (0.0 if zero and low >= 0.0 else low - margin), high + margin
 
 
 def _draw_errors(ax: Axes, values: np.ndarray, error: np.ndarray, limit: float, *, filled: bool) -> None:
@@ -282,226 +281,19 @@ def _band(ax: Axes, half: float, *, label: bool, percent: str = "1") -> None:
     for edge, sign in ((half, "+"), (-half, "\N{MINUS SIGN}")):
         ax.axhline(edge, color=INK_3, lw=0.6, ls=(0, (5, 3)), zorder=1)
         if label:
-            ax.annotate(
+            style.beside(
+                ax,
                 f"{sign}{percent}\N{NO-BREAK SPACE}%",
-                xy=(1.0, edge),
+                (1.0, edge),
+                (4, 0),
                 xycoords=("axes fraction", "data"),
-                xytext=(4, 0),
-                textcoords="offset points",
-                fontsize=style.SMALL,
                 color=INK_2,
                 va="center",
                 annotation_clip=False,
             )
 
 
-# ---- 3 ranking
-
-
-class _Row(NamedTuple):
-    name: str
-    remark: str
-    converged: bool
-    predicted: tuple[float, float] | None  # root mean square and largest, share of the largest tension
-    beyond: tuple[float, float] | None
-    fitted: tuple[float, float]
-
-
-@style.styled()
-def ranking(study: Ranking) -> Figure:
-    """Draw laws in their ranking with errors of prediction, in % of the largest tension on a logarithmic axis.
-
-    Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
-    """
-    each = 0.42 if formats.drawn_width(style.WIDE) < NARROW_TABLE else 0.315  # [inch]
-    fig = style.figure(style.WIDE, 1.13 + each * (len(study.fits) + len(study.published)), rows=True)
-    height = fig.get_figheight()
-    ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.13 / height))
-    draw_ranking(ax, study, names=0.285 * 72.0 * style.WIDE - 14.0)
-    return fig
-
-
-def _rows(study: Ranking) -> list[_Row]:
-    rows = []
-    for fit in study.fits:
-        size = fit.points.largest
-        cross = fit.cross.get("pressure")
-        rows.append(
-            _Row(
-                name=law_title(fit),
-                remark=f"{len(fit.parameters)}" if fit.converged else "not converged",
-                converged=fit.converged,
-                predicted=(cross.rmse / size, cross.max_error / size) if cross else None,
-                beyond=(fit.holdout.rmse / size, fit.holdout.max_error / size) if fit.holdout else None,
-                fitted=(fit.rmse / size, fit.max_error / size),
-            )
-        )
-    size = study.points.largest
-    for title, error in study.published:
-        both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
-        rows.append(
-            _Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both)
-        )
-    return rows
-
-
-def _shorter(title: str) -> str:
-    return title.split(",")[0] if len(title) > 24 else title
-
-
-def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False) -> None:
-    """Draw one line per law with two lanes: predicted above, beyond the training below; numbers at the right.
-
-    Args:
-        ax: the axes.
-        study: the laws, best first.
-        names: how far left of the axes the names begin [pt].
-        brief: fewer columns.
-    """
-    # In a column, names stand above the lanes and the table is reduced to the largest errors.
-    narrow = formats.drawn_width(style.WIDE) < NARROW_TABLE
-    brief = brief or formats.drawn_width(style.WIDE) < WIDE_TABLE
-    rows, lanes = _rows(study), (-0.12, -0.36) if narrow else (0.17, -0.17)
-    values = [
-        100.0 * v
-        for r in rows
-        for pair in (r.predicted, r.beyond, None if r.predicted else r.fitted)
-        if pair
-        for v in pair
-    ]
-    finite = [v for v in values if math.isfinite(v) and v > 0.0]
-    low, high = _decades(finite)
-    ax.set_xscale("log")
-    ax.set_xlim(low, high)
-    ax.set_ylim(len(rows) - 0.45, -0.6)
-    ax.grid(visible=False, axis="y")
-    ax.spines["left"].set_visible(False)
-    steps = (1, 3) if brief and high > 100.0 * low else (1, 2, 5)
-    ticks = [t for d in range(-3, 5) for t in (step * 10.0**d for step in steps) if low <= t <= high]
-    ax.set_xticks(ticks, [number(t) for t in ticks])
-    ax.minorticks_off()
-    ax.set_yticks([])
-    ax.set_xlabel(
-        "Error, % of the largest tension",
-        color=COLOURS["tension"],
-        fontweight="bold",
-        fontsize=style.SMALL + 0.5,
-        labelpad=3,
-    )
-    for i, row in enumerate(rows):
-        if i:
-            ax.axhline(i - 0.5, color=RULE, lw=style.HAIR, zorder=0)
-        pairs = (row.predicted or row.fitted, row.beyond)
-        looks = ("fitted" if row.predicted is None else "predicted", "beyond")
-        alone = (-0.2, 0.0) if narrow else (0.0, 0.0)
-        for lane, pair, look in zip(lanes if row.beyond else alone, pairs, looks, strict=True):
-            if pair:
-                _draw_pair(ax, i - lane, [100.0 * v for v in pair], look, high, converged=row.converged)
-        quiet = INK if row.converged else INK_3
-        weight = "bold" if i == 0 else "normal"
-        style.note(
-            ax,
-            row.name if row.converged or not narrow else f"{row.name}, {row.remark}",
-            y=_share(ax, i - 0.3 if narrow else i),
-            dx=0.0 if narrow else -names,
-            color=quiet,
-            fontweight=weight,
-            fontsize=style.SMALL if brief else style.NORMAL,
-        )
-        if not narrow and (not brief or not row.remark.isdigit()):
-            style.note(ax, row.remark, y=_share(ax, i), dx=-8, ha="right", color=INK_2 if row.converged else CAUTION)
-    if not narrow:
-        style.note(ax, "law", dx=-names, dy=9, va="bottom")
-    if brief:
-        style.note(ax, "▲ ▷ rms\N{EM SPACE}┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
-    else:
-        style.note(ax, "parameters", dx=-8, dy=9, ha="right", va="bottom")
-    _columns(ax, rows, _trained(study), brief, below=0.2 if narrow else 0.0)
-
-
-def _share(ax: Axes, row: float) -> float:
-    bottom, top = ax.get_ylim()
-    return (row - bottom) / (top - bottom)
-
-
-def _decades(values: list[float]) -> tuple[float, float]:
-    """Limits of the logarithmic axis [%]; errors above the largest tension itself are cut off."""
-    if not values:
-        return 0.1, 100.0
-    low, high = min(values), max(values)
-    return low / 1.5, max(1.4 * min(high, 100.0), 2.0 * low)
-
-
-def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float, *, converged: bool) -> None:
-    rms, largest = pair
-    shade = COLOURS["tension"] if converged else INK_3
-    marker, face = {"predicted": ("^", shade), "beyond": (">", PANEL), "fitted": ("s", shade)}[look]
-    dash: Any = (0, (2.5, 1.6)) if look == "beyond" else "-"
-    ends = [min(v, high) if not math.isnan(v) else high for v in (rms, largest)]
-    ax.plot(ends, [y, y], color=shade, lw=1.0, ls=dash, zorder=2)
-    if math.isfinite(largest) and largest <= high:
-        ax.plot([largest], [y], "|", color=shade, ms=7, mew=1.6, zorder=3)
-    else:
-        ax.plot([high], [y], ">", color=INK, ms=5, mew=0, zorder=3, clip_on=False)
-    if math.isfinite(rms) and rms <= high:
-        ax.plot([rms], [y], marker, mfc=face, mec=shade, mew=1.0, ms=5.4, zorder=4)
-
-
-def _trained(study: Ranking) -> str:
-    return next((f.holdout.what for f in study.fits if f.holdout), "")
-
-
-def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool, *, below: float) -> None:
-    """Write numbers at the right of the ranking, `below` their row [rows]; their heads are the key to the markers."""
-    predicted: list[Callable[[_Row], float | None]] = [
-        lambda r: r.predicted[0] if r.predicted else None,
-        lambda r: r.predicted[1] if r.predicted else None,
-        lambda r: r.beyond[0] if r.beyond else None,
-        lambda r: r.beyond[1] if r.beyond else None,
-    ]
-    columns = [("▲ rms", 52.0), ("┃ largest", 104.0), ("▷ rms", 168.0), ("┃ largest", 220.0)]
-    heads = [("each pressure left out", 12.0, 104.0), (trained, 128.0, 220.0)]
-    if brief:
-        columns = [("", 0.0), ("┃ largest", 56.0), ("", 0.0), ("┃ largest", 120.0)]
-        heads = [("▲ left out", 8.0, 56.0), (trained.replace("trained", "▷"), 66.0, 120.0)]
-    for head, start, end in heads[: 2 if trained else 1]:
-        style.rule(ax, start, end, 22.0)
-        style.note(ax, head, x=1.0, dx=end, dy=25, ha="right", va="bottom", color=INK_2)
-    for (word, dx), value in list(zip(columns, predicted, strict=True))[: 4 if trained else 2]:
-        if not word:
-            continue
-        style.note(ax, word, x=1.0, dx=dx, dy=9, ha="right", va="bottom", color=COLOURS["tension"])
-        best = min((v for r in rows if r.converged and (v := value(r)) is not None), default=math.nan)
-        for i, row in enumerate(rows):
-            share = value(row)
-            weight = "bold" if share == best else "normal"
-            style.note(
-                ax,
-                "" if share is None else _percent(share),
-                x=1.0,
-                y=_share(ax, i + below),
-                dx=dx,
-                ha="right",
-                color=INK,
-                fontweight=weight,
-            )
-    for i, row in enumerate(rows):
-        if row.remark == "published":
-            words = ("■ rms ", " ┃ ") if brief else ("■ fitted by its authors: rms ", ", ┃ largest ")
-            text = f"{words[0]}{_percent(row.fitted[0])}{words[1]}{_percent(row.fitted[1])}"
-            style.note(ax, text, x=1.0, y=_share(ax, i + below), dx=8 if brief else 12, color=INK_2)
-
-
-def _percent(share: float) -> str:
-    value = 100.0 * share
-    if not math.isfinite(value):
-        return "no fit"
-    if value > 999.0:
-        return "diverges"
-    return number(value, 2 if value < 9.995 else 1) + "\N{NO-BREAK SPACE}%"
-
-
-# ---- 4 correlation
+# ---- 3 correlation
 
 
 @style.styled()
@@ -511,6 +303,8 @@ def correlation(fit: Fit) -> Figure | None:
     Returns:
         None for a single parameter.
     """
+    from matplotlib.patches import Rectangle
+
     names = list(fit.parameters)
     n = len(names)
     fields = declared(law_type(fit.law))
@@ -530,33 +324,28 @@ def correlation(fit: Fit) -> Figure | None:
         style.note(ax, symbols[i + 1], y=1.0 - middle, dx=-6, ha="right", color=INK, fontsize=style.NORMAL)
         style.note(ax, symbols[i], x=middle, y=0.0, dy=-9, ha="center", color=INK, fontsize=style.NORMAL)
         for j in range(i + 1):
-            _cell(ax, i, j, float(matrix[i + 1, j]), side)
+            value = float(matrix[i + 1, j])
+            there = math.isfinite(value)
+            strength = min(abs(value), 1.0) if there else 0.0
+            # Cubed, so that what is harmless stays light and only what is near one turns dark.
+            ax.add_patch(Rectangle((j, i), 1, 1, fc=INK, ec="none", lw=0, alpha=0.05 + 0.85 * strength**3))
+            ax.add_patch(Rectangle((j, i), 1, 1, fc="none", ec=PANEL, lw=1.5))
+            text = number(value, 4 if strength > 0.9985 else 3 if strength > 0.985 else 2, sign=True)
+            size = min(style.SMALL, 0.88 * 72.0 * side / (0.62 * len(text)))
+            ax.text(
+                j + 0.5,
+                i + 0.5,
+                text,
+                ha="center",
+                va="center_baseline",
+                fontsize=size,
+                color=PANEL if strength > 0.75 else INK,
+            )
     style.heading(ax, "Correlation", "of the estimates, \N{MINUS SIGN}1 to +1", above=14.0)
     return fig
 
 
-def _cell(ax: Axes, i: int, j: int, value: float, side: float) -> None:
-    from matplotlib.patches import Rectangle
-
-    there = math.isfinite(value)
-    strength = min(abs(value), 1.0) if there else 0.0
-    # Cubed, so that what is harmless stays light and only what is near one turns dark.
-    ax.add_patch(Rectangle((j, i), 1, 1, fc=INK, ec="none", lw=0, alpha=0.05 + 0.85 * strength**3))
-    ax.add_patch(Rectangle((j, i), 1, 1, fc="none", ec=PANEL, lw=1.5))
-    text = number(value, 4 if strength > 0.9985 else 3 if strength > 0.985 else 2, sign=True)
-    size = min(style.SMALL, 0.88 * 72.0 * side / (0.62 * len(text)))
-    ax.text(
-        j + 0.5,
-        i + 0.5,
-        text,
-        ha="center",
-        va="center_baseline",
-        fontsize=size,
-        color=PANEL if strength > 0.75 else INK,
-    )
-
-
-# ---- 5 beyond the training
+# ---- 4 beyond the training
 
 
 @style.styled()
@@ -606,7 +395,14 @@ def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: n
     ax.set_ylim(0.0, top)
     style.quantity_axes(ax, x=("Pressure, bar", "pressure"), y=("Tension, N", "tension"))
     ends = []
-    series = _series(points)
+    rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
+    keys = np.unique(np.round(np.stack([points.length, rest], axis=1), 6), axis=0)
+    most = MOST_LABELS if len(points) < 30 * MOST_LABELS else 4
+    chosen = keys[np.unique(np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int))]
+    series = [
+        (float(length), np.flatnonzero(np.isclose(points.length, length, atol=1e-6) & np.isclose(rest, r, atol=1e-6)))
+        for length, r in chosen
+    ]
     shade = COLOURS["tension"]
     for opacity, (length, member) in zip(style.graded(len(series), 0.6), series, strict=True):
         order = member[np.argsort(pressure[member], kind="stable")]
@@ -638,18 +434,6 @@ def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: n
     style.end_labels(ax, ends, quantity="length")
 
 
-def _series(points: ForceMap) -> list[tuple[float, np.ndarray]]:
-    """Points of common length [m], at most `MOST_LABELS` lengths, in order of length."""
-    rest = np.zeros(len(points)) if points.rest_length is None else points.rest_length
-    keys = np.unique(np.round(np.stack([points.length, rest], axis=1), 6), axis=0)
-    most = MOST_LABELS if len(points) < 30 * MOST_LABELS else 4
-    chosen = keys[np.unique(np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int))]
-    return [
-        (float(length), np.flatnonzero(np.isclose(points.length, length, atol=1e-6) & np.isclose(rest, r, atol=1e-6)))
-        for length, r in chosen
-    ]
-
-
 # ---- all at a glance
 
 
@@ -671,3 +455,138 @@ def overview(studies: Iterable[Ranking]) -> Figure:
         ranks = fig.add_axes((0.7, 0.15, 0.17, 0.6) if single else (left + 0.155, 0.07, 0.17, 0.295))
         draw_ranking(ranks, study, names=0.155 * 72.0 * 14.4, brief=True)
     return fig
+
+
+BANDS_KEY = "▲ measured\N{EM SPACE}— median, with 95 % of the samples"
+BANDS_FINE, MOST_LEVELS, MOST_PAIRED, MOST_DOTS = 41, 8, 5, 400
+
+
+def title_of(posterior: Posterior) -> str:
+    """Title of a posterior's law."""
+    return str(law_type(posterior.law).title)
+
+
+@style.styled()
+def bands(posterior: Posterior) -> Figure:
+    """Draw measured tension over length with the 95 % band of the true tension, one per pressure."""
+    fig = style.figure(style.MIDDLE, 4.7)
+    ax = fig.add_axes((0.09, 0.11, 0.8, 0.74))
+    draw_bands(ax, posterior)
+    style.heading(ax, title_of(posterior), BANDS_KEY, above=24.0)
+    return fig
+
+
+def draw_bands(ax: Axes, posterior: Posterior) -> None:
+    """Draw points and bands of the muscle with the largest rest length into axes."""
+    points = posterior.points
+    if points.rest_length is not None:
+        points = points.select(points.rest_length == points.rest_length.max())
+    levels, _ = levels_of(points)
+    levels = levels[np.unique(np.linspace(0, len(levels) - 1, min(MOST_LEVELS, len(levels))).round().astype(int))]
+    cm = from_si(1.0, "m", "cm")
+    lengths = np.linspace(points.length.min(), points.length.max(), BANDS_FINE)
+    ends = []
+    for level, opacity in zip(levels, style.graded(len(levels), 0.55), strict=True):
+        band = posterior.tension(lengths, np.full(BANDS_FINE, level))
+        colour = COLOURS["tension"]
+        ax.fill_between(lengths * cm, band.low, band.high, color=colour, alpha=0.22, lw=0, zorder=1)
+        ax.plot(lengths * cm, band.median, color=colour, lw=style.LINE, alpha=opacity, zorder=2)
+        near = np.abs(points.pressure - level) < 0.01 * points.pressure.max()
+        ax.plot(
+            points.length[near] * cm, points.tension[near], style.MARKERS["tension"], mfc=colour, mec=PANEL, mew=0.4,
+            ms=4.0, zorder=3,
+        )  # fmt: skip
+        bar = style.pressure_text(from_si(float(level), "Pa", "bar"), unit=level == levels[-1])
+        ends.append((float(lengths[-1] * cm), float(band.median[-1]), bar))
+    margin = 0.025 * np.ptp(lengths) * cm
+    ax.set_xlim(lengths[0] * cm - margin, lengths[-1] * cm + margin)
+    ax.set_ylim(-0.015 * points.largest, None)
+    style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    style.end_labels(ax, ends, quantity="pressure")
+
+
+@style.styled()
+def parameter_pairs(posterior: Posterior) -> Figure:
+    """Draw the samples of the parameters by pairs, with the 95 % interval of each; of many parameters the first five."""
+    units = declared(law_type(posterior.law))
+    names = list(posterior.samples)[:MOST_PAIRED]
+    count = max(len(names) - 1, 1)
+    side = 6.2 / max(count, 2)
+    fig = style.figure(side * count + 1.3, side * count + 1.1)
+    grid = fig.add_gridspec(count, count, left=0.15, right=0.97, bottom=0.13, top=0.9, wspace=0.12, hspace=0.3)
+    rows = posterior.rows(min(MOST_DOTS, len(posterior)))
+    intervals = posterior.intervals()
+
+    def shown(name: str, value: np.ndarray | float) -> np.ndarray:
+        unit = units[name].unit
+        return np.asarray(value) * from_si(1.0, unit, shown_unit(unit))
+
+    for i in range(count):
+        for j in range(i + 1):
+            across, up = names[j], names[min(i + 1, len(names) - 1)]
+            ax = fig.add_subplot(grid[i, j])
+            ax.plot(
+                shown(across, posterior.samples[across][rows]), shown(up, posterior.samples[up][rows]), ".",
+                color=INK, alpha=0.25, ms=2.0, mew=0,
+            )  # fmt: skip
+            for name, line in ((across, ax.axvline), (up, ax.axhline)):
+                for end in (intervals[name].low, intervals[name].high):
+                    line(float(shown(name, end)), color=INK_3, lw=0.5, ls=(0, (3, 2)))
+            label = [_label(name, units[name].unit) for name in (across, up)]
+            style.quantity_axes(ax, x=(label[0] if i == count - 1 else "", None), y=(label[1] if j == 0 else "", None))
+            ax.tick_params(labelbottom=i == count - 1, labelleft=j == 0)
+            ax.locator_params(axis="x", nbins=3)
+            ax.locator_params(axis="y", nbins=4)
+            if i == j == 0:
+                style.heading(ax, title_of(posterior), "samples; dashed: 95 % of each parameter", above=28.0)
+    return fig
+
+
+@style.styled()
+def run_bands(predicted: PredictedRun, *, title: str) -> Figure:
+    """Draw the 95 % bands of a run's channels over time, one panel each."""
+    names = {"pressure": "Pressure", "tension": "Tension", "span": "Length"}
+    fig = style.figure(style.MIDDLE, 6.0)
+    grid = fig.add_gridspec(len(names), 1, left=0.1, right=0.97, bottom=0.09, top=0.87, hspace=0.45)
+    for i, (channel, word) in enumerate(names.items()):
+        ax = fig.add_subplot(grid[i])
+        quantity = "length" if channel == "span" else channel
+        unit = predicted.unit(channel)
+        factor = from_si(1.0, unit, shown_unit(unit))
+        low, middle, high = (factor * end for end in predicted.band(channel))
+        ax.fill_between(predicted.time, low, high, color=COLOURS[quantity], alpha=0.25, lw=0)
+        ax.plot(predicted.time, middle, color=COLOURS[quantity], lw=style.LINE)
+        last = i == len(names) - 1
+        style.quantity_axes(ax, x=("Time, s" if last else "", None), y=(f"{word}, {shown_unit(unit)}", quantity))
+        if i == 0:
+            style.heading(ax, title, "median, with 95 % of the samples of the posterior", above=28.0)
+    return fig
+
+
+@style.styled()
+def loop_bands(fit: LoopFit, samples: RecordPosterior | None) -> Figure:
+    """Draw a measured loop of stroke over pressure with the fitted one, or with the 95 % band of its posterior."""
+    record, branch = fit.record, fit.record.branch
+    bar, mm = from_si(1.0, "Pa", "bar"), from_si(1.0, "m", "mm")
+    fig = style.figure(style.MIDDLE, 4.7)
+    ax = fig.add_axes((0.09, 0.11, 0.87, 0.74))
+    ax.plot(record.pressure * bar, record.stroke * mm, "o", ms=2.6, mfc=INK, mec="none", zorder=2)
+    band = None if samples is None else samples.band()
+    middle = fit.predicted if band is None else band.median
+    if band is not None:
+        for way in (1, -1):
+            some = np.flatnonzero(branch == way)
+            some = some[np.argsort(record.pressure[some])]
+            at = record.pressure[some] * bar
+            ax.fill_between(at, band.low[some] * mm, band.high[some] * mm, color=COLOURS["length"], alpha=0.25, lw=0)
+    ax.plot(record.pressure * bar, middle * mm, color=COLOURS["length"], lw=style.LINE, zorder=3)
+    style.quantity_axes(ax, x=("Gauge pressure, bar", "pressure"), y=("Stroke, mm", "length"))
+    key = "● measured\N{EM SPACE}— " + ("fitted" if band is None else "median, with 95 % of the samples")
+    style.heading(ax, f"Loop with friction of {FRICTIONS[fit.model]}", key, above=24.0)
+    return fig
+
+
+def _label(name: str, unit: str) -> str:
+    """Name of a parameter with the unit in which it is shown."""
+    words = name.replace("_", " ").capitalize()
+    return words if unit == "1" else f"{words}, {shown_unit(unit)}"

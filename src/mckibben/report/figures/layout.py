@@ -95,7 +95,11 @@ class _Layout:
 
     def __init__(self, fig: Figure, width: float, usual: float) -> None:
         self.fig, self.width = fig, width
-        self.primary = _primary(fig)
+        primary: list[Axes] = []
+        for ax in fig.axes:
+            if not any(_same_box(ax, other) for other in primary):
+                primary.append(ax)
+        self.primary = primary
         self.twins = {ax: [t for t in fig.axes if t is not ax and _same_box(t, ax)] for ax in self.primary}
         self.heights = {ax: self.inches(ax)[3] for ax in self.primary}
         self.rows = _rows(self.primary)
@@ -115,7 +119,6 @@ class _Layout:
     # ---- horizontally
 
     def place(self) -> None:
-        """Give every pair of axes its place, and the figure its height."""
         # Titles above the axes are broken where they would not fit; they do not push the axes.
         titles = [label for ax in self.fig.axes if (label := ax.yaxis.label).get_visible()]
         for ax in self.primary:
@@ -137,7 +140,6 @@ class _Layout:
         self.down(bands)
 
     def bands(self) -> list[list[Panel]]:
-        """Rows of panels, with as many side by side as have the least width."""
         # Keys can stand below their axes; they do not decide.
         keys = [
             one for ax in self.primary for key in self.keys(ax) for one in (key if isinstance(key, list) else [key])
@@ -169,7 +171,6 @@ class _Layout:
         self.settle()
 
     def shares(self, band: list[Panel], bands: list[list[Panel]]) -> list[float]:
-        """Widths of the panels relative to each other."""
         count = max(len(one) for one in bands)
         if count < max(len(row) for row in self.rows):
             return [1.0] * max(len(band), count)
@@ -182,7 +183,6 @@ class _Layout:
         return self.width - 2.0 * EDGE - APART * (len(ends) - 1) - sum(a + b for a, b in ends)
 
     def aligned(self, bands: list[list[Panel]]) -> bool:
-        """Whether the panels of all rows stand in columns."""
         return len({len(row) for row in self.rows}) == 1 or len(bands) > len(self.rows)
 
     def margins(self, count: int, bands: list[list[Panel]]) -> list[tuple[float, float]]:
@@ -252,7 +252,6 @@ class _Layout:
         return key in self.under or self.beyond(key, ax) or wide > COVER * (whole - self.around(ax)[0])
 
     def crowded(self, ax: Axes, whole: float) -> bool:
-        """Whether the keys of axes leave them too little room."""
         left, right, _, _ = self.around(ax)
         inside = any(not self.beyond(key, ax) and self.moves(key, ax, whole) for key in self.keys(ax))
         above = any(self.extent(key).y0 > ax.get_window_extent().y1 - 2.0 for key in self.keys(ax))
@@ -273,7 +272,6 @@ class _Layout:
         return Bbox.union([k.get_window_extent(self.renderer) for k in members])
 
     def beyond(self, key: Any, ax: Axes) -> bool:
-        """Whether a key stands outside the axes."""
         box, own = self.extent(key), ax.get_window_extent()
         return bool(box.x0 > own.x1 - 2.0 or box.y0 > own.y1 - 2.0)
 
@@ -286,7 +284,13 @@ class _Layout:
         foot = 72.0 * self.around(ax)[3] + 5.0
         for key in keys:
             if isinstance(key, list):
-                foot += _move_block(key, ax, foot)
+                # Write a list of notes below axes, its top a distance below them [pt]; return its height [pt]
+                places = [place for text in key if (place := place_of(text)) is not None]
+                left, top = min(p.dx for p in places), max(p.dy for p in places)
+                for text, place in zip(key, places, strict=True):
+                    text.set_transform(ax.transAxes + shift(ax, place.dx - left, place.dy - top - foot - 4.0))
+                    text.set_position((0.0, 0.0))
+                foot += top - min(p.dy for p in places) + 12.0
                 self.under += [one for one in key if one not in self.under]
                 continue
             legend = _in_columns(key, ax, foot, 72.0 * width, self.renderer)
@@ -302,11 +306,9 @@ class _Layout:
 
     @property
     def renderer(self) -> Any:
-        """The renderer that measures texts."""
         return self.fig.canvas.get_renderer()  # type: ignore[attr-defined]
 
     def headings(self, ax: Axes) -> list[Text]:
-        """Headings and notes above axes, with the notes after them."""
         headings: list[Text] = []
         for text in ax.texts:
             place = place_of(text)
@@ -343,7 +345,6 @@ class _Layout:
         return [b for b in boxes if b is not None] + [k.get_window_extent(self.renderer) for k in keys]
 
     def measure(self, band: Iterable[Panel]) -> None:
-        """Measure what stands around the panels of a band."""
         for panel in band:
             all_around = [self.around(ax) for ax in panel.axes]
             panel.around = (
@@ -437,7 +438,16 @@ class _Layout:
                 self.wrap(label, 72.0 * (wide + 0.2))
             _fewer_ticks(ax.xaxis, self.renderer)
             _fewer_ticks(ax.yaxis, self.renderer)
-            _end_labels(ax, self.fig.dpi)
+            box = ax.get_window_extent()
+            for text in ax.texts:
+                place = place_of(text)
+                if place is not None and place.kind == "end":
+                    at = ax.transData.transform((place.x, place.y))[0]
+                    text.xyann = ((box.x1 - at) * 72.0 / self.fig.dpi + place.dx, text.xyann[1])  # type: ignore[attr-defined]
+            for line in ax.get_children():
+                place = place_of(line)
+                if place is not None and place.kind == "rule":
+                    line.set_xdata([1.0 + d * self.fig.dpi / 72.0 / box.width for d in (place.dx, place.dy)])  # type: ignore[attr-defined]
         self.measured.clear()
 
     # ---- vertically
@@ -487,7 +497,6 @@ class _Layout:
         return high / 72.0 + (0.12 if high else 0.0)
 
     def beside(self, row: BannerRow, room: float) -> bool:
-        """Whether the note of a line has room beside its words."""
         return row.note is not None and self.points(row.words) + 10.0 + self.points(row.note, _words(row.note)) < room
 
     def foot_height(self) -> float:
@@ -496,12 +505,10 @@ class _Layout:
         return (math.ceil(len(rows) / self.foot_columns()) * 12.0 + 8.0) / 72.0 if rows else 0.0
 
     def foot_columns(self) -> int:
-        """Columns of the list under all axes."""
         widest = max((self.points(row.words) for row in margins_of(self.fig).foot), default=0.0)
         return max(int(72.0 * (self.width - 2.0 * EDGE) / (widest + 30.0)), 1)
 
     def place_margins(self, height: float) -> None:
-        """Place the lines over all axes and the list under them."""
         wide, y = self.width, height - EDGE
         for row in margins_of(self.fig).banner:
             left = EDGE + (0.52 if row.sample else 0.0)
@@ -531,14 +538,6 @@ class _Layout:
 
 
 # ---- panels
-
-
-def _primary(fig: Figure) -> list[Axes]:
-    primary: list[Axes] = []
-    for ax in fig.axes:
-        if not any(_same_box(ax, other) for other in primary):
-            primary.append(ax)
-    return primary
 
 
 def _same_box(a: Axes, b: Axes) -> bool:
@@ -573,7 +572,6 @@ def _rows(axes: Sequence[Axes]) -> list[list[Panel]]:
 
 
 def _overlap(a: Axes, b: Axes) -> float:
-    """Share of the narrower axes that stands above or below the other."""
     p, q = a.get_position(), b.get_position()
     return float((min(p.x1, q.x1) - max(p.x0, q.x0)) / min(p.width, q.width))
 
@@ -595,21 +593,10 @@ def _owner(legend: Artist, ax: Axes) -> Axes | None:
 
 
 def _beside(text: Text) -> bool:
-    """Whether a note is a line of a list right of its axes."""
     place = place_of(text)
     return (
         place is not None and place.kind == "note" and place.x == 1.0 and place.y == 1.0 and place.dx > 0.0 >= place.dy
     )
-
-
-def _move_block(texts: Sequence[Text], ax: Axes, foot: float) -> float:
-    """Write a list of notes below axes, its top a distance below them [pt]; return its height [pt]."""
-    places = [place for text in texts if (place := place_of(text)) is not None]
-    left, top = min(p.dx for p in places), max(p.dy for p in places)
-    for text, place in zip(texts, places, strict=True):
-        text.set_transform(ax.transAxes + shift(ax, place.dx - left, place.dy - top - foot - 4.0))
-        text.set_position((0.0, 0.0))
-    return top - min(p.dy for p in places) + 12.0
 
 
 def _in_columns(legend: Legend, ax: Axes, foot: float, room: float, renderer: Any) -> Legend:
@@ -658,7 +645,6 @@ def _size(text: Text) -> float:
 
 
 def _words(text: Text) -> str:
-    """The words of a text as they were before lines were broken."""
     words = str(getattr(text, WORDS, text.get_text()))
     setattr(text, WORDS, words)
     return words
@@ -682,17 +668,3 @@ def _fewer_ticks(axis: XAxis | YAxis, renderer: Any) -> None:
         if not isinstance(locator, MaxNLocator):
             return
         locator.set_params(nbins=count)
-
-
-def _end_labels(ax: Axes, dpi: float) -> None:
-    """Put labels of line ends right of the axes, and rules over columns, to their new edge."""
-    box = ax.get_window_extent()
-    for text in ax.texts:
-        place = place_of(text)
-        if place is not None and place.kind == "end":
-            at = ax.transData.transform((place.x, place.y))[0]
-            text.xyann = ((box.x1 - at) * 72.0 / dpi + place.dx, text.xyann[1])  # type: ignore[attr-defined]
-    for line in ax.get_children():
-        place = place_of(line)
-        if place is not None and place.kind == "rule":
-            line.set_xdata([1.0 + d * dpi / 72.0 / box.width for d in (place.dx, place.dy)])  # type: ignore[attr-defined]

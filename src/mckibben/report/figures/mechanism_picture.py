@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...muscles.braid import BraidShape, braid_of
-from ...muscles.build import law_from_specimen
 from ...quantities import from_si
 from ...simulation import Chain, Joint, Plate, Simulation, Weight
 from ...simulation.mechanisms import in_si, published
 from . import style
-from .muscle_figures import draw_braid
+from .muscle_figures import draw_braid, stated_braid
 from .style import COLOURS, INK, INK_2, INK_3, SUNKEN, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.transforms import Transform
 
 SIZE = 4.8  # width and height of a picture [inch]
 DPI = 100
@@ -54,7 +51,8 @@ class MechanismPicture:
     def __init__(self, simulation: Simulation, title: str = "") -> None:
         self.system, self.title = simulation.system, title
         self.shapes = {
-            name: _braid(simulation.system.muscles[name], unit.law) for name, unit in simulation.units.items()
+            name: stated_braid(unit.law, published(simulation.system.muscles[name]))
+            for name, unit in simulation.units.items()
         }
 
     @style.styled()
@@ -77,7 +75,36 @@ class MechanismPicture:
         ax.set_xlim(left, left + size)
         ax.set_ylim(bottom, bottom + size)
         self._point = size / (72.0 * SIZE)
-        self._draw(ax, readings, wanted)
+        if isinstance(self.system, Weight):
+            hook = -readings["position"] - 2.0 * FITTING
+            _hatched(ax, (-0.05, 0.0), (0.05, 0.0), 0.008)
+            self._draw_muscle(ax, "muscle", PointInPicture(0.0, 0.0, 0.0), 0.0, -hook, readings)
+            _box(ax, (-0.03, hook - 0.05), 0.06, 0.05, SUNKEN)
+            if "position" in wanted:
+                ax.plot(
+                    [-0.06, 0.06],
+                    [-wanted["position"] - 2.0 * FITTING] * 2,
+                    color=COLOURS["length"],
+                    lw=1.4,
+                    ls=(0, (4, 2.3)),
+                    zorder=8,
+                )
+        elif isinstance(self.system, Joint):
+            self._draw_joint(ax, readings, wanted)
+        elif isinstance(self.system, Chain):
+            self._draw_chain(ax, readings, wanted, self.system)
+        elif isinstance(self.system, Plate):
+            _hatched(ax, (0.0, -0.04), (0.0, 0.04), -0.008)
+            self._draw_muscle(
+                ax, "muscle", PointInPicture(0.0, 0.0, 0.5 * math.pi), 0.0, readings["span"] + 2.0 * FITTING, readings
+            )
+            _box(ax, (readings["span"] + 2.0 * FITTING, -0.03), 0.008, 0.06, INK_3)
+            low, tall = -0.095, 0.04
+            _box(ax, (0.05, low), 0.012, tall, "none")
+            _box(ax, (0.05, low), 0.012, tall * min(max(readings["pressure"] / FULL, 0.0), 1.0), COLOURS["pressure"])
+            if "pressure" in wanted:
+                level = low + tall * wanted["pressure"] / FULL
+                ax.plot([0.044, 0.068], [level] * 2, color=INK, lw=1.6, zorder=8)
         ax.text(0.03, 0.965, self.title, transform=ax.transAxes, fontweight="bold", fontsize=style.SMALL, va="center")
         lines = [f"{time:.2f} s", *self._numbers(readings, wanted)]
         for k, line in enumerate(lines):
@@ -98,53 +125,16 @@ class MechanismPicture:
         return (-0.15, -0.25, 0.30) if isinstance(self.system, Weight) else (-0.05, -0.125, 0.25)
 
     def _numbers(self, readings: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
-        """What is said of the goals: each field as it is and as it is wanted."""
         return [f"{name.replace('_', ' ')} {_shown(name, readings[name])}, wanted {_shown(name, value)}"
                 for name, value in wanted.items()]  # fmt: skip
-
-    def _draw(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
-        if isinstance(self.system, Weight):
-            self._draw_weight(ax, readings, wanted)
-        elif isinstance(self.system, Joint):
-            self._draw_joint(ax, readings, wanted)
-        elif isinstance(self.system, Chain):
-            self._draw_chain(ax, readings, wanted, self.system)
-        elif isinstance(self.system, Plate):
-            self._draw_plate(ax, readings, wanted)
-
-    def _draw_weight(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
-        hook = -readings["position"] - 2.0 * FITTING
-        _hatched(ax, (-0.05, 0.0), (0.05, 0.0), 0.008)
-        self._draw_muscle(ax, "muscle", PointInPicture(0.0, 0.0, 0.0), 0.0, -hook, readings)
-        _box(ax, (-0.03, hook - 0.05), 0.06, 0.05, SUNKEN)
-        if "position" in wanted:
-            ax.plot(
-                [-0.06, 0.06],
-                [-wanted["position"] - 2.0 * FITTING] * 2,
-                color=COLOURS["length"],
-                lw=1.4,
-                ls=(0, (4, 2.3)),
-                zorder=8,
-            )
-
-    def _draw_plate(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
-        _hatched(ax, (0.0, -0.04), (0.0, 0.04), -0.008)
-        self._draw_muscle(
-            ax, "muscle", PointInPicture(0.0, 0.0, 0.5 * math.pi), 0.0, readings["span"] + 2.0 * FITTING, readings
-        )
-        _box(ax, (readings["span"] + 2.0 * FITTING, -0.03), 0.008, 0.06, INK_3)
-        low, tall = -0.095, 0.04
-        _box(ax, (0.05, low), 0.012, tall, "none")
-        _box(ax, (0.05, low), 0.012, tall * min(max(readings["pressure"] / FULL, 0.0), 1.0), COLOURS["pressure"])
-        if "pressure" in wanted:
-            level = low + tall * wanted["pressure"] / FULL
-            ax.plot([0.044, 0.068], [level] * 2, color=INK, lw=1.6, zorder=8)
 
     def _draw_joint(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float]) -> None:
         arms = _arms(self.system)
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
         if "angle" in wanted:
-            self._draw_wanted_limb(ax, PointInPicture(0.0, 0.0, wanted["angle"]), 0.13)
+            place = PointInPicture(0.0, 0.0, wanted["angle"])
+            x, y = place.at(0.0, 0.13)
+            ax.plot([place.x, x], [place.y, y], color=COLOURS["length"], lw=1.6, ls=(0, (4, 2.3)), zorder=2)
         self._draw_hinge(
             ax,
             PointInPicture(0.0, 0.0, 0.0),
@@ -154,10 +144,6 @@ class MechanismPicture:
             readings,
         )
         _limb(ax, PointInPicture(0.0, 0.0, readings["angle"]), 0.13)
-
-    def _draw_wanted_limb(self, ax: Axes, place: PointInPicture, length: float) -> None:
-        x, y = place.at(0.0, length)
-        ax.plot([place.x, x], [place.y, y], color=COLOURS["length"], lw=1.6, ls=(0, (4, 2.3)), zorder=2)
 
     def _draw_chain(self, ax: Axes, readings: Mapping[str, float], wanted: Mapping[str, float], chain: Chain) -> None:
         _hatched(ax, (-0.05, ANCHOR), (0.05, ANCHOR), 0.008)
@@ -183,7 +169,6 @@ class MechanismPicture:
         muscles: Mapping[str, str],
         readings: Any,
     ) -> None:
-        """A pulley at a joint, with its muscles beside the part that it hangs from."""
         from matplotlib.patches import Circle
 
         for side, arm in zip(("flexor", "extensor"), arms, strict=True):
@@ -201,6 +186,7 @@ class MechanismPicture:
         self, ax: Axes, name: str, place: PointInPicture, begin: float, end: float, readings: Mapping[str, float]
     ) -> None:
         """A muscle that hangs at a place, and the cord from its lower end on [m]."""
+        from matplotlib.patches import Rectangle
         from matplotlib.transforms import Affine2D
 
         prefix = f"{name}_" if len(self.shapes) > 1 else ""
@@ -212,11 +198,7 @@ class MechanismPicture:
         ax.plot(
             [last, max(end, last)], [0.0, 0.0], color=INK, lw=1.2, ls=":" if slack else "-", zorder=4, transform=local
         )
-        self._draw_shape(ax, name, length, pressure, begin + FITTING, local)
-
-    def _draw_shape(self, ax: Axes, name: str, length: float, pressure: float, start: float, local: Transform) -> None:
-        from matplotlib.patches import Rectangle
-
+        start = begin + FITTING
         shape = self.shapes[name]
         known = shape is not None and length < 0.999 * shape.thread_length
         width = shape.diameter(length) if shape is not None and known else PLAIN
@@ -231,13 +213,6 @@ class MechanismPicture:
         ax.add_patch(gas)
 
 
-def _braid(muscle: Any, law: Any) -> BraidShape | None:
-    """The braid of a law, else of another law that its specimen states."""
-    stated = published(muscle)
-    others = [] if stated is None else [law_from_specimen(stated, name) for name in stated.laws]
-    return next((shape for one in (law, *others) if (shape := braid_of(one)) is not None), None)
-
-
 def _arms(joint: Any) -> tuple[float, float]:
     """Moment arms of flexor and extensor at angle zero, without their signs [m]."""
     pair = joint.arm if isinstance(joint.arm, tuple | list) else (joint.arm, joint.arm)
@@ -246,7 +221,6 @@ def _arms(joint: Any) -> tuple[float, float]:
 
 
 def _shown(name: str, value: float) -> str:
-    """A quantity with a unit that suits people."""
     if "pressure" in name:
         return f"{number(from_si(value, 'Pa', 'bar'), 2)} bar"
     if "angle" in name:

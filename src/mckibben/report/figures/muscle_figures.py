@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from ...muscles.braid import BraidShape
+from ...muscles.braid import BraidShape, braid_of
+from ...muscles.build import law_from_specimen
 from ...muscles.law import TensionLaw
 from ...muscles.plausible import HIGHEST_PRESSURE
 from ...quantities import from_si
+from ...specimens import Specimen
 from . import formats, style
 from .fit_figures import pulling, tension_grid
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
@@ -59,6 +61,12 @@ def law_curves(
         draw_volume(panels[2], law, span, bars)
         style.heading(panels[2], "Gas inside", above=24.0)
     return fig
+
+
+def stated_braid(law: TensionLaw, stated: Specimen | None) -> BraidShape | None:
+    """The braid of a law, else of another law that the specimen states; None where none of them has a braid."""
+    others = [] if stated is None else [law_from_specimen(stated, name) for name in stated.laws]
+    return next((shape for one in (law, *others) if (shape := braid_of(one)) is not None), None)
 
 
 def working_lengths(law: TensionLaw, highest: float) -> tuple[float, float]:
@@ -230,16 +238,7 @@ def muscle_drawing(
     words = f"braid to scale, {_ratio(scale)} on paper"
     if across >= style.MIDDLE:
         words += f"; {threads} threads each way drawn"
-    ax.annotate(
-        words,
-        xy=(1, 0),
-        xycoords=head_text,
-        xytext=(7, 0),
-        textcoords="offset points",
-        fontsize=style.SMALL,
-        color=INK_3,
-        va="bottom",
-    )
+    style.beside(ax, words, (1, 0), (7, 0), xycoords=head_text, color=INK_3, va="bottom")
     _scale_bar(ax, 14.0 * per_point, (tall - 16.0) * per_point, per_point, max(lengths))
     return fig
 
@@ -352,19 +351,10 @@ def _dimensions(
     angle = shape.degrees(length)
     text = f"{number(from_si(length, 'm', 'cm'), 2)}\N{NO-BREAK SPACE}cm"
     label = ax.text(x0, low + 6.0 * point, text, color=green, fontweight="bold", fontsize=style.SMALL, va="top")
-    rest = f"braid angle {number(angle, 1)}°\N{EM SPACE}diameter {number(1e3 * width, 1)}\N{NO-BREAK SPACE}mm"
+    rest = f"braid angle {number(angle, 1)}°\N{EM SPACE}diameter {number(from_si(width, 'm', 'mm'), 1)}\N{NO-BREAK SPACE}mm"
     if remark:
         rest = f"{remark}\N{EM SPACE}{rest}"
-    ax.annotate(
-        rest,
-        xy=(1, 1),
-        xycoords=label,
-        xytext=(9, 0),
-        textcoords="offset points",
-        va="top",
-        fontsize=style.SMALL,
-        color=INK_2,
-    )
+    style.beside(ax, rest, (1, 1), (9, 0), xycoords=label, va="top", color=INK_2)
     side = x0 + length + fitting + 9.0 * point
     ax.plot([side, side], [middle - 0.5 * width, middle + 0.5 * width], color=INK_3, lw=0.8)
     for end in (-0.5, 0.5):
@@ -426,16 +416,7 @@ def loop_figure(
         _arrows(ax, x, y)
         if path.label:
             i = int(np.argmax(x + 1e-9 * y))
-            ax.annotate(
-                path.label,
-                xy=(x[i], y[i]),
-                xytext=(8, -3),
-                textcoords="offset points",
-                va="center",
-                annotation_clip=False,
-                fontsize=style.SMALL,
-                fontweight="bold",
-            )
+            style.beside(ax, path.label, (x[i], y[i]), (8, -3), va="center", annotation_clip=False, fontweight="bold")
     style.quantity_axes(ax, x=("Displacement, mm", "length"), y=("Tension, N", "tension"))
     style.heading(ax, title, note, above=24.0)
     return fig

@@ -69,10 +69,8 @@ def _draw_chart(ax: Axes, chart: Mapping[str, Any], view: Mapping[str, Any]) -> 
         right = [end for end in ends if end[0] > x1 - SIDE * (x1 - x0)]
         style.end_labels(ax, right, quantity=quantity or None)
         for x, y, text in (end for end in ends if end not in right):  # a line that ends within the axes, or above them
-            ax.annotate(
-                text, (x, y), (3, 3), textcoords="offset points", fontsize=style.SMALL, fontweight="bold",
-                color=style.colour(quantity or None), annotation_clip=False,
-            )  # fmt: skip
+            look = {"fontweight": "bold", "color": style.colour(quantity or None), "annotation_clip": False}
+            style.beside(ax, text, (x, y), (3, 3), **look)
 
 
 def _title(axis: Mapping[str, Any]) -> tuple[str, str | None]:
@@ -138,10 +136,7 @@ def _draw_mark(ax: Axes, mark: Mapping[str, Any]) -> None:
     if text and shown:
         blended = ax.get_yaxis_transform() if x is None else ax.get_xaxis_transform() if y is None else ax.transData
         at = (0.0 if x is None else float(x), 1.0 if y is None else float(y))
-        ax.annotate(
-            text, at, (4, -8 if y is None else 5), xycoords=blended, textcoords="offset points", fontsize=style.SMALL,
-            color=style.INK_2,
-        )  # fmt: skip
+        style.beside(ax, text, at, (4, -8 if y is None else 5), xycoords=blended, color=style.INK_2)
 
 
 def _end(line: Mapping[str, Any], ax: Axes) -> tuple[float, float, str] | None:

@@ -17,17 +17,14 @@ from matplotlib.axes import Axes
 from ...analysis.segments import segments
 from ...errors import InputError
 from ...muscles import Muscle
-from ...muscles.braid import BraidShape, braid_of
-from ...muscles.build import law_from_specimen
 from ...quantities import from_si, in_si, shown_unit, values_in_si
 from ...recordings import ForceMap, Recording, read
 from . import (
+    analysis_figures,
     comparison_figures,
     energy_figures,
     fit_figures,
-    loop_comparison,
     muscle_figures,
-    posterior_figures,
     recording_figures,
     sizing_figures,
     style,
@@ -147,7 +144,7 @@ class MusclePlots:
         Raises:
             InputError: if the law has no braid.
         """
-        shape = braid_shape(self._muscle)
+        shape = muscle_figures.stated_braid(self._law, self._muscle.specimen)
         if shape is None:
             raise InputError(
                 "law", self._muscle.law_name, "it has no braid: thread_length and turns, or an angle at rest"
@@ -167,14 +164,6 @@ class MusclePlots:
             return muscle_figures.working_lengths(self._law, highest)
         low, high = values_in_si(list(lengths), "m", field="lengths")
         return low, high
-
-
-def braid_shape(muscle: Muscle) -> BraidShape | None:
-    """The braid of a muscle's law, else of another law that its specimen states; None where none of them has a braid."""
-    others = (
-        [] if muscle.specimen is None else [law_from_specimen(muscle.specimen, name) for name in muscle.specimen.laws]
-    )
-    return next((shape for law in (muscle.law, *others) if (shape := braid_of(law)) is not None), None)
 
 
 class RecordingPlots:
@@ -265,12 +254,12 @@ class RecordingPlots:
             return self.against(across, channel, title=title, ax=ax)
         data = read(measured) if isinstance(measured, str | Path) else measured
         if ax is None:
-            drawn = loop_comparison.measured_loop_figure(
+            drawn = analysis_figures.measured_loop_figure(
                 self._recording, data, across=across, channel=channel, title=title
             )
             return shown(drawn)
         x, y = self._panel([across]), self._panel([channel])
-        loop_comparison.draw_measured_loop(ax, self._recording, data, x, y)
+        analysis_figures.draw_measured_loop(ax, self._recording, data, x, y)
         style.quantity_axes(ax, x=(x.heading, x.quantity), y=(y.heading, y.quantity))
         return ax
 
@@ -315,13 +304,13 @@ def plot_loops(
         ['1 Hz', '2 Hz']
     """
     if isinstance(recordings, str | Path):
-        loops, x, y = loop_comparison.loops_of_sweep(recordings, across=across, channel=channel)
+        loops, x, y = analysis_figures.loops_of_sweep(recordings, across=across, channel=channel)
     else:
         if not recordings:
             raise InputError("recordings", None, "must be one or more")
-        loops, x, y = loop_comparison.loops_of_recordings(recordings, across=across, channel=channel, words=words)
+        loops, x, y = analysis_figures.loops_of_recordings(recordings, across=across, channel=channel, words=words)
         title = title or str(recordings[0].meta.get("title", ""))
-    return shown(loop_comparison.swept_loops_figure(loops, x, y, title=title))
+    return shown(analysis_figures.swept_loops_figure(loops, x, y, title=title))
 
 
 class FitPlots:
@@ -354,14 +343,14 @@ class PosteriorPlots:
         """Draw measured tension over length, and the 95 % band of the true tension, one per pressure."""
 
         def draw(axes: Axes) -> None:
-            posterior_figures.draw_bands(axes, self._posterior)
-            style.heading(axes, posterior_figures.title_of(self._posterior), posterior_figures.KEY, above=24.0)
+            fit_figures.draw_bands(axes, self._posterior)
+            style.heading(axes, fit_figures.title_of(self._posterior), fit_figures.BANDS_KEY, above=24.0)
 
         return drawn(draw, ax, height=4.7)
 
     def parameters(self) -> Axes:
         """Draw the samples of the parameters by pairs, a figure of one pair of axes per pair; the first."""
-        return shown(posterior_figures.parameter_pairs(self._posterior))
+        return shown(fit_figures.parameter_pairs(self._posterior))
 
 
 class ComparisonPlots:
@@ -485,7 +474,8 @@ def muscle_html(muscle: Muscle) -> str:
     picture = ""
     if not muscle.is_biological:
         plots = MusclePlots(muscle)
-        picture = _picture(plots.force_map() if braid_shape(muscle) is None else plots.braid())
+        braid = muscle_figures.stated_braid(muscle.law, muscle.specimen)
+        picture = _picture(plots.force_map() if braid is None else plots.braid())
     return _table(muscle.title, repr(muscle), ("symbol", "meaning", "value", "unit", "source"), rows) + picture
 
 
@@ -521,7 +511,7 @@ def part_html(part: ListedPart) -> str:
 
 def comparison_html(compared: MuscleTable) -> str:
     """A comparison as a table, one column per muscle."""
-    shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.rows()]
+    shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.properties()]
     rows = [(title, unit, *("" if v is None else f"{v:.4g}" for v in values)) for title, unit, values in shown]
     return _table("Comparison", repr(compared), ("property", "unit", *(c.name for c in compared.columns)), rows)
 
@@ -557,7 +547,6 @@ def _picture(ax: Axes) -> str:
 
 
 def _value(value: Any, unit: str) -> tuple[str, str]:
-    """A number, or a list of them, as a person reads it, and its unit."""
     numbers = [from_si(float(one), unit, shown_unit(unit)) for one in np.ravel(value)]
     return ", ".join(f"{one:.4g}" for one in numbers), _unit(unit)
 

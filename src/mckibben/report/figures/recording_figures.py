@@ -15,7 +15,7 @@ from ...experiments.amounts import read_amount
 from ...quantities import from_si, shown_unit
 from ...recordings.recording import Recording
 from . import formats, style
-from .provenance import describe, recording_source
+from .places import describe, recording_source
 from .style import DASHES, INK_2, PANEL, RECORDING_DASHES, SMALL, SUNKEN
 
 if TYPE_CHECKING:
@@ -214,7 +214,6 @@ def _extremes(t: np.ndarray, v: np.ndarray, begins: np.ndarray, columns: int) ->
 
 
 def _axes(name: str, unit: str) -> tuple[str, str | None, str, str]:
-    """Title, quantity, displayed unit and SI unit of the axes of a channel."""
     if unit == "Pa" and name.endswith("_abs"):
         return "Absolute pressure", "pressure", "bar", unit
     if unit in _KNOWN:
@@ -267,7 +266,8 @@ def time_figure(
     heights = [0.75 * each if p.quantity == "valve" else each for p in drawn]
     height = top + sum(heights) + gap * (len(drawn) - 1) + foot
     fig = style.figure(WIDTH, height)
-    limits = _time_limits(parts)
+    low, high = float(parts[0].time[0]), float(parts[-1].time[-1])
+    limits = (low, high) if high > low else (low - 0.5, high + 0.5)
     y = height - top
     for i, (panel, own) in enumerate(zip(drawn, heights, strict=True)):
         ax = fig.add_axes((0.065, (y - own) / height, 0.715, own / height))
@@ -327,7 +327,7 @@ def against_figure(
             _head(ax, record, title, above=24.0)
         _name_families(ax, families, panel, x)
         if len(panel.names) > 1:
-            _key(ax, loc="best", bbox_to_anchor=None)
+            style.key(ax, loc="best", bbox_to_anchor=None)
     describe(fig, recording_source(record))
     return fig
 
@@ -351,7 +351,7 @@ def draw_panel(ax: Axes, parts: Sequence[Recording], panel: ChannelPanel) -> Non
         )
     _set_range(ax, panel)
     # A key beside the axes and not labels at the ends: command, true and measured mostly end in one point.
-    _key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=style.colour(panel.quantity))
+    style.key(ax, loc="upper left", bbox_to_anchor=(1.005, 1.1), labelcolor=style.colour(panel.quantity))
 
 
 def _set_range(ax: Axes, panel: ChannelPanel) -> None:
@@ -382,11 +382,6 @@ def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[st
     return {"lw": style.LINE + 0.2, "linestyle": dash, "alpha": opacity, "zorder": 2.4 - 0.01 * rank}
 
 
-def _key(ax: Axes, **options: object) -> None:
-    look = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
-    ax.legend(**look | options)
-
-
 def _key_words(record: Recording, name: str) -> str:
     """Name of a channel in a key; without the quantity on the axes if all channels are true values."""
     words, kind = name, record.channels[name].kind
@@ -396,12 +391,6 @@ def _key_words(record: Recording, name: str) -> str:
     words = words.replace("_", " ").replace(".", " ")
     words = words if kind == "measured" or kind in words else f"{words}, {kind}"
     return _cut(words, MOST_LETTERS)
-
-
-def _time_limits(parts: Sequence[Recording]) -> tuple[float, float]:
-    """Limits of the time axis [s]; one second wide around a single sample."""
-    low, high = float(parts[0].time[0]), float(parts[-1].time[-1])
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
 def _lane(ax: Axes, steps: Sequence[tuple[float, float, list[str]]], limits: tuple[float, float]) -> None:
@@ -468,24 +457,13 @@ def _name_families(ax: Axes, families: Sequence[ChannelFamily], panel: ChannelPa
         return
     lines = {line.get_gid(): line for line in ax.get_lines() if line.get_gid()}
     shown = [f.words for f in some[::-1]]
-    key = ax.legend(
-        [lines[w] for w in shown],
-        shown,
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.02),
-        frameon=False,
-        fontsize=SMALL,
-        handlelength=2.6,
-        labelspacing=0.35,
-        borderpad=0.2,
-        labelcolor=style.colour(quantity),
-    )
+    handles, colour = [lines[w] for w in shown], style.colour(quantity)
+    key = style.key(ax, handles, shown, loc="upper left", bbox_to_anchor=(1.01, 1.02), labelcolor=colour)
     if len(panel.names) > 1:
         ax.add_artist(key)  # the key of the channels would take its place
 
 
 def _right_end(family: ChannelFamily, panel: ChannelPanel, x: ChannelPanel) -> tuple[float, float] | None:
-    """Right end of the first line of a family, in the units of the axes."""
     part = family.parts[-1]
     across, up = part[x.names[0]], part[panel.names[0]]
     both = np.isfinite(across) & np.isfinite(up)
@@ -511,7 +489,6 @@ def _cut(text: str, most: int) -> str:
 
 
 def _note(record: Recording) -> str:
-    """Compose a note: muscle and rig, an unusual end, and saturated sensors."""
     meta = record.meta
     words = {"specimen": "", "rig": "rig "}
     said = [f"{before}{meta[key]}" for key, before in words.items() if isinstance(meta.get(key), str)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...quantities import from_si
 from ...studies.design import Design, DesignStudy
-from ...studies.sizing import Judged, LineResult, Sizing
+from ...studies.sizing import Judged, Sizing
 from ...studies.sizing.braid import frontier
 from ...studies.sizing.candidate import VERDICTS, LawAtPressure
 from . import style
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 POINTS = 129
+GRAM, MS = from_si(1.0, "kg", "g"), from_si(1.0, "s", "ms")
 MOST = 6  # muscles drawn
 KIND_MARKERS = {"pressure_regulator": "s", "spool_valve": "o", "three_way_valve": "^"}
 _DASHES = ("-", (0, (8, 2)), (0, (4, 2.3)), (0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1.7)), (0, (2.5, 1.2)))
@@ -48,7 +49,6 @@ def design_map(sizing: Sizing, *, law: str = "linear_threshold") -> Figure:
 
 
 def _shown(sizing: Sizing) -> list[Judged]:
-    """Select the best of each kind first, then further sufficient ones."""
     order = list(sizing.muscles)
     first = [next((m for m in order if m.muscle.kind == k), None) for k in ("braid", "specimen", "size")]
     chosen = [m for m in first if m is not None]
@@ -114,13 +114,12 @@ def draw_force_over_stroke(ax: Axes, sizing: Sizing, law: str) -> None:
         over = np.flatnonzero(np.isfinite(most) & (most <= 0.72 * top))
         if over.size:
             i = int(over[0])
-            ax.annotate(
+            style.beside(
+                ax,
                 "most that a braid\nin the space promises",
                 (some[i] * cm, most[i]),
-                xytext=(-5, 0),
+                (-5, 0),
                 ha="right",
-                textcoords="offset points",
-                fontsize=style.SMALL,
                 color=INK_2,
                 va="center",
                 zorder=4,
@@ -148,14 +147,13 @@ def _margin(ax: Axes, sizing: Sizing, cm: float) -> None:
         ax.annotate("", (one.stroke * cm, y), (x, y), arrowprops={"arrowstyle": "->", "color": INK, "lw": 0.9})
     ax.plot([x], [y], "o", mfc=INK, mec=PANEL, mew=1.2, ms=8.0, zorder=5)
     said = f"required: {wish.force:.4g} N, {x:.3g} cm"
-    ax.annotate(
+    style.beside(
+        ax,
         said,
         (x, y),
-        xytext=(-8, -12),
-        textcoords="offset points",
+        (-8, -12),
         ha="right",
         va="top",
-        fontsize=style.SMALL,
         fontweight="bold",
         color=INK,
         zorder=6,
@@ -171,15 +169,14 @@ def _keyed(ax: Axes, shown: list[Judged], sizing: Sizing) -> None:
         for one, dash in zip(shown, _DASHES, strict=False)
     ]
     labels = [f"{m.muscle.id}: {m.verdict}" + (f", {m.worst[0]}" if m.verdict == VERDICTS[2] else "") for m in shown]
-    ax.legend(
+    style.key(
+        ax,
         handles,
         labels,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.055),
         ncols=3,
         fontsize=style.SMALL - 0.5,
-        frameon=False,
-        handlelength=2.6,
         labelcolor=INK_2,
         borderaxespad=0.0,
         columnspacing=1.4,
@@ -189,8 +186,6 @@ def _keyed(ax: Axes, shown: list[Judged], sizing: Sizing) -> None:
 
 
 def _lines(ax: Axes, sizing: Sizing) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     able = [x for x in sizing.lines if x.to_force is not None]
     if not able:
         style.note(ax, "no line reaches the force", x=0.5, y=0.5, ha="center")
@@ -200,8 +195,8 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
     for line in able:
         marker = KIND_MARKERS.get(line.element, "D")
         ax.plot(
-            [1e3 * line.mass],
-            [1e3 * (line.to_force or np.nan)],
+            [line.mass * GRAM],
+            [(line.to_force or np.nan) * MS],
             marker,
             ms=3.5 + 1.2 * np.log1p(line.power),
             zorder=3,
@@ -209,29 +204,22 @@ def _lines(ax: Axes, sizing: Sizing) -> None:
             mec=COLOURS["valve"],
             mew=0.9,
         )
-    _first(ax, able[0])
-    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the required force, ms", None))
-
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
-        axis.set_minor_formatter(NullFormatter())
-    style.heading(ax, f"Lines for {sizing.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
-    style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
-
-
-def _first(ax: Axes, line: LineResult) -> None:
-    ax.annotate(
+    line = able[0]
+    style.beside(
+        ax,
         f"{line.valve}, {line.tube}",
-        (1e3 * line.mass, 1e3 * (line.to_force or np.nan)),
-        xytext=(-4, 16),
-        textcoords="offset points",
-        fontsize=style.SMALL,
+        (line.mass * GRAM, (line.to_force or np.nan) * MS),
+        (-4, 16),
         color=INK,
         va="bottom",
         arrowprops={"arrowstyle": "-", "color": INK_3, "lw": 0.5, "shrinkA": 0, "shrinkB": 3},
         bbox={"boxstyle": "round,pad=0.1", "fc": PANEL, "ec": "none", "alpha": 0.8},
     )
+    style.quantity_axes(ax, x=("Mass of valve and tube, g", None), y=("Time to the required force, ms", None))
+    for axis in (ax.xaxis, ax.yaxis):
+        style.tick_numbers(axis)
+    style.heading(ax, f"Lines for {sizing.chosen.muscle.id}", "filled: Pareto-best", above=40.0)
+    style.note(ax, "▲ switching  ● proportional  ■ regulator; larger: more power", y=1.0, dy=24.0, dx=0.0)
 
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -241,11 +229,18 @@ LISTED, ROWS = 12, 4  # designs of the front that are told, from the fastest on;
 @style.styled()
 def design_front(study: DesignStudy) -> Figure:
     """Draw air per cycle and efficiency over response time; filled are the Pareto-optimal designs."""
+    from matplotlib.lines import Line2D
+
     fig = style.figure(style.WIDE, 5.2)
     grid = fig.add_gridspec(1, 2, left=0.07, right=0.975, bottom=0.29, top=0.80, wspace=0.24)
     done = [d for d in study.designs if np.isfinite(d.response)]
     panels = (
-        ("Air per cycle, mg", [1e6 * d.air for d in done], "Less air", "from the supply, in a working cycle"),
+        (
+            "Air per cycle, mg",
+            [from_si(d.air, "kg", "mg") for d in done],
+            "Less air",
+            "from the supply, in a working cycle",
+        ),
         ("Efficiency, %", [1e2 * d.efficiency for d in done], "More work from it", "work over the exergy of the air"),
     )
     for number, (quantity, values, title, note) in enumerate(panels):
@@ -254,7 +249,24 @@ def design_front(study: DesignStudy) -> Figure:
         style.quantity_axes(ax, x=("Response to a step of pressure, ms", None), y=(quantity, None))
         style.heading(ax, title, note, above=46.0)
         if number == 0:
-            _front_key(ax, study)
+            muscles = list(dict.fromkeys(d.muscle for d in study.designs))
+            handles = [
+                Line2D([], [], marker=MARKERS[i % len(MARKERS)], ls="", mfc=PANEL, mec=COLOURS["valve"], ms=6.0)
+                for i in range(len(muscles))
+            ]
+            handles.append(Line2D([], [], marker="o", ls="", mfc=COLOURS["valve"], mec=COLOURS["valve"], ms=6.0))
+            style.key(
+                ax,
+                handles,
+                [*muscles, "filled: beaten by none"],
+                loc="lower left",
+                bbox_to_anchor=(-0.02, 1.085),
+                ncols=len(handles),
+                labelcolor=INK_2,
+                borderaxespad=0.0,
+                columnspacing=1.2,
+                handletextpad=0.3,
+            )
     listed = []
     for i, design in enumerate(study.front[:LISTED]):
         x, y = 0.07 + 0.305 * (i // ROWS), 0.145 - 0.035 * (i % ROWS)
@@ -265,8 +277,6 @@ def design_front(study: DesignStudy) -> Figure:
 
 
 def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     muscles = list(dict.fromkeys(d.muscle for d in done))
     ax.set_xscale("log")
     if not done:
@@ -274,7 +284,7 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         return
     for design, y in zip(done, values, strict=True):
         ax.plot(
-            [1e3 * design.response],
+            [design.response * MS],
             [y],
             MARKERS[muscles.index(design.muscle) % len(MARKERS)],
             ms=7.0,
@@ -285,49 +295,12 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         )
     best = sorted((d.response, y) for d, y in zip(done, values, strict=True) if d.best)[:LISTED]
     for i, (x, y) in enumerate(best, 1):
-        ax.annotate(
-            str(i),
-            (1e3 * x, y),
-            xytext=(-9, 0),
-            textcoords="offset points",
-            fontsize=style.SMALL,
-            color=INK,
-            fontweight="bold",
-            ha="center",
-            va="center",
-            zorder=4,
-        )
+        style.beside(ax, str(i), (x * MS, y), (-9, 0), color=INK, fontweight="bold", ha="center", va="center", zorder=4)
     ax.margins(x=0.18, y=0.16)
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: style.number(value)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    style.tick_numbers(ax.xaxis)
 
 
 def _words(design: Design) -> str:
     bore, length = from_si(design.tube_diameter, "m", "mm"), from_si(design.tube_length, "m", "cm")
     said = f"{design.muscle}: {from_si(design.valve_flow, 'm^3/s', 'l/min'):.3g} l/min, {bore:.3g} mm, {length:.3g} cm"
     return said if design.settled else f"{said}, not settled"
-
-
-def _front_key(ax: Axes, study: DesignStudy) -> None:
-    from matplotlib.lines import Line2D
-
-    muscles = list(dict.fromkeys(d.muscle for d in study.designs))
-    handles = [
-        Line2D([], [], marker=MARKERS[i % len(MARKERS)], ls="", mfc=PANEL, mec=COLOURS["valve"], ms=6.0)
-        for i in range(len(muscles))
-    ]
-    handles.append(Line2D([], [], marker="o", ls="", mfc=COLOURS["valve"], mec=COLOURS["valve"], ms=6.0))
-    ax.legend(
-        handles,
-        [*muscles, "filled: beaten by none"],
-        loc="lower left",
-        bbox_to_anchor=(-0.02, 1.085),
-        ncols=len(handles),
-        fontsize=style.SMALL,
-        frameon=False,
-        labelcolor=INK_2,
-        borderaxespad=0.0,
-        columnspacing=1.2,
-        handletextpad=0.3,
-    )

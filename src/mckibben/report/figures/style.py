@@ -25,15 +25,17 @@ import numpy as np
 
 from ...documents import ErrorKeepingFile, write_text, write_whole
 from ...errors import InputError
-from . import formats, layout, printing, provenance
+from . import formats, layout, places
 from .colours import LIGHT
 from .places import ArtistPlace, Sheet, set_place, set_sheet, sheet_of
 from .places import shift as shift
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-    from matplotlib.text import Text
+    from matplotlib.legend import Legend
+    from matplotlib.text import Annotation, Text
 
 
 INK, INK_2, INK_3 = LIGHT["ink"], LIGHT["ink-2"], LIGHT["ink-3"]
@@ -128,10 +130,10 @@ def finish(result: Any) -> None:
     sheet, style = sheet_of(fig), formats.current_style()
     if sheet is None:
         if isinstance(result, Axes) and style.printed:
-            printing.distinguish(result)
+            formats.distinguish(result)
         return
     set_sheet(fig, None)
-    printing.restyle(fig, style)
+    formats.restyle(fig, style)
     if style.width is None:
         return
     if sheet.drawing:
@@ -197,15 +199,24 @@ def quantity_axes(ax: Axes, *, x: tuple[str, str | None], y: tuple[str, str | No
         x: title with its unit, such as ``"Length, cm"``, and the quantity, or None for something derived.
         y: the same; it stands above the axis, so that it is read without turning the head.
     """
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
-
     ax.set_xlabel(x[0], color=colour(x[1]), fontweight="bold", fontsize=SMALL + 0.5, labelpad=3)
     ax.set_ylabel(y[0], color=colour(y[1]), fontweight="bold", fontsize=SMALL + 0.5, rotation=0, ha="left", va="bottom")
     ax.yaxis.set_label_coords(0.0, 1.0, transform=ax.transAxes + shift(ax, 0, 5))
     for axis in (ax.xaxis, ax.yaxis):
         if axis.get_scale() == "linear":
-            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+            tick_numbers(axis)
+
+
+def tick_numbers(axis: Axis) -> None:
+    """Write few round numbers along an axis, at 1, 2 and 5 of each decade of a logarithmic one."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    if axis.get_scale() == "log":
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+    else:
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
 
 
 def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None:
@@ -214,17 +225,7 @@ def heading(ax: Axes, text: str, note: str = "", *, above: float = 20.0) -> None
     head = ax.text(0.0, 1.0, text, transform=anchor, fontsize=NORMAL, fontweight="bold", va="bottom", color=INK)
     quiet = None
     if note:
-        quiet = ax.annotate(
-            note,
-            xy=(1.0, 0.0),
-            xycoords=head,
-            xytext=(7, 0),
-            textcoords="offset points",
-            annotation_clip=False,
-            fontsize=SMALL,
-            color=INK_3,
-            va="bottom",
-        )
+        quiet = beside(ax, note, (1.0, 0.0), (7, 0), xycoords=head, annotation_clip=False, color=INK_3, va="bottom")
     set_place(head, ArtistPlace(ax, "heading", dy=above, note=quiet))
 
 
@@ -312,21 +313,10 @@ def end_labels(
     for (x, y, text), at, place in zip(labels, points, places, strict=True):
         moved = abs(place - at[1]) > 2.0
         offset = (right - at[0] + (13 if moved else 5), place - at[1])
-        label = ax.annotate(
-            text,
-            xy=(x, y),
-            xytext=offset,
-            textcoords="offset points",
-            va="center_baseline",
-            ha="left",
-            fontsize=SMALL,
-            fontweight="bold" if bold else "normal",
-            color=colour(quantity),
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1}
-            if moved
-            else None,
-        )
+        pointer = {"arrowstyle": "-", "color": INK_3, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 1} if moved else None
+        look = {"va": "center_baseline", "ha": "left", "fontweight": "bold" if bold else "normal"}
+        look |= {"color": colour(quantity), "annotation_clip": False, "arrowprops": pointer}
+        label = beside(ax, text, (x, y), offset, **look)
         set_place(label, ArtistPlace(ax, "end", x, y, 13.0 if moved else 5.0))
 
 
@@ -343,6 +333,17 @@ def note(
     written = ax.text(x, y, text, transform=ax.transAxes + shift(ax, dx, dy), **style)
     set_place(written, ArtistPlace(ax, "note", x, y, dx, dy))
     return written
+
+
+def beside(ax: Axes, text: str, at: Any, by: tuple[float, float], **look: Any) -> Annotation:
+    """Write small text `by` points from a place, which is one of the data unless `xycoords` says of what."""
+    return ax.annotate(text, at, by, **{"fontsize": SMALL, "textcoords": "offset points"} | look)
+
+
+def key(owner: Axes | Figure, *entries: Any, **look: Any) -> Legend:
+    """Add a key of small, close lines without a frame; `entries` and `look` are those of a legend of matplotlib."""
+    usual = {"frameon": False, "fontsize": SMALL, "handlelength": 2.6, "labelspacing": 0.35, "borderpad": 0.2}
+    return owner.legend(*entries, **usual | look)
 
 
 def rule(ax: Axes, start: float, end: float, above: float) -> None:
@@ -374,7 +375,6 @@ def to_svg(fig: Figure) -> str:
 
 
 def _gathered(match: re.Match[str]) -> str:
-    """Markers that share a style, in a group that states it once."""
     uses = re.findall(r"<use ([^>]*?)\s*/>", match[0])
     styles = {style[1] if (style := re.search(r' style="([^"]*)"', use)) else "" for use in uses}
     if len(styles) > 1 or len(uses) < 3:
@@ -428,19 +428,19 @@ def save(fig: Figure, path: str | Path, *, dpi: float | None = None) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in formats.SUFFIXES:
         raise InputError("path", str(path), f"must be a name that ends in {' or '.join(formats.SUFFIXES)}")
-    origin = provenance.of(fig)
+    origin = places.provenance_of(fig)
     if suffix == ".svg":
-        write_text(path, provenance.in_svg(to_svg(fig), origin))
+        write_text(path, places.in_svg(to_svg(fig), origin))
         return
     resolution = dpi or formats.current_style().dpi
     with styled():
         write_whole(path, lambda part: _write(fig, part, suffix, resolution, origin))
 
 
-def _write(fig: Figure, file: Path, suffix: str, dpi: float, origin: provenance.Provenance) -> None:
+def _write(fig: Figure, file: Path, suffix: str, dpi: float, origin: places.Provenance) -> None:
     stream: Any
     with ErrorKeepingFile(file) as stream:
-        words = provenance.entries(origin, suffix)
+        words = places.file_entries(origin, suffix)
         fig.savefig(stream, format=suffix[1:], dpi=dpi, facecolor=fig.get_facecolor(), metadata=words)
 
 

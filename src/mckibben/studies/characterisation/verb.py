@@ -22,7 +22,7 @@ from ...bench.prepare import PreparedRun, prepare, prepare_on_machine
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.session import Session
-from ...bench.session.setup import session_rate
+from ...bench.session.interface import session_rate
 from ...documents import JsonValue, parse_json, read_text, write_text
 from ...engine import STEP
 from ...errors import EmptyRunError, InputError, StageError
@@ -212,7 +212,7 @@ class Characterisation:
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
-        written: Path = implementation("report.characterisation_report:write_characterisation_report")(self, Path(path))
+        written: Path = implementation("report.study_reports:write_characterisation_report")(self, Path(path))
         return written
 
     def save(self, path: str | os.PathLike[str]) -> Path:

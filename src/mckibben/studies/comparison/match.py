@@ -10,13 +10,14 @@ import numpy as np
 from ..._jax import Scalar, jax, jnp
 from ...analysis.characteristics import dynamic_range
 from ...analysis.segments import segments
-from ...answers import brief
+from ...answers import Column, Table, brief
 from ...bench.rig_file import rig as rig_of
 from ...components import paths
 from ...documents import JsonValue
 from ...errors import InputError, choice
 from ...estimation import Estimation, Parameter, bounds_of
 from ...experiments.read import with_values
+from ...quantities import with_unit
 from ...recordings import Recording
 from .assisted import Assisted, steady, twitch_of, with_spring
 from .protocols import Curve, normalised, record_of, rig_for
@@ -204,6 +205,50 @@ class Match(NamedTuple):
 
     def __repr__(self) -> str:
         return brief(self)
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Differences before and after, and the tuned parameters, as plain values."""
+        keys = ("path", "title", "unit", "start", "value", "low", "high", "hit")
+        return {
+            "muscle": self.muscle.id,
+            "target": self.target.id,
+            "before": dict(self.rms_before),
+            "after": dict(self.rms_after),
+            "twitch_simulated": self.rms_simulated,
+            "parameters": [{k: getattr(p, k) for k in keys} for p in self.parameters],
+        }
+
+    def tables(self) -> list[Table]:
+        """Differences of the curves before and after, and the elements."""
+        titles = {"force_length": "force-length", "force_velocity": "force-velocity", "all": "together"}
+        curves = [
+            {"curve": titles.get(n, n), "before": before, "after": self.rms_after[n]}
+            for n, before in self.rms_before.items()
+        ]
+        columns = (
+            Column("curve"),
+            Column("before", "as built", "1", places=".3f"),
+            Column("after", "with elements", "1", places=".3f"),
+        )
+        run = f"The twitch with elements on the test machine, circuit and all: {self.rms_simulated:.3f}."
+        title = (
+            f"{self.muscle.id} with elements, towards {self.target.id}: rms difference over the tension at rest length"
+        )
+        tuned = []
+        for p in self.parameters:  # at a bound the search stops a rounding before it
+            value, bound = {"": (p.value, ""), "low": (p.low, "lower")}.get(p.hit, (p.high, "upper"))
+            start, found = (with_unit(v, p.unit) for v in (p.start, value))
+            tuned.append({"title": p.title, "start": start, "value": found, "bound": bound})
+        elements = (
+            Column("title", "element"),
+            Column("start", "as built", right=True),
+            Column("value", "found", right=True),
+            Column("bound", "at its bound"),
+        )
+        return [
+            Table(title, columns, curves, () if self.simulated is None else (run,)),
+            Table("", elements, tuned),
+        ]
 
     @property
     def hits(self) -> tuple[Tuned, ...]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from ..._lazy import LazyModule
-from ...answers import collect, warn
+from ...answers import collect
 from ...errors import InputError
 from ...muscles import Muscle
 from ...muscles.plausible import pressure_caution
-from ...quantities import in_si
-from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import published_ranges
-from ...verbs import typed
-from .table import FULL_PRESSURE, Comparable, ComparedMuscle, MuscleTable, column_of, law_column, subject
+from ...verbs import LawName, MuscleName, NamedValues, Pressure, RecordingFile, RigName, typed, verb
+from .table import Comparable, ComparedMuscle, MuscleTable, column_of, law_column, subject
 
 if TYPE_CHECKING:
     from . import match as matching
@@ -27,28 +25,32 @@ else:  # what runs protocols and searches takes a second to import
     matching, equal_protocols = (LazyModule(f"{__package__}.{name}") for name in ("match", "protocols"))
 
 
+@verb
 def compare(
-    *muscles: Comparable | Iterable[Comparable],
-    recordings: Sequence[str | os.PathLike[str] | Recording] = (),
-    pressure: float | str = FULL_PRESSURE,
-    law: str | None = None,
+    *muscles: MuscleName,
+    recordings: Sequence[RecordingFile] = (),
+    pressure: Pressure = "5 bar",
     protocols: bool = False,
-    stimulation: Mapping[str, str] | None = None,
-    match: str | None = None,
-    rig: str | None = None,
+    stimulation: NamedValues | None = None,
+    match: MuscleName | None = None,
+    rig: RigName | None = None,
+    law: LawName | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> MuscleTable:
-    """Compare muscles with each other and with published biological muscle: Table 1 for their laws and for recordings.
+    """Compare muscles with each other, and with published biological muscle.
+
+    The rows are those of the paper's Table 1.
 
     Args:
-        muscles: specimens by id or file, muscles, or a list of them.
-        recordings: files of recordings with the names of their muscle's rest length, see `recorded.column_of`.
-        pressure: full drive of the McKibben muscles [Pa].
-        law: law of the muscles that state it; the others have their default law.
+        muscles: specimens by id or .toml file; in Python also muscles, or a list of them.
+        recordings: recording to show as a further column, with the names of its muscle's rest length.
+        pressure: gauge pressure that counts as the full drive of McKibben muscles [Pa].
         protocols: also run twitch, step, release, force-velocity and work loop on each muscle.
-        stimulation: phase, duty, rate or width of the stimulation of biological muscles in the work loop, in words.
-        match: a biological muscle; elements are searched that bring each McKibben muscle close to it.
-        rig: on which protocols and match are run; by default the paper's where its range allows.
+        stimulation: stimulate biological muscles in the work loop: phase, duty, rate or width, such as phase='60 deg'
+            or duty=0.3.
+        match: also search elements that bring each McKibben muscle close to this biological one.
+        rig: rig for protocols and match; by default the paper's where its range allows.
+        law: law to use for the muscles that state it instead of their default.
         progress: called with a description of the next stage, at most `stages` times.
 
     Raises:
@@ -60,16 +62,15 @@ def compare(
         MuscleTable(nylon, fast-fibre: 16 properties)
     """
     if rig is not None and not protocols and match is None:
-        raise InputError("rig", None, "is allowed only with protocols or match, which run on it")
+        raise InputError("rig", None, "is allowed only with {protocols} or {match}, which run on it")
     if stimulation is not None:
         if not protocols:
-            raise InputError("stimulation", None, "is allowed only with protocols, whose work loop it drives")
+            raise InputError("stimulation", None, "is allowed only with {protocols}, whose work loop it drives")
         equal_protocols.stimulated_loop(stimulation)
-    full = float(in_si(pressure, "Pa", field="pressure"))
+    full = float(pressure)
     subjects = _subjects(muscles, full, law)
     braided = [s for s in subjects if s.unit is not None]
     said = collect(*(pressure_caution(full, s.spec, text=typed(pressure)) for s in braided))
-    warn(said)
     target = None if match is None else _target(match, subjects)
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
     if not columns:

@@ -24,9 +24,10 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...analysis.loops import loop, paths, peak_velocity
 from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
-from ...answers import Caution, brief
+from ...answers import Answer, Caution, Column, Table, brief
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
+from ...documents import JsonValue
 from ...errors import InputError, NoVolumeError, choice
 from ...extras import library
 from ...muscles import Muscle
@@ -251,7 +252,7 @@ class PropertyRow(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class MuscleTable:
+class MuscleTable(Answer):
     """Columns of muscles; rows are the properties that any of them has, or that are published."""
 
     columns: tuple[MuscleColumn, ...]
@@ -264,7 +265,7 @@ class MuscleTable:
     plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("report.figures.plots:ComparisonPlots")
     """The muscles' static curves side by side, see `report.figures.plots`."""
 
-    def rows(self) -> tuple[PropertyRow, ...]:
+    def properties(self) -> tuple[PropertyRow, ...]:
         """All rows that are not empty, in the order of `PROPERTIES`."""
         rows = []
         for name, prop in PROPERTIES.items():
@@ -279,20 +280,64 @@ class MuscleTable:
         Raises:
             MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
         """
-        names = [column.name for column in self.columns]
-        rows = [
-            {"property": row.property.title, "unit": row.property.unit, **dict(zip(names, row.shown(), strict=True))}
-            for row in self.rows()
-        ]
-        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
+        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(self.rows())
         return frame.set_index(["property", "unit"])
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with table and figure to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.comparison_report:muscle_comparison")(self).write(Path(path)))
+        return Path(implementation("report.study_reports:muscle_comparison")(self).write(Path(path)))
 
     def __repr__(self) -> str:
-        return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.rows())} properties)"
+        return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.properties())} properties)"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row per property, in the unit that it is shown in."""
+        names = [column.name for column in self.columns]
+        return [
+            {"property": row.property.title, "unit": row.property.unit, **dict(zip(names, row.shown(), strict=True))}
+            for row in self.properties()
+        ]
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Values of all properties in the units that they are shown in, and what each column is from."""
+        rows = []
+        for row in self.properties():
+            one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
+            one |= {"title": row.property.title, "published": None}
+            ends, p = row.shown_range(), row.published
+            if ends is not None and p is not None:
+                one["published"] = {"low": ends[0], "high": ends[1], "sources": list(p.sources)}
+                one["published"] |= {"through": p.through, "derived": p.derived, "note": p.note}
+            rows.append(one)
+        out: dict[str, Any] = {
+            "columns": [c.name for c in self.columns],
+            "rows": rows,
+            "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in self.columns],
+        }
+        return out | ({"match": [match.to_dict() for match in self.matches]} if self.matches else {})
+
+    def tables(self) -> list[Table]:
+        """The muscles side by side, and what elements bring them close to a biological one."""
+        names = [column.name for column in self.columns]
+        columns = [Column("title", ""), Column("unit")]
+        columns += [Column(f"value {i}", name, "1", places="", missing="\N{EN DASH}") for i, name in enumerate(names)]
+        columns += [Column("published", "biological, published", "1", places="", ends=("low", "high"))]
+        rows = []
+        for row in self.properties():
+            one: dict[str, Any] = {"title": row.property.title, "unit": row.property.unit}
+            one |= {f"value {i}": value for i, value in enumerate(row.shown())}
+            rows.append(one | dict(zip(("low", "high"), row.shown_range() or (None, None), strict=True)))
+        notes = tuple(f"{column.name}: {note}." for column in self.columns for note in column.notes)
+        return [
+            Table("Muscles side by side", tuple(columns), rows, notes),
+            *(t for m in self.matches for t in m.tables()),
+        ]
+
+    @property
+    def sources(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Keys of the paper, and of what published ranges rest on."""
+        ranges = [row.published for row in self.properties() if row.published is not None]
+        return tuple(dict.fromkeys(["chou1996", *(key for one in ranges for key in one.sources)]))
 
     def _repr_html_(self) -> str:
         return str(implementation("report.figures.plots:comparison_html")(self))

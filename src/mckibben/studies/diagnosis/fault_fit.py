@@ -2,7 +2,7 @@
 
     r = measured - sound prediction,   L_k = max over the fault's value v of  (|r|^2 - |r - d_k(v)|^2)/(s^2 w^2)
 
-Each fault of `bench.faults` is fitted alone; d_k(v) is its effect on the readings. Readings are averaged over blocks, in
+Each fault of `RigFaults` is fitted alone; d_k(v) is its effect on the readings. Readings are averaged over blocks, in
 units of the standard deviation s that the residual of all faults together has, widened by w for neighbouring blocks that
 are alike. L_k is twice the logarithm of the likelihood ratio against the sound rig. The largest one beyond `THRESHOLD`
 names the fault; others within `TELLING` of it explain the record nearly as well.
@@ -22,12 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from ...answers import Answer, Caution, Column, Table
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
-from ...bench.faults import DRIFT, RigFaults
-from ...bench.hardware.pneumatics import Plumbing
-from ...bench.metadata import ASKED
-from ...bench.rig import Rig
+from ...bench.recorder import ASKED
+from ...bench.rig import DRIFT, Plumbing, Rig, RigFaults
 from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
 from ...documents import JsonValue
@@ -39,6 +38,7 @@ from ...quantities import declared, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen
+from ...verbs import MuscleName, PlumbingName, RecordingFile, RigName, verb
 from .observer import CHANNELS, MOTION, START_FRICTION, START_GAS, START_PORT, START_SLIP, Observer, RecordedSection
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
@@ -146,7 +146,7 @@ class FaultFit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Answer):
     """Result of a diagnosis.
 
     Attributes:
@@ -158,9 +158,10 @@ class Diagnosis:
         threshold: of the likelihood ratio.
         blocks: number of averaged readings.
         not_judged: a sentence for each fault of which this recording or this rig says nothing.
-        cautions: sentences about what was named beside the recording and differs from what it states.
+        cautions: about what was named beside the recording and differs from what it states.
         calibration: wrong zero or gain of a sensor that explains the recording better than any fault, in words; else empty.
         tolerance: name of a fault that explains the recording better, but is within `TOLERANCES`; else empty.
+        file: of the recording, where it was read from one.
     """
 
     faults: tuple[FaultFit, ...]
@@ -170,9 +171,10 @@ class Diagnosis:
     threshold: float
     blocks: int
     not_judged: tuple[str, ...] = ()
-    cautions: tuple[str, ...] = ()
+    cautions: tuple[Caution, ...] = ()
     calibration: str = ""
     tolerance: str = ""
+    file: str | None = None
 
     def __getitem__(self, name: str) -> FaultFit:
         """Fit of a fault by its name."""
@@ -220,9 +222,36 @@ class Diagnosis:
     def __repr__(self) -> str:
         return f"Diagnosis({self.sentence})"
 
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per fault."""
+        return [
+            {"fault": one.name, **one.estimate._asdict(), "ratio": one.ratio, "aicc": one.aicc, "limit": one.limit}
+            for one in self.faults
+        ]
+
+    def tables(self) -> list[Table]:
+        """Each fault alone, below the diagnosis in words."""
+        columns = (
+            Column("title", "each fault alone"),
+            *(Column(*names, right=True) for names in (("value",), ("interval", "95 %"), ("limit", "seen from"))),
+            Column("ratio", "likelihood ratio", "1", places=".1f"),
+        )
+        rows = [
+            {
+                "title": one.title,
+                "value": shown(one.name, one.estimate.value),
+                "interval": f"{shown(one.name, one.estimate.low)} to {shown(one.name, one.estimate.high)}",
+                "limit": shown(one.name, one.limit),
+                "ratio": one.ratio,
+            }
+            for one in self.faults
+        ]
+        least = f"A fault is reported from a likelihood ratio of {self.threshold:.0f} on; {self.blocks} readings."
+        return [Table(self.sentence, columns, rows, (*self.not_judged, least))]
+
     def to_dict(self) -> dict[str, JsonValue]:
         """Plain values for JSON [SI]."""
-        return {
+        return ({} if self.file is None else {"file": self.file}) | {
             "fault": self.fault or None,
             "sentence": self.sentence,
             "alternatives": list(self.alternatives),
@@ -230,7 +259,7 @@ class Diagnosis:
             "threshold": self.threshold,
             "blocks": self.blocks,
             "not_judged": list(self.not_judged),
-            "cautions": list(self.cautions),
+            "cautions": [one.text for one in self.cautions],
             "calibration": self.calibration or None,
             "tolerance": self.tolerance or None,
             "faults": [
@@ -263,21 +292,26 @@ def shown(name: str, value: float) -> str:
 _OF_RECORDING = "rig of the recording"
 
 
+@verb
 def diagnose(
-    recording: Recording | str | os.PathLike[str],
-    rig: Rig | str | os.PathLike[str] | None = None,
+    recording: RecordingFile,
+    rig: RigName | None = None,
     *,
-    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
-    plumbing: str | None = None,
+    muscle: MuscleName | None = None,
+    plumbing: PlumbingName | None = None,
 ) -> Diagnosis:
     """Find a fault of a rig from a recording of its normal operation.
 
+    Each fault is fitted alone to pressures and tension, given the recorded command of the valve and the span: a leak, a
+    blocked or sticking valve, a drifting sensor, a slack or slipping clamp, lost threads, warm rubber. Of what this
+    recording or rig cannot show it says so.
+
     Args:
-        recording: a recording, or its file, with the channels ``span``, ``valve.command`` and at least one of ``pressure``,
-            ``valve_pressure`` and ``tension``.
-        rig: the sound rig, its name or file; by default as the recording states it, without its faults.
-        muscle: the sound muscle; by default as the recording states it.
-        plumbing: how the parts are joined; by default as the recording states it.
+        recording: a normal run: a recording or its file, with the channels ``span``, ``valve.command`` and at least one of
+            ``pressure``, ``valve_pressure`` and ``tension``.
+        rig: sound rig: paper, modern, or a .toml file; by default as the recording states it, without its faults.
+        muscle: sound muscle: id or .toml file; by default as the recording states it.
+        plumbing: plumbing that joins the rig's pneumatic parts; by default as the recording states it.
 
     Raises:
         InputError: names what is missing.
@@ -300,11 +334,12 @@ def diagnose(
         sections = sections_of(record, observer.channels, shut_off=observer.plumbing.shut_off is not None)
     except InputError as error:
         raise error.at(where) if where else error from None
-    return replace(diagnose_sections(observer, sections), cautions=_differences(record, observer.rig, rig))
+    found = diagnose_sections(observer, sections)
+    return replace(found, cautions=_differences(record, observer.rig, rig), file=where)
 
 
-def _differences(record: Recording, named: Rig, rig: Rig | str | os.PathLike[str] | None) -> tuple[str, ...]:
-    """A sentence where the rig that was named is not that of the recording: what differs looks like a fault."""
+def _differences(record: Recording, named: Rig, rig: Rig | str | os.PathLike[str] | None) -> tuple[Caution, ...]:
+    """A caution where the rig that was named is not that of the recording: what differs looks like a fault."""
     stated = record.meta.get("rig_document")
     if rig is None or not isinstance(stated, Mapping):
         return ()
@@ -312,10 +347,11 @@ def _differences(record: Recording, named: Rig, rig: Rig | str | os.PathLike[str
     keys = sorted(k for k in {*stated, *named.document} - words if stated.get(k) != named.document.get(k))
     if not keys:
         return ()
-    return (
+    differs = (
         f"the recording was made on the rig {record.meta.get('rig')}; the rig {named.name} differs from it in "
-        f"{', '.join(keys)}, which may be taken for a fault",
+        f"{', '.join(keys)}, which may be taken for a fault"
     )
+    return (Caution(differs, "rig"),)
 
 
 def observer_of(

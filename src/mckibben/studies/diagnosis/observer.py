@@ -21,11 +21,10 @@ from ..._jax import Scalar, Tree, jnp
 from ...assembly.loads import Load, SpanState
 from ...assembly.machine import Machine
 from ...assembly.muscle_unit import MuscleUnit
-from ...bench.faults import DRIFT, SOUND, RigFaults
-from ...bench.hardware.analogue import Sensor
-from ...bench.hardware.frame import Frame, FrameState
-from ...bench.hardware.pneumatics import MUSCLE, PORT, Plumbing
-from ...bench.rig import Rig
+from ...bench.hardware.converters import Sensor
+from ...bench.hardware.stand import Frame, FrameState
+from ...bench.rig import DRIFT, SOUND, Plumbing, Rig, RigFaults
+from ...bench.sensors import MUSCLE, PORT
 from ...components import Environment, field
 from ...components.system import Value
 from ...engine import STEP, held, march, ramped

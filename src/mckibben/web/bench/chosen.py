@@ -1,4 +1,4 @@
-"""Muscle, rig and protocol on the bench, and the dry run that follows every change, in a separate thread."""
+"""Muscle, rig and protocol on the bench, the muscle drawn to scale, and the dry run that follows every change."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ...assembly.build import rig_unit
 from ...bench.prepare import PreparedRun
@@ -16,19 +18,76 @@ from ...bench.protocol_run import compile_run
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
 from ...bench.rig_file import rig_names
-from ...documents import JsonValue, write_text
+from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...experiments.dry_run import Limits, check_lengths
 from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol, protocol_names, shipped
-from ...muscles.build import upper_length_of
+from ...muscles import braid
+from ...muscles.build import built_muscle, rest_length_of, upper_length_of
 from ...quantities import with_unit
-from ...specimens import Specimen, specimen, specimen_ids
-from ..pages.bench import drawing
-from ..pages.bench.columns import factors
-from ..pages.bench.dry import DryRun, dry_run, laws
-from ..pages.bench.faces import changed, faces
+from ...specimens import Specimen, specimen, specimen_ids, specimens
+from ..charts import plain_numbers
 from ..shelf import Shelf
+from ..stream import factors
+from .protocol import DryRun, changed, dry_run, faces, laws
+
+if TYPE_CHECKING:
+    from ...muscles.law import TensionLaw
+
+# Of the table [rad]. A straight line between two is off by the square of their distance over 8 sin^2(theta), so they stand
+# apart in proportion: the diameter is right to 0.02 % from 2 to 89 degrees.
+ANGLES = np.radians(np.geomspace(89.0, 2.0, 160))
+
+
+def bench_muscles() -> list[Specimen]:
+    """Return the specimens that fit a bench, sorted by length."""
+    fitting = [s for s in specimens() if s.kind == "mckibben"]
+    order = ["nylon", "fiberglass", "bridgestone"]
+    return sorted(fitting, key=lambda s: (order.index(s.id) if s.id in order else 9, rest_length_of(s), s.id))
+
+
+def braid_shape(spec: Specimen, law: TensionLaw | None = None) -> dict[str, JsonValue] | None:
+    """Return thread length [m], turns, and whether they were inferred; None if unknown."""
+    for name in ("ideal", "thick_wall"):
+        group = spec.laws.get(name, {})
+        if {"thread_length", "turns"} <= group.keys():
+            b, n = (group[k].si(u, field=k) for k, u in (("thread_length", "m"), ("turns", "1")))
+            inferred = group["thread_length"].inferred or group["turns"].inferred
+            return {"thread_length": b, "turns": n, "inferred": inferred}
+    try:
+        of_law = braid.braid_of(built_muscle(spec).law if law is None else law)
+    except MckibbenError:
+        of_law = None
+    if of_law is not None:
+        return {**of_law._asdict(), "inferred": False}
+    # no law states it: the volume at rest and the diameter when shortened do, where both are printed
+    group = spec.laws.get(spec.law, {})
+    if not {"rest_volume", "shortest_length"} <= group.keys() or "diameter_shortened" not in spec.properties:
+        return None
+    volume, short = (group[k].si(u, field=k) for k, u in (("rest_volume", "m^3"), ("shortest_length", "m")))
+    assert isinstance(volume, float) and isinstance(short, float)
+    rest, wide = rest_length_of(spec), spec.property_si("diameter_shortened", "m")
+    found = braid.through(rest_length=rest, rest_volume=volume, shortest_length=short, diameter_shortened=wide)
+    return None if found is None else {**found._asdict(), "inferred": True}
+
+
+def braid_table(thread_length: float, turns: float) -> dict[str, list[float | None]]:
+    """Tabulate rising length [m], braid angle [rad] and diameter [m] of a braid."""
+    length = np.asarray(braid.length_at(ANGLES, thread_length=thread_length))
+    wide = np.asarray(braid.diameter(length, thread_length=thread_length, turns=turns))
+    columns = {"length": length, "angle": ANGLES, "diameter": wide}
+    return {name: plain_numbers(values, 9) for name, values in columns.items()}
+
+
+def drawn_muscle(spec: Specimen) -> dict[str, JsonValue]:
+    """Describe a specimen for the list of a page: a table over the length, so that no formula is in its script."""
+    shape = braid_shape(spec)
+    drawn = None if shape is None else {**shape, "table": braid_table(shape["thread_length"], shape["turns"])}
+    return {"id": spec.id, "title": spec.title, "rest_length": rest_length_of(spec), "law": spec.law, "braid": drawn}
+
+
+# ---- the choice
 
 FIRST = "work-loop"  # protocol with which a bench begins
 LONGEST = 100_000  # characters of a protocol's text
@@ -80,10 +139,8 @@ class BenchSelection:
         if name not in self.muscles:
             self.muscles = self._muscles()  # a fit may have added one
         if name in specimen_ids("biological"):
-            sentence = (
-                f"{name} is a biological muscle, which has no valve: stimulate it on the page Compare, "
-                f"or with mckibben run twitch --muscle {name}"
-            )
+            cure = f"stimulate it on the page Compare, or with mckibben run twitch --muscle {name}"
+            sentence = f"{name} is a biological muscle, which has no valve: {cure}"
             raise InputError("muscle", name, sentence=sentence)
         if name not in self.muscles:
             raise InputError("muscle", str(name)[:80], known=self.muscles)
@@ -93,7 +150,7 @@ class BenchSelection:
         """Return the muscles of the package, and the newest of the user's that have a length."""
         names = self.specimens.names()[:MOST_OWN]
         own = {Path(name).stem: self._read(self.specimens.found(name)) for name in names}
-        shipped = {s.id: s for s in drawing.muscles()}
+        shipped = {s.id: s for s in bench_muscles()}
         return shipped | {name: spec for name, spec in own.items() if spec is not None and name not in shipped}
 
     def _read(self, path: Path) -> Specimen | None:
@@ -102,7 +159,7 @@ class BenchSelection:
         if key not in self._own:
             try:
                 spec = replace(specimen(path), id=path.stem, title=path.stem)
-                drawing.rest_length(spec)
+                rest_length_of(spec)
                 self._own[key] = spec if spec.kind == "mckibben" else None
             except MckibbenError:
                 self._own[key] = None
@@ -120,27 +177,24 @@ class BenchSelection:
         return f"{name}: {self.rig.title}"
 
     def _rigs(self) -> dict[str, str]:
-        """Return the titles of the known rigs by name."""
         names = [n.removesuffix(".toml") for n in self.rigs.names()]
         those = {n: rig_of(n).title for n in rig_names()}
         return those | {n: f"Your own: {n}" for n in names} | {self._first.name: self._first.title}
 
     def load(self, name: str) -> str:
         """Select a shipped protocol or one of the user's by name."""
-        self.protocol = self._loaded(name)
+        if name in protocol_names():
+            self.protocol = shipped(name)
+        else:
+            mine = f"{name}.toml"
+            try:
+                path = self.own.found(mine)
+            except InputError:
+                known = [*protocol_names(), *(n.removesuffix(".toml") for n in self.own.names())]
+                raise InputError("protocol", str(name)[:80], known=known) from None
+            self.protocol = parse_protocol(path.read_text(encoding="utf-8"), where=mine)
         self._renew()
         return f"{self.protocol.name}: {self.protocol.title}"
-
-    def _loaded(self, name: str) -> Protocol:
-        if name in protocol_names():
-            return shipped(name)
-        mine = f"{name}.toml"
-        try:
-            path = self.own.found(mine)
-        except InputError:
-            known = [*protocol_names(), *(n.removesuffix(".toml") for n in self.own.names())]
-            raise InputError("protocol", str(name)[:80], known=known) from None
-        return parse_protocol(path.read_text(encoding="utf-8"), where=mine)
 
     def value(self, name: str, words: str) -> str:
         """Change a parameter or choice of the protocol."""
@@ -155,8 +209,7 @@ class BenchSelection:
         return f"{self.protocol.name}: {self.protocol.title}"
 
     def _take(self, protocol: Protocol) -> None:
-        """Replace the protocol if this machine can reach its lengths."""
-        check_lengths(protocol, self._limits(), drawing.rest_length(self.spec))
+        check_lengths(protocol, self._limits(), rest_length_of(self.spec))
         self.protocol = protocol
         self._renew()
 
@@ -165,20 +218,15 @@ class BenchSelection:
 
     def save(self, name: str) -> str:
         """Save the protocol among the user's under a name."""
-        path = self.own.path(f"{name}.toml")
+        self.own.path(f"{name}.toml")
         if name in protocol_names():
             raise InputError("protocol", name, "must be another name; this one ships with mckibben")
-        self.own.ready()
-        write_text(path, self.protocol.toml())
+        self.own.write_text(f"{name}.toml", self.protocol.toml())
         self._renew()
         return f"Saved as {name}."
 
     def passed(self) -> PreparedRun:
-        """Return the prepared run if its dry run has passed.
-
-        Raises:
-            InputError: the first thing that it found, or that it is not done yet.
-        """
+        """Return the prepared run if its dry run has passed."""
         dry = self.dry
         if dry is None:
             raise InputError("start", None, "must wait for the dry run, which is not done yet")
@@ -203,7 +251,9 @@ class BenchSelection:
             self._number += 1
             self.dry = None
             changes = {"setup": self._setup()} if setup else {}
-            changes |= {"protocol": {**faces(self.protocol), "known": self._known()}, "dry": {"pending": True}}
+            known = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
+            known += [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
+            changes |= {"protocol": {**faces(self.protocol), "known": known}, "dry": {"pending": True}}
             self.parts = {**self.parts, **changes}
             number = self._number
         self._pool.submit(self._make, number, setup)
@@ -230,23 +280,22 @@ class BenchSelection:
             self.parts = {**self.parts, "dry": dry.plain}
         self.told(dry)
         self._news()
-        if dry.prepared is not None and dry.passed and not self.machine:
-            self._warming.submit(self._warm, number, dry.prepared)
+        prepared = dry.prepared
+        if prepared is None or not dry.passed or self.machine:
+            return
 
-    def _warm(self, number: int, bench: PreparedRun) -> None:
-        """Compile in the background what a start of this selection needs."""
-        with contextlib.suppress(MckibbenError):  # the run will say it
-            compile_run(bench, lambda: number == self._number and not self._closed)
+        def warm() -> None:
+            """Compile in the background what a start of this selection needs."""
+            with contextlib.suppress(MckibbenError):  # the run will say it
+                compile_run(prepared, lambda: number == self._number and not self._closed)
 
-    def _known(self) -> list[dict[str, str]]:
-        entries = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
-        return entries + [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
+        self._warming.submit(warm)
 
     def _setup(self) -> dict[str, JsonValue]:
         limits = self._limits()
-        rest = drawing.rest_length(self.spec)
+        rest = rest_length_of(self.spec)
         return {
-            "muscles": [drawing.plain(s) for s in self.muscles.values()],
+            "muscles": [drawn_muscle(s) for s in self.muscles.values()],
             "biological": specimen_ids("biological"),
             "muscle": self.spec.id,
             "rest_length": rest,
@@ -266,25 +315,16 @@ class BenchSelection:
         }
 
     def _laws(self, unit: Any) -> dict[str, JsonValue]:
-        import numpy as np
-
-        rest, limits = drawing.rest_length(self.spec), self._limits()
+        rest, limits = rest_length_of(self.spec), self._limits()
         free = float(np.asarray(unit.law.free_length(limits.pressure[1])))
         longest = max(rest, upper_length_of(self.spec, unit.law) if "upper_length" in self.spec.properties else rest)
         low, high = free - MARGIN * rest, longest + MARGIN * rest
-        lines = laws(unit, low, longest, limits.pressure[1])
-        return {
-            "title": type(unit.law).title,
-            "low": low,
-            "high": high,
-            "free": free,
-            "longest": longest,
-            "lines": lines,
-        }
+        ends = {"low": low, "high": high, "free": free, "longest": longest}
+        return {"title": type(unit.law).title, **ends, "lines": laws(unit, low, longest, limits.pressure[1])}
 
     def words(self) -> str:
         """Describe muscle and rig for a message."""
-        return f"{self.spec.title} on the rig {self.rig.name}, rest length {with_unit(drawing.rest_length(self.spec), 'm')}"
+        return f"{self.spec.title} on the rig {self.rig.name}, rest length {with_unit(rest_length_of(self.spec), 'm')}"
 
     def close(self) -> None:
         """Stop the dry runs and compilations."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...bench.console import COMMANDS, CommandInterpreter, ConsoleCommand, described_dry_run, usage
-from ...bench.hardware.clock import Clock
+from ...bench.hardware.simulated import Clock
 from ...bench.prepare import PreparedRun
 from ...bench.protocol_run import RunState
 from ...bench.session import MachineSession, Messages, Session
@@ -21,16 +21,15 @@ from ...experiments.protocol import Protocol
 from ...experiments.read import protocol_names
 from ...quantities import with_unit
 from ...recordings.recording import Recording
-from ..pages.bench.columns import Columns, of_cycle
-from ..pages.bench.dry import DryRun
 from ..shelf import plain
-from ..stream import Stream
+from ..stream import Columns, Stream, of_cycle
 from .chosen import BenchSelection
 from .manual import HardwareSpec, ManualView
+from .protocol import sentence
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
-    from ...bench.session.setup import ManualSetup
+    from ...bench.session.interface import ManualSetup
     from ...specimens import Specimen
     from ..workspace import Workspace
 
@@ -41,14 +40,7 @@ LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
 
 
 class Bench:
-    """The bench of a server, with one machine, simulated or real.
-
-    Args:
-        workspace: state of the server, which has the folders and is told of changes.
-        muscle: on it at first; a specimen's id.
-        rig: at first, or its name. That of a real machine stays.
-        spec: the real machine; None: a simulated one.
-    """
+    """The bench of a server, with one machine, simulated or real."""
 
     def __init__(
         self, workspace: Workspace, *, muscle: str = "nylon", rig: Rig | str = "paper", spec: HardwareSpec | None = None
@@ -58,7 +50,7 @@ class Bench:
         self._lock, self.spec = threading.RLock(), spec
         words = "" if spec is None else spec.words
         self.chosen = BenchSelection(workspace.protocols, workspace.changed, muscle=muscle, rig=rig, machine=words)
-        self.chosen.told = self._dried
+        self.chosen.told = lambda dry: self.messages.say(dry.sentence, kind="done" if dry.passed else "stop")
         self.running: RunController | None = None
         self.vented = False  # by the emergency stop of a page, until the machine is reset
         self.ended: dict[str, Any] = {}  # of the last run
@@ -84,7 +76,26 @@ class Bench:
 
     def status(self) -> dict[str, JsonValue]:
         """Return state, reason and times for the pages."""
-        return status_of(self)
+        run, session, view = self.running, self.session, self.view
+        status: dict[str, Any] = {
+            "shape": "idle", "name": "Idle", "small": "", "pace": self.pace, "vented": self.vented, "why": session.why,
+            "trip": self.when, "moving": False, "paused": False, "time": self.ended.get("time", 0.0), "ended": self.ended,
+            "asked": "", "by_hand": "ready" if session.ready else view.failed or "getting ready",
+        }  # fmt: skip
+        if run is not None:
+            return status | run.status()
+        if status["why"]:
+            small = "not connected" if session.gone and not session.ready else short(status["why"])
+            return status | {"shape": "tripped", "name": "Tripped", "small": small}
+        if view.moving:
+            asked = session.status().set_points
+            words = ", ".join(with_unit(v, UNITS[n]) for n, v in asked.items() if n in UNITS)
+            small = f"holding {words}" if words else "vented"
+            by_hand = {"shape": "running", "name": "By hand", "small": small, "moving": True, "time": view.time}
+            return status | by_hand | {"set_points": dict(asked)}
+        dry = self.chosen.dry
+        passed = "protocol does not pass" if dry is None or not dry.passed else "ready, dry run passed"
+        return status | {"small": "checking the protocol" if dry is None else passed}
 
     def describe(self) -> dict[str, JsonValue]:
         """Return muscle, rig, protocol and dry run for the pages."""
@@ -99,7 +110,7 @@ class Bench:
         chosen = self.chosen
         return {
             "muscle": lambda name: self._set_up(chosen.muscle, name),
-            "rig": self._choose_rig,
+            "rig": self.choose_rig,
             "protocol": lambda name: self._change(chosen.load, name),
             "value": lambda name, words: self._change(chosen.value, name, words),
             "text": lambda text: self._change(chosen.text, text), "save": lambda name: chosen.save(str(name)),
@@ -124,12 +135,10 @@ class Bench:
         self._open_again()
         return said
 
-    def _choose_rig(self, name: str) -> str:
+    def choose_rig(self, name: str) -> str:
+        """Choose the rig of a simulated machine."""
         self._require_simulated("rig", "is that of the real machine; choose another one by mckibben serve --rig")
         return self._set_up(self.chosen.choose_rig, name)
-
-    def _dried(self, dry: DryRun) -> None:
-        self.messages.say(dry.sentence, kind="done" if dry.passed else "stop")
 
     def _open(self) -> None:
         """Take the machine of the choice, which is made ready when the thread of its view begins."""
@@ -149,7 +158,6 @@ class Bench:
         self.view = ManualView(self.session, rig, self.stream, self.workspace.changed, after)
 
     def _open_again(self) -> None:
-        """Release the machine in a separate thread, and open the selected one."""
         closing = threading.Thread(target=self.view.close, name="close", daemon=True)
         closing.start()
         self._closing = [*(t for t in self._closing if t.is_alive()), closing]
@@ -158,19 +166,14 @@ class Bench:
 
     # ---- what may not be done to the machine as it is
 
-    def _require_simulated(
-        self,
-        action: str,
-        problem: str = "needs a simulated machine; a real one has its own time and can only be stopped",
-    ) -> None:
+    def _require_simulated(self, action: str, problem: str) -> None:
         if self.spec is not None:
             raise InputError(action, None, problem)
 
     def _require_no_run(self, action: str) -> None:
         if self.running is not None:
-            raise InputError(
-                action, None, f"must wait: {self.running.prepared.protocol.name} is running; stop it first"
-            )
+            name = self.running.prepared.protocol.name
+            raise InputError(action, None, f"must wait: {name} is running; stop it first")
 
     def _require_idle(self, action: str) -> None:
         self._require_no_run(action)
@@ -221,7 +224,7 @@ class Bench:
     def run_over(self, run: RunController, said: dict[str, JsonValue], why: str) -> None:
         """Note that a run has ended, what is said of it, and what stopped it; called from its thread."""
         with self._lock:
-            self.ended = ended(run, said, why)
+            self.ended = run.summary(said, why)
             self.running = None
             self.clock.halt(False)
             self.view.hold(False)
@@ -229,7 +232,9 @@ class Bench:
 
     def pause(self) -> str:
         """Pause the simulated machine."""
-        self._require_simulated("pause")
+        self._require_simulated(
+            "pause", "needs a simulated machine; a real one has its own time and can only be stopped"
+        )
         run = self._require_run("pause")
         self.clock.halt()
         said = "Paused by you. Simulated time stands still; pressure and length are held."
@@ -351,197 +356,6 @@ class Bench:
 
 # ---- runs
 
-SHOWN = 1000.0  # samples that pages get of a second
-CAUSES = {
-    "emergency_stop": "the emergency stop", "lost_line": "the loss of the machine", "log": "a log that takes no more",
-    "missed": "a test that did not come true",
-}  # fmt: skip
-
-
-class RunController:
-    """A run of a bench, in a thread of its own, from its start to its saved recording.
-
-    On the simulated machine the recording is that of ``mckibben run --real-time``, bit for bit: same preparation, same seed,
-    same loop; only the pace differs, and paced or not a run is the same. On a real machine it is a run of the session that
-    has it.
-
-    Args:
-        bench: that the run is on; told `Bench.run_over` when it has ended.
-        prepared: the run; its dry run has passed.
-
-    Attributes:
-        state: that of the session's run.
-        time: time of the newest sample that pages have [s].
-        thread: started by the bench.
-        asked: task of the operator.
-        words: which step or cycle it is in.
-        cycle: which of how many, where the step has cycles.
-        measured: on the last cycle.
-        file: name that its recording is to have.
-        stopping: why it is ended by hand, which is no trip.
-    """
-
-    def __init__(self, bench: Bench, prepared: PreparedRun) -> None:
-        self.bench, self.prepared, self.new_machine, self.button = (
-            bench,
-            prepared,
-            bench.spec is None,
-            bench.session.button,
-        )
-        name = plain(prepared.protocol.name)
-        self._crash_log: Path | None = None
-        if not self.new_machine:
-            self._crash_log = bench.workspace.recordings.ready() / bench.workspace.recordings.numbered(name, ".mcap")
-            name = self._crash_log.stem
-        self.file = f"{name}.nc" if self._crash_log else bench.workspace.recordings.numbered(name, ".nc")
-        self.state, self.time, self._answered = RunState(), 0.0, threading.Event()
-        self.stopping = self.asked = ""
-        self.words = "getting the machine ready" if self.new_machine else "going to where it begins"
-        self.cycle: list[int] = []
-        self.measured: list[dict[str, Any]] = []
-        self._columns, self._count = Columns(prepared.rig), 0
-        self._every = max(1, round(prepared.plan.sample_rate / SHOWN))
-        self.thread = threading.Thread(target=self._play, name="run", daemon=True)
-
-    def stop(self, reason: str, *, trip: bool) -> None:
-        """Stop the run: at the next sample the valve vents and the motor only brakes."""
-        self.button.press(reason, ordinary=not trip)
-        if self.button.ordinary and self.state.result != "stopped":
-            self.stopping = self.button.reason
-        elif not self.button.ordinary:
-            self.stopping = ""
-        self.bench.clock.viewed(None)  # a stop waits for no page
-        self.bench.clock.halt(False)
-        self._answered.set()
-
-    def answer(self) -> None:
-        """Confirm an operator action."""
-        self.asked = ""
-        self._answered.set()
-
-    @property
-    def tripped(self) -> str:
-        """Reason of a stop by an interlock or the emergency stop; empty otherwise."""
-        return self.state.message if self.state.result == "stopped" and not self.stopping else ""
-
-    @property
-    def cause(self) -> str:
-        """Cause of a stop, as the end of "ended by ..."; empty without a stop and after an ordinary one."""
-        stop = self.state.stop
-        return "" if stop is None or self.stopping else CAUSES.get(str(stop["code"]), "an interlock")
-
-    @property
-    def when(self) -> float:
-        """Time of the stop, or present time of the run [s]."""
-        return float(self.time if self.state.stop is None else self.state.stop["time"])
-
-    def _play(self) -> None:
-        record, said = None, "nothing was recorded"
-        try:
-            record = self.bench.session.run(
-                self.prepared, new_machine=self.new_machine, clock=self.bench.clock if self.new_machine else None,
-                log=self._crash_log, begun=self._begun, display=self._show, ask=self._ask,
-            )  # fmt: skip
-        except MckibbenError as error:
-            said = str(error)
-        except Exception as error:  # a failed run must not end anything else
-            said = f"the run failed: {type(error).__name__}: {str(error)[:200]}"
-        why, name = self.tripped or self.bench.session.why, None
-        if record is None:
-            self._say(said, "stop")
-        else:
-            name, said = self._save(record, why)
-        self.bench.run_over(self, {"file": name, "said": said}, why)
-
-    def _save(self, record: Recording, why: str) -> tuple[str | None, str]:
-        """Save the recording and say so; return the name of its file, if there is one, and how the run ended."""
-        shelf, message = self.bench.workspace.recordings, str(record.meta["message"])
-        if self.stopping:
-            message = f"Stopped by you at {self.time:.3f} s; the valve vented."
-        try:
-            shelf.ready()
-            name = self.file if self._crash_log else shelf.free(self.file)
-            record.save(shelf.path(name))
-            if self._crash_log is not None:
-                self._crash_log.unlink(missing_ok=True)  # all of it is in the recording
-        except (MckibbenError, OSError) as error:
-            kept = self._crash_log is not None and self._crash_log.exists()
-            said = (
-                f"{error}; kept: {self._crash_log.name}" if kept and self._crash_log else f"{error}; nothing was kept"
-            )
-            self._say(said, "stop")
-            return None, said
-        if why or not self.new_machine:  # the session has said how it ended
-            self._say(f"Recorded as {name}{', up to the stop' if why else ''}.", "done")
-        else:
-            done = record.meta["result"] == "done" or bool(self.stopping)
-            self._say(
-                f"{message[:1].upper()}{message[1:].rstrip('.')}. Recorded as {name}.", "done" if done else "stop"
-            )
-        return name, message
-
-    def _say(self, text: str, kind: str = "note") -> None:
-        self.bench.messages.say(text, self.time, kind)
-
-    def _begun(self, state: RunState) -> None:
-        """Begin an epoch of the stream for the samples of the run."""
-        self.state = state
-        self.bench.view.hold(True)
-        self.bench.stream.begin("run", self.prepared.protocol.name, self._every / self.prepared.plan.sample_rate)
-
-    def _ask(self, text: str) -> None:
-        self.asked = text
-        self._answered.clear()
-        self.bench.workspace.changed()
-        self._answered.wait()
-        self.asked = ""
-        if self.button():
-            raise InputError("run", self.prepared.protocol.name, f"it was stopped before the operator could {text}")
-        self.bench.workspace.changed()
-
-    def _show(self, times: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
-        first = -self._count % self._every
-        self._count, self.time = self._count + len(times), float(times[-1])
-        columns = {n: v[first :: self._every] for n, v in self._columns.of(arrays).items()}
-        if len(next(iter(columns.values()))):
-            self.bench.stream.add(columns)
-        self._follow()
-
-    def _follow(self) -> None:
-        """Announce the present cycle and measure the last one; after a stop no cycle begins."""
-        if not self.state.steps or self.button() or self.state.result == "stopped":
-            return
-        step, plan = self.state.steps[-1], self.prepared.plan
-        planned = plan.steps[step["index"] - 1]
-        frequency, label = planned.step.frequency(), step["label"] or f"step {step['index']}"
-        if not frequency:
-            self.words, self.cycle = label, []
-            return
-        count = max(1, round(planned.count / plan.sample_rate * frequency))
-        cycle = [min(int((self.time - step["start"]) * frequency) + 1, count), count, step["index"]]
-        if cycle == self.cycle:
-            return
-        self.words, self.cycle = f"cycle {cycle[0]} of {count}", cycle
-        self._say(f"Cycle {cycle[0]} of {count} began." if cycle[0] > 1 else f"{label.capitalize()} began.")
-        if cycle[0] > 1:
-            stream = self.bench.stream
-            newest = stream.newest(round(2.2 / (frequency * stream.period)))
-            self.measured = of_cycle(newest, stream.period, frequency)
-
-    def steps(self) -> list[dict[str, JsonValue]]:
-        """List the steps that have begun, as a page draws them."""
-        steps = []
-        for one in list(self.state.steps):
-            frequency = self.prepared.plan.steps[one["index"] - 1].step.frequency()
-            steps.append(
-                {
-                    "path": one["path"], "label": one["label"] or "step", "start": one["start"],
-                    "end": one["end"] if one["end"] > one["start"] else None,
-                    "period": 1.0 / frequency if frequency else 0.0,
-                }
-            )  # fmt: skip
-        return steps
-
 
 # ---- state for the pages
 
@@ -549,61 +363,10 @@ PACE_NAMES = {"simulated": "as fast as it goes", "real": "real time", "slow": "s
 UNITS = {"pressure": "Pa", "span": "m", "tension": "N", "velocity": "m/s"}
 
 
-def status_of(bench: Bench) -> dict[str, JsonValue]:
-    """Return state, reason and times."""
-    run, session, view = bench.running, bench.session, bench.view
-    status: dict[str, Any] = {
-        "shape": "idle", "name": "Idle", "small": "", "pace": bench.pace, "vented": bench.vented, "why": session.why,
-        "trip": bench.when, "moving": False, "paused": False, "time": bench.ended.get("time", 0.0), "ended": bench.ended,
-        "asked": "", "by_hand": "ready" if session.ready else view.failed or "getting ready",
-    }  # fmt: skip
-    if run is not None:
-        return status | _running(bench, run)
-    if status["why"]:
-        small = "not connected" if session.gone and not session.ready else short(status["why"])
-        return status | {"shape": "tripped", "name": "Tripped", "small": small}
-    if view.moving:
-        asked = session.status().set_points
-        words = ", ".join(with_unit(v, UNITS[n]) for n, v in asked.items() if n in UNITS)
-        small = f"holding {words}" if words else "vented"
-        by_hand = {"shape": "running", "name": "By hand", "small": small, "moving": True, "time": view.time}
-        return status | by_hand | {"set_points": dict(asked)}
-    dry = bench.chosen.dry
-    passed = "protocol does not pass" if dry is None or not dry.passed else "ready, dry run passed"
-    return status | {"small": "checking the protocol" if dry is None else passed}
-
-
-def _running(bench: Bench, run: RunController) -> dict[str, JsonValue]:
-    step, why = run.state.steps[-1] if run.state.steps else None, bench.session.why
-    paused, tripped = bench.clock.halted or bool(run.asked), run.tripped
-    shape, name, small = "running", "Running", f"{run.words} \u00b7 {PACE_NAMES[bench.pace]}"
-    if tripped or (run.button() and not run.stopping):
-        shape, name, small = "tripped", "Tripped", short(tripped or why or "emergency stop")
-    elif paused:
-        shape, name = "paused", "Paused"
-        small = run.asked or f"at {run.time:.3f} s, simulated time stands still"
-    return {
-        "shape": shape, "name": name, "small": small, "moving": True, "running": True, "paused": paused,
-        "time": run.time, "asked": run.asked, "why": why or tripped, "trip": run.when if tripped else None,
-        "words": run.words, "cycle": run.cycle, "duration": run.prepared.plan.duration,
-        "title": run.prepared.protocol.title, "steps": run.steps(), "measured": run.measured,
-        "path": "" if step is None else step["path"], "file": run.file,
-    }  # fmt: skip
-
-
 def short(why: str) -> str:
     """Shorten the reason of a stop to a few words."""
     said = why.split(": ", 1)[-1] if why.startswith("/") else why
     return said.split(" at ")[0].split(":")[0].split(",")[0][:60]
-
-
-def ended(run: RunController, said: dict[str, JsonValue], why: str) -> dict[str, JsonValue]:
-    """Summarise the last run until the next one begins."""
-    return {
-        **said, "time": run.time, "title": run.prepared.protocol.title, "stopped": bool(why), "why": why,
-        "by": run.cause, "trip": run.when if why else None, "steps": run.steps(),
-        "duration": run.prepared.plan.duration, "measured": run.measured,
-    }  # fmt: skip
 
 
 # ---- the console on the page Bench: the commands of ``mckibben console`` without access to files
@@ -628,11 +391,7 @@ HERE = {name: command for name, command in COMMANDS.items() if name not in ELSEW
 
 
 class PageConsole(CommandInterpreter):
-    """A console that operates the bench of a page.
-
-    Args:
-        bench: that it operates.
-    """
+    """A console that operates the bench of a page."""
 
     def __init__(self, bench: Bench) -> None:
         super().__init__(bench, HERE, ELSEWHERE)
@@ -718,3 +477,208 @@ class PageConsole(CommandInterpreter):
 
     def _note(self, words: list[str]) -> str:
         return self.bench.note(" ".join(words))
+
+
+SHOWN = 1000.0  # samples that pages get of a second
+CAUSES = {
+    "emergency_stop": "the emergency stop", "lost_line": "the loss of the machine", "log": "a log that takes no more",
+    "missed": "a test that did not come true",
+}  # fmt: skip
+
+
+class RunController:
+    """A run of a bench, in a thread of its own, from its start to its saved recording.
+
+    On the simulated machine the recording is that of ``mckibben run --real-time``, bit for bit: same preparation, same seed,
+    same loop; only the pace differs, and paced or not a run is the same. On a real machine it is a run of the session that
+    has it.
+
+    Args:
+        bench: that the run is on; told `Bench.run_over` when it has ended.
+        prepared: the run; its dry run has passed.
+
+    Attributes:
+        state: that of the session's run.
+        time: time of the newest sample that pages have [s].
+        thread: started by the bench.
+        asked: task of the operator.
+        words: which step or cycle it is in.
+        cycle: which of how many, where the step has cycles.
+        measured: on the last cycle.
+        file: name that its recording is to have.
+        stopping: why it is ended by hand, which is no trip.
+    """
+
+    def __init__(self, bench: Bench, prepared: PreparedRun) -> None:
+        self.bench, self.prepared = bench, prepared
+        self.new_machine, self.button = bench.spec is None, bench.session.button
+        name = plain(prepared.protocol.name)
+        self._crash_log: Path | None = None
+        if not self.new_machine:
+            self._crash_log = bench.workspace.recordings.ready() / bench.workspace.recordings.numbered(name, ".mcap")
+            name = self._crash_log.stem
+        self.file = f"{name}.nc" if self._crash_log else bench.workspace.recordings.numbered(name, ".nc")
+        self.state, self.time, self._answered = RunState(), 0.0, threading.Event()
+        self.stopping = self.asked = ""
+        self.words = "getting the machine ready" if self.new_machine else "going to where it begins"
+        self.cycle: list[int] = []
+        self.measured: list[dict[str, Any]] = []
+        self._columns, self._count = Columns(prepared.rig), 0
+        self._every = max(1, round(prepared.plan.sample_rate / SHOWN))
+        self.thread = threading.Thread(target=self._play, name="run", daemon=True)
+
+    def stop(self, reason: str, *, trip: bool) -> None:
+        """Stop the run: at the next sample the valve vents and the motor only brakes."""
+        self.button.press(reason, ordinary=not trip)
+        if self.button.ordinary and self.state.result != "stopped":
+            self.stopping = self.button.reason
+        elif not self.button.ordinary:
+            self.stopping = ""
+        self.bench.clock.viewed(None)  # a stop waits for no page
+        self.bench.clock.halt(False)
+        self._answered.set()
+
+    def answer(self) -> None:
+        """Confirm an operator action."""
+        self.asked = ""
+        self._answered.set()
+
+    @property
+    def tripped(self) -> str:
+        """Reason of a stop by an interlock or the emergency stop; empty otherwise."""
+        return self.state.message if self.state.result == "stopped" and not self.stopping else ""
+
+    @property
+    def cause(self) -> str:
+        """Cause of a stop, as the end of "ended by ..."; empty without a stop and after an ordinary one."""
+        stop = self.state.stop
+        return "" if stop is None or self.stopping else CAUSES.get(str(stop["code"]), "an interlock")
+
+    @property
+    def when(self) -> float:
+        """Time of the stop, or present time of the run [s]."""
+        return float(self.time if self.state.stop is None else self.state.stop["time"])
+
+    def _play(self) -> None:
+        record, said = None, "nothing was recorded"
+        try:
+            record = self.bench.session.run(
+                self.prepared, new_machine=self.new_machine, clock=self.bench.clock if self.new_machine else None,
+                log=self._crash_log, begun=self._begun, display=self._show, ask=self._ask,
+            )  # fmt: skip
+        except MckibbenError as error:
+            said = str(error)
+        except Exception as error:  # a failed run must not end anything else
+            said = f"the run failed: {type(error).__name__}: {str(error)[:200]}"
+        why, name = self.tripped or self.bench.session.why, None
+        if record is None:
+            self._say(said, "stop")
+        else:
+            name, said = self._save(record, why)
+        self.bench.run_over(self, {"file": name, "said": said}, why)
+
+    def _save(self, record: Recording, why: str) -> tuple[str | None, str]:
+        """Save the recording and say so; return the name of its file, if there is one, and how the run ended."""
+        shelf, message = self.bench.workspace.recordings, str(record.meta["message"])
+        if self.stopping:
+            message = f"Stopped by you at {self.time:.3f} s; the valve vented."
+        try:
+            shelf.ready()
+            name = self.file if self._crash_log else shelf.free(self.file)
+            record.save(shelf.path(name))
+            if self._crash_log is not None:
+                self._crash_log.unlink(missing_ok=True)  # all of it is in the recording
+        except (MckibbenError, OSError) as error:
+            log = self._crash_log
+            said = f"{error}; {f'kept: {log.name}' if log is not None and log.exists() else 'nothing was kept'}"
+            self._say(said, "stop")
+            return None, said
+        if why or not self.new_machine:  # the session has said how it ended
+            self._say(f"Recorded as {name}{', up to the stop' if why else ''}.", "done")
+        else:
+            done = record.meta["result"] == "done" or bool(self.stopping)
+            self._say(f"{sentence(message)} Recorded as {name}.", "done" if done else "stop")
+        return name, message
+
+    def _say(self, text: str, kind: str = "note") -> None:
+        self.bench.messages.say(text, self.time, kind)
+
+    def _begun(self, state: RunState) -> None:
+        self.state = state
+        self.bench.view.hold(True)
+        self.bench.stream.begin("run", self.prepared.protocol.name, self._every / self.prepared.plan.sample_rate)
+
+    def _ask(self, text: str) -> None:
+        self.asked = text
+        self._answered.clear()
+        self.bench.workspace.changed()
+        self._answered.wait()
+        self.asked = ""
+        if self.button():
+            raise InputError("run", self.prepared.protocol.name, f"it was stopped before the operator could {text}")
+        self.bench.workspace.changed()
+
+    def _show(self, times: np.ndarray, arrays: Mapping[str, np.ndarray]) -> None:
+        first = -self._count % self._every
+        self._count, self.time = self._count + len(times), float(times[-1])
+        columns = {n: v[first :: self._every] for n, v in self._columns.of(arrays).items()}
+        if len(next(iter(columns.values()))):
+            self.bench.stream.add(columns)
+        self._follow()
+
+    def _follow(self) -> None:
+        """Announce the present cycle and measure the last one; after a stop no cycle begins."""
+        if not self.state.steps or self.button() or self.state.result == "stopped":
+            return
+        step, plan = self.state.steps[-1], self.prepared.plan
+        planned = plan.steps[step["index"] - 1]
+        frequency, label = planned.step.frequency(), step["label"] or f"step {step['index']}"
+        if not frequency:
+            self.words, self.cycle = label, []
+            return
+        count = max(1, round(planned.count / plan.sample_rate * frequency))
+        cycle = [min(int((self.time - step["start"]) * frequency) + 1, count), count, step["index"]]
+        if cycle == self.cycle:
+            return
+        self.words, self.cycle = f"cycle {cycle[0]} of {count}", cycle
+        self._say(f"Cycle {cycle[0]} of {count} began." if cycle[0] > 1 else f"{label.capitalize()} began.")
+        if cycle[0] > 1:
+            stream = self.bench.stream
+            newest = stream.newest(round(2.2 / (frequency * stream.period)))
+            self.measured = of_cycle(newest, stream.period, frequency)
+
+    def status(self) -> dict[str, JsonValue]:
+        """Return state, reason and times for the pages."""
+        step, why, tripped = self.state.steps[-1] if self.state.steps else None, self.bench.session.why, self.tripped
+        paused = self.bench.clock.halted or bool(self.asked)
+        shape, name, small = "running", "Running", f"{self.words} \u00b7 {PACE_NAMES[self.bench.pace]}"
+        if tripped or (self.button() and not self.stopping):
+            shape, name, small = "tripped", "Tripped", short(tripped or why or "emergency stop")
+        elif paused:
+            shape, name = "paused", "Paused"
+            small = self.asked or f"at {self.time:.3f} s, simulated time stands still"
+        return {
+            "shape": shape, "name": name, "small": small, "moving": True, "running": True, "paused": paused,
+            "time": self.time, "asked": self.asked, "why": why or tripped, "trip": self.when if tripped else None,
+            "words": self.words, "cycle": self.cycle, "duration": self.prepared.plan.duration,
+            "title": self.prepared.protocol.title, "steps": self.steps(), "measured": self.measured,
+            "path": "" if step is None else step["path"], "file": self.file,
+        }  # fmt: skip
+
+    def summary(self, said: dict[str, JsonValue], why: str) -> dict[str, JsonValue]:
+        """Summarise the run once it has ended, with what is said of it and what stopped it."""
+        return {
+            **said, "time": self.time, "title": self.prepared.protocol.title, "stopped": bool(why), "why": why,
+            "by": self.cause, "trip": self.when if why else None, "steps": self.steps(),
+            "duration": self.prepared.plan.duration, "measured": self.measured,
+        }  # fmt: skip
+
+    def steps(self) -> list[dict[str, JsonValue]]:
+        """List the steps that have begun, as a page draws them."""
+        steps = []
+        for one in list(self.state.steps):
+            frequency = self.prepared.plan.steps[one["index"] - 1].step.frequency()
+            end, period = one["end"] if one["end"] > one["start"] else None, 1.0 / frequency if frequency else 0.0
+            about = {"path": one["path"], "label": one["label"] or "step", "start": one["start"]}
+            steps.append({**about, "end": end, "period": period})
+        return steps

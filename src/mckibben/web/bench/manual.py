@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ...bench.session import MachineSession
 from ...bench.session.session import VENTED
-from ..pages.bench.columns import Columns
-from ..stream import Stream
+from ..stream import Columns, Stream
 
 if TYPE_CHECKING:
     from ...bench.rig import Rig
@@ -23,7 +22,7 @@ class HardwareSpec(NamedTuple):
     """The name of a real machine.
 
     Attributes:
-        words: that name it, see `hardware.connect.connected`.
+        words: that name it, see `hardware.interface.connected`.
         lock_step: it waits for every command, as only a simulated device can.
     """
 
@@ -32,21 +31,7 @@ class HardwareSpec(NamedTuple):
 
 
 class ManualView:
-    """What pages see of a session that is operated by hand; it makes the session ready, and closes it.
-
-    Args:
-        session: not ready yet.
-        rig: whose machine it is.
-        stream: that the samples go to.
-        news: told that something changed.
-        after: threads that must release the same real machine first.
-
-    Attributes:
-        failed: why the machine could not be made ready.
-        moving: whether pages see its samples.
-        time: time of the newest sample that pages have [s].
-        thread: started by the bench.
-    """
+    """What pages see of a session that is operated by hand; it makes the session ready, and closes it."""
 
     def __init__(
         self, session: MachineSession, rig: Rig, stream: Stream, news: Callable[[], None],
@@ -54,7 +39,8 @@ class ManualView:
     ) -> None:  # fmt: skip
         self.session, self.stream, self._news, self._columns = session, stream, news, Columns(rig)
         self.failed, self.moving, self.time = "", False, 0.0
-        self._after, self._closed, self._lock = list(after), threading.Event(), threading.RLock()
+        self._after = list(after)  # threads that must release the same real machine first
+        self._closed, self._lock = threading.Event(), threading.RLock()
         self.thread = threading.Thread(target=self._follow, name="by hand", daemon=True)
 
     def show(self) -> None:

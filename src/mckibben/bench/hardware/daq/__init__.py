@@ -3,8 +3,7 @@
 Importing this loads nothing of NI: `nidaqmx` is loaded when a card is opened.
 """
 
-from ._client import OverrunError
-from .hardware import DaqHardware, DaqStatistics
+from .hardware import DaqHardware, DaqStatistics, OverrunError
 from .simulated import SimulatedDevice
 from .wiring import Analog, CardWiring, Counter, Drive, ShutOff, wiring
 

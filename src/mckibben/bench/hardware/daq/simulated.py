@@ -3,7 +3,7 @@
     with SimulatedDevice(machine, wiring) as device:
         hardware = DaqHardware(device.wiring)
 
-It answers the calls of the service `nidaqmx_grpc.NiDAQmx` that `_client` makes of the unmodified `nidaqmx`, one client at a
+It answers the calls of the service `nidaqmx_grpc.NiDAQmx` that `hardware` makes of the unmodified `nidaqmx`, one client at a
 time, and refuses what a card would: unknown devices and terminals, a counter that is not on the clock of the inputs, samples
 that were not read in time. It shows no noise, no settling and no time that a bus takes; what a real driver does beyond these
 calls is not in it.
@@ -22,7 +22,7 @@ from typing import Any, Protocol
 
 from ....errors import InputError
 from ..interface import CountedMachine
-from ._client import library
+from .hardware import library
 from .wiring import GRPC, Analog, CardWiring
 
 OVERWRITTEN, TOO_EARLY, GONE = -200279, -200284, -201003  # codes of NI-DAQmx
@@ -190,7 +190,7 @@ TASK_NAME, SAMPLE_RATE, TICKS, BY_CHANNEL, CONTINUOUS, RESERVE = 0x1276, 0x1344,
 
 
 @dataclasses.dataclass
-class DaqTask:
+class _Task:
     """The state of one task; its channels in lower case, its kind is ai, ao, do or ci."""
 
     name: str
@@ -202,16 +202,16 @@ class DaqTask:
     running: bool = False
 
 
-class DaqSession(Protocol):
+class _TaskName(Protocol):
     """The name of a task, as requests state it."""
 
     name: str
 
 
-class Request(Protocol):
+class _Request(Protocol):
     """A request of the client: the fields of all those that are answered here; each message has some of them."""
 
-    task: DaqSession
+    task: _TaskName
     session_name: str
     physical_channel: str
     lines: str
@@ -231,11 +231,11 @@ class Request(Protocol):
     write_array: Any
 
 
-def answers(call: Callable[[Calls, Request], dict[str, object]]) -> Any:
+def _answers(call: Callable[[_Calls, _Request], dict[str, object]]) -> Any:
     """Declare a call of the service; errors of the card are reported as a device server does."""
     name = call.__name__
 
-    def answered(self: Calls, request: Request, context: Any) -> Any:
+    def answered(self: _Calls, request: _Request, context: Any) -> Any:
         try:
             answer = call(self, request)
         except CardError as error:
@@ -248,7 +248,7 @@ def answers(call: Callable[[Calls, Request], dict[str, object]]) -> Any:
     return answered
 
 
-class Calls:
+class _Calls:
     """Implemented calls of the service, each from its request to the fields of its answer."""
 
     def __init__(self, card: Card, wiring: CardWiring) -> None:
@@ -258,7 +258,7 @@ class Calls:
             raise InputError(f"inputs.{missing[0]}", None, "the machine has", known=names, where=wiring.where)
         self.card, self.wiring = card, wiring
         self.grpc, self.messages = library("grpc"), library("nidaqmx._stubs.nidaqmx_pb2")
-        self.tasks: dict[str, DaqTask] = {}
+        self.tasks: dict[str, _Task] = {}
         self.lock = threading.Lock()
         self.numbers = itertools.count()
         self.scales = {e.channel.lower(): e for e in wiring.inputs.values()}
@@ -267,20 +267,19 @@ class Calls:
         if wiring.motor is not None:
             self.outputs[wiring.motor.channel.lower()] = "motor", wiring.motor
 
-    def task(self, request: Request) -> DaqTask:
-        """Return the task of a request."""
+    def task(self, request: _Request) -> _Task:
         if request.task.name not in self.tasks:
             raise CardError(NO_TASK)
         return self.tasks[request.task.name]
 
-    def running(self, request: Request) -> DaqTask:
+    def running(self, request: _Request) -> _Task:
         """Return the task of a write request, which must have been started."""
         task = self.task(request)
         if not task.running:
             raise CardError(NOT_STARTED)
         return task
 
-    def add(self, request: Request, kind: str, channel: str, known: Iterable[str]) -> dict[str, object]:
+    def add(self, request: _Request, kind: str, channel: str, known: Iterable[str]) -> dict[str, object]:
         """Add a terminal to a task."""
         device, _, rest = channel.partition("/")
         if device.lower() not in {t.split("/")[0].lower() for t in self.wiring.terminals().values()}:
@@ -292,73 +291,64 @@ class Calls:
         task.channels.append(channel.lower())
         return {}
 
-    @answers
-    def GetSystemInfoAttributeUInt32(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Return the version of the driver."""
+    @_answers
+    def GetSystemInfoAttributeUInt32(self, request: _Request) -> dict[str, object]:  # noqa: N802
         return {"value": VERSION.get(request.attribute_raw, 0)}
 
-    @answers
-    def GetErrorString(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Return the text of an error code."""
+    @_answers
+    def GetErrorString(self, request: _Request) -> dict[str, object]:  # noqa: N802
         return {"error_string": TEXTS.get(request.error_code, "")}
 
-    @answers
-    def CreateTask(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Create a task, and its session."""
+    @_answers
+    def CreateTask(self, request: _Request) -> dict[str, object]:  # noqa: N802
         with self.lock:
             name = request.session_name or f"_unnamedTask<{next(self.numbers)}>"
             new = name not in self.tasks
-            self.tasks.setdefault(name, DaqTask(name))
+            self.tasks.setdefault(name, _Task(name))
         return {"task": {"name": name}, "new_session_initialized": new}
 
-    @answers
-    def ClearTask(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Stop a task, and release its terminals."""
+    @_answers
+    def ClearTask(self, request: _Request) -> dict[str, object]:  # noqa: N802
         task = self.task(request)
         self.halt(task)
         self.card.forget(task.name)
         del self.tasks[task.name]
         return {}
 
-    @answers
-    def GetTaskAttributeString(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Return the name of a task."""
+    @_answers
+    def GetTaskAttributeString(self, request: _Request) -> dict[str, object]:  # noqa: N802
         if request.attribute_raw != TASK_NAME:
             raise CardError(BAD_VALUE)
         return {"value": self.task(request).name}
 
-    @answers
-    def CreateAIVoltageChan(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Add an analogue input."""
+    @_answers
+    def CreateAIVoltageChan(self, request: _Request) -> dict[str, object]:  # noqa: N802
         return self.add(request, "ai", request.physical_channel, self.inputs)
 
-    @answers
-    def CreateAOVoltageChan(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Add an analogue output."""
+    @_answers
+    def CreateAOVoltageChan(self, request: _Request) -> dict[str, object]:  # noqa: N802
         return self.add(request, "ao", request.physical_channel, self.outputs)
 
-    @answers
-    def CreateDOChan(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Add a digital output."""
+    @_answers
+    def CreateDOChan(self, request: _Request) -> dict[str, object]:  # noqa: N802
         shut_off = self.wiring.shut_off
         return self.add(request, "do", request.lines, [] if shut_off is None else [shut_off.line])
 
-    @answers
-    def CreateCIAngEncoderChan(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Add a counter, in ticks."""
+    @_answers
+    def CreateCIAngEncoderChan(self, request: _Request) -> dict[str, object]:  # noqa: N802
         if request.units_raw != TICKS:
             raise CardError(BAD_VALUE, "Property: DAQmx_CI_AngEncoder_Units")
         encoder = self.wiring.encoder
         return self.add(request, "ci", request.counter, [] if encoder is None else [encoder.counter])
 
-    @answers
-    def SetChanAttributeString(self, request: Request) -> dict[str, object]:  # noqa: N802
+    @_answers
+    def SetChanAttributeString(self, request: _Request) -> dict[str, object]:  # noqa: N802
         """Accept the terminals of the encoder's signals, which are fixed."""
         self.task(request)
         return {}
 
-    @answers
-    def CfgSampClkTiming(self, request: Request) -> dict[str, object]:  # noqa: N802
+    @_answers
+    def CfgSampClkTiming(self, request: _Request) -> dict[str, object]:  # noqa: N802
         """Set rate and clock source: the inputs have their own clock, and the counter uses it."""
         task = self.task(request)
         clock = "" if task.kind == "ai" else self.wiring.sample_clock
@@ -369,37 +359,34 @@ class Calls:
         task.rate, task.size = TIMEBASE / round(TIMEBASE / request.rate), request.samps_per_chan
         return {}
 
-    @answers
-    def SetBufferAttributeUInt32(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Set the number of samples that may wait to be read."""
+    @_answers
+    def SetBufferAttributeUInt32(self, request: _Request) -> dict[str, object]:  # noqa: N802
         self.task(request).size = request.value
         return {}
 
-    @answers
-    def GetTimingAttributeDouble(self, request: Request) -> dict[str, object]:  # noqa: N802
+    @_answers
+    def GetTimingAttributeDouble(self, request: _Request) -> dict[str, object]:  # noqa: N802
         """Return the actual sample rate."""
         if request.attribute_raw != SAMPLE_RATE:
             raise CardError(BAD_VALUE)
         return {"value": self.task(request).rate}
 
-    def reserve(self, task: DaqTask) -> None:
-        """Reserve the terminals of a task until it is cleared."""
+    def reserve(self, task: _Task) -> None:
         with self.lock:
             taken = {c for t in self.tasks.values() if t.reserved and t is not task for c in t.channels}
             if taken & set(task.channels):
                 raise CardError(RESERVED)
             task.reserved = True
 
-    @answers
-    def TaskControl(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Reserve a task."""
+    @_answers
+    def TaskControl(self, request: _Request) -> dict[str, object]:  # noqa: N802
         if request.action_raw != RESERVE:
             raise CardError(BAD_VALUE)
         self.reserve(self.task(request))
         return {}
 
-    @answers
-    def StartTask(self, request: Request) -> dict[str, object]:  # noqa: N802
+    @_answers
+    def StartTask(self, request: _Request) -> dict[str, object]:  # noqa: N802
         """Start a task; with the task of the inputs the clock starts."""
         task = self.task(request)
         self.reserve(task)
@@ -410,19 +397,17 @@ class Calls:
             self.card.start(1.0 / task.rate, task.size)
         return {}
 
-    @answers
-    def StopTask(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Stop a task."""
+    @_answers
+    def StopTask(self, request: _Request) -> dict[str, object]:  # noqa: N802
         self.halt(self.task(request))
         return {}
 
-    def halt(self, task: DaqTask) -> None:
-        """Stop a task."""
+    def halt(self, task: _Task) -> None:
         if task.running and task.kind == "ai":
             self.card.stop()
         task.running = False
 
-    def samples(self, request: Request) -> tuple[DaqTask, list[tuple[Sequence[int], int]], int]:
+    def samples(self, request: _Request) -> tuple[_Task, list[tuple[Sequence[int], int]], int]:
         """Return the samples that a read requests, or a status if they do not arrive in time."""
         task = self.task(request)
         if request.fill_mode_raw != BY_CHANNEL:
@@ -434,21 +419,19 @@ class Calls:
                 raise
             return task, [], error.code
 
-    @answers
-    def ReadAnalogF64(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Return levels, channel by channel."""
+    @_answers
+    def ReadAnalogF64(self, request: _Request) -> dict[str, object]:  # noqa: N802
         task, samples, status = self.samples(request)
         levels = [self.scales[c].volts(counts[self.inputs[c]]) for c in task.channels for counts, _ in samples]
         return {"status": status, "read_array": levels, "samps_per_chan_read": len(samples)}
 
-    @answers
-    def ReadCounterF64Ex(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Return ticks."""
+    @_answers
+    def ReadCounterF64Ex(self, request: _Request) -> dict[str, object]:  # noqa: N802
         _, samples, status = self.samples(request)
         return {"status": status, "read_array": [float(n) for _, n in samples], "samps_per_chan_read": len(samples)}
 
-    @answers
-    def WriteAnalogF64(self, request: Request) -> dict[str, object]:  # noqa: N802
+    @_answers
+    def WriteAnalogF64(self, request: _Request) -> dict[str, object]:  # noqa: N802
         """Set the levels of the outputs, which take effect together."""
         levels: dict[str, int] = {}
         for channel, level in zip(self.running(request).channels, request.write_array, strict=True):
@@ -457,9 +440,8 @@ class Calls:
         self.card.write(levels.get("valve"), levels.get("motor"), None)
         return {"samps_per_chan_written": 1}
 
-    @answers
-    def WriteDigitalLines(self, request: Request) -> dict[str, object]:  # noqa: N802
-        """Set the level of the shut-off."""
+    @_answers
+    def WriteDigitalLines(self, request: _Request) -> dict[str, object]:  # noqa: N802
         self.running(request)
         assert self.wiring.shut_off is not None
         self.card.write(None, None, bool(request.write_array[0]) == self.wiring.shut_off.level(True))
@@ -484,7 +466,7 @@ class SimulatedDevice:
     ) -> None:
         self.card = Card(machine, lock_step=lock_step, zeroed=zeroed)
         stubs = library("nidaqmx._stubs.nidaqmx_pb2_grpc")
-        service = type("Service", (Calls, stubs.NiDAQmxServicer), {})(self.card, wiring)
+        service = type("Service", (_Calls, stubs.NiDAQmxServicer), {})(self.card, wiring)
         self._server = library("grpc").server(ThreadPoolExecutor(8, "simulated device"))
         stubs.add_NiDAQmxServicer_to_server(service, self._server)
         port = self._server.add_insecure_port("127.0.0.1:0")

@@ -29,7 +29,7 @@ Each terminal has the scale of its counts, with levels in [V]:
 
     count = clip(floor((u - low)/q + 1/2), 0, 2^bits - 1),   u(count) = low + count q,   q = (high - low)/2^bits
 
-These counts are those of the rig's converters (`analogue.Scale`, here in plain floats for one level at a time), not those of
+These counts are those of the rig's converters (`Scale`, here in plain floats for one level at a time), not those of
 the card: a card of 16 bits over 20 V may stand for a converter of 12 bits over 5 V, and what it shows is rounded to the
 nearest count.
 """
@@ -47,8 +47,8 @@ from ....documents import JsonValue
 from ....errors import InputError
 from ....quantities import Quantity
 from ....schema import FileTable, read_table
-from ..analogue import BITS
-from ..motor import BITS as COUNTER_BITS
+from ..converters import BITS
+from ..stand import BITS as COUNTER_BITS
 
 LEVEL = Quantity("V", (-100.0, 100.0), "level at a terminal", "", (-10.0, 10.0))
 TERMINALS = ("default", "rse", "nrse", "differential", "pseudodifferential")
@@ -272,18 +272,17 @@ class CardWiring:
         return self.clock or f"/{chassis(next(iter(self.inputs.values())).channel)}/ai/SampleClock"
 
 
-def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring", path: str = "daq") -> CardWiring:
+def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring") -> CardWiring:
     """Read a wiring from its table, which is described at the top of this file.
 
     Args:
         table: content of the TOML table ``[daq]``.
         where: file, for error messages.
-        path: path of the table, for error messages.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
     """
-    top = FileTable.of(table, path, where)
+    top = FileTable.of(table, "daq", where)
     top.only(("connection", "clock", "inputs", "valve", "motor", "shut_off", "encoder"))
     for key in ("inputs", "valve"):
         if key not in top:
@@ -296,6 +295,6 @@ def wiring(table: Mapping[str, JsonValue], *, where: str = "wiring", path: str =
             parts[key] = read_table(kind, top.table(key), **output)
     words: dict[str, Any] = {key: top.word(key) for key in ("connection", "clock") if key in top}
     try:
-        return CardWiring(**parts, **words, where=f"{where} [{path}]")
+        return CardWiring(**parts, **words, where=f"{where} [daq]")
     except InputError as error:
         raise error.changed(field=top.field(error.field), where=where) from None

@@ -14,19 +14,6 @@ from typing import NamedTuple, Protocol
 from ....errors import InputError
 from ..interface import CountedMachine
 from . import messages
-from .messages import (
-    BY_ITSELF,
-    DAMAGED,
-    FREE,
-    LOCK_STEP,
-    UNANSWERED,
-    VENTED,
-    VERSION,
-    CommandMessage,
-    Frames,
-    SampleMessage,
-    Welcome,
-)
 
 MOST_CHANNELS = 32
 LEAST_WATCHDOG = 2  # [samples]; with 1, a command would be too old at the next sample
@@ -49,21 +36,13 @@ class DeviceMachine(CountedMachine, Protocol):
 
 
 class About(NamedTuple):
-    """Identification of a device.
+    """Identification of a device."""
 
-    Attributes:
-        firmware: name and version of the firmware.
-        shortest: period it can sample with [ns].
-        encoder: whether there is one.
-        motor: whether there is one.
-        motor_rest: count at which the motor does nothing.
-    """
-
-    firmware: str = "mckibben reference 1"
-    shortest: int = 100_000
-    encoder: bool = True
-    motor: bool = True
-    motor_rest: int = 0
+    firmware: str = "mckibben reference 1"  # name and version of the firmware
+    shortest: int = 100_000  # period it can sample with [ns]
+    encoder: bool = True  # whether there is one
+    motor: bool = True  # whether there is one
+    motor_rest: int = 0  # count at which the motor does nothing
 
 
 class Board:
@@ -82,9 +61,8 @@ class Board:
         if not len(names) == len(set(names)) == len(bits) <= MOST_CHANNELS:
             raise InputError("names", names, f"must be at most {MOST_CHANNELS} different ones, each with its bits")
         self.machine, self.about, self.clock = machine, about, clock
-        self.welcome = Welcome(
-            0, VERSION, about.shortest, about.encoder, about.motor, about.motor_rest, bits, about.firmware, names
-        )
+        has = about.shortest, about.encoder, about.motor, about.motor_rest
+        self.welcome = messages.Welcome(0, messages.VERSION, *has, bits, about.firmware, names)
         try:
             messages.encode(self.welcome)
         except ValueError:
@@ -127,16 +105,11 @@ class Board:
 
 
 class Device:
-    """The state machine in Python.
-
-    Args:
-        board: hardware of the device.
-        send: takes the bytes of one frame.
-    """
+    """The state machine in Python."""
 
     def __init__(self, board: Board, send: Callable[[bytes], None]) -> None:
         self.board, self._send = board, send
-        self._frames = Frames()
+        self._frames = messages.Frames()
         self._dropped = self._told = 0  # frames dropped: unknown ones, and all until the newest sample
         self._greeted = self.running = self.due = False
         self._vented = self._by_itself = False
@@ -158,7 +131,7 @@ class Device:
                     self._halt()
                 case messages.Hello():
                     self._halt()
-                    self._greeted = message.version == VERSION
+                    self._greeted = message.version == messages.VERSION
                     self._tell(self.board.welcome._replace(sequence=message.sequence))
                 case messages.Start():
                     self._start(message)
@@ -167,27 +140,27 @@ class Device:
 
     def tick(self) -> None:
         """Process the next sample: called by the timer, or in lock-step when it is `due`."""
-        if not self.running or (self._mode == LOCK_STEP and not self.due):
+        if not self.running or (self._mode == messages.LOCK_STEP and not self.due):
             return
         number, flags = self._next, 0
-        time = number * self.board.period if self._mode == LOCK_STEP else self.board.clock()
+        time = number * self.board.period if self._mode == messages.LOCK_STEP else self.board.clock()
         read = self.board.read()
         if read is None:
             self._fault(messages.HARDWARE, "the machine cannot be read")
             return
         counts, encoder = read
-        if self._mode == FREE and number > 0:
+        if self._mode == messages.FREE and number > 0:
             self._silent += 1
             if self._silent >= self._watchdog:
                 self._vented = self._by_itself = True
                 self._rest()
             if self._unanswered != number:
-                flags |= UNANSWERED
+                flags |= messages.UNANSWERED
         dropped = self._frames.damaged + self._dropped
-        flags |= DAMAGED if dropped != self._told else 0
-        flags |= (VENTED if self._vented else 0) | (BY_ITSELF if self._by_itself else 0)
+        flags |= messages.DAMAGED if dropped != self._told else 0
+        flags |= (messages.VENTED if self._vented else 0) | (messages.BY_ITSELF if self._by_itself else 0)
         self._told, self.due = dropped, False
-        self._tell(SampleMessage(number, self._run, time, flags, encoder, tuple(counts)))
+        self._tell(messages.SampleMessage(number, self._run, time, flags, encoder, tuple(counts)))
         self._next = number + 1
         if self._next == LAST:
             self._fault(messages.END, "a run has no more samples")
@@ -198,22 +171,22 @@ class Device:
             self._fault(messages.WRONG_VERSION, "not the version of the protocol")
             return
         slow = start.period >= self.board.about.shortest and start.period > 0
-        watched = start.mode == LOCK_STEP or (start.mode == FREE and start.watchdog >= LEAST_WATCHDOG)
+        watched = start.mode == messages.LOCK_STEP or (start.mode == messages.FREE and start.watchdog >= LEAST_WATCHDOG)
         if not (slow and watched):
             self._fault(messages.REFUSED, "this period, mode or watchdog is not possible")
             return
         self._run, self._mode, self._watchdog = start.run % 2**16, start.mode, start.watchdog
         self._next = self._unanswered = self._silent = 0
         self._vented = self._by_itself = False
-        self.running, self.due = True, start.mode == LOCK_STEP
+        self.running, self.due = True, start.mode == messages.LOCK_STEP
         self._told = self._frames.damaged + self._dropped
-        self.board.start(start.period, start.mode == FREE)
+        self.board.start(start.period, start.mode == messages.FREE)
 
-    def _command(self, command: CommandMessage) -> None:
+    def _command(self, command: messages.CommandMessage) -> None:
         if not self.running or not self._unanswered <= command.sequence < self._next:
             return
         self._unanswered, self._silent = command.sequence + 1, 0
-        self.due = self._mode == LOCK_STEP
+        self.due = self._mode == messages.LOCK_STEP
         valve, opened = (0, True) if self._vented else (command.valve, command.opened)
         self._write(valve, self._motor if self._by_itself else command.motor, opened)
 
@@ -265,11 +238,6 @@ class _Calls(ctypes.Structure):
 class CompiledDevice:
     """The state machine in C; behaves as `device.Device`.
 
-    Args:
-        board: hardware of the device.
-        send: takes the bytes of one frame.
-        library: the compiled firmware.
-
     Raises:
         InputError: if that is none.
     """
@@ -283,16 +251,9 @@ class CompiledDevice:
             raise InputError("library", str(library), f"must be the compiled firmware ({error})") from None
         about, names = board.about, [name.encode() for name in board.welcome.names]
         count = len(names)
-        self._about = _About(
-            about.firmware.encode(),
-            about.shortest,
-            about.motor_rest,
-            about.encoder,
-            about.motor,
-            count,
-            (ctypes.c_uint8 * count)(*board.welcome.bits),
-            (ctypes.c_char_p * count)(*names),
-        )
+        has, bits = (about.shortest, about.motor_rest, about.encoder, about.motor), (ctypes.c_uint8 * count)
+        named = (ctypes.c_char_p * count)(*names)
+        self._about = _About(about.firmware.encode(), *has, count, bits(*board.welcome.bits), named)
         self._calls = _Calls(
             _START(lambda period, clocked: board.start(period, bool(clocked))),
             _STOP(board.stop),

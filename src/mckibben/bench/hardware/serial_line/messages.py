@@ -273,7 +273,10 @@ def encode(message: Message) -> bytes:
         case Stop(sequence):
             return frame(0x05, sequence)
         case Welcome():
-            return frame(0x81, message.sequence, _welcome(message))
+            flags = (ENCODER if message.encoder else 0) | (MOTOR if message.motor else 0)
+            has = message.version, message.shortest, flags, message.motor_rest, len(message.names)
+            texts = b"".join(_text(text) for text in (message.firmware, *message.names))
+            return frame(0x81, message.sequence, _WELCOME.pack(*has) + bytes(message.bits) + texts)
         case Fault(sequence, code, text):
             return frame(0x83, sequence, bytes((code,)) + _text(text))
 
@@ -303,12 +306,6 @@ def message_of(frame: SerialFrame) -> Message | None:
     if kind == 0x83 and size >= 2 and size == 2 + payload[1]:
         return Fault(sequence, payload[0], payload[2:].decode("utf-8", "replace"))
     return None
-
-
-def _welcome(message: Welcome) -> bytes:
-    flags = (ENCODER if message.encoder else 0) | (MOTOR if message.motor else 0)
-    head = _WELCOME.pack(message.version, message.shortest, flags, message.motor_rest, len(message.names))
-    return head + bytes(message.bits) + b"".join(_text(text) for text in (message.firmware, *message.names))
 
 
 def _welcomed(sequence: int, payload: bytes) -> Welcome | None:

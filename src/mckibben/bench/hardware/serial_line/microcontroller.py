@@ -175,7 +175,10 @@ class Microcontroller:
                 self._stopped = True
             self._silent = self._silent or fault in ("silent", "unplug")
             self._held = time.perf_counter() + faults.delay if fault == "late" else self._held
-            data = _spoiled(data) if fault == "checksum" else data
+            if fault == "checksum":
+                body = bytearray(messages.decoded(data[:-1]) or b"")
+                body[-1] ^= 1
+                data = messages.coded(bytes(body)) + b"\0"
             count = 0 if fault == "lost" or self._silent else 2 if fault == "repeated" else 1
         if sum(len(part) for _, part in self._out) + len(data) > _ROOM:
             self._dropped += 1
@@ -196,13 +199,6 @@ class Microcontroller:
                 return
             if data:
                 self._out.appendleft((at, data))
-
-
-def _spoiled(data: bytes) -> bytes:
-    """Return a frame with a wrong checksum."""
-    body = bytearray(messages.decoded(data[:-1]) or b"")
-    body[-1] ^= 1
-    return messages.coded(bytes(body)) + b"\0"
 
 
 SPIN = 1e-4  # time before a tick from which a process does not sleep, for the system wakes it late [s]
@@ -268,34 +264,24 @@ def in_process(factory: Callable[..., DeviceMachine], *arguments: Any, **options
     process.start()
     theirs.close()
     try:
-        hosted = Hosted(_begun(ours))
+        said: str | LineLostError = LineLostError("simulated microcontroller: it did not start")
+        with contextlib.suppress(OSError, EOFError):
+            if ours.poll(BEGINNING):
+                said = ours.recv()
+        if not isinstance(said, str):
+            raise said
+        hosted = Hosted(said)
         yield hosted
         with contextlib.suppress(OSError, EOFError):  # it may have ended by itself
-            hosted.report = _asked(ours)
+            with contextlib.suppress(OSError):
+                ours.send("stop")
+            hosted.report = ours.recv() if ours.poll(BEGINNING) else None
     finally:
         ours.close()
         process.join(2.0)
         if process.is_alive():
             process.kill()
             process.join()
-
-
-def _begun(line: Connection) -> str:
-    """Return the port of a started process."""
-    with contextlib.suppress(OSError, EOFError):
-        if line.poll(BEGINNING):
-            said: str | LineLostError = line.recv()
-            if isinstance(said, str):
-                return said
-            raise said
-    raise LineLostError("simulated microcontroller: it did not start")
-
-
-def _asked(line: Connection) -> DeviceReport | None:
-    """Request the report of a process that is told to stop, or has stopped."""
-    with contextlib.suppress(OSError):
-        line.send("stop")
-    return line.recv() if line.poll(BEGINNING) else None
 
 
 def _serve(

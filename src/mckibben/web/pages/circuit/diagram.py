@@ -1,6 +1,6 @@
-"""Circuit diagrams of the web interface: layout and symbols of the reports, in the page's colours.
+"""Circuit diagrams with the layout and symbols of the reports, in the page's colours; charts and numbers of a response.
 
-Every node and element is a group that can be focused, picked, and dropped on.
+Every node and element of a diagram is a group that can be focused, picked, and dropped on.
 """
 
 from __future__ import annotations
@@ -9,11 +9,18 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from ....assembly.circuit_file import CircuitPlan
+from ....quantities import from_si, shown_unit, with_unit
+from ....recordings import Recording
 from ....report.figures import circuit_diagram, style
 from ....report.figures.circuit_diagram import DiagramPlan
 from ....report.figures.circuit_symbols import Box, Stroke
-from .edit import PARTS
+from ...charts import Axis, Chart, ChartLine, Mark
+from ...widgets import box, raw, text
+from . import document, response
+from .state import CircuitAnswer, CircuitState
 
 TOKENS = {
     style.INK: "--ink", style.INK_2: "--ink-2", style.PANEL: "--panel", style.SUNKEN: "--sunken", style.RULE: "--rule",
@@ -112,21 +119,18 @@ def _nets(plan: CircuitPlan, drawn: DiagramPlan, chosen: str) -> list[str]:
 
 
 def _sensors(drawn: DiagramPlan, boxes: Mapping[str, Box], sensors: Sequence[str], flows: Sequence[str]) -> list[str]:
-    y = -drawn.box.y1 - 18.0
-    lines = []
-    signs = pressure_signs(sensors)
-    for name in (n for n in sensors if n in boxes):
+    y, lines, signs = -drawn.box.y1 - 18.0, [], pressure_signs(sensors)
+    for name in (n for n in (*sensors, *flows) if n in boxes):
         box = boxes[name]
         x = (box.x0 + box.x1) / 2.0
-        line = drawn.nets[name].lines[0][-1][1] if name in drawn.nets and drawn.nets[name].lines else box.y1
-        lines.append(
-            _sensor(x, y, -max(line, box.y1) if box.y1 - box.y0 < 30.0 else -box.y1, "p", "pressure", signs[name])
-        )
-    for name in (n for n in flows if n in boxes):
-        box = boxes[name]
-        x = (box.x0 + box.x1) / 2.0
-        label = "q" if len(flows) == 1 else f"q{flows.index(name) + 1}".translate(SUBS)
-        lines.append(_sensor(x, y, -box.y1, "q", "flow", label))
+        if name in signs:
+            net = drawn.nets[name].lines if name in drawn.nets else ()
+            line = net[0][-1][1] if net else box.y1
+            foot = -max(line, box.y1) if box.y1 - box.y0 < 30.0 else -box.y1
+            lines.append(_sensor(x, y, foot, "p", "pressure", signs[name]))
+        else:
+            label = "q" if len(flows) == 1 else f"q{flows.index(name) + 1}".translate(SUBS)
+            lines.append(_sensor(x, y, -box.y1, "q", "flow", label))
     return lines
 
 
@@ -142,7 +146,6 @@ def _sensor(x: float, y: float, foot: float, letter: str, quantity: str, label: 
 
 
 def _part(name: str, box: Box, plan: CircuitPlan, chosen: str) -> str:
-    """Draw the selectable rectangle around a symbol."""
     x, y, w, h = box.x0 - 5.0, -box.y1 - 3.5, box.x1 - box.x0 + 10.0, box.y1 - box.y0 + 7.0
     on = name == chosen
     corners = (
@@ -184,7 +187,109 @@ SYMBOLS = {
 }
 
 
-def symbol(part: str, width: int = 44) -> str:
-    """Symbol of a part of the palette."""
-    assert part in PARTS
-    return f'<svg width="{width}" height="36" viewBox="-26 -21 52 42" aria-hidden="true">{SYMBOLS[part]}</svg>'
+MS, BAR = from_si(1.0, "s", "ms"), from_si(1.0, "Pa", "bar")
+DASHES = {"linear_tube": "B", "quadratic_tube": "C", "inertial_tube": "D"}
+
+
+def span(seconds: float) -> str:
+    """Format a short time."""
+    return f"{from_si(seconds, 's', 'ms'):.3g} ms" if abs(seconds) < 1.0 else with_unit(seconds, "s", 3)
+
+
+def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
+    """Chart of pressures at the sensors, with other tube models, and the time at which 90 % is reached."""
+    record, numbers = answer.record, answer.numbers
+    time, signs = MS * record.time, pressure_signs(desk.sensors)
+    models = answer.models.items()
+    lines = [ChartLine(time, BAR * p, response.MODELS[kind], dash=DASHES[kind], width=1.25) for kind, p in models]
+    for node in sorted(desk.sensors, key=lambda n: n == desk.read):
+        heavy = 2.75 if node == desk.read else 1.25
+        name = f"{signs[node]} {node.replace('_', ' ')}"
+        lines.append(ChartLine(time, BAR * record[f"{node}.pressure"], name, "pressure", width=heavy))
+    marks, reached = [], None
+    if numbers.settled and numbers.transition is not None and numbers.delay is not None:
+        reached = numbers.command_time + numbers.delay + numbers.transition
+    if reached is not None and reached <= record.time[-1]:
+        node = f"{desk.read}.pressure"
+        at = float(np.interp(reached, record.time, record[node]))
+        share = "90 %" if numbers.rising else "10 %"
+        words = f"{share} after {span(reached - numbers.command_time)}"
+        x, beside = MS * reached, BAR * (0.4 * at if numbers.rising else 0.6 * numbers.before)
+        marks += [Mark("", x=x), Mark(words, x=x, y=beside)]
+    shown = f"Pressure of {', '.join(desk.sensors)} over {with_unit(record.time[-1], 's')}"
+    summary = f"{shown}; it {_ending(desk, numbers)}"
+    return Chart("Pressure", summary, Axis("Time", "ms"), Axis("Pressure", "bar", "pressure"), lines, marks, height=256)
+
+
+def flow_chart(desk: CircuitState, record: Recording) -> Chart:
+    """Chart of the flows at flow sensors."""
+    lines = []
+    for i, name in enumerate(desk.flows):
+        sign = "q" if len(desk.flows) == 1 else f"q{i + 1}"
+        values = response.litres(record[response.flow_channel(desk.plan, name)])
+        dash = "ABCD"[i % 4] if i else ""
+        lines.append(ChartLine(MS * record.time, values, f"{sign} {name}", "flow", dash=dash, width=2.0))
+    summary = f"Flow of {', '.join(desk.flows)} as a volume of reference air"
+    return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
+
+
+def _ending(desk: CircuitState, outputs: response.ResponseNumbers) -> str:
+    if outputs.settled:
+        longer = outputs.duration > 1.5 * desk.plan.duration
+        return f"{'settles' if longer else 'ends'} at {with_unit(outputs.after, 'Pa')}"
+    return "has not settled"
+
+
+def numbers(desk: CircuitState, outputs: response.ResponseNumbers) -> None:
+    """Show the numbers of the response and of the selected part."""
+    rows: list[tuple[str, str]] = []
+    node = outputs.channel.removesuffix(".pressure").capitalize()
+    if outputs.settled:
+        if outputs.transition is not None and outputs.delay is not None:
+            label = "Rise, 0 to 90 %" if outputs.rising else "Fall, 100 to 10 %"
+            rows += [(label, span(outputs.transition)), ("Delay before it", span(outputs.delay))]
+        later = outputs.duration > 1.5 * desk.plan.duration
+        shown = f" after the {span(desk.plan.duration)} shown" if later else ""
+        rows.append((f"{node} {'settles' if later else 'ends'} at", f"{with_unit(outputs.after, 'Pa')}{shown}"))
+    else:
+        why = "before the next step" if outputs.ends else f"within {span(outputs.duration)}"
+        drift = f"in the last fifth it changes by {abs(outputs.drift):.1%} of its step"
+        rows.append((f"{node} has not settled", f"{why}: {drift}"))
+    if outputs.flow_of:
+        litres = from_si(outputs.flow, "m^3/s", "l/min")
+        rows.append((f"Largest flow, {outputs.flow_of}", f"{litres:.4g} L/min"))
+    rows += response.facts(desk.plan, desk.chosen or response.first_tube(desk.plan))
+    markup = "".join(f"<dt>{html.escape(a)}</dt><dd>{html.escape(b)}</dd>" for a, b in rows)
+    raw(markup, "dl", "meas")
+
+
+def sweep_chart(sweep: response.ValueSweep) -> None:
+    """Chart of the rise time over values of the part."""
+    unit = shown_unit(sweep.unit)
+    x = from_si(1.0, sweep.unit, unit) * sweep.values
+    y = MS * sweep.rises
+    if not np.isfinite(y).any():
+        return
+    word = sweep.key.replace("_", " ")
+    with box("div", "sweep"):
+        text("h3", f"Time to 90 % if its {word} were another")
+        now = float(np.interp(sweep.now, sweep.values, sweep.rises))
+        lines = [ChartLine(x, y, width=2.0)]
+        if np.isfinite(now):
+            present = [from_si(sweep.now, sweep.unit, unit)]
+            lines.append(ChartLine(present, [from_si(now, "s", "ms")], points=True, line=False))
+        across, up = Axis(word.capitalize(), unit, low=0.0), Axis("Time to 90 %", "ms", low=0.0)
+        Chart(f"Rise over {word}", f"Time to 90 % for {len(x)} values of {word}", across, up, lines, height=130).show()
+
+
+def palette() -> None:
+    """Build the palette of parts."""
+    with box("div", "hd"), box("h2"):
+        text("span", "Parts")
+    with box("div", "palette"):
+        for name, part in document.PARTS.items():
+            drawn = f'<svg width="44" height="36" viewBox="-26 -21 52 42" aria-hidden="true">{SYMBOLS[name]}</svg>'
+            markup = f"{drawn}<span>{part.name}</span><kbd>{part.key}</kbd>"
+            about = f"Add {part.name.lower()}: drag it, or Insert and {part.key}"
+            one = raw(markup, "button", "add").set(type="button", draggable="true", title=about)
+            one.set(data_add=name, data_key=part.key.lower())

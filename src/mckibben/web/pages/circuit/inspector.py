@@ -11,18 +11,27 @@ from ....assembly.circuit_file import TIME, CircuitPlan
 from ....assembly.circuit_parts import HEATS
 from ....components import paths
 from ....muscles.build import rest_length_of
-from ....pneumatics.build import known_keys, passages_of, with_usual_unit
-from ....pneumatics.heat import WallHeat
+from ....pneumatics.build import (
+    BARE_UNITS,
+    PASSAGE_WAYS,
+    SIZES,
+    TITLES,
+    canonical,
+    known_keys,
+    passages_of,
+    put_value,
+    size_as,
+    with_usual_unit,
+)
 from ....pneumatics.orifice import Orifice
-from ....pneumatics.sizes import BARE_UNITS, PASSAGE_WAYS, SIZES, TITLES, canonical, put_value, size_as
 from ....pneumatics.valves import PressureRegulator
-from ....pneumatics.volume import FixedVolume, MovingVolume
+from ....pneumatics.volume import FixedVolume, MovingVolume, WallHeat
 from ....quantities import Quantity, declared, from_si, parse
 from ....specimens import specimen as found
 from ....specimens import specimens
 from ... import forms
 from ...widgets import box, select, text
-from .document import Document, worded
+from .document import GIVEN, Document, worded
 from .response import TUBES
 
 Put = Callable[[Callable[[Document], Document]], None]  # told how a document becomes another one
@@ -30,24 +39,24 @@ KIND_WORDS = {
     "linear_tube": "Linear", "quadratic_tube": "Quadratic", "inertial_tube": "Quadratic, with inertia",
     "lumped_tube": "Lumped, by Reynolds number",
 }  # fmt: skip
+UNSTATED = ("wall_temperature", "friction_scale", "supply_reference")  # shown where a file states them
 HEAT_CONDUCTANCE = "0.1 W/K"  # of a wall, by default
 FLOW_PRESSURE_WORDS = "6 bar"  # at which `size_as` states a flow into the room
 
 
-def gauge(plan: CircuitPlan) -> Quantity:
-    """Permitted gauge pressures of nodes: those of a regulator's set-point, down to vacuum."""
-    known = declared(PressureRegulator)["set_pressure"]
-    return known._replace(bounds=(-float(plan.environment.pressure_abs), known.bounds[1]), doc="gauge pressure")
-
-
-def show(document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]) -> None:
+def show(
+    document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]
+) -> dict[str, forms.InputField]:
     """Show the fields of a node, of an element, or of the run if nothing is selected."""
     if name in plan.nodes:
-        _node(document, plan, name, put)
-    elif name in plan.circuit.elements:
-        _element(document, plan, name, put, model)
-    else:
-        _run(document, plan, put)
+        return _node(document, plan, name, put)
+    if name in plan.circuit.elements:
+        shown = _element(document, plan, name, put, model)
+        return {f"elements.{name}.{key}": one for key, one in shown.items()}
+    names = {"duration": plan.duration, "period": plan.period, "step": plan.step}
+    doc = {"duration": "how long the response is", "period": "of the samples", "step": "largest step of the physics"}
+    run = {k: (TIME._replace(doc=doc[k]), v) for k, v in names.items()}
+    return _fields(run, lambda key, value: put(lambda d: {**d, "run": {**d.get("run", {}), key: value}}))
 
 
 def _changed(document: Document, section: str, name: str, key: str, value: Any) -> Document:
@@ -56,19 +65,17 @@ def _changed(document: Document, section: str, name: str, key: str, value: Any) 
 
 
 def _fields(
-    shown: Mapping[str, tuple[Quantity, float]],
-    put: Callable[[str, Any], None],
-    labels: Mapping[str, str] | None = None,
-) -> None:
+    shown: Mapping[str, tuple[Quantity, float]], put: Callable[[str, Any], None]
+) -> dict[str, forms.InputField]:
+    fields = {}
     with box("div", "form"):
         for key, (quantity, value) in shown.items():
-            forms.field(
-                key,
-                quantity,
-                value,
-                lambda v, k=key, q=quantity: put(k, worded(v, q)),  # type: ignore[misc]
-                label=(labels or {}).get(key, key.replace("_", " ").capitalize()),
-            )
+
+            def change(new: float, key: str = key, quantity: Quantity = quantity) -> None:
+                put(key, worded(new, quantity))
+
+            fields[key] = forms.field(key, quantity, value, change, key.replace("_", " ").capitalize())
+    return fields
 
 
 def _choice(words: str, options: Mapping[str, str], chosen: str, change: Callable[[str], None]) -> None:
@@ -77,35 +84,31 @@ def _choice(words: str, options: Mapping[str, str], chosen: str, change: Callabl
         select(options, chosen, change, words)
 
 
-def _element(document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]) -> None:
+def _element(
+    document: Document, plan: CircuitPlan, name: str, put: Put, model: Callable[[str], None]
+) -> dict[str, forms.InputField]:
     words, element = document["elements"][name], plan.circuit.elements[name]
     kind = words["kind"]
+
+    def change(key: str, value: object) -> None:
+        put(lambda d: _changed(d, "elements", name, key, value))
+
     if kind in TUBES:
         _choice("Resistance", {k: KIND_WORDS[k] for k in TUBES}, kind, model)
     if "specimen" in words:
         valves = {s.id: s.title for s in specimens() if s.kind == "valve" and s.element == kind}
-        _choice(
-            "Specimen",
-            valves,
-            str(words["specimen"]),
-            lambda v: put(lambda d: _changed(d, "elements", name, "specimen", v)),
-        )
+        _choice("Specimen", valves, str(words["specimen"]), lambda v: change("specimen", v))
     # the parameter that states the size of all passages alike; none if a specimen or each passage does
     size = next((n for n in map(canonical, words) if n in SIZES), "")
     if size and (kind == "orifice" or passages_of(kind)):
         _choice("Size stated by", TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
-    known = known_keys(kind)
-    values = {
-        p: float(paths.get(element, p)) for p, _ in paths.parameters(element) if "." not in p and _plain(element, p)
-    }
-    keys = [k for k in words if k in known] + [k for k in values if k not in words]
-    keys = [k for k in keys if k in known]
-    shown = {}
-    for key in keys:
-        value = values[key] if key not in words else _si(words[key], known[key].unit, key)
-        if not (key not in words and key in ("wall_temperature", "friction_scale", "supply_reference")):
+    known, shown = known_keys(kind), {}
+    numbers = [p for p, _ in paths.parameters(element) if "." not in p and np.ndim(paths.get(element, p)) == 0]
+    for key in [*words, *(p for p in numbers if p not in words and p not in UNSTATED)]:
+        if key in known:
+            value = _si(words[key], known[key].unit, key) if key in words else float(paths.get(element, key))
             shown[key] = known[key], value
-    _fields(shown, lambda k, v: put(lambda d: _changed(d, "elements", name, k, v)))
+    return _fields(shown, change)
 
 
 def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Document:
@@ -122,72 +125,57 @@ def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Do
     return {**document, "elements": {**document["elements"], name: new}}
 
 
-def _plain(element: Any, path: str) -> bool:
-    return bool(np.ndim(paths.get(element, path)) == 0)
-
-
 def _si(words: Any, unit: str, key: str) -> float:
     return parse(with_usual_unit(key, words), unit, field=key)
 
 
-def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> None:
+def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> dict[str, forms.InputField]:
     words, planned = document["nodes"][name], plan.nodes[name]
-    pressure = gauge(plan)
+    # gauge pressures are those of a regulator's set-point, down to vacuum
+    known = declared(PressureRegulator)["set_pressure"]
+    pressure = known._replace(bounds=(-float(plan.environment.pressure_abs), known.bounds[1]), doc="gauge pressure")
     shown: dict[str, tuple[Quantity, float]] = {}
+
+    def change(key: str, value: object) -> None:
+        put(lambda d: _changed(d, "nodes", name, key, value))
+
     if planned.kind == "reservoir" and "pressure" in words:
         shown["pressure"] = pressure, _si(words["pressure"], "Pa", "pressure")
     if planned.law is not None:
         muscles = {s.id: s.title for s in specimens() if s.kind == "mckibben"}
-        _choice("Specimen", muscles, str(words["specimen"]), lambda v: put(lambda d: _other_muscle(d, name, v)))
+
+        def other_muscle(document: Document, specimen: str) -> Document:
+            """Replace the muscle, held at its own rest length."""
+            rest = rest_length_of(found(specimen))
+            words = {k: v for k, v in document["nodes"][name].items() if k not in ("law", "parameters")}
+            quantity = Quantity("m", (1e-3, 100.0), "rest length", "L0", (0.05, 1.0))
+            new = {**words, "specimen": specimen} | ({"length": worded(rest, quantity)} if "length" in words else {})
+            return {**document, "nodes": {**document["nodes"], name: new}}
+
+        _choice("Specimen", muscles, str(words["specimen"]), lambda v: put(lambda d: other_muscle(d, v)))
         if planned.length is not None:
-            low, high = (float(v) for v in planned.law.length_range())
-            shown["length"] = (
-                Quantity("m", (low, high), "length at which the muscle is held", "L", (low, high)),
-                planned.length,
-            )
+            ends = (float(planned.law.length_range()[0]), float(planned.law.length_range()[1]))
+            shown["length"] = Quantity("m", ends, "length at which the muscle is held", "L", ends), planned.length
         shown["dead_volume"] = declared(MovingVolume)["dead"], float(plan.circuit.nodes[name].dead)  # type: ignore[union-attr]
     elif planned.kind in ("volume", "junction", "compliant") and "volume" in words:
         shown["volume"] = declared(FixedVolume)["size"], _si(words["volume"], "m^3", "volume")
-    if planned.kind not in ("reservoir", "atmosphere"):
+    if planned.kind not in GIVEN:
         shown["start_pressure"] = pressure, planned.start
-    _fields(shown, lambda k, v: put(lambda d: _changed(d, "nodes", name, k, v)))
-    if planned.kind in ("reservoir", "atmosphere"):
+    fields = _fields(shown, change)
+    named = {"pressure": f"pressure of {name}", "start_pressure": f"pressure of {name}", "length": f"length of {name}"}
+    named |= {"volume": f"nodes.{name}.size", "dead_volume": f"nodes.{name}.dead"}
+    by_caution = {named[key]: one for key, one in fields.items()}
+    if planned.kind in GIVEN:
         if planned.kind == "atmosphere":
             text("p", f"{planned.words}.", "small dim")
-        return
+        return by_caution
     heat = words.get("heat", "isothermal")
     kind = heat["kind"] if isinstance(heat, Mapping) else heat
     kinds = {k: k.capitalize() for k in HEATS if k != "polytropic" or k == kind}
-
-    def other(value: str) -> None:
-        new: Any = {"kind": "wall", "conductance": HEAT_CONDUCTANCE} if value == "wall" else value
-        put(lambda d: _changed(d, "nodes", name, "heat", new))
-
-    _choice("Heat of the gas", kinds, str(kind), other)
+    wall = {"kind": "wall", "conductance": HEAT_CONDUCTANCE}
+    _choice("Heat of the gas", kinds, str(kind), lambda v: change("heat", wall if v == "wall" else v))
     if isinstance(heat, Mapping) and "conductance" in heat:
-        known = declared(WallHeat)["conductance"]
-        value = _si(heat["conductance"], known.unit, "conductance")
-        _fields(
-            {"conductance": (known, value)},
-            lambda k, v: put(lambda d: _changed(d, "nodes", name, "heat", {**heat, k: v})),
-        )
-
-
-def _other_muscle(document: Document, name: str, specimen: str) -> Document:
-    """Replace the muscle, held at its own rest length."""
-    rest = rest_length_of(found(specimen))
-    words = {k: v for k, v in document["nodes"][name].items() if k not in ("law", "parameters")}
-    quantity = Quantity("m", (1e-3, 100.0), "rest length", "L0", (0.05, 1.0))
-    new = {**words, "specimen": specimen} | ({"length": worded(rest, quantity)} if "length" in words else {})
-    return {**document, "nodes": {**document["nodes"], name: new}}
-
-
-def _run(document: Document, plan: CircuitPlan, put: Put) -> None:
-    names = {"duration": plan.duration, "period": plan.period, "step": plan.step}
-    doc = {"duration": "how long the response is", "period": "of the samples", "step": "largest step of the physics"}
-    shown = {k: (TIME._replace(doc=doc[k]), v) for k, v in names.items()}
-
-    def change(key: str, value: Any) -> None:
-        put(lambda d: {**d, "run": {**d.get("run", {}), key: value}})
-
-    _fields(shown, change)
+        conductance = declared(WallHeat)["conductance"]
+        value = _si(heat["conductance"], conductance.unit, "conductance")
+        _fields({"conductance": (conductance, value)}, lambda k, v: change("heat", {**heat, k: v}))
+    return by_caution

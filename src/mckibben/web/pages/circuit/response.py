@@ -6,9 +6,6 @@ march, so that it gives what the command line gives, and keeps the integrals tha
 
 from __future__ import annotations
 
-import functools
-import threading
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -29,20 +26,13 @@ from ....pneumatics import AIR
 from ....pneumatics.build import known_keys, with_usual_unit
 from ....pneumatics.circuit import Circuit, RunBalance, balance, path_name
 from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
-from ....pneumatics.tubes import LinearTube
-from ....pneumatics.tubes.inertial import inertance
+from ....pneumatics.tubes import LinearTube, inertance
 from ....quantities import declared, from_si, parse, with_unit
 from ....recordings import Channel, Recording
-from .document import Document, planned, worded
-from .edit import AIR as OUTSIDE
-from .edit import top
+from ...shelf import SharedResults
+from .document import GIVEN, Document, planned, top, worded
 
-MOST = 24  # kernels that are kept
-_kept: OrderedDict[Any, EngineFunction] = OrderedDict()
-_locks: dict[Any, threading.Lock] = {}
-_guard = threading.Lock()
-
-
+_kernels = SharedResults(24)
 RATE = "steepest rate"  # beside the outputs of a circuit [1/s]
 
 
@@ -57,9 +47,8 @@ def method_of(rate: float, step: float, stiff: bool = False) -> IntegrationMetho
     """Method that the engine chooses at a rate [1/s] and a step [s]."""
     if not stiff and rate * step <= RK4_LIMIT:
         return IntegrationMethod()
-    return IntegrationMethod(
-        True, min(MOST_PARTS, max(1, int(np.ceil(rate * step / ROS2_LIMIT)))) if np.isfinite(rate) else 1
-    )
+    split = int(np.ceil(rate * step / ROS2_LIMIT)) if np.isfinite(rate) else 1
+    return IntegrationMethod(True, min(MOST_PARTS, max(1, split)))
 
 
 class WatchedCircuit(System):
@@ -100,15 +89,7 @@ class CircuitResponse(NamedTuple):
 
 
 def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> CircuitResponse:
-    """Compute the response of a circuit.
-
-    Args:
-        plan: plan of the circuit.
-        method: to begin with; another is taken where the rates that were met ask for it.
-
-    Raises:
-        ConvergenceError: the state is not finite.
-    """
+    """Compute the response of a circuit."""
     arguments, method = _given(plan), method or IntegrationMethod()
     for _ in range(ATTEMPTS):
         samples, start, end, integrals = _kernel(plan, arguments, method)(*arguments)
@@ -128,7 +109,7 @@ def respond(plan: CircuitPlan, method: IntegrationMethod | None = None) -> Circu
 
 def ready(plan: CircuitPlan, method: IntegrationMethod | None = None) -> bool:
     """Whether the kernel of a topology is compiled."""
-    return _key(plan, _given(plan), method or IntegrationMethod()) in _kept
+    return _kernels.known(_key(plan, _given(plan), method or IntegrationMethod())) is not None
 
 
 def _given(plan: CircuitPlan) -> tuple[Tree, ...]:
@@ -143,45 +124,22 @@ def _key(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> Any:
 
 
 def _kernel(plan: CircuitPlan, given: Any, method: IntegrationMethod) -> EngineFunction:
-    key = _key(plan, given, method)
-    with _guard:
-        lock = _locks.setdefault(key, threading.Lock())
-    with lock:
-        if key not in _kept:
-            function = functools.partial(
-                _outputs,
-                period=plan.period,
-                inner=max(1, round(plan.period / plan.inner_step)) * method.split,
-                samples=plan.samples,
-                stiff=method.stiff,
-            )
-            made = compile_function(function, *given, title="circuit")
-            made(*given)  # machine code is made at the first call
-            with _guard:
-                _kept[key] = made
-                while len(_kept) > MOST:
-                    _locks.pop(_kept.popitem(last=False)[0], None)
-        with _guard:
-            _kept.move_to_end(key)
-            return _kept[key]
+    period, samples, stiff = plan.period, plan.samples, method.stiff
+    inner = max(1, round(period / plan.inner_step)) * method.split
 
+    def outputs(circuit: Any, signals: Any, pressures: Scalar, temperature: Any) -> Any:
+        first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
+        state = circuit.at_rest(pressures, first, temperature)
+        memory = circuit.initial_memory(state, first)
+        carry, kept = march(WatchedCircuit(circuit=circuit), state, memory, signals, period, inner, samples, stiff)
+        return kept[2], state, carry[0], carry[2]
 
-def _outputs(
-    circuit: Any,
-    signals: Any,
-    pressures: Scalar,
-    temperature: Any,
-    *,
-    period: float,
-    inner: int,
-    samples: int,
-    stiff: bool,
-) -> Any:
-    first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
-    state = circuit.at_rest(pressures, first, temperature)
-    memory = circuit.initial_memory(state, first)
-    carry, kept = march(WatchedCircuit(circuit=circuit), state, memory, signals, period, inner, samples, stiff)
-    return kept[2], state, carry[0], carry[2]
+    def make() -> EngineFunction:
+        made = compile_function(outputs, *given, title="circuit")
+        made(*given)  # machine code is made at the first call
+        return made
+
+    return _kernels.get(_key(plan, given, method), make)
 
 
 def accounts(plan: CircuitPlan, done: CircuitResponse) -> RunBalance:
@@ -229,13 +187,13 @@ class ResponseNumbers(NamedTuple):
 def recording(plan: CircuitPlan, outputs: dict[str, np.ndarray]) -> Recording:
     """Channels of a quick response: gauge pressures, mass flows and signals, named as in `bench.circuit_run`."""
     room = float(plan.environment.pressure_abs)
-    channels = {
-        f"{n}.pressure": Channel(outputs[f"{n}.pressure_abs"] - room, "Pa", "true", f"gauge pressure of {n}")
-        for n in plan.nodes
-    }
-    channels |= {
-        n: Channel(v, "kg/s", "true", f"mass flow, {n}") for n, v in outputs.items() if n.endswith(".mass_flow")
-    }
+    channels = {}
+    for node in plan.nodes:
+        gauge = outputs[f"{node}.pressure_abs"] - room
+        channels[f"{node}.pressure"] = Channel(gauge, "Pa", "true", f"gauge pressure of {node}")
+    for name, values in outputs.items():
+        if name.endswith(".mass_flow"):
+            channels[name] = Channel(values, "kg/s", "true", f"mass flow, {name}")
     channels |= {n: Channel(v, plan.signals[n].unit, "command", n) for n, v in plan.values().items()}
     return Recording(plan.times, channels, {"title": plan.title})
 
@@ -264,48 +222,23 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> R
     except InputError:
         one = None
     duration = float(record.time[-1])
-    if one is None:
-        late = record.time >= (1.0 - LAST) * duration
-        drift, settled = 0.0, True
-        if (
-            (stepping or not plan.signals) and after != before and np.count_nonzero(late) > 2
-        ):  # it only fills or empties
-            drift, settled = settling(record.time[late], record[channel][late], after - before)
-        return ResponseNumbers(
-            channel, None, None, True, 0.0, before, after, largest, element, drift, settled, False, duration
-        )
+    if one is not None:
+        step = one.delay, one.transition, one.rising, one.command_time, one.before, one.after
+        ends = one.until < duration
+        return ResponseNumbers(channel, *step, largest, element, one.drift, one.settled, ends, duration)
+    drift, settled, late = 0.0, True, record.time >= (1.0 - LAST) * duration
+    if (stepping or not plan.signals) and after != before and np.count_nonzero(late) > 2:  # it only fills or empties
+        drift, settled = settling(record.time[late], record[channel][late], after - before)
+    ends = False
     return ResponseNumbers(
-        channel,
-        one.delay,
-        one.transition,
-        one.rising,
-        one.command_time,
-        one.before,
-        one.after,
-        largest,
-        element,
-        one.drift,
-        one.settled,
-        one.until < duration,
-        duration,
+        channel, None, None, True, 0.0, before, after, largest, element, drift, settled, ends, duration
     )
 
 
 def settled(
     plan: CircuitPlan, outputs: ResponseNumbers, node: str, method: IntegrationMethod | None, wait: bool = True
 ) -> tuple[ResponseNumbers, bool]:
-    """Numbers of a settled response, from a longer run if the plan's own is too short.
-
-    Args:
-        plan: plan of the circuit.
-        outputs: numbers of its own run.
-        node: whose pressure is read.
-        method: to begin with.
-        wait: take the time for a run of any of these lengths, and for compiling it.
-
-    Returns:
-        The numbers, not settled where not even 64 times the duration is enough, and whether a longer run is left to be done.
-    """
+    """Numbers of a settled response, from a longer run if the plan's own is too short."""
     for times in LONGER:
         if outputs.settled or outputs.ends or plan.samples * times > MOST_SAMPLES:
             break
@@ -322,7 +255,7 @@ def settled(
 
 def last_chamber(plan: CircuitPlan) -> str:
     """Node whose pressure is evaluated: the last muscle, or the last volume."""
-    inner = [n for n, p in plan.nodes.items() if p.kind not in ("reservoir", *OUTSIDE)]
+    inner = [n for n, p in plan.nodes.items() if p.kind not in GIVEN]
     muscles = [n for n in inner if plan.nodes[n].law is not None]
     return (muscles or [n for n in inner if plan.nodes[n].kind != "junction"] or inner)[-1]
 
@@ -349,8 +282,7 @@ def with_model(document: Document, plan: CircuitPlan, name: str, kind: str) -> D
     new["kind"] = kind
     known = known_keys(kind)
     if kind == "linear_tube":
-        quantity = declared(LinearTube)["resistance"]
-        new["resistance"] = worded(_resistance(plan, name), quantity)
+        new["resistance"] = worded(_resistance(plan, name), declared(LinearTube)["resistance"])
     else:
         new |= {k: words[k] for k in ("length", "diameter", "ends") if k in words and k in known}
         if "diameter" not in new:
@@ -359,13 +291,9 @@ def with_model(document: Document, plan: CircuitPlan, name: str, kind: str) -> D
 
 
 def _resistance(plan: CircuitPlan, name: str) -> float:
-    room = float(plan.environment.pressure_abs)
-    warm = float(plan.environment.temperature)
-    full = room + max(
-        [abs(p) for p in plan.starts.values()]
-        + [float(np.abs(v).max()) for n, v in plan.values().items() if plan.signals[n].unit == "Pa"]
-        + [1e5]
-    )
+    room, warm = float(plan.environment.pressure_abs), float(plan.environment.temperature)
+    driven = [float(np.abs(v).max()) for n, v in plan.values().items() if plan.signals[n].unit == "Pa"]
+    full = room + max([*map(abs, plan.starts.values()), *driven, 1e5])
     element: Any = plan.circuit.elements[name]
     low, high = GasState(room, warm), GasState(full, warm)
     if isinstance(element.initial(), tuple):
@@ -386,24 +314,15 @@ class ValueSweep(NamedTuple):
     now: float
 
 
-def grows(plan: CircuitPlan, name: str) -> str:
-    """The value of a part that the small chart varies; nothing if it has none."""
-    section = "nodes" if name in plan.nodes else "elements"
-    words = plan.document[section].get(name, {})
-    if section == "nodes" and words.get("kind") not in ("volume",):
-        return ""
-    return next((k for k in GROWS if k in words), "")
-
-
 def sweep(
     document: Document, plan: CircuitPlan, name: str, node: str, method: IntegrationMethod | None
 ) -> ValueSweep | None:
     """Rise time of a node's pressure over sizes of a part."""
-    key = grows(plan, name)
-    if not key:
-        return None
-
     section = "nodes" if name in plan.nodes else "elements"
+    words = document[section].get(name, {})
+    key = next((k for k in GROWS if k in words), "")
+    if not key or section == "nodes" and words["kind"] != "volume":
+        return None
     unit = GROWS[key]
     now = parse(with_usual_unit(key, document[section][name][key]), unit, field=key)
     values, rises = [], []
@@ -429,31 +348,23 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
         volumes = [float(v) for v in element.inner_volumes()]
         if any(volumes):
             rows.append(("Its own volume", with_unit(sum(volumes), "m^3", 3).replace("^3", "\u00b3")))
-        known = dict(paths.parameters(element))
-        if {"length"} <= set(known):
+        if "length" in dict(paths.parameters(element)):
             speed = float(AIR.sound_speed(float(plan.environment.temperature)))
+            across = from_si(float(inertance(length=element.length, area=float(element.area))), "1/m", "1/cm")
             rows.append(("Sound passes in", f"{from_si(float(element.length) / speed, 's', 'ms'):.3g} ms"))
-            area = float(element.area)
-
-            rows.append(
-                (
-                    "Inertance l/A",
-                    f"{from_si(float(inertance(length=element.length, area=area)), '1/m', '1/cm'):.4g} cm\u207b\u00b9",
-                )
-            )
+            rows.append(("Inertance l/A", f"{across:.4g} cm\u207b\u00b9"))
     elif name in plan.nodes and plan.nodes[name].law is not None:
         law: Any = plan.nodes[name].law
         length = plan.nodes[name].length
         if length is not None:
             full = parse(top(plan.document, plan), "Pa", field="pressure")
-            rows.append(
-                (f"Static tension at {with_unit(full, 'Pa')}", with_unit(float(law.tension(length, full)), "N"))
-            )
+            tension = with_unit(float(law.tension(length, full)), "N")
+            rows.append((f"Static tension at {with_unit(full, 'Pa')}", tension))
             rows.append(("Volume there", with_unit(float(law.volume(length, full)), "m^3").replace("^3", "\u00b3")))
     return rows
 
 
 def shown_nodes(plan: CircuitPlan, wanted: Sequence[str]) -> list[str]:
     """Requested nodes that the circuit has; its chambers if none was requested."""
-    inner = [n for n, p in plan.nodes.items() if p.kind not in ("reservoir", *OUTSIDE)]
+    inner = [n for n, p in plan.nodes.items() if p.kind not in GIVEN]
     return [n for n in wanted if n in inner] or inner[:4]

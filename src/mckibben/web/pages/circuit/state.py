@@ -34,18 +34,7 @@ class CircuitAnswer(NamedTuple):
 
 
 class CircuitState:
-    """State of one circuit page.
-
-    Args:
-        document: to begin with.
-        chosen: part that is selected, "" for none.
-
-    Attributes:
-        sensors: nodes whose pressure is drawn.
-        flows: elements whose flow is drawn.
-        models: kinds of tubes that are compared.
-        number: number of the newest change; what was computed for an older one is thrown away.
-    """
+    """State of one circuit page."""
 
     def __init__(self, document: Document, chosen: str = "") -> None:
         self.document, self.plan = document, planned(document)
@@ -63,11 +52,7 @@ class CircuitState:
         return [*self.plan.nodes, *self.plan.circuit.elements]
 
     def take(self, new: Document, chosen: str | None = None) -> bool:
-        """Replace the document; return whether parts were added or removed.
-
-        Raises:
-            InputError: it is no circuit.
-        """
+        """Replace the document; return whether parts were added or removed."""
         plan = planned(new)
         check_size(plan)
         self._undo = [*self._undo[-LONGEST:], (self.document, self.chosen)]
@@ -89,7 +74,7 @@ class CircuitState:
     def _now(self, new: Document, plan: CircuitPlan, chosen: str) -> bool:
         before = self.plan
         self.document, self.plan = new, plan
-        other = _shape(before) != _shape(plan)
+        other = bool(_shape(before) != _shape(plan))
         if other:
             self.method, self.methods = None, {}
             gone = set(before.nodes) | set(before.circuit.elements)
@@ -99,8 +84,7 @@ class CircuitState:
             self.flows = [n for n in self.flows if n in plan.circuit.elements] or [response.first_tube(plan)]
         self.chosen = chosen if chosen in self.parts() else ""
         self.number += 1
-        now: bool = other
-        return now
+        return other
 
     def toggle(self, what: list[str], name: str) -> None:
         """Add a name to a list, or remove it; the last one stays."""
@@ -179,10 +163,8 @@ class CircuitState:
 def check_size(plan: CircuitPlan) -> None:
     """Refuse a run that is too long for immediate display."""
     if plan.samples > SAMPLES or plan.duration / plan.inner_step > 4e6:
-        allowed = (
-            f"this page draws up to {SAMPLES} samples and 4000000 steps; run longer ones with mckibben circuit run"
-        )
-        raise InputError("run.duration", time_words(plan.duration), allowed)
+        most = f"this page draws up to {SAMPLES} samples and 4000000 steps; run longer ones with mckibben circuit run"
+        raise InputError("run.duration", time_words(plan.duration), most)
 
 
 def _shape(plan: CircuitPlan) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
 from ....bench.biological_run import BiologicalSubject, run_biological
@@ -14,25 +13,16 @@ from ....quantities import with_unit
 from ....recordings.recording import Recording
 from ....report.recording_report import stimulation_tables
 from ....studies.comparison import ComparedMuscle
+from ...bench.protocol import changed, form
 from ...charts import Axis, Chart, ChartLine
+from ...forms import InputField
 from ...shelf import plain
 from ...transfers import run_in_thread
-from ...widgets import box, button, panel, refused, select, table, text
+from ...widgets import box, button, panel, select, table, text
 from ...workspace import Workspace
-from ..bench.faces import changed, form
-
-if TYPE_CHECKING:
-    from ...elements import Element
 
 FIRST = "twitch"
 LONGEST = 120.0  # that a run of a page may last [s]
-
-
-class StimulatedRun(NamedTuple):
-    """A recorded run: name of its file, and what was recorded."""
-
-    file: str
-    recording: Recording
 
 
 def protocols() -> dict[str, str]:
@@ -40,12 +30,8 @@ def protocols() -> dict[str, str]:
     return {name: shipped(name).title for name in (FIRST, *stimulation_protocol_names())}
 
 
-def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Protocol) -> StimulatedRun:
-    """Run a protocol on a muscle and keep the recording.
-
-    Raises:
-        InputError: the protocol lasts longer than `LONGEST`, or the muscle cannot follow it.
-    """
+def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Protocol) -> tuple[str, Recording]:
+    """Run a protocol on a muscle and keep the recording; return it behind the name of its file."""
     duration = protocol.expand(rest_length=float(subject.muscle.rest_length)).duration
     if duration > LONGEST:
         limit = f"must last at most {with_unit(LONGEST, 's')} on this page; mckibben run has no such limit"
@@ -54,27 +40,11 @@ def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Proto
     workspace.recordings.ready()
     name = workspace.recordings.numbered(plain(protocol.name), ".nc")
     recording.save(workspace.recordings.path(name))
-    return StimulatedRun(name, recording)
-
-
-def tension_chart(recording: Recording, title: str) -> Chart:
-    """Chart of tension and excitation over time; of work loops the tension over the length."""
-    tension = recording["tension"]
-    if "Work loops with stimulation" in stimulation_tables(recording):
-        x, across = 1e2 * recording["span"], Axis("Length", "cm", "length")
-    else:
-        x, across = 1e3 * recording.time, Axis("Time", "ms")
-    summary = f"Tension of the muscle, up to {with_unit(float(tension.max()), 'N', 3)}"
-    line = ChartLine(x, tension, quantity="tension")
-    return Chart(title, summary, across, Axis("Tension", "N", "tension"), [line], height=220)
+    return name, recording
 
 
 class StimulationPanel:
-    """The panel of a visitor; hidden while no biological muscle is compared.
-
-    Args:
-        workspace: state of the server.
-    """
+    """The panel of a visitor; hidden while no biological muscle is compared."""
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace, self.protocol = workspace, shipped(FIRST)
@@ -114,29 +84,18 @@ class StimulationPanel:
         self.values.clear()
         with self.values:
             for one in form(self.protocol):
-                self._field(str(one["name"]), str(one["label"]), str(one["value"]), str(one["unit"]), str(one["about"]))
+                self._field(**{key: str(one[key]) for key in ("name", "label", "value", "unit", "about")})
 
     def _field(self, name: str, label: str, value: str, unit: str, about: str) -> None:
-        with box("div", "f") as row:
-            text("label", label).set(for_=f"s-{row.number}", title=about)
-            with box("div", "field s"):
-                typed = box("input").set(id=f"s-{row.number}", value=value, title=about, autocomplete="off")
-                if unit and unit != "1":
-                    text("span", unit, "u")
-            said = box("div").style(display="contents")
-        typed.on_value("change", lambda words: self._change(name, str(words)[:2000], typed, said))
+        def change(words: str) -> None:
+            why = ""
+            try:
+                self.protocol = changed(self.protocol, name, words)
+            except InputError as error:
+                why = f"{error}. The old value stays in use."
+            field.refuse(why)
 
-    def _change(self, name: str, words: str, typed: Element, said: Element) -> None:
-        """Take a value, or show beside it why it was refused; the old one stays in use."""
-        said.clear()
-        try:
-            self.protocol = changed(self.protocol, name, words)
-        except InputError as error:
-            typed.set(aria_invalid="true")
-            with said:
-                refused(f"{error}. The old value stays in use.")
-            return
-        typed.set(aria_invalid="false")
+        field = InputField(label, value, change, unit=unit, hint=about)
 
     async def run(self) -> None:
         """Run the protocol; show the tension, what was read off, and where the recording is."""
@@ -145,19 +104,24 @@ class StimulationPanel:
         subject = BiologicalSubject(one.fibre, one.spec)
         self.run_button.set(disabled=True)
         words = f"{one.id}: {protocol.title[:1].lower()}{protocol.title[1:]}"
-        done: StimulatedRun | None = await run_in_thread(
-            self.result, words, stimulated, self.workspace, subject, protocol
-        )
+        done = await run_in_thread(self.result, words, stimulated, self.workspace, subject, protocol)
         self.run_button.set(disabled=None)
         if done is None:
             return
         with self.result:
-            tension_chart(done.recording, f"{one.spec.title}, {protocol.name}").show()
-            for listed in stimulation_tables(done.recording).values():
+            file, record = done
+            tension = record["tension"]
+            x, across = 1e3 * record.time, Axis("Time", "ms")
+            if "Work loops with stimulation" in stimulation_tables(record):
+                x, across = 1e2 * record["span"], Axis("Length", "cm", "length")
+            title, up = f"{one.spec.title}, {protocol.name}", Axis("Tension", "N", "tension")
+            summary = f"Tension of the muscle, up to {with_unit(float(tension.max()), 'N', 3)}"
+            Chart(title, summary, across, up, [ChartLine(x, tension, quantity="tension")], height=220).show()
+            for listed in stimulation_tables(record).values():
                 heads = [f"{c.title}, {c.unit}" if c.unit else str(c.title) for c in listed.columns]
                 rows = [[str(cell) for cell in row.cells] for row in listed.rows]
                 table(heads, rows, right=range(1, len(heads)), name=protocol.title)
             with box("p", "small"):
                 text("span", "Recorded as ")
-                text("a", done.file).set(href=f"/recordings?a={quote(done.file)}")
+                text("a", file).set(href=f"/recordings?a={quote(file)}")
         self.workspace.changed()

@@ -1,43 +1,144 @@
-"""Cycles of Part IV for the Energy page: numbers, both loops, and the efficiency over supply pressure.
+"""Cycles of Part IV for the Energy page: what a visitor chose, the numbers, both loops, efficiency over pressure.
 
-Values are those of `analysis.energy`, in the units of the axes; the browser draws and computes nothing.
+Values are those of the verb `energy`, in the units of the axes; the browser draws and computes nothing.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ....analysis.energy import (
-    READINGS,
-    Conditions,
-    CycleLoops,
-    CyclePath,
-    EnergyCurve,
-    EnergyCycle,
-    WorkingCycles,
-)
+from ....analysis.energy import CYCLES, READINGS, CycleLoops, CyclePath, EnergyCurve, EnergyCycle, WorkingCycles, energy
+from ....analysis.energy.cycles import SETTINGS
+from ....analysis.energy.working_cycles import LOSSES
 from ....documents import JsonValue
-from ....errors import InputError, NoVolumeError
-from ....quantities import from_si, with_unit
-from ....report.energy_report import energy_report
+from ....errors import InputError, MckibbenError, NoVolumeError
+from ....muscles.build import built_muscle
+from ....quantities import from_si, parse, shown_unit, with_unit
 from ....report.figures import energy_figures
+from ....report.study_reports import energy_report
 from ....reproduction import part4
-from .state import EnergyChoice, conditions, described, working_cycle
+from ....specimens import specimen, specimen_ids
+from ....verbs import answer
+from ...shelf import Shelf
+from ...transfers import SpecimenFile, own_titles, specimen_file
 
 if TYPE_CHECKING:
     from ....report.figures.page_charts import Figure
 
+
+@dataclass(frozen=True)
+class EnergyChoice:
+    """Choices of a visitor; None stands for the muscle's own value."""
+
+    muscle: str = "nylon"  # id of a specimen, or the name of a visitor's file
+    law: str = ""  # where it states several
+    cycle: str = "maximal"  # cycle of `CYCLES`
+    pressure: float = 5e5  # gauge pressure of the supply [Pa]
+    exchange: str = "atmosphere"  # atmosphere or accumulator
+    accumulator_pressure: float | None = None  # gauge pressure of that [Pa]; the threshold where None
+    friction: float | None = None  # while shortening [N]
+    stretched_length: float | None = None  # where cycles begin [m]
+    volume: str = ""  # volume of `VOLUMES`; the paper's where the law has it, if empty
+    reading: str = "printed"  # reading of `READINGS`
+    file: SpecimenFile | None = None  # file of the muscle, if it is the visitor's
+
+    @property
+    def source(self) -> str:
+        """Id of the specimen, or path of the visitor's file."""
+        return self.muscle if self.file is None else self.file.path
+
+
+WORDS = {"cycle": CYCLES, "exchange": ("atmosphere", "accumulator"), "reading": READINGS}
+LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
+
+
+def from_link(words: Mapping[str, str], own: Shelf) -> tuple[EnergyChoice, list[str]]:
+    """Read a choice from a link, with a sentence for each refused value, which gets its default."""
+    choice, said = EnergyChoice(), []
+    for name, text in words.items():
+        try:
+            value: Any = text
+            if name in SETTINGS:
+                value = parse(text, SETTINGS[name].unit, field=name, bare=True)
+                SETTINGS[name].check(name, value)
+            elif name in WORDS and text not in WORDS[name]:
+                raise InputError(name, text, known=WORDS[name])
+            tried = with_muscle(choice, text, own) if name == "muscle" else replace(choice, **{name: value})
+            described(tried) if name in ("muscle", "law", "volume") else None
+            choice = tried
+        except MckibbenError as error:
+            said.append(str(error))
+    return choice, said
+
+
+def to_link(choice: EnergyChoice) -> dict[str, str | None]:
+    """Parameters of a link; None for default values."""
+    usual = EnergyChoice()
+    parameters: dict[str, str | None] = {}
+    for name in LINKED:
+        value = getattr(choice, name)
+        words = str(value)
+        if name in SETTINGS and value is not None:
+            unit = SETTINGS[name].unit
+            words = f"{from_si(value, unit, shown_unit(unit)):.10g} {shown_unit(unit)}"
+        parameters[name] = None if value == getattr(usual, name) else words
+    return parameters
+
+
+def with_muscle(choice: EnergyChoice, name: str, own: Shelf) -> EnergyChoice:
+    """The choice with another muscle, its usual law and its usual volume."""
+    files = own.names()
+    if name not in files and name not in specimen_ids():
+        raise InputError("specimen", name, known=[*specimen_ids(), *files])
+    file = specimen_file(own, name) if name in files else None
+    return replace(choice, muscle=name, file=file, law="", volume="")
+
+
+def muscles(own: Shelf) -> dict[str, str]:
+    """Muscles with a volume, those of the visitor first: id or name of the file, and title."""
+    titles = own_titles(own, lambda path: _has_volume(str(path), path.stat().st_mtime_ns))
+    return titles | {one: specimen(one).title for one in specimen_ids("mckibben") if _has_volume(one, 0)}
+
+
+@functools.lru_cache(maxsize=64)
+def _has_volume(source: str, changed: int) -> bool:
+    muscle = built_muscle(source)
+    return not muscle.is_biological and muscle.law.has_volume()
+
+
+def described(choice: EnergyChoice) -> WorkingCycles:
+    """A cycle of the muscle of a choice, with the conditions that it has where none are chosen."""
+    return working_cycle(EnergyChoice(choice.muscle, choice.law, volume=choice.volume, file=choice.file))
+
+
+@functools.lru_cache(maxsize=64)
+def working_cycle(choice: EnergyChoice) -> WorkingCycles:
+    """Cycle of a choice under each volume."""
+    accumulated, pressure = choice.exchange == "accumulator", choice.accumulator_pressure
+    asked: dict[str, Any] = {
+        "muscle": choice.source, "pressure": choice.pressure, "cycles": choice.cycle, "law": choice.law or None,
+        "volume": choice.volume or None, "stretched_length": choice.stretched_length,
+        "accumulator": accumulated and pressure is None, "accumulator_pressure": pressure if accumulated else None,
+        "friction": choice.friction, "reading": choice.reading,
+    }  # fmt: skip
+    # a number that was typed goes as its text, so that a caution can tell the unit that was meant
+    return answer(energy, {name: getattr(value, "text", value) for name, value in asked.items()})
+
+
+def with_other_exchange(choice: EnergyChoice) -> EnergyChoice:
+    """The same cycle, the air from an accumulator instead of the surroundings, or the other way round."""
+    return replace(choice, exchange="atmosphere" if choice.exchange == "accumulator" else "accumulator")
+
+
 ML, BAR, CM = (from_si(1.0, a, b) for a, b in (("m^3", "cm^3"), ("Pa", "bar"), ("m", "cm")))
-LOSSES = {
-    "friction": "Friction", "throttling": "Throttled in the valve", "exhaust": "Lost in the exhaust",
-    "emptying": "Work on that air", "slackening": "Slack braid", "unaccounted": "Unaccounted",
-}  # fmt: skip
 POINTS, CURVE_POINTS = 65, 120
+NUMBERS = ("input", "output", "efficiency")
 CURVE_TOP = 10e5  # to which efficiency is drawn at least [Pa]
 TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Isotonic, constant pressure"}
 
@@ -46,56 +147,59 @@ TITLES = {"maximal": "Maximal shortening", "isotonic": "Isotonic", "valve": "Iso
 
 
 def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
-    """Compute everything that depends on the supply pressure.
-
-    Raises:
-        MckibbenError: there is no such cycle; says why.
-    """
+    """Compute everything that depends on the supply pressure."""
     computed = working_cycle(choice)
     (main,) = computed.loops(POINTS)
-    other, between, volume = _other(choice), computed.conditions, computed.volume
+    other: CycleLoops | None = None  # the same with the other exchange, if there is one
+    try:
+        (other,) = working_cycle(with_other_exchange(choice)).loops(POINTS)
+    except (InputError, NoVolumeError):
+        pass
     (smooth,) = working_cycle(replace(choice, friction=0.0)).loops(POINTS)
+    cycle, friction = main.cycle, computed.conditions.friction
+    begins = list(main.piston.corners.values())[1]  # the corner where the muscle begins to shorten
+    said = []
+    if other is not None:
+        accumulated = computed if choice.exchange == "accumulator" else working_cycle(with_other_exchange(choice))
+        at = with_unit(accumulated.conditions.exchange_pressure, "Pa", 3)
+        said.append(
+            f"What the air could still do, {cycle.exhaust:.2f} J, is lost as the air leaves. An accumulator at "
+            f"{at} gives {abs(cycle.input - other.cycle.input):.2f} J of the input back."
+        )
+    if choice.muscle == part4.MUSCLE and choice.stretched_length is None:
+        said.append("Volume and stretched length are inferred.")
     return {
         "title": computed.specimen.title,
-        "law": computed.law,
-        "volume": volume,
         "cycle": choice.cycle,
         "pressure": choice.pressure * BAR,
         "piston": {
             **_path(main.piston, ML, BAR),
-            "corners": _corners(main.piston, ML, BAR),
-            "w12": _joules(main, "delivery"),
-            "w01": _joules(main, "compression"),
-            "throttled": _joules(main, "throttling"),
-            "input": main.cycle.input,
-            "rest": main.cycle.stretched_volume * ML,
-            "at": _corner_x(main) * ML,
+            "w12": float(cycle.delivery),
+            "w01": float(cycle.compression),
+            "throttled": float(cycle.throttling),
+            "input": cycle.input,
+            "rest": cycle.stretched_volume * ML,
+            "at": float(main.piston.x[begins]) * ML,
             "other": None if other is None else _path(other.piston, ML, BAR),
         },
         "tendon": {
             **_path(main.tendon, CM, 1.0),
-            "corners": _corners(main.tendon, CM, 1.0),
-            "output": main.cycle.output,
-            "other": None if not between.friction else _path(smooth.tendon, CM, 1.0),
+            "output": cycle.output,
+            "other": None if not friction else _path(smooth.tendon, CM, 1.0),
         },
         "exchange": choice.exchange,
-        "friction": between.friction,
-        "rows": _rows(choice, main.cycle, None if other is None else other.cycle, between, volume),
-        "say": _say(choice, main, other, between),
-        "more": _more(choice, main, computed),
-        "efficiency": _plain(main.cycle.efficiency),
+        "friction": friction,
+        "rows": _rows(choice, computed, cycle, None if other is None else other.cycle),
+        "say": said,
+        "more": computed.remarks(),
+        "efficiency": _plain(cycle.efficiency),
         "other_efficiency": None if other is None else _plain(other.cycle.efficiency),
-        "volumes": _volumes(computed, choice.cycle),
+        # division of the input under each volume [J], as the table of the command line
+        "volumes": [
+            {name: row[name] if name == "volume" else _plain(row[name]) for name in ("volume", *NUMBERS, *LOSSES)}
+            for row in computed.rows()
+        ],
     }
-
-
-def _other(choice: EnergyChoice) -> CycleLoops | None:
-    """Compute the same cycle with the other exchange, if there is one."""
-    flipped = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
-    try:
-        return working_cycle(choice, flipped).loops(POINTS)[0]
-    except (InputError, NoVolumeError):
-        return None
 
 
 def _plain(value: float) -> float | None:
@@ -103,31 +207,16 @@ def _plain(value: float) -> float | None:
 
 
 def _path(path: CyclePath, x: float, y: float) -> dict[str, JsonValue]:
-    return {"x": [float(f"{v:.6g}") for v in path.x * x], "y": [float(f"{v:.6g}") for v in path.y * y]}
-
-
-def _corners(path: CyclePath, x: float, y: float) -> dict[str, list[float]]:
-    return {
-        name.replace("'", "\u2032"): [float(path.x[i]) * x, float(path.y[i]) * y] for name, i in path.corners.items()
-    }
-
-
-def _joules(loops: CycleLoops, name: str) -> float:
-    return float(getattr(loops.cycle, name))
-
-
-def _corner_x(loops: CycleLoops) -> float:
-    """Volume at the corner where the muscle begins to shorten [m^3]."""
-    second = list(loops.piston.corners.values())[1]
-    return float(loops.piston.x[second])
+    corners = {n.replace("'", "\u2032"): [float(path.x[i]) * x, float(path.y[i]) * y] for n, i in path.corners.items()}
+    points = {"x": [float(f"{v:.6g}") for v in path.x * x], "y": [float(f"{v:.6g}") for v in path.y * y]}
+    return {**points, "corners": corners}
 
 
 def _rows(
-    choice: EnergyChoice, main: EnergyCycle, other: EnergyCycle | None, between: Conditions, volume: str
+    choice: EnergyChoice, computed: WorkingCycles, main: EnergyCycle, other: EnergyCycle | None
 ) -> list[dict[str, JsonValue]]:
     """Numbers of one cycle: label, value, unit, quantity, and the printed value at 5 bar."""
-    accumulated = choice.exchange == "accumulator"
-    printed = _printed(choice, between, volume)
+    accumulated, printed = choice.exchange == "accumulator", _printed(choice, computed)
     a, b, c = ("A", "B", "C") if choice.cycle == "maximal" else ("E", "F", "G")
     prime = "\u2032" if accumulated else ""
     rows = [
@@ -136,14 +225,13 @@ def _rows(
     ]
     if choice.cycle == "valve":
         rows.append(("of it throttled in the valve", main.throttling, "J", "", ""))
-    words = {False: "atmosphere", True: "accumulator"}
     rows += [
         ("In", main.input, "J", "P", printed.get(("input", accumulated), "")),
         ("Out", main.output, "J", "F", printed.get(("output", False), "")),
         ("Efficiency", main.efficiency, "", "", printed.get(("efficiency", accumulated), "")),
     ]
     if other is not None:
-        end = words[not accumulated]
+        end = with_other_exchange(choice).exchange
         rows += [
             (f"In, {end}", other.input, "J", "P", printed.get(("input", not accumulated), "")),
             (f"Efficiency, {end}", other.efficiency, "", "", printed.get(("efficiency", not accumulated), "")),
@@ -154,10 +242,11 @@ def _rows(
     ]
 
 
-def _printed(choice: EnergyChoice, between: Conditions, volume: str) -> dict[tuple[str, bool], Any]:
+def _printed(choice: EnergyChoice, computed: WorkingCycles) -> dict[tuple[str, bool], Any]:
     """Values that the paper prints for this cycle; empty if it prints another."""
+    between = computed.conditions
     ours = part4.conditions()._replace(exchange_pressure=between.exchange_pressure, reading=between.reading)
-    same = choice.muscle == part4.MUSCLE and not choice.law and volume == "paper" and between == ours
+    same = choice.muscle == part4.MUSCLE and not choice.law and computed.volume == "paper" and between == ours
     if not same or choice.accumulator_pressure is not None:
         return {}
     output = "maximal" if choice.cycle == "maximal" else "isotonic"
@@ -165,92 +254,37 @@ def _printed(choice: EnergyChoice, between: Conditions, volume: str) -> dict[tup
     for quantity in ("input", "efficiency"):
         for accumulated in (False, True):
             values[quantity, accumulated] = part4.printed(f"{choice.cycle}.{quantity}" + "_accumulator" * accumulated)
-    if choice.cycle == "maximal":
+    if choice.cycle == "maximal":  # a misprint: the efficiency does not follow from the joules beside it
         joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
         values["efficiency", True] = {"struck": values["efficiency", True], "instead": joules}
     return values
 
 
-def _say(choice: EnergyChoice, main: CycleLoops, other: CycleLoops | None, between: Conditions) -> list[str]:
-    """Sentences below the numbers."""
-    said, cycle = [], main.cycle
-    at = between.exchange_pressure if choice.exchange == "accumulator" else _accumulator(choice)
-    if other is not None and at is not None:
-        saved = abs(cycle.input - other.cycle.input)
-        said.append(
-            f"What the air could still do, {cycle.exhaust:.2f} J, is lost as the air leaves. An accumulator at "
-            f"{with_unit(at, 'Pa', 3)} gives {saved:.2f} J of the input back."
-        )
-    if choice.muscle == part4.MUSCLE and choice.stretched_length is None:
-        said.append("Volume and stretched length are inferred.")
-    return said
-
-
-def _more(choice: EnergyChoice, main: CycleLoops, computed: WorkingCycles) -> list[str]:
-    """Sentences about the assumptions of the numbers."""
-    between = computed.conditions
-    said = [f"{str(one)[0].upper()}{str(one)[1:]}." for one in computed.cautions]
-    if choice.cycle != "maximal" and between.friction:
-        said.append(f"Friction: {READINGS[between.reading]}.")
-    if abs(main.cycle.unaccounted) > 5e-4:
-        said.append("Unaccounted: eq. 38b moves with the length below the threshold too, where the gas does not pull.")
-    if computed.overstretched:
-        most = with_unit(float(computed.muscles[computed.volume].law.length_range()[1]), "m")
-        said.append(f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper.")
-    return said
-
-
-def _accumulator(choice: EnergyChoice) -> float | None:
-    try:
-        return conditions(choice, "accumulator").exchange_pressure
-    except InputError:
-        return None
-
-
-def _volumes(computed: WorkingCycles, cycle: str) -> list[dict[str, JsonValue]]:
-    """Division of the input under each volume [J], as the table of the command line."""
-    return [
-        {"volume": name, **{k: _plain(getattr(one, k)) for k in ("input", "output", "efficiency", *LOSSES)}}
-        for name, one in computed.cycles[cycle].items()
-    ]
-
-
 @functools.lru_cache(maxsize=16)
 def curves(choice: EnergyChoice) -> dict[str, JsonValue]:
-    """Efficiency over supply pressure, with each exchange, with and without friction."""
-    highest = max(CURVE_TOP, choice.pressure)
+    """Efficiency over supply pressure, with each exchange, with and without friction; see `curves_key`."""
     lines = []
     for exchange in ("atmosphere", "accumulator"):
         for rubs in (True, False):
             try:
-                computed = working_cycle(_wide(choice), exchange)
+                one = replace(choice, exchange=exchange)
+                computed = working_cycle(one)
                 if not rubs and not computed.conditions.friction:
                     continue
-                computed = computed if rubs else working_cycle(replace(_wide(choice), friction=0.0), exchange)
+                computed = computed if rubs else working_cycle(replace(one, friction=0.0))
             except InputError:
                 continue
-            over = computed.curve(choice.cycle, highest, CURVE_POINTS)
+            over = computed.curve(choice.cycle, choice.pressure, CURVE_POINTS)
             share = over.cycles.efficiency
             keep = np.isfinite(share) & (share >= 0.0)
-            lines.append(
-                {
-                    "words": exchange,
-                    "friction": rubs,
-                    "x": [float(f"{v:.6g}") for v in over.pressure[keep] * BAR],
-                    "y": [float(f"{v:.6g}") for v in share[keep]],
-                }
-            )
-    return {"lines": lines, "highest": highest * BAR, "threshold": described(choice).threshold * BAR}
-
-
-def _wide(choice: EnergyChoice) -> EnergyChoice:
-    """The choice at the highest pressure of the curves."""
-    return replace(choice, pressure=max(CURVE_TOP, choice.pressure))
+            x, y = ([float(f"{v:.6g}") for v in values[keep]] for values in (over.pressure * BAR, share))
+            lines.append({"words": exchange, "friction": rubs, "x": x, "y": y})
+    return {"lines": lines, "highest": choice.pressure * BAR}
 
 
 def curves_key(choice: EnergyChoice) -> EnergyChoice:
-    """Choices on which the curves depend."""
-    return replace(_wide(choice), exchange="atmosphere")
+    """The choice as far as its curves depend on it: at the highest pressure to which they are drawn."""
+    return replace(choice, pressure=max(CURVE_TOP, choice.pressure), exchange="atmosphere")
 
 
 class DrawnCycle(NamedTuple):
@@ -263,17 +297,16 @@ class DrawnCycle(NamedTuple):
 
 def drawn_cycle(choice: EnergyChoice) -> DrawnCycle:
     """Compute what figures and reports show of a cycle, with each available exchange."""
-    other = "atmosphere" if choice.exchange == "accumulator" else "accumulator"
     drawn = DrawnCycle([], [], {})
-    for exchange in (choice.exchange, other):
+    for one in (choice, with_other_exchange(choice)):
         try:
-            computed, wide = working_cycle(choice, exchange), working_cycle(_wide(choice), exchange)
+            computed, wide = working_cycle(one), working_cycle(replace(curves_key(one), exchange=one.exchange))
         except InputError:
             continue
         drawn.loops.extend(computed.loops())
-        drawn.curves.append((exchange, wide.curve(choice.cycle, wide.conditions.pressure, CURVE_POINTS)))
-        for volume, one in computed.cycles[choice.cycle].items():
-            drawn.numbers[exchange, volume] = one
+        drawn.curves.append((one.exchange, wide.curve(choice.cycle, wide.conditions.pressure, CURVE_POINTS)))
+        for volume, numbers in computed.cycles[choice.cycle].items():
+            drawn.numbers[one.exchange, volume] = numbers
     return drawn
 
 

@@ -5,22 +5,32 @@ The account is that of `analysis.energy_accounts`, its streams those of the repo
 
 from __future__ import annotations
 
-import functools
+import asyncio
+import contextlib
 import math
-import threading
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ....analysis.energy_accounts import CycleEnergy, EnergyAccount, EnergyPart, energy_account
 from ....documents import JsonValue
-from ....errors import InputError
+from ....errors import InputError, MckibbenError
 from ....quantities import with_unit
 from ....recordings import read_recording
-from ....report.figures.energy_figures import IN_MUSCLE, LEAST, Streams, streams
+from ....report.figures.energy_figures import IN_MUSCLE, LEAST, Streams, energy_flow_figure, streams
+from ...elements import Element, page_document
 from ...reader import read_outside
+from ...shelf import SharedResults
+from ...transfers import IncomingFile, UploadPlace, run_in_thread
+from ...widgets import box, empty, link, say_refused, select, sentence
+from ...workspace import Workspace
+from .cycles import EnergyChoice, working_cycle
 
-_ONE = threading.Lock()
+if TYPE_CHECKING:
+    from ....report.figures.page_charts import Figure
+
+_accounts = SharedResults(6)
 KINDS = ("simulated", "measured")
 SIDES = {"into": "in", "out": "out", "stored": "gained", "remainder": "left"}
 WAY = ("valve", "tube", "way_in", "machine")  # lost before the air is in the volumes
@@ -31,18 +41,8 @@ ORIGINS = {
 }
 
 
-@functools.lru_cache(maxsize=6)
-def _account(path: str, changed: int, kind: str, muscle: str) -> tuple[EnergyAccount, str, bool]:
-    record = read_outside(read_recording, Path(path))
-    simulated = bool(record.meta.get("energy"))
-    measured = kind == "measured"
-    options: dict[str, Any] = {"muscle": muscle} if muscle and (measured or not simulated) else {}
-    title = str(record.meta.get("title") or "")
-    return energy_account(record, measured=measured, **options), title, simulated
-
-
-def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount, str, bool]:
-    """Account of a recording, its title, and whether the run recorded one.
+def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount, bool]:
+    """Account of a recording, and whether the run recorded one.
 
     Args:
         path: path of the recording.
@@ -54,8 +54,14 @@ def account(path: Path, kind: str = "", muscle: str = "") -> tuple[EnergyAccount
     """
     if kind and kind not in KINDS:
         raise InputError("account", kind, known=KINDS)
-    with _ONE:  # of two visitors who ask for the same, the second finds it made
-        return _account(str(path), path.stat().st_mtime_ns, kind, muscle)
+
+    def make() -> tuple[EnergyAccount, bool]:
+        record = read_outside(read_recording, path)
+        simulated, measured = bool(record.meta.get("energy")), kind == "measured"
+        options: dict[str, Any] = {"muscle": muscle} if muscle and (measured or not simulated) else {}
+        return energy_account(record, measured=measured, **options), simulated
+
+    return _accounts.get((path, path.stat().st_mtime_ns, kind, muscle), make)
 
 
 def stretch(account: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEnergy | None]:
@@ -69,23 +75,18 @@ def stretch(account: EnergyAccount, part: str) -> tuple[EnergyAccount, CycleEner
 
 
 def flow_document(account: EnergyAccount, part: str, accumulator: float | None) -> dict[str, JsonValue]:
-    """Compute the drawing.
-
-    Args:
-        account: from `account`.
-        part: number of a cycle from 1, or nothing for the whole.
-        accumulator: gauge pressure of an exhaust accumulator [Pa], whose saving is shown; None for none.
-    """
+    """Compute the drawing."""
     one, cycle = stretch(account, part)
     supply = one.value("supply")
     known = math.isfinite(supply)
     gas, muscle = streams(one if known else replace(one, parts=()))
-    said = [f"Remainder {_joules(one.remainder)}: {ORIGINS.get(one.parts[0].origin, 'summed from samples')}."]
+    remainder = 0.0 if abs(one.remainder) < 5e-3 else one.remainder
+    said = [f"Remainder {remainder:.2f} J: {ORIGINS.get(one.parts[0].origin, 'summed from samples')}."]
     if not known:
         said = ["The pressure of the supply is not known from this recording, and nothing that is counted against it."]
     if account.unknown:
         said.append(f"Unknown, and not zero: {', '.join(account.unknown)}.")
-    said += [f"{note[:1].upper()}{note[1:]}." for note in account.notes]
+    said += [sentence(note) for note in account.notes]
     if accumulator is not None and accumulator > 0.0 and known and not part:
         saving = account.saved_by_accumulator(accumulator)
         said.append(
@@ -120,17 +121,151 @@ def _row(part: EnergyPart, supply: float) -> dict[str, JsonValue]:
     }
 
 
-def cycle_names(account: EnergyAccount) -> dict[str, str]:
-    """Cycles to choose from: value and label."""
-    names = {"": "Whole recording"}
-    for i, c in enumerate(account.cycles, 1):
-        names[str(i)] = f"Cycle {i}, {c.start:.4g} to {c.end:.4g} s"
-    return names
-
-
-def _joules(value: float) -> str:
-    return f"{0.0 if abs(value) < 5e-3 else value:.2f} J"
-
-
 def _plain(streams: Streams) -> dict[str, JsonValue]:
     return {side: [s._asdict() for s in getattr(streams, side)] for side in ("into", "out")}
+
+
+LINKED_FLOW = ("recording", "part", "account")
+ENDINGS = (".nc", ".csv", ".mcap")
+MOST = 200  # recordings in the list
+TRIED = 6  # newest ones among which an account is sought
+EMPTY = "No recordings yet. Start a run on the bench, or drop a file here."
+NO_AIR = "The newest recordings show no use of air. Choose another one, start a run on the bench, or drop a file here."
+
+
+class RecordedFlow:
+    """Energy flow of a recording."""
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        words: Mapping[str, str],
+        head: Element,
+        bar: Element,
+        choice: Callable[[], EnergyChoice],
+    ) -> None:
+        self.workspace, self.choice = workspace, choice
+        self.bar = bar  # which stays, whatever is drawn again
+        with head:
+            self.head = box("div", "row")
+        self.name, self.part, self.kind = (words.get(key, "") for key in LINKED_FLOW)
+        self.account: EnergyAccount | None = None
+        self.simulated = True
+        self.told: float | None = None  # pressure of the accumulator whose saving is shown [Pa]
+        self.place = box("div", "e-flow-place")
+
+    def begin(self) -> None:
+        """Show the lists, and the recording of the link or the newest one."""
+        if self.name:
+            page_document().spawn(self._load())
+        elif names := self._names():
+            page_document().spawn(self._newest(names))
+        else:
+            self._none()
+
+    def _names(self) -> list[str]:
+        return [n for n in self.workspace.recordings.names() if n.lower().endswith(ENDINGS)][:MOST]
+
+    def _none(self) -> None:
+        self.place.clear()
+        with self.place:
+            empty(NO_AIR if self._names() else EMPTY, "To the bench", "/")
+            UploadPlace("A recording of mckibben: .nc, .csv or .mcap", self._dropped, ENDINGS)
+
+    async def _newest(self, names: list[str]) -> None:
+        """Show the newest recording of which there is an account; those of biological muscles, for one, have no air."""
+        for name in names[:TRIED]:
+            with contextlib.suppress(MckibbenError):
+                await asyncio.to_thread(self._account, name, "")
+                self.name = name
+                await self._load()
+                return
+        self._lists()
+        self._none()
+
+    async def _dropped(self, one: IncomingFile) -> None:
+        path = await asyncio.to_thread(self.workspace.recordings.store, one.name, one.path)
+        one.close()
+        self.name = path.name
+        self.workspace.changed()
+        await self._load()
+
+    def _lists(self) -> None:
+        self.head.clear()
+        names = self._names()
+        shown = {n: n for n in ([] if self.name in names or not self.name else [self.name]) + names}
+        if not self.name:
+            shown = {"": "choose"} | shown
+        with self.head:
+            if self.account is not None and self.account.cycles:
+                cycles = {
+                    str(i): f"Cycle {i}, {c.start:.4g} to {c.end:.4g} s" for i, c in enumerate(self.account.cycles, 1)
+                }
+                select({"": "Whole recording"} | cycles, self.part, self._stretched, "Stretch of the recording")
+            if self.account is not None and self.simulated:
+                kinds = {"": "As simulated", "measured": "From measured channels"}
+                select(kinds, self.kind, lambda kind: self._other(self.name, kind), "Account")
+            select(shown, self.name, self._other, "Recording")
+
+    async def _other(self, name: str, kind: str = "") -> None:
+        self.name, self.part, self.kind, self.account = name, "", kind, None
+        await self._load()
+
+    def _stretched(self, part: str) -> None:
+        self.part = part
+        self._draw()
+
+    async def _load(self) -> None:
+        with self.bar:  # the list that was chosen from is made again
+            name, kind = self.name, self.kind
+            link(recording=name, account=kind or None, part=self.part or None)
+            self._lists()
+            result = await run_in_thread(self.place, f"Summing up {name}", self._account, name, kind)
+            if result is None or (name, kind) != (self.name, self.kind):
+                return
+            self.account, self.simulated = result
+            self._draw()
+            self._lists()
+
+    def _account(self, name: str, kind: str) -> tuple[EnergyAccount, bool]:
+        path = self.workspace.recordings.found(name)
+        try:
+            try:
+                return account(path, kind)
+            except InputError as error:
+                if error.field != "muscle":
+                    raise
+                return account(path, kind, self.choice().source)  # the page's muscle, where the recording names none
+        except (ArithmeticError, LookupError, OSError, RuntimeError, TypeError) as error:  # what others wrote into it
+            why = f"{type(error).__name__}: {error}"[:200]
+            raise InputError("file", name, f"no account can be made of what is in it ({why})") from None
+
+    def _draw(self) -> None:
+        if self.account is None:
+            return
+        link(part=self.part or None)
+        self.told = self._accumulator()
+        try:
+            document = flow_document(self.account, self.part, self.told)
+        except MckibbenError as error:
+            say_refused(self.place, error)
+            return
+        self.place.clear()
+        with self.place:
+            box("div", "e-flow").data("spec", document)
+
+    def picture(self) -> Figure:
+        """Draw the streams of the present account."""
+        if self.account is None:
+            raise InputError("figure", None, "cannot be saved: no recording is shown")
+        return energy_flow_figure(stretch(self.account, self.part)[0])
+
+    def _accumulator(self) -> float | None:
+        """Gauge pressure of the accumulator chosen for the cycle [Pa]."""
+        choice = self.choice()
+        return working_cycle(choice).conditions.exchange_pressure if choice.exchange == "accumulator" else None
+
+    def accumulator_changed(self) -> None:
+        """Update the saving after a change of the accumulator."""
+        if self.account is not None and self._accumulator() != self.told:
+            self._draw()

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ....errors import InputError
-from ....quantities import declared, parse, shown_unit, with_unit
+from ....muscles.laws import law_type
+from ....quantities import Quantity, declared, parse, shown_unit, with_unit
+from ....recordings.force_map import TablePreview, stated_unit
 from ....specimens import specimen_ids, specimens
-from ...widgets import box, button, check, raw, refused, select, text
-from .state import FitRequest, dimensions, specimen_of
-
-if TYPE_CHECKING:
-    from ....recordings.force_map import TablePreview
+from ...elements import Element
+from ...forms import InputField, plain_text, refusal
+from ...widgets import box, button, check, raw, select, text
+from .jobs import FitRequest, dimensions, specimen_of
 
 NAMES = {
     "length": "Length", "contraction": "Contraction", "pressure": "Pressure", "tension": "Tension",
@@ -33,13 +35,9 @@ Change = Callable[[FitRequest], Any]
 
 
 def mapping(asked: Callable[[], FitRequest], look: TablePreview, change: Change, wrong: InputError | None) -> None:
-    """Build the table of columns with a preview; a column with an error is marked.
+    """Build the table of columns with a preview; the column of an error is marked.
 
-    Args:
-        asked: returns how the file is read now, with choices that came after this table was drawn.
-        look: into the file.
-        change: told how it shall be read.
-        wrong: why it could not be read.
+    What is changed is put into the request as it is then, which `asked` tells, not as it was when this was drawn.
     """
     meant = {k: v for k, v in {**look.meant, **dict(asked().columns)}.items() if v in look.header}
     blamed = "" if wrong is None else wrong.field
@@ -60,7 +58,7 @@ def mapping(asked: Callable[[], FitRequest], look: TablePreview, change: Change,
                 for column, quantity in shown:
                     with box("th"):
                         one = (
-                            _what(asked, column, quantity, meant, change)
+                            _what(asked, column, quantity, change)
                             if few
                             else _which(asked, quantity, column, look, change)
                         )
@@ -76,7 +74,10 @@ def mapping(asked: Callable[[], FitRequest], look: TablePreview, change: Change,
         with box("tbody", "mono"):
             at = [look.header.index(column) if column else -1 for column, _ in shown]
             pull = look.header.index(meant["tension"]) if "tension" in meant else -1
-            for row in _telling(look.rows, pull):
+            # some of the first rows, with a slack one among them if there is any
+            slack = [row for row in look.rows if pull >= 0 and _slack(row[pull])]
+            rows = [row for row in look.rows if not any(row is other for other in slack[1:])]
+            for row in (rows or look.rows)[:SHOWN]:
                 with box("tr", "z" if pull >= 0 and _slack(row[pull]) else ""):
                     for i in at:
                         text("td", row[i][:12] if i >= 0 else "")
@@ -95,13 +96,6 @@ def part(asked: Callable[[], FitRequest], names: Sequence[str], change: Change) 
         select(usual | {name: name for name in names}, asked().part, chosen, word)
 
 
-def _telling(rows: list[list[str]], pull: int) -> list[list[str]]:
-    """Select some of the first rows, with a slack one among them if there is any."""
-    slack = [row for row in rows if pull >= 0 and _slack(row[pull])]
-    kept = [row for row in rows if not any(row is s for s in slack[1:])]
-    return kept[:SHOWN] or rows[:SHOWN]
-
-
 def _slack(cell: str) -> bool:
     try:
         return float(cell) <= 0.0
@@ -109,8 +103,7 @@ def _slack(cell: str) -> bool:
         return False
 
 
-def _what(asked: Callable[[], FitRequest], column: str, what: str, meant: dict[str, str], change: Change) -> Any:
-    """Build the choice of what one column holds."""
+def _what(asked: Callable[[], FitRequest], column: str, what: str, change: Change) -> Element:
 
     def chosen(now: str) -> None:
         changed = asked()
@@ -124,8 +117,7 @@ def _what(asked: Callable[[], FitRequest], column: str, what: str, meant: dict[s
     return select(words, what, chosen, f"What {column} holds", COLOURS.get(what, ""))
 
 
-def _which(asked: Callable[[], FitRequest], what: str, column: str, look: TablePreview, change: Change) -> Any:
-    """Build the choice of the column that holds a quantity."""
+def _which(asked: Callable[[], FitRequest], what: str, column: str, look: TablePreview, change: Change) -> Element:
 
     def chosen(now: str) -> None:
         change(asked().with_pair("columns", what, now or "-").with_pair("units", what, None))
@@ -134,13 +126,16 @@ def _which(asked: Callable[[], FitRequest], what: str, column: str, look: TableP
 
 
 def _unit(asked: Callable[[], FitRequest], column: str, what: str, change: Change) -> None:
-    from ....recordings.force_map import stated_unit
-
     stated = stated_unit(column, what) if column else ""
     now = dict(asked().units).get(what, stated).removesuffix(" gauge")
-    words = {u: _unit_words(u, what) for u in UNITS[what]}
-    if now not in words:
-        words = {now: _unit_words(now, what) if now else "unit?", **words}
+
+    def called(unit: str) -> str:
+        if what == "pressure" and unit:
+            bare = unit.removesuffix(" abs")
+            return f"{bare}, {'absolute' if unit != bare else 'gauge'}"
+        return {"percent": "%", "1": "share", "": "unit?"}.get(unit, unit)
+
+    words = {unit: called(unit) for unit in (*([] if now in UNITS[what] else [now]), *UNITS[what])}
 
     def chosen(unit: str) -> None:
         reference = " gauge" if what == "pressure" and not unit.endswith(" abs") else ""
@@ -149,77 +144,47 @@ def _unit(asked: Callable[[], FitRequest], column: str, what: str, change: Chang
     select(words, now, chosen, f"Unit of {NAMES[what]}")
 
 
-def _unit_words(unit: str, what: str) -> str:
-    if what == "pressure":
-        bare = unit.removesuffix(" abs")
-        return f"{bare}, {'absolute' if unit != bare else 'gauge'}"
-    return {"percent": "%", "1": "share"}.get(unit, unit)
-
-
-def words_field(
-    name: str, label: str, unit: str, words: str, change: Callable[[str], object], about: str = "", mark: str = ""
+def _words_field(
+    name: str, label: str, unit: str, words: str, change: Callable[[str], object], about: str = "", colour: str = ""
 ) -> None:
-    """Build an optional text field; input is checked by `change`, whose `InputError` is shown below it.
+    """Build an optional text field; input is checked by `change`, whose `InputError` is shown below it."""
+    kept, shown = words, shown_unit(unit)
 
-    Args:
-        name: name of the field, for everybody.
-        label: before it.
-        unit: SI unit; a number without one is in the unit that the field shows.
-        words: to begin with.
-        change: given the words, or nothing if the field was emptied.
-        about: explanation.
-        mark: class of the label.
-    """
-    shown = shown_unit(unit)
-    text("label", label, mark).set(for_=f"c-{name}")
-    with box("div", "field s") as edge:
-        typed = box("input").set(id=f"c-{name}", inputmode="decimal", value=words.removesuffix(shown).strip())
-        text("span", shown, "u")
-    if about:
-        text("span", about, "about")
-    said = box("div").style(display="contents")
-
-    kept = words
-
-    def came(value: object) -> None:
+    def came(typed: str) -> None:
         nonlocal kept
-        text = str(value).strip().replace("\u2212", "-")
+        typed, why = plain_text(typed), ""
+        with contextlib.suppress(ValueError):  # else it has a unit, or is no number: `change` says which
+            float(typed)
+            typed = f"{typed} {shown}"
         try:
-            float(text)
-            text = f"{text} {shown}"
-        except ValueError:
-            pass  # it has a unit, or is no number: `change` says which
-        said.clear()
-        wrong = False
-        try:
-            change(text)
-            kept = text
+            change(typed)
+            kept = typed
         except InputError as error:
-            wrong = True
-            with said:
-                refused(f"{error}. {f'The old value, {kept}, stays in use.' if kept else 'It is not used.'}")
-        edge.classed("bad", wrong)
-        typed.set(aria_invalid="true" if wrong else "false")  # what was typed stays, to be put right
+            why = refusal(error, kept) if kept else f"{error}. It is not used."
+        field.refuse(why)  # what was typed stays, to be put right
 
-    typed.on_value("change", came)
+    start = words.removesuffix(shown).strip()
+    field = InputField(label, start, came, name=f"c-{name}", unit=shown, about=about, colour=colour, classes="")
+    field.input.set(inputmode="decimal")
 
 
 def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) -> None:
     """Build the fields for values that are not in a column; `asked` returns the present request."""
-    from ....muscles.laws import law_type
 
-    def si(field: str, unit: str, key: str) -> Callable[[str], None]:
+    def set_to(**what: object) -> None:
+        change(dataclasses.replace(asked(), **what))  # type: ignore[arg-type]
+
+    def si(name: str, unit: str, key: str) -> Callable[[str], None]:
         def take(words: str) -> None:
             if words:
-                value = parse(words, unit, field=field)
+                value = parse(words, unit, field=name)
                 if key == "rest":
-                    declared(law_type("sarosi"))["rest_length"].check(field, value)
-            new: dict[str, Any] = {key: words}
-            change(dataclasses.replace(asked(), **new))
+                    declared(law_type("sarosi"))["rest_length"].check(name, value)
+            set_to(**{key: words})
 
         return take
 
-    def told(name: str, quantity: Any) -> Callable[[str], None]:
+    def dimension(name: str, quantity: Quantity) -> Callable[[str], None]:
         def take(words: str) -> None:
             if words:
                 quantity.check(name, parse(words, quantity.unit, field=name))
@@ -231,37 +196,26 @@ def given(asked: Callable[[], FitRequest], change: Change, branches: list[str]) 
     spec = specimen_of(now) if now.kind == "map" else None
     rest = now.rest or ("" if spec is None else with_unit(spec.property_si("rest_length", "m"), "m"))
     with box("div", "given"):
-        words_field("rest", "Rest length L\u2080", "m", rest, si("rest length", "m", "rest"), mark="L")
+        _words_field("rest", "Rest length L\u2080", "m", rest, si("rest length", "m", "rest"), colour="L")
     with box("details"):
         text("summary", "Other known values")
-        _more(asked, change, branches, si, told)
-
-
-def _more(asked: Callable[[], FitRequest], change: Change, branches: list[str], si: Any, listener: Any) -> None:
-    now = asked()
-    with box("div", "given"):
-        _like(asked, change)
-        for name, quantity in dimensions().items():
-            already = dict(now.known).get(name, "")
-            words_field(
-                name,
-                name.replace("_", " ").capitalize(),
-                quantity.unit,
-                already,
-                listener(name, quantity),
-                quantity.doc,
-            )
-        if branches:
-            text("span", "Branch")
-            words = {"": "all rows", **{b: b for b in branches}}
-            select(words, now.branch, lambda v: change(dataclasses.replace(asked(), branch=v)), "Branch")
-        about = "what the pressure channel reads at zero"
-        words_field("zero", "Pressure zero", "Pa", now.zero, si("pressure zero", "Pa", "zero"), about, "P")
-        about = "a separate fit sees only pressures up to this one and predicts those above"
-        words_field("below", "Train up to", "Pa", now.below, si("train below", "Pa", "below"), about, "P")
-    check(
-        "Slack points say where a law may not pull", now.slack, lambda v: change(dataclasses.replace(asked(), slack=v))
-    ).classed("small")
+        with box("div", "given"):
+            if now.kind != "map":  # whose specimen says them
+                text("span", "Dimensions of")
+                names = {"": "nobody", **{name: name for name in specimen_ids("mckibben")}}
+                select(names, now.like, lambda v: set_to(like=v), "Dimensions of")
+            for name, quantity in dimensions().items():
+                label, already = name.replace("_", " ").capitalize(), dict(now.known).get(name, "")
+                _words_field(name, label, quantity.unit, already, dimension(name, quantity), quantity.doc)
+            if branches:
+                text("span", "Branch")
+                words = {"": "all rows", **{b: b for b in branches}}
+                select(words, now.branch, lambda v: set_to(branch=v), "Branch")
+            about = "what the pressure channel reads at zero"
+            _words_field("zero", "Pressure zero", "Pa", now.zero, si("pressure zero", "Pa", "zero"), about, "P")
+            about = "a separate fit sees only pressures up to this one and predicts those above"
+            _words_field("below", "Train up to", "Pa", now.below, si("train below", "Pa", "below"), about, "P")
+        check("Slack points say where a law may not pull", now.slack, lambda v: set_to(slack=v)).classed("small")
 
 
 def maps(take: Change) -> None:
@@ -271,13 +225,3 @@ def maps(take: Change) -> None:
         for spec in specimens():
             if spec.map:
                 button(spec.id, lambda s=spec: take(FitRequest("map", s.id)), small=True)
-
-
-def _like(asked: Callable[[], FitRequest], change: Change) -> None:
-    """Build the choice of a specimen with the same dimensions."""
-    if asked().kind == "map":
-        return
-
-    text("span", "Dimensions of")
-    names = {"": "nobody", **{name: name for name in specimen_ids("mckibben")}}
-    select(names, asked().like, lambda v: change(dataclasses.replace(asked(), like=v)), "Dimensions of")

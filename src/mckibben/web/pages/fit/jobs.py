@@ -1,32 +1,146 @@
-"""Background work of the Fit page: reading tables, and fitting laws one by one in a thread."""
+"""A table to be fitted as links and commands state it, its reading, and the fits, made one by one in a thread."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import json
 import threading
 import time
-from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from ....documents import JsonValue, parse_json
 from ....errors import InputError, MckibbenError
+from ....identification import Fit
+from ....identification.fit import SCHEMES, fit, rank
+from ....identification.ranking import Ranking, known_of, published_of
+from ....muscles.laws import LAWS, law_type
+from ....quantities import declared, parse
+from ....recordings import ForceMap, read_any, read_force_map
+from ....recordings.force_map import TablePreview, preview_table
+from ....recordings.formats import part_options, parts_of
+from ....specimens import Specimen, map_file, specimen
+from ...bench.protocol import sentence
 from ...reader import check_rows
+from ...shelf import SharedResults
 from ...workspace import Workspace
-from . import state
-from .state import FitRequest
 
-if TYPE_CHECKING:
-    from ....identification import Fit
-    from ....identification.ranking import Ranking
-    from ....recordings import ForceMap
-    from ....recordings.force_map import TablePreview
+KINDS = ("table", "recording", "map")  # an uploaded file, one of the recordings, a specimen that ships with a map
+PAIRS = ("columns", "units", "known")
+WORDS = ("part", "rest", "like", "branch", "zero", "below")
+MOST_ROWS = 50_000  # of a table that is fitted
+LINK = (*KINDS, *PAIRS, *WORDS, "slack", "laws", "law", "view")
 
-KEPT = 200  # fits that are kept of all pages
+
+@dataclass(frozen=True)
+class FitRequest:
+    """A table and how to read it, as text; equal ones give equal fits.
+
+    Attributes:
+        columns: what a column holds, and its cell of the header; over what the header says.
+    """
+
+    kind: str  # one of `KINDS`
+    name: str  # name of the file or the specimen
+    columns: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, str], ...] = ()  # what a column holds, and its unit as text; over what the header says
+    known: tuple[tuple[str, str], ...] = ()  # parameters that are not fitted, with their values as text
+    part: str = ""  # sheet of a spreadsheet, or topic of a bag; the only one with numbers where empty
+    rest: str = ""  # rest length as text
+    like: str = ""  # a specimen whose dimensions are known
+    branch: str = ""  # branch of the rows that are kept
+    zero: str = ""  # what the pressure reads at zero, as text
+    below: str = ""  # gauge pressure up to which a separate fit is trained, as text
+    slack: bool = True  # use slack points to say where a law may not pull
+
+    def link(self) -> dict[str, str | None]:
+        """Parameters of an address."""
+        parameters: dict[str, str | None] = {kind: self.name if kind == self.kind else None for kind in KINDS}
+        for key in PAIRS:
+            pairs = dict(getattr(self, key))
+            parameters[key] = json.dumps(pairs, separators=(",", ":"), ensure_ascii=False) if pairs else None
+        return {**parameters, **{w: getattr(self, w) or None for w in WORDS}, "slack": None if self.slack else "no"}
+
+    def with_pair(self, key: str, name: str, words: str | None) -> FitRequest:
+        """Return a copy with one column, unit or known parameter set or removed."""
+        pairs = {k: v for k, v in getattr(self, key) if k != name}
+        new: dict[str, Any] = {key: tuple(sorted({**pairs, **({name: words} if words else {})}.items()))}
+        return dataclasses.replace(self, **new)
+
+
+def from_link(words: Mapping[str, str]) -> FitRequest | None:
+    """Read the request from an address; None if it names no table."""
+    kind = next((k for k in KINDS if words.get(k)), None)
+    if kind is None:
+        return None
+    pairs: dict[str, Any] = {}
+    for key in PAIRS:
+        table: object = None
+        with contextlib.suppress(ValueError, RecursionError):  # an address that somebody changed says nothing
+            table = parse_json(words[key]) if words.get(key) else None
+        pairs[key] = tuple(sorted((str(k), str(v)) for k, v in table.items())) if isinstance(table, dict) else ()
+    more: dict[str, Any] = {w: words.get(w, "") for w in WORDS}
+    return FitRequest(kind, words[kind], **pairs, **more, slack=words.get("slack") != "no")
+
+
+def specimen_of(asked: FitRequest) -> Specimen | None:
+    """Specimen of the map, or the one with the known dimensions."""
+    name = asked.name if asked.kind == "map" else asked.like
+    return specimen(name) if name else None
+
+
+def file_of(workspace: Workspace, asked: FitRequest) -> Path:
+    """Path of the table."""
+    if asked.kind == "map":
+        return map_file(specimen(asked.name))
+    return (workspace.uploads if asked.kind == "table" else workspace.recordings).found(asked.name)
+
+
+def read(path: Path, asked: FitRequest) -> ForceMap:
+    """Read the table of a file as a force map, as the command ``fit`` does."""
+    rest = parse(asked.rest, "m", field="rest length") if asked.rest else None
+    spec = specimen_of(asked)
+    if asked.kind == "map" and spec is not None:
+        rest = rest or spec.property_si("rest_length", "m")
+    zero = parse(asked.zero, "Pa", field="pressure zero") if asked.zero else 0.0
+    try:
+        return read_force_map(
+            path,
+            rest_length=rest,
+            columns=dict(asked.columns),
+            units=dict(asked.units),
+            branch=asked.branch or None,
+            pressure_zero=zero,
+            **part_options(path, asked.part),
+        )
+    except InputError as error:  # the file by its name, not by its path on the server
+        raise error.changed(where=path.name) from None
+
+
+def known_values(asked: FitRequest) -> dict[str, float]:
+    """Parameters that are not fitted [SI]: of the specimen, then stated ones."""
+    dimensions_known, fields = known_of(specimen_of(asked)), dimensions()
+    for name, words in asked.known:
+        if name not in fields:
+            raise InputError(name, words, known=fields)
+        dimensions_known[name] = parse(words, fields[name].unit, field=name)
+        fields[name].check(name, dimensions_known[name])
+    return dimensions_known
+
+
+def dimensions() -> dict[str, JsonValue]:
+    """Dimensions of a muscle that can be stated for a fit: declared by laws, and stated by specimens."""
+    names = ("rest_diameter", "wall_thickness")
+    every = {k: q for law in LAWS for k, q in declared(law_type(law)).items()}
+    return {name: every[name] for name in names if name in every}
+
+
 _pool = ThreadPoolExecutor(2, thread_name_prefix="fit")
-_kept: OrderedDict[Any, Any] = OrderedDict()
-_lock = threading.Lock()
+_results = SharedResults(200)  # of all pages: a fit, or why there is none
 
 
 class _StoppedError(Exception):
@@ -34,17 +148,7 @@ class _StoppedError(Exception):
 
 
 class FitJob:
-    """Fits of one page.
-
-    Args:
-        workspace: whose tables are fitted.
-
-    Attributes:
-        fits: by law.
-        skipped: why a law could not be fitted, by law.
-        words: label of the work.
-        version: changes with every step.
-    """
+    """Fits of one page."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace, self._stop = workspace, threading.Event()
@@ -69,18 +173,16 @@ class FitJob:
     def start(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> None:
         """Fit the requested laws that are missing, and stop others."""
         self.stop()
-        path = state.file_of(self._workspace, asked)
+        path = file_of(self._workspace, asked)
         key = (str(path), path.stat().st_mtime_ns, asked)
         if key != self._key:
             self._key, self.fits, self.skipped = key, {}, {}
         self.failed = ""
         for law in laws:
-            self._take(law, _found(key, law))
+            self._take(law, _results.known((key, law)))
         missing = [law for law in laws if law not in self.fits and law not in self.skipped]
         self.version += 1
         if missing:
-            from ....identification.fit import SCHEMES
-
             self._stop, self.running, self.words = threading.Event(), True, ""
             self._done, self._total, self._began = 0, len(missing) * (1 + len(SCHEMES)), time.monotonic()
             _pool.submit(self._go, self._stop, key, asked, points, missing)
@@ -98,10 +200,7 @@ class FitJob:
 
     def study(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> Ranking:
         """Return the results so far, ranked as the command does."""
-        from ....identification.fit import rank
-        from ....identification.ranking import Ranking, published_of
-
-        spec = state.specimen_of(asked)
+        spec = specimen_of(asked)
         return Ranking(
             title=spec.title if spec else points.name,
             specimen=spec,
@@ -125,9 +224,8 @@ class FitJob:
             self.version += 1
 
         try:
-            from ....identification.fit import fit
-
-            known, below = state.known(asked), state.below(asked)
+            known = known_values(asked)
+            below = parse(asked.below, "Pa", field="train below") if asked.below else None
             for law in laws:
                 if stop.is_set():
                     return
@@ -136,7 +234,7 @@ class FitJob:
                     result: Any = fit(law, points, known=known, slack=asked.slack, train_below=below, progress=tell)
                 except MckibbenError as error:
                     result = str(error)
-                _keep(key, law, result)
+                _results.put((key, law), result)
                 if stop.is_set():
                     return
                 self._take(law, result)
@@ -152,97 +250,54 @@ class FitJob:
                 self.version += 1
 
 
-def _found(key: Any, law: str) -> Any:
-    with _lock:
-        if (key, law) in _kept:
-            _kept.move_to_end((key, law))
-        return _kept.get((key, law))
-
-
-def _keep(key: Any, law: str, result: Any) -> None:
-    with _lock:
-        _kept[key, law] = result
-        while len(_kept) > KEPT:
-            _kept.popitem(last=False)
-
-
 class TableReading(NamedTuple):
-    """Result of reading a table.
+    """Result of reading a table."""
 
-    Attributes:
-        look: into the file.
-        size: size of the file [B].
-        points: the table; nothing if it was refused.
-        wrong: why it was refused.
-        asked: how it was read in the end.
-        parts: names of its sheets or topics, where it has several.
-    """
-
-    look: TablePreview
+    look: TablePreview  # into the file
     size: int
-    points: ForceMap | None
-    wrong: InputError | None
-    asked: FitRequest
-    parts: list[str] = []
+    points: ForceMap | None  # the table; nothing if it was refused
+    wrong: InputError | None  # why it was refused
+    asked: FitRequest  # how it was look_and_read in the end
+    parts: list[str] = []  # names of its sheets or topics, where it has several
 
 
-def read(path: Path, asked: FitRequest) -> TableReading:
-    """Look into a file, of `state.file_of`, and read it.
-
-    Raises:
-        InputError: it is no table at all, or has more rows than a fit takes.
-    """
-    from ....recordings.formats import parts_of
-
-    check_rows(path, state.MOST_ROWS, "a fit")
+def look_and_read(path: Path, asked: FitRequest) -> TableReading:
+    """Look into a file, of `file_of`, and read it."""
+    check_rows(path, MOST_ROWS, "a fit")
     _, parts = parts_of(path)
-    look, asked = _look(path, asked, parts)
-    if asked.kind == "recording":
-        asked = _of_recording(path, asked, look)
-    size = path.stat().st_size
-    try:
-        return TableReading(look, size, state.read(path, asked), None, asked, parts)
-    except InputError as error:
-        return TableReading(look, size, None, error, asked, parts)
-
-
-def _look(path: Path, asked: FitRequest, parts: Sequence[str]) -> tuple[TablePreview, FitRequest]:
-    """Look into a file, or into its first sheet with a table where none is chosen and several have one."""
-    from ....recordings.force_map import preview_table
-    from ....recordings.formats import part_options
-
-    refusal: InputError | None = None
-    for part in [asked.part] if asked.part else ["", *parts]:
+    look, refused = None, None
+    for part in [asked.part] if asked.part else ["", *parts]:  # where none is chosen, the first one with a table
         try:
-            look = preview_table(path, **part_options(path, part))
-            return look, dataclasses.replace(asked, part=part)
+            look, asked = preview_table(path, **part_options(path, part)), dataclasses.replace(asked, part=part)
+            break
         except InputError as error:
-            refusal = refusal or error
-    assert refusal is not None
-    raise refusal.changed(where=path.name) from None
-
-
-def _of_recording(path: Path, asked: FitRequest, look: Any) -> FitRequest:
-    """Complete a request from a recording: its rest length, and a real machine's span for the length."""
-    from ....recordings import read_any
-
-    spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]
-    if not {"length", "contraction"} & {*look.meant, *dict(asked.columns)} and spans:
-        asked = asked.with_pair("columns", "length", spans[0])
-    rest = read_any(path).recording.meta.get("rest_length")
-    if not asked.rest and isinstance(rest, float):
-        asked = dataclasses.replace(asked, rest=f"{100.0 * rest:.10g} cm")
-    return asked
+            refused = refused or error
+    if look is None:
+        assert refused is not None
+        raise refused.changed(where=path.name) from None
+    if asked.kind == "recording":  # which states its rest length, and of a real machine the span for the length
+        spans = [c for c in look.header if c.split(" [")[0] in ("span", "muscle.span")]
+        if not {"length", "contraction"} & {*look.meant, *dict(asked.columns)} and spans:
+            asked = asked.with_pair("columns", "length", spans[0])
+        rest = read_any(path).recording.meta.get("rest_length")
+        if not asked.rest and isinstance(rest, float):
+            asked = dataclasses.replace(asked, rest=f"{100.0 * rest:.10g} cm")
+    points, wrong = None, None
+    try:
+        points = read(path, asked)
+    except InputError as error:
+        wrong = error
+    return TableReading(look, path.stat().st_size, points, wrong, asked, parts)
 
 
 def used(points: ForceMap, asked: FitRequest) -> str:
     """Describe which rows count."""
     taut = int(points.taut.sum())
     slack, informative = len(points) - taut, int(points.informative_slack.sum())
-    left = "".join(f" {remark[0].upper()}{remark[1:]}." for remark in points.remarks)
+    left = "".join(f" {sentence(remark)}" for remark in points.remarks)
     if not slack:
         return f"{taut} rows used.{left}"
-    noun = "row reads" if slack == 1 else "rows read"
+    noun = "row reads" if slack == 1 else "rows look_and_read"
     use = f"; {informative} of them ask the laws for zero tension" if asked.slack and informative else ""
     return (
         f"{taut} rows used. {slack} {noun} zero tension: the muscle is slack there, so errors do not count them{use}."

@@ -3,40 +3,35 @@
 from __future__ import annotations
 
 import html
+import inspect
 import json
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import NamedTuple
 
 import numpy as np
 
 from ....documents import JsonValue
+from ....identification import Fit
+from ....identification.fit import degenerate_words
+from ....identification.ranking import Ranking
+from ....muscles.laws import law_type
 from ....quantities import declared, from_si, shown_unit
+from ....recordings import ForceMap
+from ....report.blocks import unit_text
+from ....report.figures.fit_figures import law_title, levels_of, pulling, tension_grid
 from ....report.figures.style import symbol_text
-from ....report.words import unit_text
-from ...widgets import box, note, raw, table, text
+from ....report.fit_report import ATTRIBUTIONS, cautions_of, value_and_half
+from ...charts import plain_numbers
+from ...widgets import THIN, box, grouped, note, raw, table, text
 
-if TYPE_CHECKING:
-    from ....identification import Fit
-    from ....identification.ranking import Ranking
-    from ....recordings import ForceMap
-
-THIN = "\u2009\u2060"
 HALF = 0.5  # of the value, that the scale of the intervals shows to either side
-
-
-def number(value: float | None, places: int = 2) -> str:
-    """Format a number with fixed decimals, in groups of three, with a typographic minus."""
-    if value is None or not math.isfinite(value):
-        return "\u2013"
-    text_ = f"{abs(value):,.{places}f}".replace(",", "\u2009")
-    return ("\u2212" if value < 0.0 and float(f"{value:.{places}f}") != 0.0 else "") + text_
 
 
 def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
     """Build the table of laws, best first, and published ones below; a click or Enter picks a row."""
     rows = _rows(study)
-    widest = max((r["rmse"] for r in rows if math.isfinite(r["rmse"])), default=1.0)
+    widest = max((r.rmse for r in rows if math.isfinite(r.rmse)), default=1.0)
     held = next((f.holdout.what for f in study.fits if f.holdout), "")
     columns = [
         "",
@@ -45,7 +40,7 @@ def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
         "RMS error",
         "Largest error",
         "RMS, left out",
-        *([held] if held else []),
+        *filter(None, [held]),
         "\u0394 AICc",
     ]
     with box("div", "scroll-x"), box("table", "rank").set(aria_label="Ranking"):
@@ -57,117 +52,88 @@ def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
                 _row(row, study.points.largest, widest, bool(held), chosen, pick)
 
 
-def _rows(study: Ranking) -> list[dict[str, JsonValue]]:
-    from ....identification.fit import degenerate_words
-    from ....report.figures.fit_figures import law_title
+class _Row(NamedTuple):
+    """A law in the ranking, or a published one, which has no name."""
 
+    law: str
+    title: str
+    place: str
+    free: str
+    rmse: float
+    most: float
+    left: float | None = None
+    held: float | None = None
+    aicc: float | None = None
+    beyond: float | None = None
+    remark: str = ""
+
+
+def _rows(study: Ranking) -> list[_Row]:
     lowest = min((f.aicc for f in study.fits if f.converged), default=math.nan)
     rows = []
     for place, f in enumerate(study.fits, 1):
-        rows.append(
-            {
-                "law": f.law,
-                "title": law_title(f),
-                "place": str(place) if f.converged else "\u2013",
-                "free": str(len(f.parameters)),
-                "rmse": f.rmse,
-                "most": f.max_error,
-                "left": f.cv_rmse,
-                "held": f.holdout.max_error if f.holdout else None,
-                "aicc": f.aicc,
-                "beyond": f.aicc - lowest,
-                "converged": f.converged,
-                "degenerate": "; ".join(degenerate_words(f)),
-            }
-        )
+        shown, remark = (str(place), "; ".join(degenerate_words(f))) if f.converged else ("\u2013", "did not converge")
+        numbers = f.rmse, f.max_error, f.cv_rmse, f.holdout.max_error if f.holdout else None, f.aicc, f.aicc - lowest
+        rows.append(_Row(f.law, law_title(f), shown, str(len(f.parameters)), *numbers, remark))
     for title, error in study.published:
-        rmse, most = float((error**2).mean() ** 0.5), float(abs(error).max())
-        more = dict.fromkeys(("left", "held", "aicc", "beyond"))
-        rows.append(
-            {
-                "law": "",
-                "title": title,
-                "place": "",
-                "free": "published",
-                "rmse": rmse,
-                "most": most,
-                **more,
-                "converged": True,
-                "degenerate": "",
-            }
-        )
+        rows.append(_Row("", title, "", "published", float((error**2).mean() ** 0.5), float(abs(error).max())))
     return rows
 
 
-def _row(
-    row: dict[str, JsonValue], largest: float, widest: float, held: bool, chosen: str, pick: Callable[[str], object]
-) -> None:
-    picked = bool(row["law"]) and row["law"] == chosen
+def _row(row: _Row, largest: float, widest: float, held: bool, chosen: str, pick: Callable[[str], object]) -> None:
+    picked = bool(row.law) and row.law == chosen
     with box("tr", "sel" if picked else "") as line:
-        line.set(data_law=row["law"], data_rmse=repr(row["rmse"]), data_most=repr(row["most"]))
-        line.set(data_left=repr(row["left"]), data_aicc=repr(row["aicc"]))
-        if row["law"]:
+        line.set(data_law=row.law, data_rmse=repr(row.rmse), data_most=repr(row.most))
+        line.set(data_left=repr(row.left), data_aicc=repr(row.aicc))
+        if row.law:
             line.classed("pick").set(tabindex="0", aria_current="true" if picked else "false")
-            line.on("click", lambda: pick(row["law"])).on("enter", lambda: pick(row["law"]))
-        text("td", row["place"])
-        title = html.escape(row["title"])
-        remark = row["degenerate"] if row["converged"] else "did not converge"
-        why = f' <span class="faint">{html.escape(remark)}</span>' if remark else ""
+            line.on("click", lambda: pick(row.law)).on("enter", lambda: pick(row.law))
+        text("td", row.place)
+        title = html.escape(row.title)
+        why = f' <span class="faint">{html.escape(row.remark)}</span>' if row.remark else ""
         raw((f"<b>{title}</b>" if picked else title) + why, "td", "law-name")
-        text("td", row["free"], "num" if row["law"] else "num faint")
-        share = min(1.0, row["rmse"] / widest) if math.isfinite(row["rmse"]) else 1.0
+        text("td", row.free, "num" if row.law else "num faint")
+        share = min(1.0, row.rmse / widest) if math.isfinite(row.rmse) else 1.0
         bar = f'<span class="track"><i style="width:{100.0 * share:.1f}%"></i></span>'
-        raw(f'<div>{bar}<span class="num">{number(row["rmse"])}</span></div>', "td", "bar")
-        most = f'{number(row["most"], 1)} <span class="faint">{number(100.0 * row["most"] / largest, 1)}{THIN}%</span>'
-        raw(most, "td", "num")
-        text("td", number(row["left"]) if row["left"] is None or math.isfinite(row["left"]) else "fails", "num")
+        raw(f'<div>{bar}<span class="num">{grouped(row.rmse)}</span></div>', "td", "bar")
+        raw(
+            f'{grouped(row.most, 1)} <span class="faint">{grouped(100.0 * row.most / largest, 1)}{THIN}%</span>',
+            "td",
+            "num",
+        )
+        text("td", grouped(row.left) if row.left is None or math.isfinite(row.left) else "fails", "num")
         if held:
-            text("td", "\u2013" if row["held"] is None else number(row["held"], 1), "num")
-        beyond = row["beyond"]
-        text("td", "0" if beyond == 0.0 else "\u2013" if beyond is None else f"+{number(beyond, 1)}", "num")
-
-
-def formula(law: str) -> str:
-    """Equations of a law as its module states them: the indented lines of its docstring."""
-    import inspect
-
-    from ....muscles.laws import law_type
-
-    module = inspect.getmodule(law_type(law))
-    lines = (module.__doc__ or "").splitlines() if module else []
-    return "\n".join(line[4:].rstrip() for line in lines if line.startswith("    ") and "=" in line)
+            text("td", grouped(row.held, 1), "num")
+        beyond = row.beyond
+        text("td", "0" if beyond == 0.0 else "\u2013" if beyond is None else f"+{grouped(beyond, 1)}", "num")
 
 
 def parameters(fit: Fit) -> None:
     """Show each parameter with its half-width and unit, and a whisker over a scale of half its value to either side."""
-    from ....muscles.laws import law_type
-    from ....report.fit_report import value_and_half
-
-    fields, equations = declared(law_type(fit.law)), formula(fit.law)
+    # equations as the law's module states them: the indented lines of its docstring
+    module, fields = inspect.getmodule(law_type(fit.law)), declared(law_type(fit.law))
+    lines = (module.__doc__ or "").splitlines() if module else []
+    equations = [line[4:].rstrip() for line in lines if line.startswith("    ") and "=" in line]
     if equations:
-        text("pre", equations, "formula")
+        text("pre", "\n".join(equations), "formula")
     with box("table", "par").set(aria_label="Parameters with 95 % intervals"), box("tbody"):
         for name, e in fit.parameters.items():
-            unit = shown_unit(e.unit)
+            unit, about = shown_unit(e.unit), fields[name].doc
             value, low, high = (from_si(v, e.unit, unit) if math.isfinite(v) else v for v in e[:3])
             half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
             said, spread = value_and_half(value, half)
-            with box("tr").set(
-                data_parameter=name, data_value=repr(e.value), data_low=repr(e.low), data_high=repr(e.high)
-            ):
-                sign = html.escape(symbol_text(fields[name].symbol, name).replace("_", " "))
-                raw(sign, "td", "sym").set(title=fields[name].doc)
+            ends = {"data_value": repr(e.value), "data_low": repr(e.low), "data_high": repr(e.high)}
+            with box("tr").set(data_parameter=name, **ends):
+                raw(html.escape(symbol_text(fields[name].symbol, name).replace("_", " ")), "td", "sym").set(title=about)
                 text("td", said, "num").style(font_weight="600")
                 text("td", spread, "num faint")
                 text("td", unit_text(unit), "faint")
                 raw(_whisker(value, half), "td").style(width="124px")
             with box("tr"):
-                raw(f"<small>{html.escape(fields[name].doc)}</small>", "td").set(colspan="5").style(
-                    padding_top="0", border_top="0"
-                )
-    raw(f"\u221250{THIN}% &#160;&#160;&#160; of the value &#160;&#160;&#160; +50{THIN}%", "p", "faint small num").style(
-        padding="4px 6px"
-    )
+                cell = raw(f"<small>{html.escape(about)}</small>", "td").set(colspan="5")
+                cell.style(padding_top="0", border_top="0")
+    scale = f"\u221250{THIN}% &#160;&#160;&#160; of the value &#160;&#160;&#160; +50{THIN}%"
+    raw(scale, "p", "faint small num").style(padding="4px 6px")
 
 
 def _whisker(value: float, half: float) -> str:
@@ -190,8 +156,6 @@ def _whisker(value: float, half: float) -> str:
 
 def cautions(fit: Fit, study: Ranking) -> None:
     """Show the cautions about one law, and why others could not be fitted."""
-    from ....report.fit_report import cautions_of
-
     sentences = cautions_of(fit, study.points.largest)
     if sentences:
         note(" ".join(sentences))
@@ -214,35 +178,32 @@ def rests(points: ForceMap) -> list[float]:
 
 
 def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
-    """Compute everything that the figures of one law need.
-
-    Args:
-        fit: the law.
-        study: that it belongs to.
-        rest: rest length of the muscle that is shown [m], where the table has several.
-    """
-    from ....report.figures.fit_figures import levels_of, tension_grid
-    from ....report.fit_report import ATTRIBUTIONS
-
+    """Compute everything that the figures of one law need."""
     points, same = study.points, np.ones(len(study.points), bool)
     if rest is not None and points.rest_length is not None:
         same = points.rest_length == rest
     some, taut = points.select(same), same[points.taut]
-    law = _law(fit, taut)
+    # known parameters of the muscles that are chosen may differ from those of the others
+    known = {k: float(np.asarray(v)[taut].max()) for k, v in fit.known.items() if np.ndim(v) and taut.any()}
+    law = fit.build(**known)
     cm, bar = from_si(1.0, "m", "cm"), from_si(1.0, "Pa", "bar")
     low, high = float(some.length.min()), float(some.length.max())
     own = None if some.rest_length is None else float(some.rest_length.max())
     reach = max(high, own or high)
     levels, _ = levels_of(some)
     lengths = np.linspace(low - 0.025 * (reach - low), reach, 61)
-    pulls = [_pull(lengths, force) for force in tension_grid(law, lengths, levels)]
+    pulls = []  # the part of each curve with positive tension, up to the longest length of the law
+    for force in tension_grid(law, lengths, levels):
+        end = int(np.flatnonzero(force > 0.0)[-1]) + 1 if (force > 0.0).any() else 0
+        pulls.append(pulling(lengths[:end], force[:end]))
     surface = np.linspace(low, reach, GRID[1]), np.linspace(0.0, float(some.pressure.max()), GRID[0])
+    sources = study.specimen.sources if study.specimen else ()
     heights = np.maximum(tension_grid(law, surface[0], surface[1]), 0.0)
     return {
         "points": _points(fit, taut, cm, bar),
         "slack": sorted({_short(v * cm) for v in some.length[~some.taut]})[:: max(1, int((~some.taut).sum()) // SLACK)],
         "curves": [
-            {"P": _short(p * bar), "x": _rounded(x * cm), "y": _rounded(y)}
+            {"P": _short(p * bar), "x": plain_numbers(x * cm), "y": plain_numbers(y)}
             for p, (x, y) in zip(levels, pulls, strict=True)
         ],
         "labelled": sorted({int(i) for i in np.linspace(0, len(levels) - 1, min(STRONG, len(levels))).round()}),
@@ -252,13 +213,11 @@ def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
         "rest": None if own is None else _short(own * cm),
         "percent": 0.01 * points.largest,
         "left": _left(fit, taut, cm, bar),
-        "source": "; ".join(
-            f"Data: {ATTRIBUTIONS[k]}" for k in (study.specimen.sources if study.specimen else ()) if k in ATTRIBUTIONS
-        ),
+        "source": "; ".join(f"Data: {ATTRIBUTIONS[k]}" for k in sources if k in ATTRIBUTIONS),
         "surface": {
-            "lengths": _rounded(surface[0] * cm),
-            "pressures": _rounded(surface[1] * bar),
-            "tension": [_rounded(row) for row in heights],
+            "lengths": plain_numbers(surface[0] * cm),
+            "pressures": plain_numbers(surface[1] * bar),
+            "tension": [plain_numbers(row) for row in heights],
         },
     }
 
@@ -277,21 +236,6 @@ def figure(kind: str, data: dict[str, JsonValue], name: str, height: int) -> str
         f'<figure class="fitplot" tabindex="0" role="img" aria-label="{html.escape(name)}" data-kind="{kind}" '
         f'data-height="{height}" style="height:{height}px" data-fit="{spec}"></figure>'
     )
-
-
-def _pull(lengths: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Part of a curve with positive tension, up to the longest length of the law; [m], [N]."""
-    from ....report.figures.fit_figures import pulling
-
-    last = np.flatnonzero(force > 0.0)
-    end = int(last[-1]) + 1 if last.size else 0
-    return pulling(lengths[:end], force[:end])
-
-
-def _law(fit: Fit, taut: np.ndarray) -> Any:
-    """Law of the muscles whose taut points are chosen, bool (n,); their known parameters may differ."""
-    own = {k: float(np.asarray(v)[taut].max()) for k, v in fit.known.items() if np.ndim(v) and taut.any()}
-    return fit.build(**own)
 
 
 def _points(fit: Fit, taut: np.ndarray, cm: float, bar: float) -> list[dict[str, float]]:
@@ -324,13 +268,11 @@ def _short(value: float) -> float:
     return float(f"{value:.7g}")
 
 
-def _rounded(values: np.ndarray) -> list[float]:
-    return [_short(v) for v in values]
-
-
 def values(data: dict[str, JsonValue]) -> None:
     """Table of the points, for screen readers."""
-    rows = [[number(p["L"], 2), number(p["P"], 3), number(p["F"], 1), number(p["e"], 2)] for p in data["points"][:400]]
+    rows = [
+        [grouped(p["L"], 2), grouped(p["P"], 3), grouped(p["F"], 1), grouped(p["e"], 2)] for p in data["points"][:400]
+    ]
     with box("details", "values"):
         text("summary", "Table of values")
         heads = ("Length, cm", "Pressure, bar", "Tension, N", "Measured \u2212 fitted, N")

@@ -1,4 +1,4 @@
-"""Background work of the page The paper: processes that compute rows, draw figures and write reports.
+"""The reproduction of the papers, one for all visitors: processes that compute rows, draw figures and write reports.
 
 A process takes jobs from a pipe and answers with what it is at, what it found, and ``done`` or ``refused`` with a sentence.
 Ending it is how a job is stopped; recordings that were finished stay in a folder that all processes share.
@@ -6,6 +6,7 @@ Ending it is how a job is stopped; recordings that were finished stay in a folde
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import hashlib
 import heapq
@@ -14,27 +15,31 @@ import itertools
 import logging
 import multiprocessing
 import os
+import shutil
 import signal
+import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ....errors import MckibbenError
+from ....errors import InputError, MckibbenError
 from ....recordings import Recording, read_recording
 from ....report.document_pdf import compiler
 from ....report.figures import style
-from ....report.paper_figures import figure
+from ....report.paper_figures import FIGURES, PaperFigure, figure
 from ....report.reproduction_report import draw, reproduction_report
+from ....reproduction import RowOutcome
 from ....reproduction.recorded import PAUSE, Folder, kept_in, told
-from ....reproduction.rows import all_rows, reproduce_row
-from ...save import figure_file
+from ....reproduction.rows import all_rows, needs_recording, reproduce_row
+from ...charts import figure_file
+from ...workspace import Workspace
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from ....reproduction import RowOutcome
 
 THUMB = 168  # width of a small picture [px]
 OFTEN = 0.25  # least time between two words on how far it is [s]
@@ -42,12 +47,7 @@ LATER = 5  # less pressing than whatever else the machine does
 
 
 def work(line: Connection, place: str) -> None:
-    """Execute jobs until the pipe is closed.
-
-    Args:
-        line: jobs come and answers go through it.
-        place: folder of the recordings.
-    """
+    """Execute jobs until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
     with contextlib.suppress(OSError, AttributeError):
         os.nice(LATER)
@@ -90,7 +90,6 @@ def _rows(line: Connection, said: _Teller, names: Sequence[str]) -> None:
 
 
 def _figure(line: Connection, said: _Teller, name: str) -> None:
-    """Draw one figure in the paper's form."""
     of = figure(name)
     said(f"drawing {of.title}")
     picture = of.draw()
@@ -102,7 +101,6 @@ def _figure(line: Connection, said: _Teller, name: str) -> None:
 
 
 def _file(line: Connection, said: _Teller, name: str, wish: object) -> None:
-    """Draw one figure as a file."""
     of = figure(name)
     line.send(("file", *figure_file(of.title, lambda _: of.draw(), wish)))
 
@@ -110,7 +108,6 @@ def _file(line: Connection, said: _Teller, name: str, wish: object) -> None:
 def _report(
     line: Connection, said: _Teller, ending: str, outcomes: list[RowOutcome], figures: list[str], left_out: str
 ) -> None:
-    """Write the report of the command line."""
     if ending == ".pdf":
         compiler()  # refuses before minutes of work are done
     drawn = draw([figure(f) for f in figures], lambda f: said(f"figure {f.id}: {f.title}"))
@@ -130,11 +127,7 @@ STOPPED = "stopped"
 
 
 class WorkerProcess:
-    """A worker process, started with its first job, and again after it was stopped.
-
-    Args:
-        place: folder of the recordings.
-    """
+    """A worker process, started with its first job, and again after it was stopped."""
 
     def __init__(self, place: str) -> None:
         self.place = place
@@ -248,12 +241,7 @@ YOUNG = 5.0  # age of a claim without a name in it that may still be written [s]
 
 
 class RecordingCache(Folder):
-    """Recordings by key; concurrent requests for a key share one computation.
-
-    Args:
-        place: place of the folder.
-        tell: told when it is waited.
-    """
+    """Recordings by key; concurrent requests for a key share one computation."""
 
     def __init__(self, place: Path, tell: Callable[[str], None]) -> None:
         super().__init__(place)
@@ -277,10 +265,21 @@ class RecordingCache(Folder):
         return read_recording(file)
 
     def _mine(self, claim: Path) -> bool:
+        """Claim a recording for this process; false where another one has it."""
         try:
             line = os.open(claim, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
         except FileExistsError:
-            if _left(claim):
+            left = False  # by a process that has ended
+            try:
+                owner = claim.read_text()
+                left = not owner and time.time() - claim.stat().st_mtime > YOUNG
+                if owner:
+                    os.kill(int(owner), 0)
+            except ProcessLookupError:
+                left = True
+            except (FileNotFoundError, PermissionError):
+                pass
+            if left:
                 claim.unlink(missing_ok=True)
             return False
         os.write(line, str(os.getpid()).encode())
@@ -288,15 +287,194 @@ class RecordingCache(Folder):
         return True
 
 
-def _left(claim: Path) -> bool:
-    """Whether the process of a claim has ended."""
-    try:
-        owner = claim.read_text()
-        if not owner:
-            return time.time() - claim.stat().st_mtime > YOUNG
-        os.kill(int(owner), 0)
-    except ProcessLookupError:
-        return True
-    except (FileNotFoundError, PermissionError):
-        return False
-    return False
+HEAVY = 25.0  # a row of recordings takes about so many times as long as another
+TOLD_FROM = 0.08  # share of the work from which on the time left is shown
+LEFT_OUT = "Rows that need recordings of the simulated test machine were left out."
+
+
+class PaperPicture(NamedTuple):
+    """A figure for the page: SVG in the page's colours, and a small PNG as a data URL."""
+
+    svg: str
+    small: str
+
+
+class Reproduction:
+    """State of rows, figures and reports; safe for use by several threads."""
+
+    def __init__(self) -> None:
+        place = tempfile.mkdtemp(prefix="mckibben-paper-")
+        weakref.finalize(self, shutil.rmtree, place, ignore_errors=True)
+        self.rows = {row.id: row for row in all_rows()}
+        self.outcomes: dict[str, RowOutcome] = {}
+        self.failed: dict[str, str] = {}
+        self.pictures: dict[str, PaperPicture] = {}
+        self.refused: dict[str, str] = {}  # figure: why it was not drawn
+        self.asked: dict[str, str] = {}  # figure that is drawn: how far
+        self.wanted: list[str] = []  # rows that the run has still to do, the one at work first
+        self.now, self.words = "", ""
+        self.version = 0
+        self._began, self._weight, self._done = 0.0, 0.0, 0.0
+        self._lock = threading.RLock()
+        self._job: tuple[Any, ...] = ()
+        self._rows, self._draws = WorkerProcess(place), WorkerProcess(place)
+
+    def close(self) -> None:
+        """End the processes; whatever waits for them is refused."""
+        for worker in (self._rows, self._draws):
+            worker.close()
+
+    @property
+    def running(self) -> bool:
+        """Whether rows are being computed."""
+        return bool(self.wanted)
+
+    def run(self, names: Sequence[str] | None = None, *, recordings: bool = True) -> None:
+        """Compute the missing rows, quick ones first."""
+        with self._lock:
+            if self.running:
+                raise InputError("run", None, "must wait: rows are being computed; stop that first")
+            for name in names or ():
+                if name not in self.rows:
+                    why = "no row begins with that; `mckibben reproduce --json` lists them"
+                    raise InputError("row", name[:80], why)
+            chosen = [r for r in self.rows.values() if (names is None or r.id in names) and r.id not in self.outcomes]
+            quick = [r.id for r in chosen if not needs_recording(r)]
+            slow = [r.id for r in chosen if needs_recording(r)] if recordings else []
+            self.wanted = quick + slow
+            if not self.wanted:
+                return
+            for name in self.wanted:
+                self.failed.pop(name, None)
+            self._began, self._done, self._weight = time.monotonic(), 0.0, sum(map(self._cost, self.wanted))
+            self.now, self.words = "", "starting"
+            self._changed()
+            self._job = ("rows", list(self.wanted))
+            self._rows.ask(self._job, self._hear_rows)
+
+    def stop(self) -> None:
+        """Stop the computation; results are kept."""
+        self._rows.stop(self._job)
+
+    def left(self) -> float | None:
+        """Estimated remaining time of the computation [s]; None if unknown."""
+        if not self.running or self._done < TOLD_FROM * self._weight:
+            return None
+        return (time.monotonic() - self._began) * (self._weight - self._done) / self._done
+
+    def _cost(self, name: str) -> float:
+        return HEAVY if needs_recording(self.rows[name]) else 1.0
+
+    def _hear_rows(self, kind: str, *more: Any) -> None:
+        with self._lock:
+            if kind == "row":
+                self.now, self.words = more[0], self.rows[more[0]].what
+            elif kind == "tell":
+                self.words = more[0]
+            elif kind == "outcome":
+                self.outcomes[more[0].row.id] = more[0]
+                self._ended(more[0].row.id)
+            elif kind == "failed":
+                self.failed[more[0]] = more[1]
+                self._ended(more[0])
+            else:  # done or refused
+                if kind == "refused" and more[0] != STOPPED and self.now:
+                    self.failed[self.now] = more[0]
+                self.wanted, self.now, self.words = [], "", ""
+            self._changed()
+
+    def _ended(self, name: str) -> None:
+        self._done += self._cost(name)
+        if name in self.wanted:
+            self.wanted.remove(name)
+
+    # ---- figures
+
+    def draw(self, name: str, *, pressing: bool = True) -> None:
+        """Draw a figure, if it is not drawn yet."""
+        of = figure(name)
+        with self._lock:
+            if name in self.pictures or (name in self.asked and not pressing):
+                return
+            again = name in self.asked
+            self.refused.pop(name, None)
+            self.asked[name] = self.asked.get(name) or "waiting"
+            self._changed()
+            if again:
+                self._draws.hurry(("figure", name))
+            else:
+                self._draws.ask(("figure", name), lambda kind, *m: self._hear_figure(of, kind, *m), pressing=pressing)
+
+    def stop_drawing(self, name: str) -> None:
+        """Stop drawing a figure."""
+        self._draws.stop(("figure", name))
+
+    def file(self, name: str, wish: object) -> tuple[str, bytes]:
+        """Draw a figure as a file, see `charts.figure_file`; waits for it."""
+        answers = self._waited(("file", name, wish))
+        if "file" not in answers:
+            raise MckibbenError(str(answers["refused"][0]))
+        file, data = answers["file"]
+        return file, data
+
+    def _waited(self, job: Job, tell: Callable[[str], None] = lambda words: None) -> dict[str, tuple[Any, ...]]:
+        """All that a job answers, by kind."""
+        ended, answers = threading.Event(), dict[str, tuple[Any, ...]]()
+
+        def hear(kind: str, *more: Any) -> None:
+            answers[kind] = more
+            if kind == "tell":
+                tell(more[0])
+            elif kind in ("done", "refused"):
+                ended.set()
+
+        self._draws.ask(job, hear)
+        ended.wait()
+        return answers
+
+    def ready(self, of: PaperFigure) -> bool:
+        """Whether a figure can be drawn without minutes of computation."""
+        return not of.recordings or bool(of.rows) and all(r in self.outcomes for r in of.rows)
+
+    def _hear_figure(self, of: PaperFigure, kind: str, *more: Any) -> None:
+        with self._lock:
+            if kind == "figure":
+                small = "data:image/png;base64," + base64.b64encode(more[2]).decode("ascii")
+                self.pictures[of.id] = PaperPicture(more[1], small)
+            elif kind == "tell":
+                self.asked[of.id] = more[0]
+            elif kind in ("done", "refused"):
+                self.asked.pop(of.id, None)
+                if kind == "refused":
+                    self.refused[of.id] = more[0]
+            self._changed()
+
+    # ---- report
+
+    def report(self, ending: str, tell: Callable[[str], None]) -> bytes:
+        """Write the report of the command line from the present results; wait for it."""
+        with self._lock:
+            outcomes = [self.outcomes.get(r.id) or RowOutcome(r, None, None, r.note) for r in self.rows.values()]
+            figures = [f.id for f in FIGURES.values() if self.ready(f)]
+        left_out = "" if len(figures) == len(FIGURES) else LEFT_OUT
+        answers = self._waited(("report", ending, outcomes, figures, left_out), tell)
+        if "report" not in answers:
+            raise InputError("report", ending, str(answers["refused"][0]))
+        data: bytes = answers["report"][0]
+        return data
+
+    def _changed(self) -> None:
+        self.version += 1
+
+
+_of: weakref.WeakKeyDictionary[Any, Reproduction] = weakref.WeakKeyDictionary()
+_one = threading.Lock()
+
+
+def reproduction(workspace: Workspace) -> Reproduction:
+    """Reproduction of a server; made at the first call."""
+    with _one:
+        if workspace not in _of:
+            _of[workspace] = Reproduction()
+            workspace.on_close(_of[workspace].close)
+        return _of[workspace]

@@ -10,29 +10,22 @@ from typing import NamedTuple
 
 from ....errors import InputError, MckibbenError
 from ....quantities import parse
+from ....recordings import Recording, read_any, write
+from ....recordings.formats import part_options
+from ....recordings.mcap import read_log
+from ....report.recording_report import recording_report
 from ...reader import check_rows
 from ...workspace import UPLOADS, Workspace
 
 FORMATS = {".nc": "netCDF", ".csv": "CSV", ".parquet": "Parquet", ".mat": "MAT", ".mcap": "MCAP", ".tdms": "TDMS"}
-IMPORTED = UPLOADS
 MOST_ROWS = 5_000_000  # of a table that becomes a recording: more than an hour at 1 kHz
 
 
-def said_of(error: MckibbenError, path: Path, name: str) -> str:
-    """Message of an error, with the file's original name instead of the path of its copy."""
-    return str(error).replace(str(path), name)
-
-
 class ImportedFile(NamedTuple):
-    """Result of importing a file.
+    """Result of importing a file."""
 
-    Attributes:
-        own: it is a recording of mckibben, and is taken as it is.
-        remarks: a line for each thing that was not taken over as it is.
-    """
-
-    own: bool
-    remarks: list[str]
+    own: bool  # it is a recording of mckibben, and is taken as it is
+    remarks: list[str]  # a line for each thing that was not taken over as it is
 
 
 def imported(
@@ -58,9 +51,6 @@ def imported(
     Raises:
         InputError: names column, value and what is allowed.
     """
-    from ....recordings import read_any
-    from ....recordings.formats import part_options
-
     check_kind(name)
     check_rows(path, MOST_ROWS, "a recording")
     places = {k: int(v) if v.isdecimal() else v for k, v in columns.items()}
@@ -69,7 +59,12 @@ def imported(
         options = part_options(path, part)
         read = read_any(path, columns=places or None, units=dict(units) or None, period=step, **options)
     except MckibbenError as error:
-        sentence = f"{said_of(error, path, name).rstrip('.')}.{_hint(error)}"
+        # the file by the name that its sender gave it, not by the path of its copy
+        sentence = f"{str(error).replace(str(path), name).rstrip('.')}."
+        remedy, _, lacking = str(getattr(error, "remedy", "")).partition(" ")
+        if remedy in ("column", "unit"):  # it can be said in the dialog
+            example = f"Columns, such as {lacking}=2" if remedy == "column" else f"Units, such as {lacking}=bar"
+            sentence += f" Say it under {example}."
         if isinstance(error, InputError):  # it keeps the field that is to blame
             raise error.changed(where="", sentence=sentence) from None
         raise MckibbenError(sentence) from None
@@ -85,66 +80,54 @@ def imported(
 
 def check_kind(name: str) -> None:
     """Refuse a file whose name states another content."""
-    if Path(name).suffix.lower() not in IMPORTED:
-        allowed = f"must be a name that ends in {', '.join(IMPORTED)}; nothing was stored"
+    if Path(name).suffix.lower() not in UPLOADS:
+        allowed = f"must be a name that ends in {', '.join(UPLOADS)}; nothing was stored"
         raise InputError("file", name[:120], allowed)
 
 
-def _hint(error: MckibbenError) -> str:
-    """Describe where on the page the user can supply what the file lacks."""
-    remedy, _, name = str(getattr(error, "remedy", "")).partition(" ")
-    if remedy == "column":
-        return f" Say it under Columns, such as {name}=2."
-    if remedy == "unit":
-        return f" Say it under Units, such as {name}=bar."
-    return ""
+class ExportedFile(NamedTuple):
+    """A file to be downloaded, with remarks on what differs from the recording."""
+
+    name: str
+    data: bytes
+    remarks: list[str]
 
 
-def exported(path: Path, suffix: str) -> tuple[str, bytes, list[str]]:
-    """Convert a recording to another format: file name, content, and remarks on differences."""
-    from ....recordings import read_any, write
-
+def exported(path: Path, suffix: str) -> ExportedFile:
+    """Convert a recording to another format."""
     if path.suffix.lower() == suffix:
-        return path.name, path.read_bytes(), []
+        return ExportedFile(path.name, path.read_bytes(), [])
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / f"{path.stem}{suffix}"
         remarks = write(read_any(path).recording, place)
-        return place.name, place.read_bytes(), remarks
+        return ExportedFile(place.name, place.read_bytes(), remarks)
 
 
 def repaired(workspace: Workspace, name: str) -> tuple[str, list[str]]:
     """Recover a recording from an incomplete log, which is kept; return its name, and what was lost."""
-    from ....recordings.mcap import read_log
-
     path = workspace.recordings.found(name)
     if path.suffix.lower() != ".mcap":
         raise InputError("file", name, "must be a log of a bench, .mcap; others are written whole or not at all")
     try:
         recording = read_log(path)
     except MckibbenError as error:
-        raise MckibbenError(said_of(error, path, name)) from None
+        raise MckibbenError(str(error).replace(str(path), name)) from None
     target = workspace.recordings.folder / workspace.recordings.free(f"{path.stem}.nc")
     recording.recording.save(target)
     return target.name, ["The log was complete."] if recording.whole else recording.remarks
 
 
-def rewritten(path: Path, record: object) -> None:
+def rewritten(path: Path, record: Recording) -> None:
     """Overwrite a recording's file, but keep its date, so that the list keeps its order."""
-    from ....recordings import write
-    from ....recordings.recording import Recording
-
-    assert isinstance(record, Recording)
     before = path.stat()
     write(record, path)
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns + 1_000_000))
 
 
-def report(path: Path) -> tuple[str, bytes]:
+def report(path: Path) -> ExportedFile:
     """Write the report of a recording as a PDF file."""
-    from ....recordings import read_any
-    from ....report.recording_report import recording_report
-
-    return f"{path.stem}.pdf", recording_report(read_any(path).recording, name=path.name).pdf()
+    data = recording_report(read_any(path).recording, name=path.name).pdf()
+    return ExportedFile(f"{path.stem}.pdf", data, [])
 
 
 def pairs(text: str, option: str, example: str) -> dict[str, str]:

@@ -1,33 +1,56 @@
-"""Two recordings overlaid, as charts and as values measured on both."""
+"""Two recordings overlaid: their charts, values measured on both, and their notes."""
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ....analysis.cycles import find_cycles
-from ....analysis.segments import segments, varied
+from ....analysis.loops import loops
+from ....analysis.segments import segments as recorded_steps
+from ....analysis.segments import varied
 from ....errors import InputError, MckibbenError
 from ....muscles.build import built_muscle
-from ....quantities import from_si
+from ....quantities import from_si, parse
+from ....recordings import Note, Recording
 from ....recordings.conditions import told_apart
 from ....report.origins import known_specimen
 from ...charts import Axis, Chart, ChartLine, Mark
-from .listing import LETTERS
-from .state import channel, places
-
-if TYPE_CHECKING:
-    from ....recordings import Recording
+from ...elements import page_document
+from ...forms import plain_text
+from ...stream import channel, places
+from ...widgets import (
+    THIN,
+    Dialog,
+    TypedField,
+    box,
+    button,
+    empty,
+    grouped,
+    link,
+    loading,
+    panel,
+    segments,
+    select,
+    tell,
+    text,
+)
+from . import jobs
+from .listing import LETTERS, RecordingChoice, whole
 
 HIGH, LOW = 270, 150  # of charts [px]
 VIEWS = {"tension": "Tension", "law": "Less the law", "channels": "All channels", "loops": "Loops compared"}
 MOST_LOOPS = 12  # that are laid over one another
 NAMES = {"pressure": ("Pressure", "bar", "Pa"), "length": ("Length", "cm", "m"), "tension": ("Tension", "N", "N")}
+LENGTH, TENSION = Axis("length", "cm", "length"), Axis("Tension", "N", "tension")
 # Of the muscle itself: a law speaks of its braid and of the air in it, not of what stands between it and the sensors.
 OWN = {
     "length": ("muscle.length", "length", "muscle.span", "span"), "pressure": ("muscle.pressure", "pressure"),
@@ -37,21 +60,13 @@ OWN = {
 
 @dataclass(frozen=True)
 class OverlaidPart:
-    """The shown part of one recording.
+    """The shown part of one recording."""
 
-    Attributes:
-        letter: A or B.
-        name: name of its file.
-        record: the step that is shown, or all of it.
-        begins: time of its samples that stands at zero of the axis [s].
-        words: which step it is; nothing if it is all.
-    """
-
-    letter: str
+    letter: str  # A or B
     name: str
-    record: Recording
-    begins: float
-    words: str = ""
+    record: Recording  # the step that is shown, or all of it
+    begins: float  # time of its samples that stands at zero of the axis [s]
+    words: str = ""  # which step it is; nothing if it is all
 
     def values(self, channel: str) -> np.ndarray | None:
         """A quantity in the unit that is shown (n,), and nothing if it was not recorded."""
@@ -67,7 +82,7 @@ def steps(record: Recording) -> list[tuple[str, Recording]]:
     if not record.meta.get("steps"):
         return [("", record)]
     try:
-        parts, apart = segments(record), varied(record)
+        parts, apart = recorded_steps(record), varied(record)
     except InputError:
         return [("", record)]
     named = []
@@ -81,10 +96,8 @@ def steps(record: Recording) -> list[tuple[str, Recording]]:
 def begins(record: Recording) -> float:
     """Time of the first reversal of the length [s], at which recordings are aligned; else of the first sample."""
     name = places(record).get("length")
-    cycle = last_cycle(record)
-    if name is None or cycle is None:
+    if name is None or last_cycle(record) is None:
         return float(record.time[0])
-
     return float(record.time[find_cycles(record[name])[0].start])
 
 
@@ -102,13 +115,13 @@ def last_cycle(record: Recording) -> slice | None:
 
 def charts(parts: Sequence[OverlaidPart], view: str) -> list[Chart | str]:
     """Charts of a view; a message if there is nothing to draw."""
+    shown: list[Chart | str | None]
     if view == "channels":
-        shown: list[Chart | str] = [c for quantity in NAMES if (c := over_time(parts, quantity, LOW)) is not None]
-        return shown or [_others(parts)]
-    first: Chart | str | None = less_the_law(parts) if view == "law" else over_length(parts)
-    second = over_time(parts, "tension", LOW) or over_time(parts, "pressure", LOW)
-    both = [c for c in (first, second) if c is not None]
-    return both or [_others(parts)]
+        shown = [over_time(parts, quantity, LOW) for quantity in NAMES]
+    else:
+        first = less_the_law(parts) if view == "law" else over_length(parts)
+        shown = [first, over_time(parts, "tension", LOW) or over_time(parts, "pressure", LOW)]
+    return [one for one in shown if one is not None] or [_other_channel(parts)]
 
 
 def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
@@ -117,12 +130,11 @@ def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
     for part in parts:
         x, y = part.values("length"), part.values("tension")
         if x is not None and y is not None:
-            some = last_cycle(part.record) or slice(None)
-            lines.append(_loop(part, x[some], y[some], len(parts) > 1))
+            lines.append(_loop(part, x, y, len(parts) > 1))
     if not lines:
         return None
     sentence = f"Tension against length of {_named(parts)}; {_cycles(parts)}."
-    return Chart(_title("Tension", parts), sentence, _axis("length"), _axis("tension"), lines, height=HIGH)
+    return Chart(_title("Tension", parts), sentence, LENGTH, TENSION, lines, height=HIGH)
 
 
 def swept_parts(part: OverlaidPart, record: Recording) -> list[tuple[str, OverlaidPart]]:
@@ -131,13 +143,8 @@ def swept_parts(part: OverlaidPart, record: Recording) -> list[tuple[str, Overla
     apart = varied(record) if len(named) > 1 else {}
     if not apart:
         return []
-    return [
-        (
-            ", ".join(str(one.meta["step"]["case"].get(name, "")) for name in apart),
-            replace(part, record=one, words=words),
-        )
-        for words, one in named
-    ]
+    cases = [", ".join(str(one.meta["step"]["case"].get(name, "")) for name in apart) for _, one in named]
+    return [(case, replace(part, record=one, words=words)) for case, (words, one) in zip(cases, named, strict=True)]
 
 
 def listed_parts(recordings: Sequence[tuple[str, Recording]]) -> list[tuple[str, OverlaidPart]]:
@@ -146,8 +153,10 @@ def listed_parts(recordings: Sequence[tuple[str, Recording]]) -> list[tuple[str,
     labelled = []
     for (name, record), differences in zip(recordings, distinctions, strict=True):
         _, part = steps(record)[-1]
-        label = ", ".join(_value_label(*one) for one in differences.items()) or name
-        labelled.append((label, OverlaidPart(LETTERS[0], name, part, begins(part))))
+        # a bare number is told with its name
+        bare = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
+        values = [f"{n.replace('_', ' ')} {v}" if bare.fullmatch(v) else v for n, v in differences.items()]
+        labelled.append((", ".join(values) or name, OverlaidPart(LETTERS[0], name, part, begins(part))))
     return labelled
 
 
@@ -158,17 +167,20 @@ def loops_compared(parts: Sequence[tuple[str, OverlaidPart]], title: str) -> Cha
         x, y = part.values("length"), part.values("tension")
         if x is None or y is None:
             continue
-        some = last_cycle(part.record) or slice(None)
-        x, y = x[some], y[some]
-        if last_cycle(part.record) is not None and len(
-            y
-        ):  # closed, and ending at its highest point, where its label stands
+        cycle = last_cycle(part.record)
+        x, y = x[cycle or slice(None)], y[cycle or slice(None)]
+        if cycle is not None and len(y):  # closed, and ending at its highest point, where its label stands
             top = int(np.nanargmax(y))
             x, y = np.append(np.roll(x, -top), x[top]), np.append(np.roll(y, -top), y[top])
         drawn.append((label, x, y))
     if not drawn:
         return "No listed recording has length and tension."
-    order = sorted(drawn, key=lambda one: _first_number(one[0]))
+
+    def first_number(one: tuple[str, np.ndarray, np.ndarray]) -> tuple[float, str]:
+        match = re.search(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", one[0])
+        return (float(match[0]) if match else math.inf, one[0])
+
+    order = sorted(drawn, key=first_number)
     lines = [
         ChartLine(x, y, label, "tension", width=1.75, opacity=0.45 + 0.55 * (i + 1) / len(order))
         for i, (label, x, y) in enumerate(order)
@@ -176,18 +188,7 @@ def loops_compared(parts: Sequence[tuple[str, OverlaidPart]], title: str) -> Cha
     left = len(parts) - len(drawn)
     sentence = f"Tension against length, {len(drawn)} loops: {', '.join(label for label, _, _ in order)}."
     name = title + (f", {left} left out" if left else "")
-    return Chart(name, sentence, _axis("length"), _axis("tension"), lines, height=HIGH + 150)
-
-
-def _value_label(name: str, value: str) -> str:
-    """A value as the label of a line: with its name if it is a bare number."""
-    bare = re.fullmatch(r"[-+]?[\d.]+(?:e[-+]?\d+)?", value)
-    return f"{name.replace('_', ' ')} {value}" if bare else value
-
-
-def _first_number(text: str) -> tuple[float, str]:
-    match = re.search(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", text)
-    return (float(match[0]) if match else math.inf, text)
+    return Chart(name, sentence, LENGTH, TENSION, lines, height=HIGH + 150)
 
 
 def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
@@ -199,25 +200,20 @@ def less_the_law(parts: Sequence[OverlaidPart]) -> Chart | str:
         except MckibbenError as error:
             why = f"{part.letter}: {error}"
             continue
-        some = last_cycle(part.record) or slice(None)
-        lines.append(_loop(part, length[some], rest[some], len(parts) > 1))
+        lines.append(_loop(part, length, rest, len(parts) > 1))
     if not lines:
         return why or "Neither recording names a muscle with a law."
     axis = Axis("Tension less the law", "N", "tension")
     sentence = f"Tension less the law of {_named(parts)} against length; {_cycles(parts)}."
-    marks = [Mark("", y=0.0)]
-    return Chart(_title("Less the law", parts), sentence, _axis("length"), axis, lines, marks, height=HIGH)
+    return Chart(_title("Less the law", parts), sentence, LENGTH, axis, lines, [Mark("", y=0.0)], height=HIGH)
 
 
 def _residual(part: OverlaidPart) -> tuple[np.ndarray, np.ndarray]:
     """Length [cm], and tension minus the law's at the recorded length and pressure [N]."""
     spec = known_specimen(part.record.meta)
     if spec is None:
-        raise InputError(
-            "muscle",
-            str(part.record.meta.get("specimen") or "none"),
-            "must be one with a law, named by the recording",
-        )
+        named = str(part.record.meta.get("specimen") or "none")
+        raise InputError("muscle", named, "must be one with a law, named by the recording")
     names = {quantity: channel(part.record, of) for quantity, of in OWN.items()}
     for quantity, name in names.items():
         if not name:
@@ -247,12 +243,11 @@ def over_time(parts: Sequence[OverlaidPart], channel: str, height: int) -> Chart
     from_ = "from their first reversal" if len(parts) > 1 else "from the first reversal"
     axis = Axis(f"time, {from_}" if any(last_cycle(p.record) for p in parts) else "time", "s", "", low, high)
     sentence = f"{NAMES[channel][0]} of {_named(parts)} against time."
-    return Chart(
-        _title(NAMES[channel][0], parts), sentence, axis, Axis(*NAMES[channel][:2], channel), lines, marks, height
-    )
+    across = Axis(*NAMES[channel][:2], channel)
+    return Chart(_title(NAMES[channel][0], parts), sentence, axis, across, lines, marks, height)
 
 
-def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
+def _other_channel(parts: Sequence[OverlaidPart]) -> Chart | str:
     """Chart of the first measured channel over time, for recordings without a muscle."""
     part = parts[0]
     name = next((n for n in part.record.names() if part.record.channels[n].kind != "command"), "")
@@ -263,14 +258,14 @@ def _others(parts: Sequence[OverlaidPart]) -> Chart | str:
     return Chart(name, f"{name} of {part.name} against time.", Axis("time", "s"), axis, [line], height=HIGH)
 
 
-def _line(part: OverlaidPart, x: Any, y: Any, channel: str, lettered: bool, **more: Any) -> ChartLine:
-    return ChartLine(
-        x, y, label=part.letter if lettered else "", quantity=channel, dash=part.letter if lettered else "", **more
-    )
+def _line(part: OverlaidPart, x: Any, y: Any, channel: str, lettered: bool, width: float) -> ChartLine:
+    letter = part.letter if lettered else ""
+    return ChartLine(x, y, label=letter, quantity=channel, dash=letter, width=width)
 
 
 def _loop(part: OverlaidPart, x: np.ndarray, y: np.ndarray, lettered: bool) -> ChartLine:
-    return _line(part, x, y, "tension", lettered, width=2.25 if part.letter == LETTERS[0] else 2.0)
+    some = last_cycle(part.record) or slice(None)
+    return _line(part, x[some], y[some], "tension", lettered, 2.25 if part.letter == LETTERS[0] else 2.0)
 
 
 def _with_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -278,10 +273,6 @@ def _with_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
     step = np.diff(time)
     holes = np.flatnonzero(step > 3.0 * np.median(step)) + 1 if len(step) else np.array([], int)
     return np.insert(time, holes, np.nan), np.insert(np.asarray(values, float), holes, np.nan)
-
-
-def _axis(channel: str) -> Axis:
-    return Axis(NAMES[channel][0] if channel != "length" else "length", NAMES[channel][1], channel)
 
 
 def _named(parts: Sequence[OverlaidPart]) -> str:
@@ -307,9 +298,15 @@ class Measure(NamedTuple):
 
 def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
     """Properties of one or two parts; a property that none of them has is left out."""
-    shapes = [_last_loop(part) for part in parts]
+    last: list[Any] = []
+    for part in parts:
+        there = places(part.record)
+        try:
+            last.append(loops(part.record, length=there["length"], tension=there["tension"])[-1])
+        except (KeyError, MckibbenError):
+            last.append(None)
     rows = [
-        Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in shapes])
+        Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in last])
         for name, unit, digits, key, scale in (
             ("Mean pressure of the last loop", "bar", 2, "pressure", from_si(1.0, "Pa", "bar")),
             ("Loop width at mid-range", "cm", 3, "width", 1e2),
@@ -329,11 +326,269 @@ def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
     return [one for one in rows if any(math.isfinite(v) for v in one.values)]
 
 
-def _last_loop(part: OverlaidPart) -> Any:
-    from ....analysis.loops import loops
+class OverlayPane:
+    """Pane with the overlaid recordings."""
 
-    there = places(part.record)
-    try:
-        return loops(part.record, length=there["length"], tension=there["tension"])[-1]
-    except (KeyError, MckibbenError):
-        return None
+    def __init__(
+        self,
+        choice: RecordingChoice,
+        words: Mapping[str, str],
+        exports: Callable[[], None],
+        look: Callable[[], Awaitable[None]],
+    ) -> None:
+        self._choice, self._exports, self._look = choice, exports, look
+        self._kind = words.get("view", "") if words.get("view") in VIEWS else "tension"
+        named = ((words.get("a"), "pa"), (words.get("b"), "pb"))
+        self._steps = {name: words.get(key, "") for name, key in named if name}
+        self._parts: list[OverlaidPart] = []
+        self._asking = 0  # count of what was asked for; an answer that comes later than the next question is dropped
+
+    def build(self) -> None:
+        """Build the empty pane."""
+        with box("div", "right"):
+            with panel("Overlay") as head:
+                with head:
+                    segments(VIEWS, self._kind, self._look_at, "View")
+                    button("Add note", key="N", small=True).set(id="note").on_value("note", self._open_note)
+                self._which = box("div", "row wrap")
+                self._charts = box("div", "overlay")
+                self._notes = box("div", "notes")
+            with panel("Measured") as head:
+                with head:
+                    self._exports()
+                self._table = box("div")
+        self._dialog = Dialog("Add a note")
+        with self._dialog:
+            self._on = box("div")
+            self._time = TypedField("Time", unit="s", about="as on the time axis")
+            self._text = TypedField("Note", done=self._add)
+            self._dialog.place_for_answers()
+            with box("div", "row"):
+                button("Add note", self._add, primary=True)
+
+    def forget(self) -> None:
+        """Release the shown recordings when the page is closed."""
+        self._asking += 1
+        self._parts = []
+
+    def _look_at(self, kind: str) -> None:
+        self._kind = kind
+        link(view=None if kind == "tension" else kind)
+        page_document().spawn(self.show())
+
+    def relisted(self) -> None:
+        """Compare the loops of another list, where they are shown."""
+        if self._kind == "loops":
+            page_document().spawn(self.show())
+
+    # ---- what is shown
+
+    async def show(self) -> None:
+        """Read the chosen recordings and show them; an unreadable one is replaced by its error."""
+        self._asking += 1
+        mine, wrong, names = self._asking, [], self._choice.chosen
+        if not names:
+            self._parts = []
+            self._nothing()
+            if self._kind == "loops":
+                await self._compare(mine)
+            return
+        if not self._parts:
+            self._reading()
+        parts, steps = [], {}
+        for letter, name in zip(LETTERS, names, strict=False):
+            try:
+                part, steps[letter] = await asyncio.to_thread(self._part, letter, name)
+                parts.append(part)
+            except MckibbenError as error:
+                wrong.append(f"{letter}: {str(error).replace(f'{self._choice.shelf.folder}/', '')}")
+        if mine != self._asking:
+            return
+        self._parts = parts
+        self._which.clear()
+        with self._which:
+            for words in wrong:
+                text("p", words, "small err")
+            for part in parts:
+                _disc(part.letter, part.name)
+                if len(named := steps[part.letter]) > 1:
+                    words_of = {str(i): words for i, words in enumerate(named)}
+                    chosen = str(named.index(part.words))
+                    select(words_of, chosen, lambda v, of=part: self._step(of, v), f"Step of {part.letter}")  # type: ignore[misc]
+        await self._draw()
+
+    def _part(self, letter: str, name: str) -> tuple[OverlaidPart, list[str]]:
+        named, asked = steps(whole(self._choice.path(name))), self._steps.get(name, "")
+        at = int(asked) if asked.isdecimal() and int(asked) < len(named) else len(named) - 1
+        words, part = named[at]
+        return OverlaidPart(letter, Path(name).stem, part, begins(part), words), [words for words, _ in named]
+
+    async def _step(self, part: OverlaidPart, at: str) -> None:
+        self._steps[self._file(part)] = at
+        link(**{f"p{part.letter.lower()}": at})
+        await self.show()
+
+    def _reading(self) -> None:
+        self._charts.clear()
+        with self._charts, loading("Reading and measuring"):
+            pass
+
+    def _nothing(self) -> None:
+        for place in (self._which, self._charts, self._notes, self._table):
+            place.clear()
+        with self._charts:
+            empty("Choose a recording in the list; a second one is laid over it.")
+        with self._table:
+            loops = self._kind == "loops"
+            words = "Choose a recording for its width, height and area of loops."
+            text("p", words if loops else "Width, height and area of loops, and peak values.", "small dim")
+
+    async def _compare(self, mine: int) -> None:
+        """Show the loops of the steps of the chosen recording, or of all that are listed."""
+        self._reading()
+        try:
+            chart = await asyncio.to_thread(self._compared)
+        except MckibbenError as error:
+            chart = str(error)
+        if mine != self._asking:
+            return
+        self._charts.clear()
+        with self._charts:
+            chart.show() if isinstance(chart, Chart) else empty(chart)
+
+    def _compared(self) -> Chart | str:
+        if len(self._parts) == 1:
+            part = self._parts[0]
+            swept = swept_parts(part, whole(self._choice.path(self._file(part))))
+            if len(swept) > 1:
+                return loops_compared(swept, f"Steps of {part.name}")
+        known = []
+        for entry in self._choice.listed()[:MOST_LOOPS]:
+            with contextlib.suppress(MckibbenError):  # the list says why
+                known.append((Path(entry.name).stem, whole(self._choice.path(entry.name))))
+        return loops_compared(listed_parts(known), "Loops of the listed recordings")
+
+    async def _draw(self) -> None:
+        parts, kind = self._parts, self._kind
+        if not parts:
+            return
+        if kind == "loops":
+            await self._compare(self._asking)
+            self._list_notes()
+            return
+        drawn = await asyncio.to_thread(charts, parts, kind)
+        measured = await asyncio.to_thread(measures, parts)
+        if parts is not self._parts or kind != self._kind:
+            return
+        self._charts.clear()
+        with self._charts:
+            for one in drawn:
+                if isinstance(one, Chart):
+                    timed = box("div", "timed" if one.x.label.startswith("time") else "")
+                    if one.x.low is not None and one.x.high is not None:
+                        timed.set(data_low=repr(one.x.low), data_high=repr(one.x.high))
+                    with timed:
+                        one.show()
+                else:
+                    empty(one)
+        self._table.clear()
+        with self._table:
+            _measured(measured, [p.letter for p in parts])
+        self._list_notes()
+
+    # ---- notes
+
+    def _list_notes(self) -> None:
+        self._notes.clear()
+        with self._notes:
+            for part in self._parts:
+                for note in whole(self._choice.path(self._file(part))).notes:
+                    with box("div", "note-line"):
+                        _disc(part.letter, "")
+                        text("span", f"{note.time - part.begins:.3f}{THIN}s", "num")
+                        text("span", note.text, "grow")
+                        remove = button("Remove", lambda p=part, n=note: self._remove(p, n), small=True, quiet=True)
+                        remove.set(aria_label=f"Remove the note at {note.time:.3f} s")
+
+    def _file(self, part: OverlaidPart) -> str:
+        return self._choice.chosen[LETTERS.index(part.letter)]
+
+    def _open_note(self, at: Any) -> None:
+        if not self._parts:
+            tell("Choose a recording first: click its line.")
+            return
+
+        def choose(letter: str) -> None:
+            self._noting = letter
+
+        choose(self._parts[-1].letter)
+        self._on.clear()
+        with self._on:
+            segments({p.letter: f"{p.letter} {p.name}" for p in self._parts}, self._noting, choose, "On")
+        self._time.set(f"{at:.3f}" if isinstance(at, int | float) else "0")
+        self._text.set("")
+        self._dialog.open()
+
+    async def _add(self) -> None:
+        part = next((p for p in self._parts if p.letter == self._noting), None)
+        if part is None:
+            return
+        try:
+            at = parse(plain_text(self._time.value), "s", field="time of a note", bare=True)
+            path = self._choice.path(self._file(part))
+            record = await asyncio.to_thread(whole, path)
+            try:
+                new = record.with_note(at + part.begins, self._text.value)
+            except InputError as error:
+                if error.field != "time of a note":
+                    raise
+                low, high = (float(record.time[i]) - part.begins for i in (0, -1))  # on the axis that is shown
+                problem = f"must be between {low:.6g} s and {high:.6g} s, got {at:.6g} s"
+                raise InputError(error.field, None, problem) from None
+            await asyncio.to_thread(jobs.rewritten, path, new)
+        except MckibbenError as error:
+            self._dialog.answer(str(error))
+            return
+        self._dialog.close()
+        await self._noted(f"Added a note to {part.name}.", path, record)
+
+    async def _remove(self, part: OverlaidPart, note: Note) -> None:
+        try:
+            path = self._choice.path(self._file(part))
+            record = await asyncio.to_thread(whole, path)
+            await asyncio.to_thread(jobs.rewritten, path, record.without_note(note))
+        except MckibbenError as error:
+            tell(str(error))
+            return
+        await self._noted(f"Removed a note of {part.name}.", path, record)
+
+    async def _noted(self, words: str, path: Path, before: Recording) -> None:
+        self._choice.tell(words, lambda: jobs.rewritten(path, before))
+        await self.show()
+        await self._look()
+
+
+def _disc(letter: str, words: str) -> None:
+    with box("span", "lettered"):
+        text("span", letter, "ab on")
+        if words:
+            text("span", words, "small")
+
+
+def _measured(measured: Sequence[Measure], letters: Sequence[str]) -> None:
+    two = len(letters) > 1
+    with box("table").set(aria_label="Measured properties"):
+        with box("thead"), box("tr"):
+            for i, words in enumerate(["Property, last full cycle", *letters, "Unit", *(["B / A"] if two else [])]):
+                number = 0 < i <= len(letters) or i > len(letters) + 1
+                text("th", words, "num" if number else "").set(scope="col")
+        with box("tbody"):
+            for one in measured:
+                with box("tr"):
+                    text("td", one.name)
+                    for value in one.values:
+                        text("td", grouped(value, one.places), "num strong").set(data_value=repr(value))
+                    text("td", one.unit, "dim")
+                    if two:
+                        a, b = one.values
+                        text("td", grouped(b / a if a else None, 2), "num")

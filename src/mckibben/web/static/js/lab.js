@@ -322,7 +322,6 @@ export function link (state) {
   }
   history.replaceState(null, '', url)
 }
-const PAGES = { b: '/', f: '/fit', c: '/compare', e: '/energy', i: '/circuit', p: '/paper', r: '/recordings' }
 const keys = new Map()
 /** A key of one page: `key('n', 'note at the cursor', fn)`; single keys work outside fields only. */
 export function key (name, about, fn) { keys.set(name, { about, fn }) }
@@ -347,7 +346,8 @@ function pressed (e) {
   if (e.ctrlKey || e.metaKey || e.altKey || inField(e) || document.querySelector('dialog[open]')) return
   if (e.target.closest?.('[data-zooms]') && '+-=0'.includes(e.key) && !e.target.closest('#strips')) return // of a chart, which has the focus
   if (!singles()) return
-  if (performance.now() - after < 1500 && PAGES[e.key.toLowerCase()]) { after = 0; location.href = PAGES[e.key.toLowerCase()]; return }
+  const page = performance.now() - after < 1500 && /^[a-z]$/i.test(e.key) && $(`.tabs a[data-key=${e.key.toLowerCase()}]`)
+  if (page) { after = 0; location.href = page.href; return }
   if (e.key.toLowerCase() === 'g') { after = performance.now(); return }
   if (e.key === '?') { help(); return }
   const on = e.target.closest?.('button,a,summary,[role=tab],[role=radio],[role=option],input')

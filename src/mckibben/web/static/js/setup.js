@@ -135,7 +135,9 @@ export function dryRun () {
     return `<span class="${Q[l.name].sign}">${Q[l.name].name}</span><span class="share ${Q[l.name].sign}"><i style="width:${Math.min(100, l.share * 100)}%"></i></span><span class="num ${over ? 'over' : ''}">${l.peak > FAR * l.limit ? `>${FAR}\u00d7` : fmt(l.peak * k, Q[l.name].places)} / ${fmt(l.limit * k, Q[l.name].limit)}${TS}${Q[l.name].unit}</span>`
   }).join('')
   const first = d.findings[0]
-  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}`
+  // what does not prevent the run, but has to be known of it
+  const cautions = (d.cautions ?? []).map(c => `<div class="note" role="note" style="margin-top:4px"><span>${escape(say(`${c[0].toUpperCase()}${c.slice(1)}.`))}</span></div>`).join('')
+  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}${cautions}`
   const b = $('#cure')
   if (b) b.onclick = () => asks('cure')
 }

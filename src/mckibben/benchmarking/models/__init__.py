@@ -1,1 +1,0 @@
-"""Models that take part in the benchmark, one file per kind."""

@@ -1,1 +1,0 @@
-"""Figures of the papers in the papers' own form, drawn from our computations."""

@@ -1,0 +1,332 @@
+"""Figures of laws by their errors: the ranking of a fit, and every law on every static data set, a row per law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...identification import Fit
+from ...identification.ranking import Ranking
+from ...muscles.laws import law_type
+from ...studies.validation import StaticResult, Validation, ordered_laws
+from . import formats, style
+from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, RULE, SUNKEN, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+NARROW_TABLE, WIDE_TABLE = 5.5, 9.0  # widths of a figure, below which the ranking has fewer columns [inch]
+
+
+def law_title(fit: Fit) -> str:
+    """Title of a fit's law."""
+    return str(law_type(fit.law).title)
+
+
+class _Row(NamedTuple):
+    name: str
+    remark: str
+    converged: bool
+    predicted: tuple[float, float] | None  # root mean square and largest, share of the largest tension
+    beyond: tuple[float, float] | None
+    fitted: tuple[float, float]
+
+
+@style.styled()
+def ranking(study: Ranking) -> Figure:
+    """Draw laws in their ranking with errors of prediction, in % of the largest tension on a logarithmic axis.
+
+    Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
+    """
+    each = 0.42 if formats.drawn_width(style.WIDE) < NARROW_TABLE else 0.315  # [inch]
+    fig = style.figure(style.WIDE, 1.13 + each * (len(study.fits) + len(study.published)), rows=True)
+    height = fig.get_figheight()
+    ax = fig.add_axes((0.285, 0.47 / height, 0.405, 1.0 - 1.13 / height))
+    draw_ranking(ax, study, names=0.285 * 72.0 * style.WIDE - 14.0)
+    return fig
+
+
+def _rows(study: Ranking) -> list[_Row]:
+    rows = []
+    for fit in study.fits:
+        size = fit.points.largest
+        cross = fit.cross.get("pressure")
+        rows.append(
+            _Row(
+                name=law_title(fit),
+                remark=f"{len(fit.parameters)}" if fit.converged else "not converged",
+                converged=fit.converged,
+                predicted=(cross.rmse / size, cross.max_error / size) if cross else None,
+                beyond=(fit.holdout.rmse / size, fit.holdout.max_error / size) if fit.holdout else None,
+                fitted=(fit.rmse / size, fit.max_error / size),
+            )
+        )
+    size = study.points.largest
+    for title, error in study.published:
+        both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
+        rows.append(
+            _Row(name=_shorter(title), remark="published", converged=True, predicted=None, beyond=None, fitted=both)
+        )
+    return rows
+
+
+def _shorter(title: str) -> str:
+    return title.split(",")[0] if len(title) > 24 else title
+
+
+def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False) -> None:
+    """Draw one line per law with two lanes: predicted above, beyond the training below; numbers at the right.
+
+    Args:
+        ax: the axes.
+        study: the laws, best first.
+        names: how far left of the axes the names begin [pt].
+        brief: fewer columns.
+    """
+    # In a column, names stand above the lanes and the table is reduced to the largest errors.
+    narrow = formats.drawn_width(style.WIDE) < NARROW_TABLE
+    brief = brief or formats.drawn_width(style.WIDE) < WIDE_TABLE
+    rows, lanes = _rows(study), (-0.12, -0.36) if narrow else (0.17, -0.17)
+    values = [
+        100.0 * v
+        for r in rows
+        for pair in (r.predicted, r.beyond, None if r.predicted else r.fitted)
+        if pair
+        for v in pair
+    ]
+    finite = [v for v in values if math.isfinite(v) and v > 0.0]
+    low, high = _decades(finite)
+    ax.set_xscale("log")
+    ax.set_xlim(low, high)
+    ax.set_ylim(len(rows) - 0.45, -0.6)
+    ax.grid(visible=False, axis="y")
+    ax.spines["left"].set_visible(False)
+    steps = (1, 3) if brief and high > 100.0 * low else (1, 2, 5)
+    ticks = [t for d in range(-3, 5) for t in (step * 10.0**d for step in steps) if low <= t <= high]
+    ax.set_xticks(ticks, [number(t) for t in ticks])
+    ax.minorticks_off()
+    ax.set_yticks([])
+    ax.set_xlabel(
+        "Error, % of the largest tension",
+        color=COLOURS["tension"],
+        fontweight="bold",
+        fontsize=style.SMALL + 0.5,
+        labelpad=3,
+    )
+    for i, row in enumerate(rows):
+        if i:
+            ax.axhline(i - 0.5, color=RULE, lw=style.HAIR, zorder=0)
+        pairs = (row.predicted or row.fitted, row.beyond)
+        looks = ("fitted" if row.predicted is None else "predicted", "beyond")
+        alone = (-0.2, 0.0) if narrow else (0.0, 0.0)
+        for lane, pair, look in zip(lanes if row.beyond else alone, pairs, looks, strict=True):
+            if pair:
+                _draw_pair(ax, i - lane, [100.0 * v for v in pair], look, high, converged=row.converged)
+        quiet = INK if row.converged else INK_3
+        weight = "bold" if i == 0 else "normal"
+        style.note(
+            ax,
+            row.name if row.converged or not narrow else f"{row.name}, {row.remark}",
+            y=_share(ax, i - 0.3 if narrow else i),
+            dx=0.0 if narrow else -names,
+            color=quiet,
+            fontweight=weight,
+            fontsize=style.SMALL if brief else style.NORMAL,
+        )
+        if not narrow and (not brief or not row.remark.isdigit()):
+            style.note(ax, row.remark, y=_share(ax, i), dx=-8, ha="right", color=INK_2 if row.converged else CAUTION)
+    if not narrow:
+        style.note(ax, "law", dx=-names, dy=9, va="bottom")
+    if brief:
+        style.note(ax, "▲ ▷ rms\N{EM SPACE}┃ largest", dx=0, dy=9, va="bottom", color=COLOURS["tension"])
+    else:
+        style.note(ax, "parameters", dx=-8, dy=9, ha="right", va="bottom")
+    _columns(ax, rows, next((f.holdout.what for f in study.fits if f.holdout), ""), brief, below=0.2 if narrow else 0.0)
+
+
+def _share(ax: Axes, row: float) -> float:
+    bottom, top = ax.get_ylim()
+    return (row - bottom) / (top - bottom)
+
+
+def _decades(values: list[float]) -> tuple[float, float]:
+    """Limits of the logarithmic axis [%]; errors above the largest tension itself are cut off."""
+    if not values:
+        return 0.1, 100.0
+    low, high = min(values), max(values)
+    return low / 1.5, max(1.4 * min(high, 100.0), 2.0 * low)
+
+
+def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float, *, converged: bool) -> None:
+    rms, largest = pair
+    shade = COLOURS["tension"] if converged else INK_3
+    marker, face = {"predicted": ("^", shade), "beyond": (">", PANEL), "fitted": ("s", shade)}[look]
+    dash: Any = (0, (2.5, 1.6)) if look == "beyond" else "-"
+    ends = [min(v, high) if not math.isnan(v) else high for v in (rms, largest)]
+    ax.plot(ends, [y, y], color=shade, lw=1.0, ls=dash, zorder=2)
+    if math.isfinite(largest) and largest <= high:
+        ax.plot([largest], [y], "|", color=shade, ms=7, mew=1.6, zorder=3)
+    else:
+        ax.plot([high], [y], ">", color=INK, ms=5, mew=0, zorder=3, clip_on=False)
+    if math.isfinite(rms) and rms <= high:
+        ax.plot([rms], [y], marker, mfc=face, mec=shade, mew=1.0, ms=5.4, zorder=4)
+
+
+def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool, *, below: float) -> None:
+    """Write numbers at the right of the ranking, `below` their row [rows]; their heads are the key to the markers."""
+    predicted: list[Callable[[_Row], float | None]] = [
+        lambda r: r.predicted[0] if r.predicted else None,
+        lambda r: r.predicted[1] if r.predicted else None,
+        lambda r: r.beyond[0] if r.beyond else None,
+        lambda r: r.beyond[1] if r.beyond else None,
+    ]
+    columns = [("▲ rms", 52.0), ("┃ largest", 104.0), ("▷ rms", 168.0), ("┃ largest", 220.0)]
+    heads = [("each pressure left out", 12.0, 104.0), (trained, 128.0, 220.0)]
+    if brief:
+        columns = [("", 0.0), ("┃ largest", 56.0), ("", 0.0), ("┃ largest", 120.0)]
+        heads = [("▲ left out", 8.0, 56.0), (trained.replace("trained", "▷"), 66.0, 120.0)]
+    for head, start, end in heads[: 2 if trained else 1]:
+        style.rule(ax, start, end, 22.0)
+        style.note(ax, head, x=1.0, dx=end, dy=25, ha="right", va="bottom", color=INK_2)
+    for (word, dx), value in list(zip(columns, predicted, strict=True))[: 4 if trained else 2]:
+        if not word:
+            continue
+        style.note(ax, word, x=1.0, dx=dx, dy=9, ha="right", va="bottom", color=COLOURS["tension"])
+        best = min((v for r in rows if r.converged and (v := value(r)) is not None), default=math.nan)
+        for i, row in enumerate(rows):
+            share = value(row)
+            weight = "bold" if share == best else "normal"
+            style.note(
+                ax,
+                "" if share is None else _percent(share),
+                x=1.0,
+                y=_share(ax, i + below),
+                dx=dx,
+                ha="right",
+                color=INK,
+                fontweight=weight,
+            )
+    for i, row in enumerate(rows):
+        if row.remark == "published":
+            words = ("■ rms ", " ┃ ") if brief else ("■ fitted by its authors: rms ", ", ┃ largest ")
+            text = f"{words[0]}{_percent(row.fitted[0])}{words[1]}{_percent(row.fitted[1])}"
+            style.note(ax, text, x=1.0, y=_share(ax, i + below), dx=8 if brief else 12, color=INK_2)
+
+
+def _percent(share: float) -> str:
+    value = 100.0 * share
+    if not math.isfinite(value):
+        return "no fit"
+    if value > 999.0:
+        return "diverges"
+    return number(value, 2 if value < 9.995 else 1) + "\N{NO-BREAK SPACE}%"
+
+
+# ---- every data set
+
+
+SHADE = COLOURS["tension"]
+LOW, HIGH = 0.2, 100.0  # ends of the axes [% of the largest tension]
+NAMES, GAP, TOP, FOOT, ROW = 2.05, 0.13, 0.98, 0.5, 0.3  # [inch]
+ACROSS = 10.0 - 72.0 * NAMES  # where names and key begin, from the first panel [pt]
+LANE = 0.16  # between the two marks of a law [rows]
+
+
+@style.styled()
+def errors_figure(validation: Validation) -> Figure:
+    """Draw errors of all laws, best first: one pressure left out, above 4 bar, and with published numbers.
+
+    Raises:
+        InputError: if there is no static data set.
+    """
+    if not validation.static:
+        raise InputError("data sets", None, "must be at least one static data set")
+    laws = ordered_laws(validation.static)
+    height = TOP + FOOT + ROW * len(laws)
+    fig = style.figure(style.WIDE, height, rows=True, least=6.5)
+    width = (style.WIDE - NAMES - 0.12 - GAP * (len(validation.static) - 1)) / len(validation.static)
+    for i, one in enumerate(validation.static):
+        left = NAMES + i * (width + GAP)
+        ax = fig.add_axes(
+            (left / style.WIDE, FOOT / height, width / style.WIDE, ROW * len(laws) / height),
+        )
+        _panel(ax, one, laws)
+        if i == 0:
+            for y, law in enumerate(laws):
+                at = 1.0 - (y + 0.5) / len(laws)
+                style.note(ax, law_type(law).title, y=at, dx=ACROSS, color=INK, fontsize=style.NORMAL - 0.5)
+            parts = [
+                "▲ rms, one pressure left out",
+                "▷ rms, above 4 bar from below",
+                "┃ largest of these",
+                "◇ rms, not fitted to these data",
+            ]
+            title = "Error of prediction, % of the largest tension"
+            style.note(ax, title, dx=ACROSS, dy=53, color=INK, fontweight="bold", fontsize=style.NORMAL)
+            style.note(ax, "\N{EM SPACE}".join(parts), dx=ACROSS, dy=38, color=INK_2)
+            if any(one.apart for one in validation.static):
+                words = "grey: below half the gap of the two branches"
+                if formats.current_style().width is None:
+                    style.note(ax, words, dx=ACROSS + 470.0, dy=38, color=INK_3)
+                else:
+                    style.note(ax, words, dx=ACROSS, dy=26, color=INK_3)
+    return fig
+
+
+def _panel(ax: Axes, one: StaticResult, laws: Sequence[str]) -> None:
+    ax.set_xscale("log")
+    ax.set_xlim(LOW, HIGH)
+    ax.set_ylim(len(laws) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.spines["left"].set_visible(False)
+    ax.set_xticks([1.0, 10.0, 100.0], ["1", "10", "100"])
+    ax.set_xticks([m * d for d in (0.1, 1.0, 10.0) for m in (2, 3, 5) if LOW <= m * d <= HIGH], minor=True, labels=[])
+    ax.grid(visible=True, axis="x", which="minor", lw=0.4)
+    ax.set_yticks([])
+    ax.set_xlabel("Error, %", color=SHADE, fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=2)
+    size = one.points.largest
+    if one.apart:
+        ax.axvspan(LOW, 100.0 * one.apart[0] / size, facecolor=SUNKEN, edgecolor="none", zorder=0)
+    for y in range(1, len(laws)):
+        ax.axhline(y - 0.5, color=RULE, lw=style.HAIR, zorder=0)
+    for y, law in enumerate(laws):
+        _row(ax, y, law, one)
+    style.heading(ax, one.of.name, above=15.0)
+    style.note(ax, f"{int(one.points.taut.sum())} points, {number(size, 0)} N", dy=9)
+
+
+def _row(ax: Axes, y: int, law: str, one: StaticResult) -> None:
+    size = one.points.largest
+    for f in one.fits:
+        if f.law != law:
+            continue
+        cross = f.cross.get("pressure")
+        pair = (cross.rmse, cross.max_error) if cross else (f.rmse, f.max_error)
+        _pair(ax, y - LANE, [v / size for v in pair], beyond=False)
+        if f.holdout:
+            _pair(ax, y + LANE, [v / size for v in (f.holdout.rmse, f.holdout.max_error)], beyond=True)
+    title = law_type(law).title
+    for u in one.unfitted:
+        if u.title == title:
+            at = min(100.0 * u.rmse / size, HIGH)
+            ax.plot([at], [y], "D", mfc=PANEL, mec=INK, mew=1.0, ms=4.6, zorder=5, clip_on=False)
+
+
+def _pair(ax: Axes, y: float, pair: Sequence[float], *, beyond: bool) -> None:
+    """Draw an rms and a largest error [share]; an arrow marks a value beyond the axis."""
+    rms, largest = (100.0 * v if math.isfinite(v) else math.inf for v in pair)
+    ends = [max(min(v, HIGH), LOW) for v in (rms, largest)]
+    ax.plot(ends, [y, y], color=SHADE, lw=1.0, ls=(0, (2.5, 1.6)) if beyond else "-", zorder=2)
+    if largest <= HIGH:
+        ax.plot([largest], [y], "|", color=SHADE, ms=6, mew=1.4, zorder=3)
+    else:
+        ax.plot([HIGH], [y], ">", color=INK, ms=4, mew=0, zorder=3, clip_on=False)
+    if rms <= HIGH:
+        marker, face = (">", PANEL) if beyond else ("^", SHADE)
+        ax.plot([rms], [y], marker, mfc=face, mec=SHADE, mew=1.0, ms=4.8, zorder=4)
