@@ -80,7 +80,9 @@ class Parameter(NamedTuple):
         """What the solver sees of a value [unit]; minus infinity of the logarithm of zero."""
         with np.errstate(divide="ignore"):
             share = value / self.size
-            return float({"share": np.asarray, "log": np.log, "log1p": np.log1p}[self.search](share))
+            return float(
+                np.log(share) if self.search == "log" else np.log1p(share) if self.search == "log1p" else share
+            )
 
     def value(self, scaled: Any, xp: Any = np) -> Any:
         """Value [unit] of what the solver sees, by NumPy or by JAX."""
@@ -220,8 +222,10 @@ class Estimation:
 
     def descend(self, start: np.ndarray) -> Descent:
         """Descend from scaled parameters (p,)."""
-        options = {"bounds": bounds_of(self.parameters), "margin": self.margin} | dict(self.options)
-        return descend(self.residual, start, jacobian=self.jacobian, **options)
+        bounds = bounds_of(self.parameters)
+        return descend(
+            self.residual, start, jacobian=self.jacobian, bounds=bounds, margin=self.margin, **dict(self.options)
+        )
 
     def search(self, starts: Iterable[np.ndarray]) -> Descent:
         """Descend from each start; the least cost counts, of equal ones the first."""

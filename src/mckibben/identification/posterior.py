@@ -179,7 +179,10 @@ class ParameterSamples(abc.ABC):
 
     def _ends(self, tail: float) -> dict[str, Estimate]:
         quantiles = {name: np.quantile(column, (0.5, tail, 1.0 - tail)) for name, column in self.samples.items()}
-        return {name: Estimate(*map(float, ends), self.unit_of(name)) for name, ends in quantiles.items()}
+        return {
+            name: Estimate(float(ends[0]), float(ends[1]), float(ends[2]), self.unit_of(name))
+            for name, ends in quantiles.items()
+        }
 
     def _plain_intervals(self) -> dict[str, JsonValue]:
         joint = self.joint_intervals()

@@ -207,7 +207,9 @@ class ResistanceProblem:
         self.low, self.high = np.log(LOW), high
         # how many of the columns of each muscle's basis the data tell apart
         self.nuisances = 0
-        for group in () if self.basis is None else np.unique(self.groups):
+        for group in np.unique(self.groups):
+            if self.basis is None:
+                break
             own = self.groups == group
             columns = self.basis[own][self.used[own]]
             columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

@@ -160,10 +160,13 @@ def robot_folds(
         demand = "must be three or more with different names, to predict each from the others"
         raise InputError("trials", ", ".join(names), demand)
     folds, trials = [], []
-    for left in folders:
-        tell = None
+
+    def told(name: str, words: str) -> None:
         if progress is not None:
-            tell = functools.partial(lambda name, words: progress(f"without {name}: {words}"), Path(left).name)
+            progress(f"without {name}: {words}")
+
+    for left in folders:
+        tell = None if progress is None else functools.partial(told, Path(left).name)
         fitted = [folder for folder in folders if folder != left]
         result, all_trials = robot_study(fitted, [left], free=free, evaluations=evaluations, progress=tell)
         folds.append(RobotFold(Path(left).name, result))

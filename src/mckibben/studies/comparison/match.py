@@ -123,10 +123,10 @@ class Search:
 
         # a very large value where a point has no solution, so that the search avoids it
         def residual(u: np.ndarray) -> np.ndarray:
-            return np.nan_to_num(np.asarray(compiled(u)), nan=10.0, posinf=10.0, neginf=-10.0)
+            return np.asarray(np.nan_to_num(np.asarray(compiled(u)), nan=10.0, posinf=10.0, neginf=-10.0))
 
         def jacobian(u: np.ndarray) -> np.ndarray:
-            return np.nan_to_num(np.asarray(slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
+            return np.asarray(np.nan_to_num(np.asarray(slopes(u)), nan=0.0, posinf=0.0, neginf=0.0))
 
         chance, low, high = np.random.default_rng(SEED), [], []
         for (path, p), start in zip(self.parameters.items(), self.start, strict=True):
