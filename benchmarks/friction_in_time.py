@@ -27,6 +27,7 @@ from mckibben.benchmarking import physics
 from mckibben.benchmarking.datasets import VENTING, BenchmarkRecord
 from mckibben.benchmarking.physics import LawModel
 from mckibben.benchmarking.tasks import task
+from mckibben.estimation import akaike
 from mckibben.identification.problem import Problem, solve
 from mckibben.identification.shared_hysteresis import (
     NAMES,
@@ -36,7 +37,6 @@ from mckibben.identification.shared_hysteresis import (
     independent_samples,
     read_recordings,
 )
-from mckibben.identification.uncertainty import akaike
 from mckibben.studies.validation import AARL_ZERO, measured_data
 
 LENGTH_ERROR = 5e-4  # what the static plateaus of these muscles say, `lengths.py` [m]

@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 
 import mckibben as mk
-from mckibben.identification._samples import MIXED
 from mckibben.identification.next_points import MOVE, READ, VENT, Candidates, candidates_of, choose, continuous_optimum
 from mckibben.identification.posterior import posterior_of_fit
 from mckibben.identification.problem import Problem, latin_hypercube
+from mckibben.identification.sampler import MIXED
 
 LAW = "linear_threshold"
 ERRORS = (

@@ -53,6 +53,7 @@ CONTENTS = {
     "answers": "what must be said with an answer",
     "isolation": "readers that may be ended",
     "citations": "references",
+    "estimation": "parameters from residuals",
     "extras": "optional libraries",
     "nomenclature": "names and symbols",
     "errors": "error messages",

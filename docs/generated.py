@@ -732,7 +732,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "edges": (
         "Units, errors and files",
         "Units, errors, citations, names, documents, schemas, registries and extras.",
-        ["quantities", "accessors", "answers", "slips", "verbs", "errors", "citations", "nomenclature", "documents", "extras", "isolation", "registry", "schema"],
+        ["quantities", "accessors", "answers", "slips", "verbs", "errors", "citations", "nomenclature", "documents", "estimation", "extras", "isolation", "registry", "schema"],
     ),
     "benchmarking": ("benchmarking", "Benchmark of muscle models on measured tasks.", ["benchmarking.**"]),
     "reproduction": ("reproduction", "Reproduction of the papers' numbers.", ["reproduction.**"]),

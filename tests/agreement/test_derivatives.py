@@ -8,8 +8,8 @@ import jax
 import numpy as np
 import pytest
 
+from mckibben.estimation import uncertainty
 from mckibben.identification.problem import Problem, solve
-from mckibben.identification.uncertainty import uncertainty
 from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared

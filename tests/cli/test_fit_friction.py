@@ -7,9 +7,9 @@ import pytest
 
 from mckibben.cli import _values, main
 from mckibben.cli._fit_hysteresis import show_hysteresis
+from mckibben.estimation import Estimate
 from mckibben.identification.hysteresis_fit import MODELS
 from mckibben.identification.shared_hysteresis import NOTHING, HysteresisModel, SharedHysteresis
-from mckibben.identification.uncertainty import Estimate
 
 WAY = np.concatenate([np.linspace(0.0, 4.0, 13), np.linspace(4.0, 0.0, 13)[1:]])
 STROKE = 10.0 * WAY + np.where(np.arange(25) > 12, 3.0, 0.0) * np.sin(np.pi * WAY / 4.0)

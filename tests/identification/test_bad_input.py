@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
+from mckibben.estimation import INVOLVED, uncertainty
 from mckibben.identification import Fit, fit, fit_all, rank
 from mckibben.identification.problem import Problem, solve
-from mckibben.identification.uncertainty import INVOLVED, uncertainty
 from mckibben.muscles import law_from_specimen
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap

@@ -64,6 +64,22 @@ def test_an_unseen_half_is_predicted_to_the_noise(how: str) -> None:
     assert (predicted > 0.0).all()  # the falling branch has the longer stroke
 
 
+@pytest.mark.parametrize("how", ["odd", "up", "down", "low", "high", "blocks"])
+def test_a_fit_does_not_see_hidden_samples(how: str) -> None:
+    """Whatever hidden strokes are, not one bit of what the fit says moves: no knot, bound, scale or start is theirs."""
+    record = loop_of(Dahl(limit=FrictionLimit(constant=30.0), stiffness=2e4))
+    train = record.split(how)
+    poisoned = record.with_stroke(np.where(train, record.stroke, 0.5 + 3.0 * np.arange(len(train))))
+    clean, other = (
+        fit_loop(one, model="dahl", train=train, known={"per_pressure": 0.0}, knots=4) for one in (record, poisoned)
+    )
+    assert clean.parameters == other.parameters
+    assert clean.aicc == other.aicc
+    np.testing.assert_array_equal(clean.curve, other.curve)
+    np.testing.assert_array_equal(clean.predicted, other.predicted)
+    np.testing.assert_array_equal(clean.with_discrepancy().predicted, other.with_discrepancy().predicted)
+
+
 def test_friction_and_creep_are_told_apart_by_their_memories() -> None:
     chain = MaxwellChain.geometric(stiffness=3e3, shortest=SHORTEST, longest=LONGEST, elements=ELEMENTS)
     durations, steps = np.full(len(STROKE), 1.0 / (len(STROKE) - 1)), np.diff(STROKE, prepend=0.0)

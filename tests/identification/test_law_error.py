@@ -9,7 +9,7 @@ from test_priors import NOISE, SHORTEST, SLOPE, STIFFNESS, SpringInGas
 
 import mckibben as mk
 from mckibben.identification import Fit, fit
-from mckibben.identification.law_error import _mixture_half_width
+from mckibben.identification.discrepancy import _mixture_half_width
 from mckibben.recordings import ForceMap
 
 LENGTH, PRESSURE = np.linspace(0.11, 0.14, 7), np.linspace(1e5, 5e5, 9)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.identification.length_spread import LengthEvidence
+from mckibben.identification.problem import LengthEvidence
 
 STATED, MUSCLES, LENGTHS = 5e-4, 8, 3
 

@@ -11,7 +11,6 @@ import mckibben as mk
 from mckibben._jax import jax, jnp
 from mckibben.errors import InputError
 from mckibben.identification import sampler
-from mckibben.identification._samples import mixing_warnings
 from mckibben.identification.posterior import (
     MapSensors,
     Posterior,
@@ -154,10 +153,10 @@ def test_residuals_tell_noise_from_a_discrepancy():
 
 
 def test_a_warning_names_the_parameter_about_which_chains_disagree():
-    assert mixing_warnings(1.01, 500.0, 0, 1000, "stiffness") == ()
-    (disagree,) = mixing_warnings(1.30, 9.0, 0, 1000, "stiffness")
+    assert sampler.mixing_warnings(1.01, 500.0, 0, 1000, "stiffness") == ()
+    (disagree,) = sampler.mixing_warnings(1.30, 9.0, 0, 1000, "stiffness")
     assert "about stiffness (R-hat 1.30)" in disagree and "fix stiffness" in disagree
-    (few,) = mixing_warnings(1.01, 90.0, 0, 1000)
+    (few,) = sampler.mixing_warnings(1.01, 90.0, 0, 1000)
     assert few == "only 90 samples are independent: draw more"
 
 
@@ -366,4 +365,6 @@ def test_chains_that_begin_in_two_basins_say_so_or_agree():
     drawn = sampler.sample(evidence, draws=400, warm_up=200)
     assert np.abs(np.abs(drawn.parameters) - 2.0).max() < 0.1  # six standard errors of 0.1/(2*2*sqrt(6))
     both = 0.0 < (drawn.parameters > 0.0).mean() < 1.0
-    assert not both or bool(mixing_warnings(drawn.r_hat, drawn.effective, drawn.divergences, len(drawn.parameters)))
+    assert not both or bool(
+        sampler.mixing_warnings(drawn.r_hat, drawn.effective, drawn.divergences, len(drawn.parameters))
+    )

@@ -9,9 +9,9 @@ import pytest
 import mckibben as mk
 from mckibben.components import Scalar
 from mckibben.errors import ConvergenceError, InputError
+from mckibben.estimation import Estimate
 from mckibben.identification import Fit, fit
 from mckibben.identification.problem import Problem
-from mckibben.identification.uncertainty import Estimate
 from mckibben.muscles.law import TensionLaw
 from mckibben.quantities import quantity
 from mckibben.recordings import ForceMap

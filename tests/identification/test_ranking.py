@@ -9,10 +9,10 @@ import pytest
 import mckibben as mk
 from mckibben.cli.fit import show_ranking
 from mckibben.errors import InputError
+from mckibben.estimation import INDIFFERENT, akaike, widening
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import bound_of, degenerate_words
 from mckibben.identification.ranking import Ranking
-from mckibben.identification.uncertainty import INDIFFERENT, akaike, widening
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.report.fit_report import cautions_of

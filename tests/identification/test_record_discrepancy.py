@@ -7,9 +7,10 @@ import pytest
 from test_hysteresis_fit import dahl_fit, loop_of
 
 from mckibben.errors import ConvergenceError, InputError
+from mckibben.estimation import Parameter
 from mckibben.identification import sampler
+from mckibben.identification.discrepancy import _Shown, predict_records
 from mckibben.identification.hysteresis_fit import fit_loop
-from mckibben.identification.record_discrepancy import _Shown, predict_records
 from mckibben.identification.record_posterior import RecordProblem
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
 
@@ -24,10 +25,14 @@ def fitted_line(errors: np.ndarray, used: np.ndarray = SHOWN) -> RecordProblem:
     measured = SLOPES @ np.array([1.0, 2.0]) + errors
     start = np.linalg.lstsq(SLOPES[used], measured[used], rcond=None)[0]
     return RecordProblem(
-        names=("offset", "slope"), units=("m", "m"), low=np.full(2, -9.0), high=np.full(2, 9.0), start=start,
-        log=np.zeros(2, bool), size=np.ones(2), model=sampler.HostModel(lambda x: SLOPES @ x, lambda x: SLOPES),
-        measured=measured, group=np.zeros(COUNT, int), used=used, unit="m",
-    )  # fmt: skip
+        parameters={name: Parameter(0.0, -9.0, 9.0, "m") for name in ("offset", "slope")},
+        start=start,
+        model=sampler.HostModel(lambda x: SLOPES @ x, lambda x: SLOPES),
+        measured=measured,
+        group=np.zeros(COUNT, int),
+        used=used,
+        unit="m",
+    )
 
 
 def noise(seed: int) -> np.ndarray:
@@ -124,7 +129,7 @@ def test_a_fit_that_frees_creep_states_the_prediction_that_it_made():
     record = loop_of(Dahl(limit=FrictionLimit(constant=30.0), stiffness=2e4))
     fit = fit_loop(record, model="dahl", known={"per_pressure": 0.0, "creep": float("nan")}, knots=4)
     problem = fit.problem()
-    assert "creep" in problem.names
+    assert "creep" in problem.parameters
     # the same parameters, through their scaling and back
     np.testing.assert_allclose(problem.model.predict(problem.start), fit.predicted, atol=1e-9)
 

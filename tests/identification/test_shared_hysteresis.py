@@ -7,9 +7,9 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError
+from mckibben.estimation import Estimate
 from mckibben.identification.fit import Fit, fitted_specimen
 from mckibben.identification.shared_hysteresis import NOTHING, fit_shared_hysteresis, read_recordings
-from mckibben.identification.uncertainty import Estimate
 from mckibben.muscles.build import build_law
 from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared

@@ -10,9 +10,9 @@ import pytest
 
 from mckibben.engine import held
 from mckibben.errors import ConvergenceError, InputError
+from mckibben.estimation import require_progress
 from mckibben.identification import Trial, fit, fit_all, fit_circuit
 from mckibben.identification import hysteresis_fit as loops
-from mckibben.identification._checks import require_progress
 from mckibben.identification.circuit_fit import CircuitProblem
 from mckibben.identification.path_record import PathRecord
 from mckibben.identification.problem import Problem
@@ -109,7 +109,7 @@ def test_a_loop_whose_derivatives_lead_nowhere_is_refused(monkeypatch, sign, ref
     record = PathRecord(1e5 + 1e7 * stroke, stroke)
     row = np.linspace(1.0, 2.0, len(stroke))
 
-    def predictor(record, model, law, fixed, free, knots):
+    def predictor(record, seen, model, law, fixed, free, knots):
         table = np.outer(row, 1e-3 * (1.0 + np.arange(len(free)))) + 1e-4 * np.eye(len(row))[:, : len(free)]
         return (lambda x: table @ x), (lambda x: sign * table)
 

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..estimation import descend
 from ..muscles.biological import velocity_curve
 from ..recordings import Recording
 from .channels import (
@@ -232,8 +233,6 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
     Raises:
         InputError: fewer than four points, lengthening, all of one velocity, or no tension.
     """
-    from scipy.optimize import least_squares
-
     v, f = finite(velocity, "velocity"), finite(tension, "tension")
     if v.shape != f.shape:
         raise InputError("velocity and tension", None, f"must be two of one length, got {v.size} and {f.size}")
@@ -247,15 +246,16 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
         raise InputError("tension", float(f.max()), "must be above 0 N, of a pulling muscle")
     # Scaled: every number sought is then near one.
     vs, fs = float(v.max()), float(f.max())
-    solution = least_squares(
+    solution = descend(
         lambda p: _hill(v / vs, *np.exp(p)) - f / fs,
         _start(v / vs, f / fs),
         bounds=(-14.0, 14.0),
+        x_scale=1.0,
         xtol=1e-14,
         ftol=1e-14,
     )
     f0, vmax, curvature = np.exp(solution.x) * (fs, vs, 1.0)
-    u, strength, directions = np.linalg.svd(solution.jac, full_matrices=False)
+    u, strength, directions = np.linalg.svd(solution.jacobian, full_matrices=False)
     size = np.where(strength > 1e-9 * strength[0], strength, np.nan)
     root = directions.T / size * np.sqrt(2.0 * solution.cost / (v.size - 3))
     covariance = np.nan_to_num(root @ root.T, nan=np.inf)
@@ -273,7 +273,7 @@ def fit_hill(velocity: np.ndarray, tension: np.ndarray, *, confidence: float = 0
         interval(vmax * curvature, (0, 1, 1)),
         interval(vmax, (0, 1, 0)),
         interval(curvature, (0, 0, 1)),
-        fs * float(np.sqrt(np.mean(solution.fun**2))),
+        fs * float(np.sqrt(np.mean(solution.residual**2))),
         v.size,
     )
 

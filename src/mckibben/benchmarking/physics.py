@@ -181,7 +181,7 @@ class FrictionModel:
 class FrictionDiscrepancy:
     """The curve with friction and creep of `FrictionModel`, and a discrepancy that is smooth along the path.
 
-    Size and length of the discrepancy are found from the shown samples: see `identification.record_discrepancy`.
+    Size and length of the discrepancy are found from the shown samples: see `identification.discrepancy`.
     """
 
     def __init__(self) -> None:

@@ -23,8 +23,8 @@ from .circuit import circuit_fit_json, show_circuit_fit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ..estimation import Estimate
     from ..identification import Fit
-    from ..identification.uncertainty import Estimate
     from ..studies.muscle_loops import LoopStudy, StepCreep, Width
     from ..studies.tube_study import Claim, TubeStudy
     from ..studies.validation import StaticResult, Validation

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
+from ..estimation import Estimate
 from .fit import (
     SCHEMES,
     Fit,
@@ -18,7 +19,6 @@ from .fit import (
 )
 from .posterior import MapSensors, Posterior, read_posterior
 from .ranking import Ranking, fit, load_table
-from .uncertainty import Estimate
 
 if TYPE_CHECKING:
     from . import circuit_fit as circuit_fit

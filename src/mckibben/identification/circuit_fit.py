@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,11 +14,20 @@ from ..components import paths
 from ..engine import STEP, Run
 from ..engine.rates import RK4_LIMIT
 from ..errors import ConvergenceError, InputError
+from ..estimation import (
+    AT_BOUND,
+    Descent,
+    Estimate,
+    Estimation,
+    Parameter,
+    Search,
+    bounds_of,
+    conclude,
+    widening,
+)
 from ..quantities import Quantity
-from ._checks import require_influence, require_progress
 from .sampler import HostModel
 from .trial import Trial, expand
-from .uncertainty import Estimate, uncertainty, widening
 
 if TYPE_CHECKING:
     from .record_posterior import RecordPosterior, RecordProblem
@@ -29,13 +39,11 @@ EVALUATIONS = 60  # most of a fit, where nothing else is stated
 
 @dataclass(frozen=True)
 class CircuitProblem:
-    """Least squares in scaled parameters: the logarithm of naturally positive ones, else their share."""
+    """Least squares of a circuit's pressures: free parameters by name, and the dotted paths that each stands for."""
 
     trials: Sequence[Trial]
     paths: dict[str, tuple[str, ...]]
-    quantities: tuple[Quantity, ...]
-    first: np.ndarray
-    size: np.ndarray
+    parameters: dict[str, Parameter]
     models: tuple[Any, ...]
 
     @classmethod
@@ -47,64 +55,33 @@ class CircuitProblem:
         for name in start:
             if name not in spread:
                 raise InputError("start", name, f"it is not free; free are {', '.join(spread)}")
-        quantities, first = [], []
+        parameters = {}
         for name, many in spread.items():
             signal = many[0].startswith("signals.")
-            quantities.append(DELAY if signal else paths.declaration(trials[0].circuit, many[0]))
-            scale = 1e-3 if signal else float(paths.get(trials[0].circuit, many[0]))
-            first.append(float(start.get(name, scale)))
-            quantities[-1].check(name, first[-1])
-        where = {p: first[i] for i, n in enumerate(spread) for p in spread[n]}
-        groups = tuple(spread.values())
+            q = DELAY if signal else paths.declaration(trials[0].circuit, many[0])
+            first = float(start.get(name, 1e-3 if signal else float(paths.get(trials[0].circuit, many[0]))))
+            q.check(name, first)
+            size = abs(first) or max(abs(t) for t in q.typical)
+            search: Search = "log" if q.bounds[0] > 0.0 and first > 0.0 else "share"
+            parameters[name] = Parameter(first, *q.bounds, q.unit, size, search)
+        where = {p: parameters[n].start for n, many in spread.items() for p in many}
         models = []
         for trial in trials:
             run = trial.run(where, step=step)
             inner = max(1, int(np.ceil(trial.period / step - 1e-9)))
             # half of the limit is left for what the parameters will do on their way
             stiff = run.stiff or run.fastest * trial.period / inner > 0.5 * RK4_LIMIT
-            models.append(trial.model(groups, inner, stiff))
-        size = np.array(
-            [abs(v) if v else max(abs(t) for t in q.typical) for v, q in zip(first, quantities, strict=True)]
-        )
-        return cls(trials, spread, tuple(quantities), np.asarray(first), size, tuple(models))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters, in order."""
-        return tuple(self.paths)
-
-    def logarithmic(self, i: int) -> bool:
-        """Whether a parameter is positive by nature."""
-        return self.quantities[i].bounds[0] > 0.0 and self.first[i] > 0.0
-
-    def scaled(self, i: int, value: float) -> float:
-        """A parameter's value as the solver sees it."""
-        share = value / self.size[i]
-        return float(np.log(share) if self.logarithmic(i) else share)
-
-    def value(self, i: int, x: float) -> float:
-        """A parameter [SI] from what the solver sees."""
-        with np.errstate(over="ignore"):
-            return float(self.size[i] * (np.exp(x) if self.logarithmic(i) else x))
-
-    def values(self, x: np.ndarray) -> list[float]:
-        """Values of all parameters."""
-        return [self.value(i, v) for i, v in enumerate(x)]
+            models.append(trial.model(tuple(spread.values()), inner, stiff))
+        return cls(trials, spread, parameters, tuple(models))
 
     @property
     def start(self) -> np.ndarray:
         """First guesses, scaled."""
-        return np.array([self.scaled(i, v) for i, v in enumerate(self.first)])
-
-    @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Declared bounds, scaled."""
-        both = np.array([[self.scaled(i, b) for b in q.bounds] for i, q in enumerate(self.quantities)])
-        return both[:, 0], both[:, 1]
+        return np.array([p.scaled(p.start) for p in self.parameters.values()])
 
     def residual(self, x: np.ndarray) -> np.ndarray:
         """Predictions minus measurements [SI], finite also where a run fails."""
-        values = np.asarray(self.values(x))
+        values = np.array([p.value(v) for p, v in zip(self.parameters.values(), x, strict=True)])
         off = [
             m.predict(values) - np.stack(list(t.measured.values()))
             for m, t in zip(self.models, self.trials, strict=True)
@@ -123,62 +100,38 @@ class CircuitProblem:
 
         By forward tangents; delays are differenced over half a sample, because the instant of a switch has no derivative.
         """
-        values = np.asarray(self.values(x))
-        late = [n.endswith((".delay", ".dead_time")) for n in self.names]
+        values = np.array([p.value(v) for p, v in zip(self.parameters.values(), x, strict=True)])
+        late = [n.endswith((".delay", ".dead_time")) for n in self.parameters]
         slopes = None if all(late) else np.concatenate([m.slopes(values).reshape(-1, len(values)) for m in self.models])
+        width = 0.5 * min(t.period for t in self.trials)
         columns = []
-        for i in range(len(values)):
+        for i, p in enumerate(self.parameters.values()):
             if late[i] or slopes is None:
-                columns.append(self._differenced(x, i))
+                low, high = (min(max(values[i] + side * width, p.low), p.high) for side in (-1, 1))
+                ends = [self.residual(np.where(np.arange(len(x)) == i, p.scaled(v), x)) for v in (low, high)]
+                column = (ends[1] - ends[0]) / (high - low)
             else:
-                columns.append(slopes[:, i] * (self.value(i, x[i]) if self.logarithmic(i) else self.size[i]))
+                column = slopes[:, i]
+            columns.append(column * (values[i] if p.search == "log" else p.size))
         jacobian: np.ndarray = np.nan_to_num(np.stack(columns, axis=1))
         return jacobian
 
-    def _differenced(self, x: np.ndarray, i: int) -> np.ndarray:
-        width = 0.5 * min(t.period for t in self.trials)
-        value = self.value(i, x[i])
-        low, high = (
-            min(max(value + s * width, self.quantities[i].bounds[0]), self.quantities[i].bounds[1]) for s in (-1, 1)
-        )
-        ends = []
-        for v in (low, high):
-            moved = x.copy()
-            moved[i] = self.scaled(i, v)
-            ends.append(self.residual(moved))
-        rate = (ends[1] - ends[0]) / (high - low)
-        derivative: np.ndarray = rate * (value if self.logarithmic(i) else self.size[i])
-        return derivative
-
-    def solve(self, evaluations: int, progress: Callable[[str], None] | None) -> Any:
-        """Least squares from the first guesses; SciPy's result."""
-        from scipy import optimize
-
-        low, high = self.bounds
-        count = [0]
-
-        def told(x: np.ndarray) -> np.ndarray:
-            off = self.residual(x)
-            count[0] += 1
-            if progress is not None:
-                progress(f"evaluation {count[0]}, rms {np.sqrt(np.mean(off**2)):.4g}")
-            return off / scale
-
+    def solve(self, evaluations: int, progress: Callable[[str], None] | None) -> Descent:
+        """Descend from the first guesses."""
         scale = max(float(np.sqrt(np.mean(self.residual(self.start) ** 2))), 1e-12)
         if scale > 1e8:
             raise ConvergenceError("The circuit cannot be run with the first guesses; give others.")
-        solution = optimize.least_squares(
-            told,
-            np.clip(self.start, low + 1e-9, high - 1e-9),
-            jac=lambda x: self.jacobian(x) / scale,
-            bounds=(low, high),
-            x_scale="jac",
-            max_nfev=evaluations,
-            xtol=1e-7,
-            ftol=1e-9,
-            gtol=1e-10,
-        )
-        return solution
+        count = itertools.count(1)
+
+        def scaled(x: np.ndarray) -> np.ndarray:
+            off = self.residual(x)
+            if progress is not None:
+                progress(f"evaluation {next(count)}, rms {np.sqrt(np.mean(off**2)):.4g}")
+            return off / scale
+
+        options = {"max_nfev": evaluations, "xtol": 1e-7, "ftol": 1e-9, "gtol": 1e-10}
+        estimation = Estimation(self.parameters, scaled, lambda x: self.jacobian(x) / scale, options=options)
+        return estimation.descend(self.start)
 
 
 # Half an interval of this share of a parameter says little about it.
@@ -286,27 +239,26 @@ def fit_circuit(
         raise InputError("evaluations", evaluations, "must be at least one")
     _check_together([*trials, *predict], free)
     problem = CircuitProblem.of(trials, free, start or {}, step)
-    solution = problem.solve(evaluations, progress)
-    values = problem.values(solution.x)
-    jacobian = problem.jacobian(solution.x)
-    residual = problem.residual(solution.x)
-    names = ", ".join(t.name for t in trials)
-    require_influence(jacobian, problem.names, subject=names)
-    if evaluations > 1:  # with one it may not move
-        require_progress(problem.start, solution.x, jacobian, residual, problem.bounds, subject=names)
-    known = uncertainty(jacobian, residual * widening(problem.split(residual)), problem.names)
-    estimates, warnings = {}, list(known.warnings)
-    for i, name in enumerate(problem.names):
-        q = problem.quantities[i]
-        spread = known.quantile * known.standard_error[i]
-        ends = np.clip([problem.value(i, solution.x[i] + sign * spread) for sign in (-1.0, 1.0)], *q.bounds)
-        estimates[name] = Estimate(values[i], float(ends[0]), float(ends[1]), q.unit)
-        if spread > LOOSE:
+    best = problem.solve(evaluations, progress)
+    residual = problem.residual(best.x)
+    known = conclude(
+        problem.parameters,
+        best,
+        problem.jacobian(best.x),
+        residual * widening(problem.split(residual)),
+        subject=", ".join(t.name for t in trials),
+        within=True,
+        may_stand=evaluations == 1,
+    )
+    warnings = list(known.warnings)
+    bounds = bounds_of(problem.parameters)
+    for i, name in enumerate(problem.parameters):
+        if known.half[i] > LOOSE:
             warnings.append(f"the data hardly determine {name}")
-        for bound, edge in zip(problem.bounds, ("lower", "upper"), strict=True):
-            if abs(solution.x[i] - bound[i]) < 1e-6:
+        for bound, edge in zip(bounds, ("lower", "upper"), strict=True):
+            if abs(best.x[i] - bound[i]) < AT_BOUND:
                 warnings.append(f"{name} ended at its {edge} bound")
-    changes = {p: estimates[n].value for n in problem.names for p in problem.paths[n]}
+    changes = {path: known.parameters[n].value for n, many in problem.paths.items() for path in many}
     errors: list[ChannelError] = []
     predicted: dict[str, dict[str, np.ndarray]] = {}
     for trial in (*trials, *predict):
@@ -314,14 +266,14 @@ def fit_circuit(
         predicted[trial.name] = {c: np.asarray(outputs[c]) for c in trial.channels}
         errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
     return CircuitFit(
-        parameters=estimates,
+        parameters=known.parameters,
         paths=problem.paths,
         errors=tuple(errors),
         predicted=predicted,
         correlation=known.correlation,
-        converged=bool(solution.status > 0),
-        message=str(solution.message).replace("`", "").strip(" ."),
-        evaluations=int(solution.nfev),
+        converged=best.converged,
+        message=best.message,
+        evaluations=best.evaluations,
         warnings=tuple(warnings),
     )
 
@@ -336,18 +288,12 @@ def record_problem(fit: CircuitFit, trials: Sequence[Trial], *, step: float = ST
     """
     from .record_posterior import RecordProblem
 
-    names = tuple(fit.parameters)
-    problem = CircuitProblem.of(trials, names, {n: e.value for n, e in fit.parameters.items()}, step)
+    values = {n: e.value for n, e in fit.parameters.items()}
+    problem = CircuitProblem.of(trials, tuple(values), values, step)
     measured = np.concatenate([values for trial in trials for values in trial.measured.values()])
-    low, high = problem.bounds
     return RecordProblem(
-        names=names,
-        units=tuple(q.unit for q in problem.quantities),
-        low=low,
-        high=high,
+        parameters=problem.parameters,
         start=problem.start,
-        log=np.array([problem.logarithmic(i) for i in range(len(names))]),
-        size=problem.size,
         model=HostModel(lambda x: problem.residual(x) + measured, problem.jacobian),
         measured=measured,
         group=np.concatenate([np.full(len(part), i) for i, part in enumerate(problem.split(measured))]),

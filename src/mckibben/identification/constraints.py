@@ -13,11 +13,11 @@ import numpy as np
 
 from .._jax import Scalar, jax, jnp
 from ..errors import ConvergenceError, InputError
+from ..estimation import Estimate, Estimation, Parameter, determined, open_groups
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..quantities import Quantity, declared
-from .uncertainty import Estimate, determined, open_groups
+from ..quantities import declared
 
 KINDS = {"tension": "N", "stiffness": "N/m", "free_length": "m", "volume": "m^3"}
 
@@ -82,45 +82,51 @@ def fit_constraints(
         InputError: if a constraint is incomplete or a parameter neither known nor free.
         ConvergenceError: if the constraints contradict each other or the law.
     """
-    from scipy import optimize
-
     kind = law_type(law)
     fields = declared(kind)
     free = free or tuple(name for name in kind.fitted if name not in known)
     _check(law, constraints, free, known)
-    begin = {n: (start or {}).get(n, _middle(fields[n], known.get("rest_length"))) for n in free}
-    scale = np.array([max(abs(begin[n]), 1e-3 * max(map(abs, fields[n].typical))) for n in free])
     printed = np.array([c.value for c in constraints])
-    size = np.maximum(np.abs(printed), 1e-12)
+    errors = np.maximum(np.abs(printed), 1e-12)
+    parameters = {}
+    for name in free:
+        q = fields[name]
+        low, high = q.typical
+        begin = float(np.sqrt(low * high)) if low > 0 else 0.5 * (low + high)
+        if q.unit == "m" and low <= known.get("rest_length", np.nan) <= high:
+            begin = 0.7 * known["rest_length"]  # a length of the braid goes with that of the muscle
+        begin = (start or {}).get(name, begin)
+        size = max(abs(begin), 1e-3 * max(map(abs, q.typical)))
+        parameters[name] = Parameter(begin, *q.bounds, q.unit, size)
 
-    def misfit(values: Scalar) -> Any:
-        built = construct(kind, dict(known) | dict(zip(free, values * scale, strict=True)))
-        return (jnp.stack([jnp.asarray(c.of(built)) for c in constraints]) - printed) / size
+    sizes = np.array([p.size for p in parameters.values()])
+
+    def misfit(x: Scalar) -> Any:
+        built = construct(kind, dict(known) | dict(zip(parameters, x * sizes, strict=True)))
+        return (jnp.stack([jnp.asarray(c.of(built)) for c in constraints]) - printed) / errors
 
     value, slopes = jax.jit(misfit), jax.jit(jax.jacfwd(misfit))
-    low, high = (np.array([fields[n].bounds[i] for n in free]) / scale for i in (0, 1))
-    at = np.clip(np.array([begin[n] for n in free]) / scale, low, high)
-    at = optimize.least_squares(
-        lambda x: np.asarray(value(x)),
-        at,
-        jac=lambda x: np.asarray(slopes(x)),
-        bounds=(low, high),
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-    ).x
+    exact = {"x_scale": 1.0, "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+    estimation = Estimation(parameters, lambda x: np.asarray(value(x)), lambda x: np.asarray(slopes(x)), 0.0, exact)
+    at = estimation.descend(np.array([p.scaled(p.start) for p in parameters.values()])).x
     left = float(np.abs(np.asarray(value(at))).max())
     if not left < 1e-6:
         raise ConvergenceError(
             f"{law}: no parameters meet the constraints; the nearest ones miss by {100 * left:.3g} %"
         )
-    open_, warnings = _undetermined(np.asarray(slopes(at)), free, len(constraints))
-    values = at * scale
-    estimates = {
-        n: Estimate(float(v), *((-np.inf, np.inf) if n in open_ else (float(v), float(v))), fields[n].unit)
-        for n, v in zip(free, values, strict=True)
-    }
-    return ConstrainedFit(law, estimates, dict(known), warnings)
+    directions = determined(np.asarray(slopes(at)))[2]
+    open_ = sorted({free[i] for group in open_groups(directions) for i in group})
+    estimates = {}
+    for (name, p), x in zip(parameters.items(), at, strict=True):
+        meets = float(p.value(x))
+        ends = (-np.inf, np.inf) if name in open_ else (meets, meets)
+        estimates[name] = Estimate(meets, *ends, p.unit)
+    warnings = (
+        f"{len(directions)} independent constraints of {len(constraints)} leave {len(free) - len(directions)} of "
+        f"{len(free)} parameters open: they cannot tell {', '.join(open_)} apart",
+        "the values given follow from the starting values; they are a choice and no finding",
+    )
+    return ConstrainedFit(law, estimates, dict(known), warnings if open_ else ())
 
 
 def _check(law: str, constraints: Sequence[Constraint], free: tuple[str, ...], known: Mapping[str, float]) -> None:
@@ -134,25 +140,3 @@ def _check(law: str, constraints: Sequence[Constraint], free: tuple[str, ...], k
     for name in required_fields(law_type(law)):
         if name not in free and name not in known:
             raise InputError(name, None, f"is missing: the law {law} needs it")
-
-
-def _middle(q: Quantity, rest_length: float | None) -> float:
-    """A starting value: the middle of the usual range, or a share of the rest length for a length of the braid."""
-    low, high = q.typical
-    if q.unit == "m" and rest_length is not None and low <= rest_length <= high:
-        return 0.7 * rest_length
-    return float(np.sqrt(low * high)) if low > 0 else 0.5 * (low + high)
-
-
-def _undetermined(jacobian: np.ndarray, free: tuple[str, ...], count: int) -> tuple[set[str], tuple[str, ...]]:
-    """Parameters that vary along a direction unconstrained by the data, and a description."""
-    directions = determined(jacobian)[2]
-    rank, names = len(directions), {free[i] for group in open_groups(directions) for i in group}
-    if not names:
-        return set(), ()
-    listed = ", ".join(sorted(names))
-    words = (
-        f"{rank} independent constraints of {count} leave {len(free) - rank} of {len(free)} parameters open: "
-        f"they cannot tell {listed} apart"
-    )
-    return names, (words, "the values given follow from the starting values; they are a choice and no finding")

@@ -21,8 +21,8 @@ import numpy as np
 
 from .._jax import Scalar
 from ..errors import InputError, choice
+from ..estimation import Estimate, Parameter, PartialFit, akaike, conclude, descend_linear
 from ..muscles.elements import KelvinVoigtChain
-from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
 LAWS = ("free", "logarithmic")
 FEWEST = 8
@@ -109,8 +109,6 @@ def fit_creep(
     Raises:
         InputError: names the field and what is allowed.
     """
-    from scipy import optimize
-
     t, s, p, training = _checked(time, stroke, pressure, train, name)
     if law not in LAWS:
         raise InputError("law", law, f"must be {choice(LAWS)}", where=name)
@@ -129,18 +127,15 @@ def fit_creep(
     if training.sum() < matrix.shape[1] + 2:
         allowed = f"is {int(training.sum())} samples: {matrix.shape[1]} parameters need {matrix.shape[1] + 2} or more"
         raise InputError("train", None, allowed, where=name)
-    low = np.array([-np.inf] + [0.0] * columns.shape[1])
-    solution = optimize.lsq_linear(matrix[training], some, bounds=(low, np.inf), method="bvls", tol=1e-12)
-    residual = (matrix @ solution.x - wanted)[training]
-    names = ("start", *(f"a_{i}" for i in range(columns.shape[1])))
-    spread = uncertainty(matrix[training], residual, names)
-    half = spread.quantile * spread.standard_error * widening([residual])
-    start, *steps = (
-        Estimate(float(v * g), float(v * g - h), float(v * g + h), "m")
-        for v, g, h in zip(solution.x, [1.0] + [sign] * columns.shape[1], half, strict=True)
-    )
+    step = Parameter(0.0, 0.0, np.inf, "m", size=sign)
+    parameters = {"start": step._replace(low=-np.inf, size=1.0)} | {f"a_{i}": step for i in range(columns.shape[1])}
+    best = descend_linear(matrix[training], some, low=np.array([p.low for p in parameters.values()]), tol=1e-12)
+    fitted = matrix @ best.x
+    residual = (fitted - wanted)[training]
+    found = conclude(parameters, best, matrix[training], residual, series=[residual])
+    start, *steps = found.parameters.values()
     amplitudes = tuple(steps * len(tau)) if law == "logarithmic" else tuple(steps)
-    zero = ["no creep of this sign is in the data"] if not np.any(solution.x[1:] > 0.0) else []
+    zero = ["no creep of this sign is in the data"] if not np.any(best.x[1:] > 0.0) else []
     return CreepFit(
         law,
         amplitudes,
@@ -150,8 +145,8 @@ def fit_creep(
         t,
         s,
         training,
-        matrix @ solution.x + drift,
-        (*spread.warnings, *zero),
+        fitted + drift,
+        (*found.warnings, *zero),
     )
 
 

@@ -18,6 +18,16 @@ from .._jax import Scalar
 from ..accessors import Accessor
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
+from ..estimation import (
+    INDIFFERENT,
+    NORMAL_QUANTILE,
+    Estimate,
+    akaike,
+    posterior_uncertainty,
+    require_influence,
+    require_progress,
+    uncertainty,
+)
 from ..muscles.build import build_law, cut_parameters, default_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
@@ -25,20 +35,9 @@ from ..muscles.muscle import Muscle
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
-from ._checks import require_influence, require_progress
-from ._validation import CrossValidation, cross_validate
-from .law_error import LawError
+from .discrepancy import LawError
 from .posterior import MapSensors, Posterior, posterior_of_fit
-from .problem import SAME_LENGTH, Problem, Solution, solve
-from .uncertainty import (
-    INDIFFERENT,
-    NORMAL_QUANTILE,
-    Estimate,
-    Uncertainty,
-    akaike,
-    posterior_uncertainty,
-    uncertainty,
-)
+from .problem import SAME_LENGTH, CrossValidation, Problem, Solution, cross_validate, solve
 
 if TYPE_CHECKING:
     from ..recordings import Recording
@@ -292,7 +291,7 @@ class Fit(ErrorMeasures):
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
         The interval is of a further reading. It holds the noise, the parameters, linearised at the fit, and how far the law
-        is wrong, as far as the points tell (`law_error`): narrow near the points, wide away from them. It lies around the
+        is wrong, as far as the points tell (`discrepancy`): narrow near the points, wide away from them. It lies around the
         law, which is not corrected, and in proportion to the bore where that differs. Where the fit had `length_error`, it
         sums up three independent errors instead: of the parameters; of the length to which the muscle is set, as large as
         stated or as found where that is more (`length_reach`); and what the law left of the points. The error of the length
@@ -332,7 +331,11 @@ class Fit(ErrorMeasures):
 
         columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]
         moves = np.reshape(np.array(columns), (len(names), *at[0].shape))
-        ratio, reach = self._area_ratio(changes), self._reach(changes)
+        reach, bore = self._reach(changes), self.known.get("rest_diameter")
+        # errors go with the bore where the law has a diameter and another is asked for
+        ratio = 1.0
+        if bore is not None and "rest_diameter" in changes:
+            ratio = float((changes["rest_diameter"] / np.max(bore)) ** 2)
         if reach:
             index = [list(self.parameters).index(n) for n in names]
             whole = np.eye(len(self.parameters)) if self.correlation is None else self.correlation
@@ -344,7 +347,10 @@ class Fit(ErrorMeasures):
             for name, width, move in zip(names, spread, moves, strict=True):
                 if width > 0.0:
                     slopes[:, list(self.parameters).index(name)] = np.ravel(move) / (width * ratio)
-            there, rest = self._in_proportion(at[0], changes), changes.get("rest_length")
+            there, rest, own = at[0], changes.get("rest_length"), self.known.get("rest_length")
+            if own is not None and rest is not None and self.points.rest_length is None:
+                # the points know one length only: another muscle is compared at the same contraction
+                there = np.asarray(at[0] * float(np.max(own)) / float(rest))
             half = ratio * self._law_error.half_width(np.ravel(there), np.ravel(at[1]), slopes, rest).reshape(
                 at[0].shape
             )
@@ -360,13 +366,6 @@ class Fit(ErrorMeasures):
     @functools.cached_property
     def _law_error(self) -> LawError:
         return LawError.of(self)
-
-    def _in_proportion(self, length: np.ndarray, changes: Mapping[str, Any]) -> np.ndarray:
-        """Lengths of another muscle as those of the fitted one at the same contraction [m], where the points need that."""
-        own = self.known.get("rest_length")
-        if own is None or "rest_length" not in changes or self.points.rest_length is not None:
-            return length
-        return np.asarray(length * float(np.max(own)) / float(changes["rest_length"]))
 
     def _reach(self, changes: Mapping[str, Any]) -> float:
         """Half width of the 95 % interval of a length that is yet to be set [m]; zero without errors of lengths.
@@ -387,13 +386,6 @@ class Fit(ErrorMeasures):
         ends = np.clip([value - step, value + step], *bounds)
         change: np.ndarray = tension(**{name: float(ends[1])}) - tension(**{name: float(ends[0])})
         return change * (width / (ends[1] - ends[0])) if ends[1] > ends[0] else 0.0 * change
-
-    def _area_ratio(self, changes: Mapping[str, Any]) -> float:
-        """Bore of a muscle over that of the fitted ones, where the law has a diameter and another is asked for."""
-        own = self.known.get("rest_diameter")
-        if own is None or "rest_diameter" not in changes:
-            return 1.0
-        return float((changes["rest_diameter"] / np.max(own)) ** 2)
 
 
 @dataclass(frozen=True)
@@ -460,6 +452,8 @@ def fit(
     else:
         spread = posterior_uncertainty(posterior.covariance, problem.free)
     bound, none = _degenerate(problem, solution, taut)
+    values = solution.scaled * problem.scale
+    half = spread.quantile * spread.standard_error * problem.scale
     crossed = {}
     for scheme in schemes:
         result = cross_validate(problem, solution, scheme) if solution.converged else None
@@ -468,13 +462,20 @@ def fit(
         tell(f"{law}: {scheme} left out")
     return Fit(
         law=law,
-        parameters=_estimates(problem, solution, spread),
+        parameters={
+            name: Estimate(float(v), float(v - h), float(v + h), q.unit)
+            for (name, q), v, h in zip(problem.quantities.items(), values, half, strict=True)
+        },
         known={k: v[taut] if np.ndim(v) else v for k, v in problem.known.items()},
         points=problem.points.select(taut),
         error=error,
         converged=solution.converged,
         message=solution.message,
-        warnings=_warnings(solution, spread, bound),
+        warnings=(
+            *([] if solution.converged else [f"did not converge: {solution.message}"]),
+            *spread.warnings,
+            *(f"{name} lies on its bound" for name in bound),
+        ),
         cross=crossed,
         correlation=spread.correlation,
         holdout=_hold_out(law, points, train_below, known, slack, spread_of_lengths),
@@ -567,15 +568,6 @@ def evaluate(law: TensionLaw, points: ForceMap) -> np.ndarray:
     return residuals
 
 
-def _estimates(problem: Problem, solution: Solution, spread: Uncertainty) -> dict[str, Estimate]:
-    half = spread.quantile * spread.standard_error * problem.scale
-    values = solution.scaled * problem.scale
-    return {
-        name: Estimate(float(v), float(v - h), float(v + h), q.unit)
-        for (name, q), v, h in zip(problem.quantities.items(), values, half, strict=True)
-    }
-
-
 def checked_length_error(length_error: Scalar | str | None, *, field: str = "length_error") -> float:
     """Standard deviation of the errors of set lengths [m]; zero for none.
 
@@ -596,7 +588,6 @@ def checked_length_error(length_error: Scalar | str | None, *, field: str = "len
 
 
 def _length_errors(problem: Problem, solution: Solution) -> tuple[LengthError, ...]:
-    """Errors of the set lengths at which tension was measured, by rest length and length."""
     if solution.posterior is None or not problem.length_error:
         return ()
     points, curves = problem.points, problem.curves
@@ -627,11 +618,6 @@ def _degenerate(problem: Problem, solution: Solution, taut: np.ndarray) -> tuple
     none = influence == 0.0
     named = np.array(problem.free)
     return tuple(map(str, named[close & ~none])), tuple(map(str, named[none]))
-
-
-def _warnings(solution: Solution, spread: Uncertainty, at_bound: tuple[str, ...]) -> tuple[str, ...]:
-    lost = [] if solution.converged else [f"did not converge: {solution.message}"]
-    return (*lost, *spread.warnings, *(f"{name} lies on its bound" for name in at_bound))
 
 
 def _hold_out(
@@ -732,7 +718,6 @@ def _errors(f: Fit) -> dict[str, SpecimenNumber]:
 
 
 def _numbers(f: Fit) -> dict[str, SpecimenNumber]:
-    """The parameters of a fitted law, with their intervals where the data determine them."""
     units, group = declared(law_type(f.law)), {}
     for name, e in f.parameters.items():
         note = f"fitted, rmse {f.rmse:.3g} N"

@@ -20,7 +20,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,58 +28,49 @@ from .._jax import Array, Scalar, Tree, jax, jnp
 from ..components import Hysteresis
 from ..documents import JsonValue
 from ..errors import InputError, choice
+from ..estimation import Estimate, Estimation, Parameter, PartialFit, akaike, at_bounds, conclude
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
-from ._checks import require_influence, require_progress
 from .path_record import PathRecord
 from .sampler import HostModel
-from .uncertainty import Estimate, PartialFit, akaike, uncertainty, widening
 
 if TYPE_CHECKING:
     from ..engine.prediction import Prediction
-    from .record_discrepancy import RecordPrediction
+    from .discrepancy import RecordPrediction
     from .record_posterior import RecordPosterior, RecordProblem
 
 
-class Free(NamedTuple):
-    """A parameter to fit: start, bounds and unit [unit]; it is searched in its logarithm where `log`."""
-
-    start: float
-    low: float
-    high: float
-    unit: str
-    log: bool = False
+def _value(start: float, low: float, high: float, unit: str) -> Parameter:
+    """A parameter that is searched by itself, in units of its start or a thousandth of its range."""
+    return Parameter(start, low, high, unit, size=max(abs(start), 1e-3 * (high - low)))
 
 
-_LIMIT = {
-    "constant": Free(10.0, 1e-6, 1e3, "N"),
-    "per_pressure": Free(1e-5, 0.0, 1e-3, "m^2"),
+_LIMIT = {"constant": _value(10.0, 1e-6, 1e3, "N"), "per_pressure": _value(1e-5, 0.0, 1e-3, "m^2")}
+TRAVEL = {
+    "shortest": Parameter(5e-4, 1e-6, 5e-2, "m", search="log"),
+    "spread": Parameter(10.0, 1.0, 1e3, "1", search="log"),
 }
-TRAVEL = {"shortest": Free(5e-4, 1e-6, 5e-2, "m", log=True), "spread": Free(10.0, 1.0, 1e3, "1", log=True)}
-_STIFFNESS = {"stiffness": Free(1e4, 1e2, 1e7, "N/m", log=True)}
+_STIFFNESS = {"stiffness": Parameter(1e4, 1e2, 1e7, "N/m", search="log")}
 
 
-def _maxwell_slip(p: Mapping[str, Any]) -> Hysteresis:
-    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
-    return MaxwellSlip.geometric(limit, elements=6, shortest=p["shortest"], longest=p["shortest"] * p["spread"])
-
-
-def _dahl(p: Mapping[str, Any]) -> Hysteresis:
-    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
-    return Dahl(limit=limit, stiffness=p["stiffness"])
-
-
-def _bouc_wen(p: Mapping[str, Any]) -> Hysteresis:
-    limit = FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
-    return BoucWen(limit=limit, stiffness=p["stiffness"], share=p["share"])
+def _limit(p: Mapping[str, Any]) -> FrictionLimit:
+    return FrictionLimit(constant=p["constant"], per_pressure=p["per_pressure"])
 
 
 # Frictions that a loop can identify. Coulomb's knows no force at rest and leaves the solved balance without a slope.
-MODELS: dict[str, tuple[Callable[[Mapping[str, Any]], Hysteresis], dict[str, Free]]] = {
-    "maxwell_slip": (_maxwell_slip, {**_LIMIT, **TRAVEL}),
-    "dahl": (_dahl, {**_LIMIT, **_STIFFNESS}),
-    "bouc_wen": (_bouc_wen, {**_LIMIT, **_STIFFNESS, "share": Free(0.6, 0.5, 20.0, "1")}),
+MODELS: dict[str, tuple[Callable[[Mapping[str, Any]], Hysteresis], dict[str, Parameter]]] = {
+    "maxwell_slip": (
+        lambda p: MaxwellSlip.geometric(
+            _limit(p), elements=6, shortest=p["shortest"], longest=p["shortest"] * p["spread"]
+        ),
+        {**_LIMIT, **TRAVEL},
+    ),
+    "dahl": (lambda p: Dahl(limit=_limit(p), stiffness=p["stiffness"]), {**_LIMIT, **_STIFFNESS}),
+    "bouc_wen": (
+        lambda p: BoucWen(limit=_limit(p), stiffness=p["stiffness"], share=p["share"]),
+        {**_LIMIT, **_STIFFNESS, "share": _value(0.6, 0.5, 20.0, "1")},
+    ),
 }
 # Creep along a path: count of Maxwell elements, and their time constants as shares of the duration of the path.
 ELEMENTS, SHORTEST, LONGEST = 3, 0.05, 5.0
@@ -115,24 +106,18 @@ class LoopFit(PartialFit):
     knots: int = 6  # of the curve
 
     def problem(self) -> RecordProblem:
-        """What was fitted, for a posterior: scaled parameters with their bounds, and the prediction of the stroke."""
+        """What was fitted, for a posterior: parameters at their fitted values, and the prediction of the stroke."""
         from .record_posterior import RecordProblem
 
         # NaN frees what is zero by default, such as creep
         known = self.known | dict.fromkeys(self.parameters, float("nan"))
-        free, fixed = _parameters(self.record, self.model, self.muscle, known, self.knots)
+        free, fixed = _parameters(self.record, self.train, self.model, self.muscle, known, self.knots)
         values = {n: e.value for n, e in self.parameters.items()}
         values |= {f"rise_{i}": float(v) for i, v in enumerate(np.diff(self.curve, prepend=0.0))}
-        of = _predictor(self.record, self.model, self.muscle, fixed, tuple(free.items()), self.knots)
-        log = np.array([f.log for f in free.values()])
+        of = _predictor(self.record, self.train, self.model, self.muscle, fixed, tuple(free.items()), self.knots)
         return RecordProblem(
-            names=tuple(free),
-            units=tuple(f.unit for f in free.values()),
-            low=np.array([_scaled(f, f.low) for f in free.values()]),
-            high=np.array([_scaled(f, f.high) for f in free.values()]),
-            start=np.array([_scaled(f, values[n]) for n, f in free.items()]),
-            log=log,
-            size=np.where(log, 1.0, [_size(f) for f in free.values()]),
+            parameters=free,
+            start=np.array([f.scaled(values[n]) for n, f in free.items()]),
             model=HostModel(*of),
             measured=self.record.stroke,
             group=np.zeros(len(self.record.stroke), int),
@@ -155,7 +140,7 @@ class LoopFit(PartialFit):
         Raises:
             ConvergenceError: the fit did not converge.
         """
-        from .record_discrepancy import predict_records
+        from .discrepancy import predict_records
         from .record_posterior import check_converged
 
         check_converged(self.converged, f"The fit of {self.model} to the loop", "to predict with")
@@ -210,69 +195,45 @@ def fit_loop(
         InputError: names the field and what is allowed; for a parameter on which no seen sample depends.
         ConvergenceError: the fit ended where it began.
     """
-    from scipy import optimize
-
     if model not in MODELS:
         raise InputError("model", model, f"must be {choice(MODELS)}")
     training = record.chosen(train)
-    free, fixed = _parameters(record, model, law, dict(known or {}), knots)
+    free, fixed = _parameters(record, training, model, law, dict(known or {}), knots)
     if training.sum() < len(free) + 3:
         raise InputError(
             "train",
             None,
             f"must have {len(free) + 3} samples or more for {len(free)} parameters, got {int(training.sum())}",
         )
-    names, predict, slopes = tuple(free), *_predictor(record, model, law, fixed, tuple(free.items()), knots)
-    low = np.array([_scaled(f, f.low) for f in free.values()])
-    high = np.array([_scaled(f, f.high) for f in free.values()])
-    scale = max(float(np.ptp(record.stroke)), 1e-9)
+    predict, slopes = _predictor(record, training, model, law, fixed, tuple(free.items()), knots)
+    scale = max(float(np.ptp(record.stroke[training])), 1e-9)
 
-    def misfit(x: np.ndarray) -> np.ndarray:
-        residuals: np.ndarray = np.nan_to_num((predict(x) - record.stroke)[training] / scale, nan=1e3)
-        return residuals
+    def error(x: np.ndarray) -> np.ndarray:
+        return np.asarray((predict(x) - record.stroke)[training])
 
-    def derivative(x: np.ndarray) -> np.ndarray:
-        weighted: np.ndarray = np.nan_to_num(slopes(x)[training] / scale)
-        return weighted
-
-    def descend(x: np.ndarray) -> Any:
-        start = np.clip(x, low + 1e-9, high - 1e-9)
-        solution = optimize.least_squares(
-            misfit,
-            start,
-            jac=derivative,
-            bounds=(low, high),
-            x_scale="jac",
-            max_nfev=150,
-            ftol=1e-9,
-            xtol=1e-9,
-            gtol=1e-9,
-        )
-        solution.start = start
-        return solution
-
+    estimation = Estimation(
+        free,
+        lambda x: np.nan_to_num(error(x) / scale, nan=1e3),
+        lambda x: np.nan_to_num(slopes(x)[training] / scale),
+        options={"max_nfev": 150, "ftol": 1e-9, "xtol": 1e-9, "gtol": 1e-9},
+    )
     # Dahl's contact has no kinks: where many contacts are to be found, it first says where the curve and the friction lie.
     shared = {n: v for n, v in (known or {}).items() if n not in TRAVEL}
     kinked = model == "maxwell_slip"
     rough = fit_loop(record, model="dahl", law=law, train=training, known=shared, knots=knots) if kinked else None
-    best = min((descend(x) for x in _starts(free, rough)), key=lambda f: f.cost)
+    best = estimation.search(_starts(free, rough))
     draw = np.random.default_rng(SEED)
     for _ in range(SHAKEN):
-        best = min(best, descend(best.x + SHAKE * draw.standard_normal(len(best.x))), key=lambda f: f.cost)
-    title = f"the loop with {model}"
-    require_influence(derivative(best.x), names, subject=title)
-    require_progress(best.start, best.x, derivative(best.x), misfit(best.x), (low, high), subject=title)
-    error = (predict(best.x) - record.stroke)[training]
-    spread = uncertainty(slopes(best.x)[training], error, names)
-    half = spread.quantile * spread.standard_error * widening(_runs(error, training))
-    estimates = {
-        n: Estimate(_plain(f, v), _plain(f, v - h), _plain(f, v + h), f.unit)
-        for (n, f), v, h in zip(free.items(), best.x, half, strict=True)
-    }
-    edge = np.minimum(best.x - low, high - best.x) < 1e-6
-    bound = [f"{n} lies on its bound" for n, at in zip(names, edge, strict=True) if at]
-    curve = np.cumsum([estimates.pop(n).value for n in names if n.startswith("rise_")]) if law is None else np.zeros(0)
-    lost = () if best.status > 0 else (f"did not converge: {best.message}",)
+        shaken = estimation.descend(best.x + SHAKE * draw.standard_normal(len(best.x)))
+        best = min(best, shaken, key=lambda descent: descent.cost)
+    left = error(best.x)
+    # Errors follow one another only where no sample is left out between them.
+    series = np.split(left, np.flatnonzero(np.diff(np.flatnonzero(training)) > 1) + 1)
+    known_of = conclude(free, best, slopes(best.x)[training], left, subject=f"the loop with {model}", series=series)
+    estimates = dict(known_of.parameters)
+    curve = np.cumsum([estimates.pop(n).value for n in free if n.startswith("rise_")]) if law is None else np.zeros(0)
+    lost = () if best.converged else (f"did not converge: {best.message}",)
+    bound = (f"{n} lies on its bound" for n in at_bounds(free, best.x))
     return LoopFit(
         model,
         law is not None,
@@ -282,8 +243,8 @@ def fit_loop(
         record,
         training,
         predict(best.x),
-        best.status > 0,
-        (*lost, *spread.warnings, *bound),
+        best.converged,
+        (*lost, *known_of.warnings, *bound),
         law,
         knots,
     )
@@ -312,26 +273,26 @@ def fit_loops(
 
 
 def _parameters(
-    record: PathRecord, model: str, law: TensionLaw | None, known: dict[str, float], knots: int
-) -> tuple[dict[str, Free], dict[str, float]]:
-    """Free and fixed parameters, by name."""
+    record: PathRecord, seen: np.ndarray, model: str, law: TensionLaw | None, known: dict[str, float], knots: int
+) -> tuple[dict[str, Parameter], dict[str, float]]:
     every = dict(MODELS[model][1])
     settled = {"creep": 0.0} | ({"spring": 0.0, "pressure_zero": 0.0} if law is not None else {})
-    stiff = AREA * float(np.ptp(record.pressure)) / float(np.ptp(record.stroke))
-    every["creep"] = Free(0.1 * stiff, 1e-6 * stiff, 10.0 * stiff, "N/m", log=True)
+    stiff = AREA * float(np.ptp(record.pressure)) / max(float(np.ptp(record.stroke[seen])), 1e-9)
+    every["creep"] = Parameter(0.1 * stiff, 1e-6 * stiff, 10.0 * stiff, "N/m", search="log")
     if law is not None:
         low, high = (float(x) for x in law.length_range())
         load = float(law.tension(0.5 * (low + high), float(record.pressure.max()) * 0.5))
-        every["load"] = Free(max(load, 10.0), 0.0, 1e4, "N")
-        every["start_length"] = Free(high, 0.8 * high, 1.2 * high, "m")
-        every["spring"] = Free(0.0, -1e5, 1e5, "N/m")
-        every["pressure_zero"] = Free(0.0, -1e5, 1e5, "Pa")
+        every["load"] = _value(max(load, 10.0), 0.0, 1e4, "N")
+        every["start_length"] = _value(high, 0.8 * high, 1.2 * high, "m")
+        every["spring"] = _value(0.0, -1e5, 1e5, "N/m")
+        every["pressure_zero"] = _value(0.0, -1e5, 1e5, "Pa")
     elif knots < 3:
         raise InputError("knots", knots, "must be 3 or more")
     else:
         step = float(np.ptp(record.pressure)) / (knots - 1)
-        every["rise_0"] = Free(float(record.pressure.min()), -1e6, 1e6, "Pa")
-        every |= {f"rise_{i}": Free(step, 1e-3 * step, 100.0 * step, "Pa", log=True) for i in range(1, knots)}
+        every["rise_0"] = _value(float(record.pressure.min()), -1e6, 1e6, "Pa")
+        rise = Parameter(step, 1e-3 * step, 100.0 * step, "Pa", search="log")
+        every |= {f"rise_{i}": rise for i in range(1, knots)}
     for name in known:
         if name not in every:
             raise InputError(f"known.{name}", None, f"{model} has", known=every)
@@ -341,19 +302,29 @@ def _parameters(
 
 
 def _predictor(
-    record: PathRecord, model: str, law: TensionLaw | None, fixed: dict[str, float], free: Any, knots: int
+    record: PathRecord,
+    seen: np.ndarray,
+    model: str,
+    law: TensionLaw | None,
+    fixed: dict[str, float],
+    free: tuple[tuple[str, Parameter], ...],
+    knots: int,
 ) -> Prediction:
-    """Stroke of every sample, and its derivatives, of the scaled parameters."""
+    """Stroke of every sample, and its derivatives, of the scaled parameters: by all pressures, but by no hidden stroke."""
     from ..engine.prediction import prediction
 
     make = MODELS[model][0]
-    reach = float(np.ptp(record.stroke))
-    place = float(record.stroke.min()) + reach * np.linspace(0.0, 1.0, knots)
+    shown, at_shown = record.stroke[seen], record.pressure[seen]
+    reach = float(np.ptp(shown))
+    place = float(shown.min()) + reach * np.linspace(0.0, 1.0, knots)
+    begin = float(shown[np.argmin(np.abs(at_shown - record.pressure[0]))])
+    # Strokes are searched as far as the shown ones say, and further where only others have the ends of the pressure.
+    reach *= min(float(np.ptp(record.pressure)) / max(float(np.ptp(at_shown)), 1e-9), 10.0) ** 2
     twice, durations = np.tile(record.pressure, 2), np.tile(record.durations, 2)
     creeps = fixed.get("creep") != 0.0
 
     def stroke(x: Array, pressure: Array, duration: Array) -> Array:
-        p = fixed | {n: jnp.exp(x[i]) if f.log else x[i] * _size(f) for i, (n, f) in enumerate(free)}
+        p = fixed | {n: f.value(x[i], jnp) for i, (n, f) in enumerate(free)}
         friction = make(p)
         chain = MaxwellChain.geometric(stiffness=p["creep"], shortest=SHORTEST, longest=LONGEST, elements=ELEMENTS)
         origin = p["start_length"] if law is not None else 0.0
@@ -364,7 +335,7 @@ def _predictor(
                 return law.braid_tension(length, at - p["pressure_zero"]) - p["load"] - p["spring"] * (origin - length)
             return AREA * (at - _curve(-length, place, rises))
 
-        start = origin - float(record.stroke[0])
+        start = origin - begin
 
         def resist(states: Tree, dx: Scalar, was: Scalar, at: Scalar, dt: Scalar) -> tuple[Tree, Scalar]:
             moved = friction.advance(states[0], dx, start_pressure=was, end_pressure=at, duration=0.0).state
@@ -426,38 +397,19 @@ def _curve(at: Scalar, place: np.ndarray, rises: Any) -> Any:
     return rises[0] + jnp.sum(rise) + beyond
 
 
-def _starts(free: Mapping[str, Free], rough: LoopFit | None) -> list[np.ndarray]:
+def _starts(free: Mapping[str, Parameter], rough: LoopFit | None) -> list[np.ndarray]:
     """Starting points: as declared, with less friction, with stiffer contacts; or around a rough fit, travels spread."""
-    base = {n: _scaled(f, f.start) for n, f in free.items()}
+    base = {n: f.scaled(f.start) for n, f in free.items()}
     if rough is None:
         less = {n: v * (0.2 if n in ("constant", "per_pressure") else 1.0) for n, v in base.items()}
         stiffer = {n: v + (2.3 if n == "stiffness" else 0.0) for n, v in base.items()}
         return [np.array(list(start.values())) for start in (base, less, stiffer)]
     known = {n: e.value for n, e in rough.parameters.items()}
     known |= {f"rise_{i}": float(v) for i, v in enumerate(np.diff(rough.curve, prepend=0.0))}
-    base |= {n: _scaled(free[n], max(v, free[n].low)) for n, v in known.items() if n in free}
+    base |= {n: free[n].scaled(max(v, free[n].low)) for n, v in known.items() if n in free}
     starts = []
     for share, spread in itertools.product((0.05, 0.2), (5.0, 20.0, 80.0)):
         travel = share * max(float(rough.friction().largest_force(0.0)) / known["stiffness"], 1e-5)
         tried = {"shortest": travel, "spread": spread}
-        starts.append(np.array([_scaled(f, tried[n]) if n in tried else base[n] for n, f in free.items()]))
+        starts.append(np.array([f.scaled(tried[n]) if n in tried else base[n] for n, f in free.items()]))
     return starts
-
-
-def _runs(error: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
-    """Errors of the training samples, divided where samples are left out."""
-    number = np.flatnonzero(seen)
-    return np.split(error, np.flatnonzero(np.diff(number) > 1) + 1)
-
-
-def _size(f: Free) -> float:
-    return max(abs(f.start), 1e-3 * (f.high - f.low))
-
-
-def _scaled(f: Free, value: float) -> float:
-    return float(np.log(value)) if f.log else value / _size(f)
-
-
-def _plain(f: Free, scaled: float) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.exp(scaled)) if f.log else float(scaled * _size(f))

@@ -18,6 +18,7 @@ of two laws W. G. Hunter and A. M. Reiner, Technometrics 7(3), 1965.
 
 from __future__ import annotations
 
+import abc
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -26,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..estimation import Estimate
 from .posterior import Posterior
-from .uncertainty import Estimate
 
 GRID = (7, 9)  # lengths and pressures of the candidates
 MOVE, VENT, READ = 2.0, 3.0, 1.0  # time to a point, to an empty muscle at another length, and of a reading [s]
@@ -138,8 +139,23 @@ class LawContrast:
         return float(difference @ np.linalg.solve(covariance, difference))
 
 
+class PlannedPoints(abc.ABC):
+    """Points (k,) in the order in which a protocol visits them, and how long each is held before its reading."""
+
+    length: np.ndarray
+    pressure: np.ndarray
+    wait: float
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    def protocol(self) -> str:
+        """The protocol as a TOML file that ``mckibben run`` takes."""
+        return protocol_of_points(self.length, self.pressure, self.wait)
+
+
 @dataclass(frozen=True)
-class NextExperiment:
+class NextExperiment(PlannedPoints):
     """Points to measure next, in the order in which the protocol visits them.
 
     Attributes:
@@ -162,21 +178,14 @@ class NextExperiment:
     expected: dict[str, float]
     deviation: tuple[float, float]
 
-    def __len__(self) -> int:
-        return len(self.length)
-
     @property
     def narrows(self) -> bool:
         """Whether the interval of a parameter is expected to become narrower at all."""
         return min(self.expected.values()) < UNCHANGED
 
-    def protocol(self) -> str:
-        """The protocol as a TOML file that ``mckibben run`` takes."""
-        return protocol_of_points(self.length, self.pressure, self.wait)
-
 
 @dataclass(frozen=True)
-class LawTest:
+class LawTest(PlannedPoints):
     """Points that tell two laws apart, in the order in which the protocol visits them.
 
     Attributes:
@@ -199,17 +208,10 @@ class LawTest:
     duration: float
     wait: float
 
-    def __len__(self) -> int:
-        return len(self.length)
-
     @property
     def recognised(self) -> float:
         """Probability that the readings speak for the right law, if one of both is right: 0.5 for a guess."""
         return 0.5 * math.erfc(-0.5 * self.distance / math.sqrt(2.0))
-
-    def protocol(self) -> str:
-        """The protocol as a TOML file that ``mckibben run`` takes."""
-        return protocol_of_points(self.length, self.pressure, self.wait)
 
 
 def protocol_of_points(lengths: np.ndarray, pressures: np.ndarray, wait: float) -> str:
@@ -310,7 +312,6 @@ def contrast_of(
 
 
 def _noise(posterior: Posterior) -> float:
-    """Standard deviation of a reading [N]."""
     return float(np.median(posterior.noise) * posterior.sensor_noise)
 
 

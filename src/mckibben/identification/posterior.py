@@ -11,6 +11,7 @@ Range: static maps; a hysteresis between rising and falling pressure counts as n
 
 from __future__ import annotations
 
+import abc
 import functools
 import os
 from collections.abc import Mapping, Sequence
@@ -23,15 +24,14 @@ from .._jax import jax
 from ..accessors import Accessor
 from ..documents import JsonValue, parse_json, read_text
 from ..errors import ConvergenceError, InputError
+from ..estimation import Estimate
 from ..muscles.build import build_law, cut_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from . import sampler
-from ._samples import interval_ends, joint_interval_ends, mixing_warnings
 from .problem import Problem, tension_at
-from .uncertainty import Estimate
 
 if TYPE_CHECKING:
     from ..report.figures.plots import PosteriorPlots
@@ -141,8 +141,63 @@ class Band(NamedTuple):
     high: np.ndarray
 
 
+class ParameterSamples(abc.ABC):
+    """Samples of a posterior: values of each parameter [SI], (d,) each, of which the same row of all is one sample."""
+
+    samples: Mapping[str, np.ndarray]
+    noise: np.ndarray
+    seed: int
+    r_hat: float
+    effective: float
+    divergences: int
+    worst: str
+
+    @abc.abstractmethod
+    def unit_of(self, name: str) -> str:
+        """Unit of a parameter."""
+
+    def __len__(self) -> int:
+        return len(self.noise)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against the use of the samples, as text; empty if nothing does."""
+        return sampler.mixing_warnings(self.r_hat, self.effective, self.divergences, len(self), self.worst)
+
+    def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
+        """Median of each parameter with its interval between equal tails [SI]."""
+        return self._ends(0.5 - 0.5 * confidence)
+
+    def joint_intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
+        """Intervals that hold all parameters of a sample at once, for a share `confidence` of the samples [SI].
+
+        Each is wider than that of `intervals`: the ends lie at the same rank in all parameters.
+        """
+        values = np.stack(list(self.samples.values()))
+        rank = np.argsort(np.argsort(values, axis=1), axis=1) / max(values.shape[1] - 1, 1)
+        return self._ends(float(np.quantile(np.minimum(rank, 1.0 - rank).min(axis=0), 1.0 - confidence)))
+
+    def _ends(self, tail: float) -> dict[str, Estimate]:
+        quantiles = {name: np.quantile(column, (0.5, tail, 1.0 - tail)) for name, column in self.samples.items()}
+        return {
+            name: Estimate(float(ends[0]), float(ends[1]), float(ends[2]), self.unit_of(name))
+            for name, ends in quantiles.items()
+        }
+
+    def _plain_intervals(self) -> dict[str, JsonValue]:
+        joint = self.joint_intervals()
+        return {
+            n: e._asdict() | {"joint_low": joint[n].low, "joint_high": joint[n].high}
+            for n, e in self.intervals().items()
+        }
+
+    def _plain_mixing(self) -> dict[str, JsonValue]:
+        names = ("seed", "r_hat", "effective", "divergences", "worst")
+        return {name: getattr(self, name) for name in names} | {"warnings": list(self.warnings)}
+
+
 @dataclass(frozen=True, repr=False)
-class Posterior:
+class Posterior(ParameterSamples):
     """Samples of the parameters of a law that was fitted to a force map.
 
     Attributes:
@@ -181,9 +236,6 @@ class Posterior:
     plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("report.figures.plots:PosteriorPlots")
     """Plots: called, the tension with its bands; ``plot.parameters`` the parameters by pairs."""
 
-    def __len__(self) -> int:
-        return len(self.noise)
-
     def __repr__(self) -> str:
         return (
             f"Posterior({self.law!r}, {len(self)} samples of {len(self.samples)} parameters, "
@@ -200,25 +252,9 @@ class Posterior:
         """Median of the standard deviation of the error that all points of a run share [N]; 0 where it is not known."""
         return 0.0 if self.run is None else float(np.median(self.run))
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What speaks against the use of the samples, as text; empty if nothing does."""
-        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self), self.worst)
-
-    def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
-        """Median of each parameter with its interval between equal tails [SI]."""
-        return interval_ends(self.samples, self._units, confidence)
-
-    def joint_intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
-        """Intervals that hold all parameters of a sample at once, for a share `confidence` of the samples [SI].
-
-        Each is wider than that of `intervals`: the ends lie at the same rank in all parameters.
-        """
-        return joint_interval_ends(self.samples, self._units, confidence)
-
-    @property
-    def _units(self) -> dict[str, str]:
-        return {name: field.unit for name, field in declared(law_type(self.law)).items()}
+    def unit_of(self, name: str) -> str:
+        """Unit of a parameter."""
+        return declared(law_type(self.law))[name].unit
 
     @property
     def correlation(self) -> np.ndarray:
@@ -354,7 +390,6 @@ class Posterior:
 
     @functools.cached_property
     def _residuals(self) -> np.ndarray:
-        """Measured tension less the signed one of every sample at every point (d, n) [N]."""
         problem = Problem(self.law, tuple(self.samples), dict(self.known), self.points)
         force, _ = problem.functions()
         values = np.stack(list(self.samples.values()), axis=1) / problem.scale
@@ -435,7 +470,6 @@ class Posterior:
         return sampler.discrepancy_given(self._precision(some), onto, residuals, self.amplitude[some])
 
     def _places(self, length: np.ndarray, pressure: np.ndarray, rest: Any) -> np.ndarray:
-        """Coordinates of points (q,) in the ranges of the data (q, 2)."""
         rests = rests_of(self.points, len(length), rest)
         return map_coordinates(ForceMap("", length, pressure, np.ones(len(length)), rest_length=rests), self._scale)[0]
 
@@ -475,13 +509,10 @@ class Posterior:
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Samples, intervals and what the bands are made of, as plain values [SI], for JSON."""
-        intervals, joint = self.intervals(), self.joint_intervals()
         arrays = {k: getattr(self.points, k) for k in ("length", "pressure", "tension", "rest_length", "diameter")}
         return {
             "law": self.law,
-            "intervals": {
-                n: e._asdict() | {"joint_low": joint[n].low, "joint_high": joint[n].high} for n, e in intervals.items()
-            },
+            "intervals": self._plain_intervals(),
             "correlation": self.correlation.tolist(),
             "discrepancy": float(np.median(self.amplitude)),
             "noise": float(np.median(self.noise) * self.sensor_noise),
@@ -496,12 +527,7 @@ class Posterior:
             "run_samples": None if self.run is None else self.run.tolist(),
             "sensor_noise": self.errors.noise.tolist(),
             "shared_errors": self.errors.shared.tolist(),
-            "seed": self.seed,
-            "r_hat": self.r_hat,
-            "effective": self.effective,
-            "divergences": self.divergences,
-            "worst": self.worst,
-            "warnings": list(self.warnings),
+            **self._plain_mixing(),
         }
 
     @classmethod
@@ -586,7 +612,9 @@ def posterior_of_fit(
         raise ConvergenceError(f"The fit of the law {fit.law} did not converge, so there is nothing to sample.")
     points, free = fit.points, tuple(fit.parameters)
     every = points if slack is None else ForceMap.joined([points, slack], points.name)
-    known = {k: _extended(v, len(every) - len(points)) for k, v in fit.known.items()}
+    # the points of a table without tension are of its largest muscle
+    more = len(every) - len(points)
+    known = {k: np.append(v, np.full(more, np.max(v))) if np.ndim(v) else v for k, v in fit.known.items()}
     problem = Problem(fit.law, free, known, every)
     start = np.array([fit.parameters[n].value for n in free]) / problem.scale
     predicted, by_length, by_pressure = (column[: len(points)] for column in _input_slopes(problem, start))
@@ -596,7 +624,10 @@ def posterior_of_fit(
     amplitude = DISCREPANCY * top if discrepancy is None else float(discrepancy)
     if not (np.isfinite(amplitude) and amplitude >= 0.0):
         raise InputError("discrepancy", amplitude, "must be 0 N or more")
-    points = points if runs is None else replace(points, run=_checked_runs(runs, len(points)))
+    if runs is not None:
+        if len(runs) != len(points):
+            raise InputError("runs", len(runs), f"must be {len(points)} labels, one of each point with tension")
+        points = replace(points, run=np.array([str(label) for label in runs]))
     labels, columns = run_columns(points.run)
     several = columns if len(labels) > 1 else None
     coordinates, _ = map_coordinates(points)
@@ -659,12 +690,6 @@ def run_columns(labels: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     return known, (np.asarray(labels)[:, None] == known).astype(float)
 
 
-def _checked_runs(runs: Sequence[str] | np.ndarray, count: int) -> np.ndarray:
-    if len(runs) != count:
-        raise InputError("runs", len(runs), f"must be {count} labels, one of each point with tension")
-    return np.array([str(label) for label in runs])
-
-
 def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> Posterior:
     """Read the posterior in the file of a fit, which ``mckibben fit --posterior --out fit.json`` has written.
 
@@ -697,7 +722,6 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
 
 @functools.lru_cache(maxsize=64)
 def _law_model(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]) -> sampler.Model:
-    """Signed tension of the braid at all points, by scaled parameters."""
     force = functools.partial(tension_at, kind, free, known)
 
     def model(x: Any, inputs: Any) -> Any:
@@ -753,8 +777,3 @@ def rests_of(points: ForceMap, count: int, rest: Any) -> np.ndarray | None:
 def _whole(known: Mapping[str, Any]) -> dict[str, Any]:
     """Known parameters as one number each: the largest where they differ between points."""
     return {k: float(np.max(v)) for k, v in known.items()}
-
-
-def _extended(value: Any, more: int) -> Any:
-    """A known parameter of points with those of further points behind them: that of the largest muscle."""
-    return np.concatenate([value, np.full(more, np.max(value))]) if np.ndim(value) else value

@@ -6,27 +6,38 @@ A law may have Gaussian priors of its parameters, and a table an error of each s
 muscle that is mounted at a length is off by the same distance at every pressure. Both make the solution the most
 probable one. Errors along one curve of tension over pressure are not independent, as noise would be, so that a
 curve counts as `CURVE_POINTS` independent points at most; the noise is that which is left over, `LEAST_NOISE` or more.
+
+How far a length that is yet to be set may be off follows from the lengths at which tension was measured. The error of a set
+length is that of the muscle, which all its set lengths share (where its rest length was measured, how it sits in its
+fittings), and one of its own:
+
+    d_jk = m_j + u_jk,   m_j ~ N(0, s_m^2),   u_jk ~ N(0, s_u^2)
+
+Both deviations are averaged over their posterior. With the law linearised at its fit their likelihood follows in closed
+form; the priors are half-Cauchy, as wide as the stated error. Where few muscles were measured, the data hardly bound how
+far muscles differ, and the tails say so.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._jax import Scalar, jax
 from ..engine.native import EngineFunction, compile_function
 from ..errors import InputError
+from ..estimation import Descent, Parameter, bounds_of, descend
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
 from ..quantities import Quantity, declared
 from ..recordings import ForceMap
-from .length_spread import LengthEvidence
 
 Formula = Callable[..., np.ndarray]
 # Independent points along a curve of tension over pressure at one length, of as many as were measured.
@@ -38,6 +49,11 @@ USUAL_LENGTH, OTHER_SIZE = (
 )  # longest length of usual muscles [m], and from which ratio to it one is of another size
 SAME_LENGTH = 1e-6  # rest lengths that differ by no more are one [m]
 LENGTH_STEP = 1e-6  # of the difference by which a tension is derived to the length [m]
+LEVELS = np.geomspace(0.02, 20.0, 25)  # of both deviations, in stated errors
+CONFIDENCE = 0.95
+HALVINGS = 60  # of the bracket of a quantile, down to rounding
+# More distinct values than this are gathered into `BINS` groups of equal size.
+MOST_GROUPS, BINS = 30, 10
 
 
 @dataclass(frozen=True)
@@ -84,7 +100,9 @@ class Problem:
             parameters["rest_length"] = points.rest_length
         if "upper_length" in fields:
             # Every measured point has to lie in the working range, each muscle in its own.
-            longest = _longest(points)
+            longest: Any = float(points.length.max())
+            if points.rest_length is not None:
+                longest = np.array([points.length[points.rest_length == r].max() for r in points.rest_length])
             parameters["upper_length"] = np.maximum(np.asarray(parameters.get("upper_length", 0.0), float), longest)
         for name in required_fields(kind):
             if name not in parameters and name not in free:
@@ -130,16 +148,26 @@ class Problem:
         size = float(self.points.length.max()) / USUAL_LENGTH if len(self.points) else 1.0
         return 1.0 if 1.0 / OTHER_SIZE < size < OTHER_SIZE else size
 
+    @functools.cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """The free parameters, each in the size of its usual range, so that the values that are searched are about one."""
+        priors = law_type(self.law).priors
+        return {
+            name: Parameter(
+                0.5 * (ends[0] + ends[1]), *q.bounds, q.unit, max(abs(b) for b in ends), prior=priors.get(name)
+            )
+            for (name, q), ends in zip(self.quantities.items(), self.typical.values(), strict=True)
+        }
+
     @property
     def scale(self) -> np.ndarray:
-        """Scale of each free parameter, by which its values become about one."""
-        return np.array([max(abs(b) for b in ends) for ends in self.typical.values()])
+        """Size of each free parameter."""
+        return np.array([p.size for p in self.parameters.values()])
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Declared bounds over `scale`."""
-        low, high = np.array([q.bounds for q in self.quantities.values()]).reshape(-1, 2).T
-        return low / self.scale, high / self.scale
+        return bounds_of(self.parameters)
 
     def starts(self, count: int, seed: int) -> np.ndarray:
         """Starting points from the usual ranges by a Latin hypercube, over `scale`, shape (count, free)."""
@@ -157,8 +185,7 @@ class Problem:
     @property
     def priors(self) -> dict[str, tuple[float, float]]:
         """Mean and standard deviation of those free parameters that have a prior [SI]."""
-        priors = law_type(self.law).priors
-        return {name: priors[name] for name in self.free if name in priors}
+        return {name: p.prior for name, p in self.parameters.items() if p.prior is not None}
 
     @property
     def curves(self) -> np.ndarray:
@@ -226,21 +253,14 @@ def _freed(kind: type[TensionLaw], parameters: Mapping[str, Scalar], points: For
     return tuple(free)
 
 
-def _longest(points: ForceMap) -> Any:
-    if points.rest_length is None:
-        return float(points.length.max())
-    return np.array([points.length[points.rest_length == r].max() for r in points.rest_length])
-
-
 @functools.lru_cache(maxsize=64)
 def _compiled(
     kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]
 ) -> tuple[EngineFunction, EngineFunction]:
-    """Tension at a point and its derivative (free,), with a point in each lane."""
     examples = np.zeros(len(free)), tuple(0.0 for _ in known), 0.0, 0.0
     run, run_slopes = (
         compile_function(functools.partial(function, kind, free, known), *examples, title=function.__name__)
-        for function in (tension_at, _slopes_at)
+        for function in (tension_at, slopes_at)
     )
     return run, run_slopes
 
@@ -259,7 +279,7 @@ def tension_at(
     return construct(kind, parameters).braid_tension(length, pressure)
 
 
-def _slopes_at(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Scalar, pressure: Scalar) -> Any:
+def slopes_at(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Scalar, pressure: Scalar) -> Any:
     """Derivative of `tension_at` by the free parameters (free,)."""
     return jax.jacfwd(lambda v: tension_at(kind, free, known, v, fixed, length, pressure))(values)
 
@@ -268,6 +288,55 @@ SEED = 1
 CANDIDATES, POLISHED, AGREE = 192, 12, 3
 # Two solutions are the same when their sums of squares agree to this share.
 SAME = 1e-6
+
+
+class LengthEvidence(NamedTuple):
+    """What the data say about p parameters and the errors of c set lengths, linearised at a fit.
+
+    Attributes:
+        information: of the data (p + c, p + c), the errors last, in stated errors.
+        pull: information times the values that data and the parameters' priors ask for (p + c,).
+        prior: information of the parameters' priors (p, p).
+        muscle: number of the muscle of each set length (c,).
+        stated: standard deviation of an error as stated [m].
+    """
+
+    information: np.ndarray
+    pull: np.ndarray
+    prior: np.ndarray
+    muscle: np.ndarray
+    stated: float
+
+    def reach(self) -> tuple[float, float]:
+        """Half width of the 95 % interval of a length yet to be set, of a fitted muscle and of another one [m]."""
+        muscles = len(set(self.muscle.tolist()))
+        pairs = [(own, whole) for own in LEVELS for whole in (LEVELS if muscles > 1 else LEVELS[:1])]
+        # Half-Cauchy densities times the deviations, because the levels are even in the logarithm.
+        logs = np.array([0.5 * self._evidence(*p) + sum(math.log(s / (1.0 + s * s)) for s in p) for p in pairs])
+        chance = np.exp(logs - logs.max())
+        chance /= chance.sum()
+        own, whole = np.array(pairs).T
+        return self.stated * _half_width(own, chance), self.stated * _half_width(np.hypot(own, whole), chance)
+
+    def _evidence(self, own: float, whole: float) -> float:
+        """Twice the log likelihood of the two deviations, but for a constant."""
+        count, curves = len(self.prior), len(self.muscle)
+        covariance = own**2 * np.eye(curves) + whole**2 * (self.muscle[:, None] == self.muscle)
+        inner = self.information.copy()
+        inner[:count, :count] += self.prior
+        inner[count:, count:] += np.linalg.inv(covariance)
+        sizes = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(inner)[1]
+        return float(self.pull @ np.linalg.solve(inner, self.pull) - sizes)
+
+
+def _half_width(deviations: np.ndarray, chance: np.ndarray) -> float:
+    """What a mixture of normal variables without mean exceeds, to either side, in 5 % of cases."""
+    low, high = 0.0, 10.0 * float(deviations.max())
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        outside = sum(c * math.erfc(middle / (s * math.sqrt(2.0))) for s, c in zip(deviations, chance, strict=True))
+        low, high = (middle, high) if outside > 1.0 - CONFIDENCE else (low, middle)
+    return high
 
 
 @dataclass(frozen=True)
@@ -343,7 +412,7 @@ def solve(
         solutions.append(descend(start))
         if _agreeing(solutions) >= AGREE:
             break
-    best = min(solutions, key=lambda f: (f.status <= 0, f.cost))
+    best = min(solutions, key=lambda f: (not f.converged, f.cost))
     if descend.informed:
         for _ in range(PASSES):
             descend.estimate_noise(best.x)
@@ -355,8 +424,8 @@ def solve(
         scaled=scaled,
         tension=pull,
         jacobian=np.where(pull > 0.0, 1.0, 0.0)[:, None] * slopes(scaled, shift),
-        converged=bool(best.status > 0 and np.isfinite(best.x).all() and best.cost < 1e6),
-        message=str(best.message).strip("` ."),
+        converged=bool(best.converged and np.isfinite(best.x).all() and best.cost < 1e6),
+        message=best.message,
         starts=len(solutions),
         agreeing=_agreeing(solutions),
         posterior=replace(descend.posterior(best.x), lengths=descend.length_evidence(best.x))
@@ -365,8 +434,8 @@ def solve(
     )
 
 
-def _agreeing(values: Sequence[Any]) -> int:
-    costs = [f.cost if f.status > 0 else np.inf for f in values]
+def _agreeing(values: Sequence[Descent]) -> int:
+    costs = [f.cost if f.converged else np.inf for f in values]
     return sum(c <= min(costs) * (1.0 + SAME) + 1e-30 for c in costs)
 
 
@@ -447,7 +516,6 @@ class _Descent:
         return LengthEvidence(seen.T @ seen, pull, held.T @ held, muscle, self.problem.length_error)
 
     def _prior_rows(self) -> np.ndarray:
-        """Derivative of `_surprise`."""
         rows = np.zeros((len(self.priors) + self.shifts, self.count + self.shifts))
         for row, (name, (_, sd)) in zip(rows, self.priors.items(), strict=False):
             i = self.problem.free.index(name)
@@ -474,27 +542,101 @@ class _Descent:
             noise=self.noise,
         )
 
-    def __call__(self, start: np.ndarray, *, start_with: Any = None) -> Any:
-        from scipy import optimize
-
+    def __call__(self, start: np.ndarray, *, start_with: Descent | None = None) -> Descent:
         first, start = start[: self.count], self.whole(start)
         low, high = self.problem.bounds
         bounds = np.append(low, np.full(self.shifts, -np.inf)), np.append(high, np.full(self.shifts, np.inf))
         for unilateral in (False, True):
-            solution = optimize.least_squares(
-                self.misfit,
+            end = descend(
+                functools.partial(self.misfit, unilateral=unilateral),
                 start,
-                jac=self.derivative,
+                jacobian=functools.partial(self.derivative, unilateral=unilateral),
                 bounds=bounds,
-                x_scale="jac",
                 max_nfev=400,
                 ftol=1e-12,
                 xtol=1e-12,
                 gtol=1e-12,
-                kwargs={"unilateral": unilateral},
             )
-            start = solution.x
+            start = end.x
             if np.all(self.force(*self.parts(start))[self.weight > 0] > 0.0):
                 break  # nothing is slack, and the second descent would be the first again
-        solution.start = first if start_with is None else start_with.start
-        return solution
+        return end._replace(start=first if start_with is None else start_with.start)
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """Errors of the taut points, each predicted by a fit without its group [N]; NaN if a fold could not be fitted."""
+
+    scheme: str
+    groups: int
+    failed: int
+    error: np.ndarray
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square prediction error [N]; infinite if a fold failed."""
+        return float(np.sqrt(np.mean(self.error**2))) if not self.failed else float("inf")
+
+    @property
+    def max_error(self) -> float:
+        """Largest prediction error [N]; infinite if a fold failed."""
+        return float(np.abs(self.error).max()) if not self.failed else float("inf")
+
+
+def groups(points: ForceMap, scheme: str) -> np.ndarray:
+    """Group number of each point: by ``pressure``, ``length``, ``rest_length`` or ``block``.
+
+    A block is a patch of neighbouring lengths and pressures, so that leaving it out asks for interpolation over a gap.
+    """
+    if scheme == "block":
+        by_length = _binned(points.length if points.rest_length is None else points.contraction, 3)
+        by_pressure = _binned(points.pressure, 3)
+        return np.unique(by_length * 3 + by_pressure, return_inverse=True)[1]
+    if scheme == "rest_length":
+        values = np.zeros(len(points)) if points.rest_length is None else points.rest_length
+    else:
+        values = getattr(points, scheme)
+    distinct, index = np.unique(np.round(values, 9), return_inverse=True)
+    return _binned(values, BINS) if len(distinct) > MOST_GROUPS else index
+
+
+def cross_validate(
+    problem: Problem, full: Solution, scheme: str, *, progress: Callable[[], None] | None = None
+) -> CrossValidation | None:
+    """Leave each group out once, refit, and predict it; None if the table has only one group.
+
+    A fold starts from the full solution, which saves the search and does not move the optimum.
+    """
+    index, taut = groups(problem.points, scheme), problem.points.taut
+    members = np.unique(index[taut])
+    if len(members) < 2:
+        return None
+    error = np.full(len(problem.points), np.nan)
+    failed = 0
+    for group in members:
+        out = index == group
+        solution = predict_rest(problem, ~out, near=full)
+        failed += solution is None
+        if solution is not None:
+            error[out] = solution.tension[out] - problem.points.tension[out]
+        if progress:
+            progress()
+    return CrossValidation(scheme=scheme, groups=len(members), failed=failed, error=error[taut])
+
+
+def predict_rest(problem: Problem, train: np.ndarray, *, near: Solution | None = None) -> Solution | None:
+    """Fit to the points in `train` only; None if these are too few or the fit did not converge.
+
+    With a solution `near`, the fit starts there: it decides how long the search takes, not where the optimum lies.
+    """
+    if int((train & problem.points.taut).sum()) < len(problem.free):
+        return None
+    start = [] if near is None else [near.scaled]
+    solution = solve(problem, train=train, near=start, search=near is None or not near.converged)
+    return solution if solution.converged else None
+
+
+def _binned(values: np.ndarray, bins: int) -> np.ndarray:
+    """Group numbers of equal-sized bins; equal values share a bin."""
+    edges = np.quantile(values, np.linspace(0.0, 1.0, bins + 1)[1:-1])
+    return np.unique(np.searchsorted(edges, values, side="left"), return_inverse=True)[1]

@@ -22,10 +22,9 @@ import numpy as np
 from .._jax import Array
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
+from ..estimation import Parameters, bounds_of
 from . import sampler
-from ._samples import SampleWarnings, interval_ends, joint_interval_ends, mixing_warnings
-from .posterior import Band
-from .uncertainty import Estimate
+from .posterior import Band, ParameterSamples
 
 if TYPE_CHECKING:
     from .hysteresis_fit import LoopFit
@@ -40,45 +39,29 @@ CHAINS, WARM_UP, DRAWS = 2, 300, 1000
 
 
 class RecordProblem(NamedTuple):
-    """What was fitted to a record: scaled parameters, their prediction, and the measured values.
+    """What was fitted to a record: parameters at their fitted values, their prediction, and the measured values.
 
     Attributes:
-        names: of the parameters.
-        units: of each.
-        low: lower bounds, scaled (p,).
-        high: upper bounds (p,).
-        start: fitted values (p,).
-        log: whether a parameter is scaled as a logarithm (p,).
-        size: unit of a scaled parameter, or the value whose logarithm is 0 [SI] (p,).
-        model: prediction of all values (n,) and its derivatives (n, p).
+        parameters: by name.
+        start: fitted values, scaled (p,).
+        model: prediction of all values (n,) by scaled parameters, and its derivatives (n, p).
         measured: (n,) [SI].
         group: number of the record and channel of each value (n,).
         used: which values the fit saw, bool (n,).
         unit: of the values.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    low: np.ndarray
-    high: np.ndarray
+    parameters: Parameters
     start: np.ndarray
-    log: np.ndarray
-    size: np.ndarray
     model: sampler.HostModel
     measured: np.ndarray
     group: np.ndarray
     used: np.ndarray
     unit: str
 
-    def values(self, x: np.ndarray) -> np.ndarray:
-        """Parameters of scaled ones (.., p) [SI]."""
-        shares: np.ndarray = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
-        values: np.ndarray = shares * self.size
-        return values
-
 
 @dataclass(frozen=True, repr=False)
-class RecordPosterior:
+class RecordPosterior(ParameterSamples):
     """Samples of the parameters of a model that was fitted to records.
 
     Attributes:
@@ -115,9 +98,6 @@ class RecordPosterior:
     divergences: int
     worst: str = ""
 
-    def __len__(self) -> int:
-        return len(self.noise)
-
     def __repr__(self) -> str:
         size = f"{self.discrepancy_size:.3g} {self.unit}"
         return f"RecordPosterior({len(self)} samples of {len(self.samples)} parameters, discrepancy {size})"
@@ -132,18 +112,9 @@ class RecordPosterior:
         """Median of the standard deviation of a measured value [unit]."""
         return float(np.median(self.noise))
 
-    @property
-    def warnings(self) -> SampleWarnings:
-        """What speaks against the use of the samples, as text; empty if nothing does."""
-        return mixing_warnings(self.r_hat, self.effective, self.divergences, len(self), self.worst)
-
-    def intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
-        """Median of each parameter with its interval between equal tails [SI]."""
-        return interval_ends(self.samples, self.units, confidence)
-
-    def joint_intervals(self, confidence: float = 0.95) -> dict[str, Estimate]:
-        """Intervals that hold all parameters of a sample at once, for a share `confidence` of the samples [SI]."""
-        return joint_interval_ends(self.samples, self.units, confidence)
+    def unit_of(self, name: str) -> str:
+        """Unit of a parameter."""
+        return self.units[name]
 
     def band(self, confidence: float = 0.95, *, measured: bool = False) -> Band:
         """Band of the values of all records (n,) [unit].
@@ -162,11 +133,8 @@ class RecordPosterior:
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Samples, intervals and size of the discrepancy as plain values [SI], for JSON."""
-        intervals, joint = self.intervals(), self.joint_intervals()
         return {
-            "intervals": {
-                n: e._asdict() | {"joint_low": joint[n].low, "joint_high": joint[n].high} for n, e in intervals.items()
-            },
+            "intervals": self._plain_intervals(),
             "discrepancy": self.discrepancy_size,
             "noise": self.noise_size,
             "unit": self.unit,
@@ -174,12 +142,7 @@ class RecordPosterior:
             "noise_samples": self.noise.tolist(),
             "discrepancy_samples": self.amplitude.tolist(),
             "correlation_length": self.length,
-            "seed": self.seed,
-            "r_hat": self.r_hat,
-            "effective": self.effective,
-            "divergences": self.divergences,
-            "worst": self.worst,
-            "warnings": list(self.warnings),
+            **self._plain_mixing(),
         }
 
 
@@ -240,7 +203,11 @@ def posterior_of_records(
     modes = sampler.ErrorModes.of(covariance, smooth)
     at, slopes = problem.model.predict(problem.start)[rows], problem.model.slopes(problem.start)[rows]
     errors = sizes.covariance(covariance, smooth, amplitude)
-    low, high = sampler.around(problem.start, slopes, errors, *_bounds(problem))
+    logs = [p.search == "log" for p in problem.parameters.values()]
+    reach = np.where(logs, REACH[0], REACH[1] * np.maximum(np.abs(problem.start), 1.0))
+    low, high = bounds_of(problem.parameters)
+    low, high = np.maximum(low, problem.start - reach), np.minimum(high, problem.start + reach)
+    low, high = sampler.around(problem.start, slopes, errors, low, high)
     evidence = sampler.Evidence(
         model=_linear,
         inputs={"at": problem.start, "value": at, "slopes": slopes},
@@ -258,7 +225,9 @@ def posterior_of_records(
     weights = _weights(evidence, drawn, predicted[:, rows])
     effective = float(1.0 / (weights**2).sum())
     if effective >= LINEAR * len(weights):
-        kept = _resampled(weights, seed)
+        # as many samples, each as often as its weight says, in their order
+        steps = (np.arange(len(weights)) + np.random.default_rng(seed).uniform()) / len(weights)
+        kept = np.minimum(np.searchsorted(np.cumsum(weights), steps), len(weights) - 1)
         drawn = drawn._replace(
             parameters=drawn.parameters[kept],
             noise=drawn.noise[kept],
@@ -268,7 +237,7 @@ def posterior_of_records(
         predicted = predicted[kept]
     else:
         exact = sampler.HostModel(lambda x: problem.model.predict(x)[rows], lambda x: problem.model.slopes(x)[rows])
-        model = sampler.host_model(len(rows), len(problem.names))
+        model = sampler.host_model(len(rows), len(problem.start))
         evidence = replace(evidence, model=model, inputs={}, host=exact)
         drawn = sampler.sample(evidence, draws=draws, chains=CHAINS, warm_up=warm_up, seed=seed)
         predicted = np.stack([problem.model.predict(x) for x in drawn.parameters])
@@ -278,8 +247,8 @@ def posterior_of_records(
     error = (problem.measured[rows] - predicted[:, rows]) @ modes.directions.T
     precision = sampler.Precision.of(modes.values, drawn.noise[some], drawn.amplitude[some])
     return RecordPosterior(
-        samples=dict(zip(problem.names, problem.values(drawn.parameters).T, strict=True)),
-        units=dict(zip(problem.names, problem.units, strict=True)),
+        samples={n: p.value(x) for (n, p), x in zip(problem.parameters.items(), drawn.parameters.T, strict=True)},
+        units={n: p.unit for n, p in problem.parameters.items()},
         noise=size * drawn.noise,
         amplitude=drawn.amplitude,
         measured=problem.measured,
@@ -292,7 +261,7 @@ def posterior_of_records(
         r_hat=drawn.r_hat,
         effective=drawn.effective,
         divergences=drawn.divergences,
-        worst=(*problem.names, "the noise")[drawn.worst],
+        worst=(*problem.parameters, "the noise")[drawn.worst],
     )
 
 
@@ -320,19 +289,6 @@ def _weights(evidence: sampler.Evidence, drawn: sampler.Draws, predicted: np.nda
     gain = np.nan_to_num(gain, nan=-np.inf)
     weights = np.exp(gain - gain.max())
     return np.asarray(weights / weights.sum())
-
-
-def _resampled(weights: np.ndarray, seed: int) -> np.ndarray:
-    """Places of as many samples, each as often as its weight says, in their order."""
-    steps = (np.arange(len(weights)) + np.random.default_rng(seed).uniform()) / len(weights)
-    return np.minimum(np.searchsorted(np.cumsum(weights), steps), len(weights) - 1)
-
-
-def _bounds(problem: RecordProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Scaled bounds, finite and around the fitted values."""
-    reach = np.where(problem.log, REACH[0], REACH[1] * np.maximum(np.abs(problem.start), 1.0))
-    low, high = np.maximum(problem.low, problem.start - reach), np.minimum(problem.high, problem.start + reach)
-    return low, high
 
 
 def record_places(group: np.ndarray) -> np.ndarray:

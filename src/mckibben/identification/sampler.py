@@ -42,7 +42,6 @@ import numpy as np
 
 from .._jax import Scalar, Tree, jax, jnp
 from ..extras import library
-from ._samples import FEW, LOST, MIXED
 
 Model = Callable[[Any, Tree], Any]
 
@@ -65,6 +64,8 @@ ACCEPTED = 0.97  # share of the proposals; at 0.9, of longer steps, single chain
 ROUNDS = 4  # of all chains, each of a warm-up and samples
 RUN_COLUMNS = 6  # the count of runs is filled up to a multiple of it
 REACH = 8.0  # of the uniform prior to either side of the fit, in standard deviations of the linearised model
+MIXED, FEW = 1.05, 200  # largest R-hat, and fewest independent samples, of chains that are said to have mixed
+LOST = 0.01  # largest share of the samples at which the sampler may lose its path
 EDGES = (1e-6, 0.1)  # shares of the room between the bounds within which no search for the mode begins, of each search
 
 
@@ -201,15 +202,9 @@ def marginal(
     scale = xp.sqrt(variance)
     columns = runs / scale[:, None]
     root = xp.linalg.cholesky(xp.eye(runs.shape[1]) + deviation**2 * columns.T @ columns)
-    shared = _solve_lower(root, columns.T @ (coefficients / scale), xp)
+    right = columns.T @ (coefficients / scale)
+    shared = np.linalg.solve(root, right) if xp is np else jax.scipy.linalg.solve_triangular(root, right, lower=True)
     return independent + 0.5 * deviation**2 * (shared**2).sum() - xp.log(xp.diagonal(root)).sum()
-
-
-def _solve_lower(root: Any, right: Any, xp: Any) -> Any:
-    """Solution of a lower triangular system."""
-    if xp is np:
-        return np.linalg.solve(root, right)
-    return jax.scipy.linalg.solve_triangular(root, right, lower=True)
 
 
 class Precision(NamedTuple):
@@ -366,6 +361,30 @@ def sample(
         return _draws(evidence, _rounds(kernel, data, _mode(evidence, data), chains=chains, seed=seed), each)
 
 
+def mixing_warnings(r_hat: float, effective: float, divergences: int, count: int, worst: str = "") -> tuple[str, ...]:
+    """What speaks against the use of samples, as text; empty if nothing does.
+
+    Args:
+        r_hat: largest ratio of the variances between and within the chains.
+        effective: fewest independent samples of a parameter.
+        divergences: count of the samples at which the sampler lost its path.
+        count: count of the samples.
+        worst: name of the parameter on which the chains agree least, if it is known.
+    """
+    warnings = []
+    if r_hat > MIXED:
+        place = f" about {worst}" if worst else ""
+        warnings.append(
+            f"the chains disagree{place} (R-hat {r_hat:.2f}) although they went on until the last round: "
+            f"the data leave it open; fix {worst or 'a parameter'}, or measure more points"
+        )
+    elif effective < FEW:
+        warnings.append(f"only {effective:.0f} samples are independent: draw more")
+    if divergences > LOST * count:
+        warnings.append(f"the sampler lost its path at {divergences} of {count} samples")
+    return tuple(warnings)
+
+
 class _Round(NamedTuple):
     """Unbounded samples of all chains (chains, each, p + 2; with runs p + 3), and whether the sampler lost its path."""
 
@@ -374,8 +393,6 @@ class _Round(NamedTuple):
 
 
 class _Mixing(NamedTuple):
-    """How well chains mixed: see `Draws`."""
-
     r_hat: float
     effective: float
     divergences: int
@@ -404,17 +421,13 @@ def _rounds(
         if best[1].enough(best[0].lost.size):
             break
         flat = rounds[-1].places.reshape(-1, len(centre))
-        centre, spread = flat.mean(axis=0), _root(np.cov(flat.T))
+        covariance = np.cov(flat.T)
+        scale = np.sqrt(np.maximum(np.diag(covariance), 1e-16))
+        strength, directions = np.linalg.eigh(covariance / np.outer(scale, scale))
+        # directions in which nothing moved have a small variance
+        centre, spread = flat.mean(axis=0), scale[:, None] * directions * np.sqrt(np.maximum(strength, 1e-6))
         z = np.linalg.solve(spread, (rounds[-1].places[:, -1] - centre).T).T
     return best
-
-
-def _root(covariance: np.ndarray) -> np.ndarray:
-    """Root of a covariance; directions in which nothing moved have a small variance."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-16))
-    strength, directions = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root: np.ndarray = scale[:, None] * directions * np.sqrt(np.maximum(strength, 1e-6))
-    return root
 
 
 def _mixing(one: _Round, counted: int) -> _Mixing:

@@ -36,6 +36,7 @@ from .._jax import Array, Scalar, jax, jnp
 from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
+from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, FrictionLimit
 from ..muscles.law import TensionLaw
@@ -47,7 +48,6 @@ from ..recordings.columns import quantity_of
 from ..recordings.files import understand
 from ..specimens import SpecimenNumber
 from .problem import SAME_LENGTH
-from .uncertainty import INDIFFERENT, Estimate, akaike, uncertainty, widening
 
 if TYPE_CHECKING:
     from .fit import Fit
@@ -55,17 +55,21 @@ if TYPE_CHECKING:
 Source = Recording | str | os.PathLike[str]
 
 ELEMENTS, SHORTEST, LONGEST = 3, 0.1, 10.0  # of the Maxwell elements [s]
-NAMES = ("constant", "per_pressure", "stiffness", "creep")
-UNITS = ("N", "m^2", "N/m", "N/m")
+# A parameter that is not free has its lower bound, which no sensor resolves.
+PARAMETERS = {
+    "constant": Parameter(1.0, 1e-3, 50.0, "N", search="log"),
+    "per_pressure": Parameter(1e-5, 1e-9, 2e-4, "m^2", search="log"),
+    "stiffness": Parameter(1e4, 1e2, 1e7, "N/m", search="log"),
+    "creep": Parameter(1e3, 1e-2, 1e6, "N/m", search="log"),
+}
+NAMES = tuple(PARAMETERS)
+START, LOW, HIGH = (np.array([getattr(p, end) for p in PARAMETERS.values()]) for end in ("start", "low", "high"))
 MEANINGS = {
     "constant": "friction without pressure",
     "per_pressure": "friction per gauge pressure",
     "stiffness": "stiffness of the contact",
     "creep": "stiffness of all creep elements",
 }
-# Begin and bounds of each; a parameter that is not free has its lower bound, which no sensor resolves.
-START = np.array([1.0, 1e-5, 1e4, 1e3])
-LOW, HIGH = np.array([1e-3, 1e-9, 1e2, 1e-2]), np.array([50.0, 2e-4, 1e7, 1e6])
 FRICTIONS = {
     "": (),
     "constant friction": ("constant", "stiffness"),
@@ -145,7 +149,6 @@ def resistance(values: np.ndarray, path: BraidPath) -> np.ndarray:
 
 
 def _force(values: Array, moved: Array, pressure: Array, duration: Array) -> Array:
-    """Force of friction and elements along a path (n,) [N]."""
     constant, per_pressure, stiffness, creep = values
     friction = BoucWen(limit=FrictionLimit(constant=constant, per_pressure=per_pressure), stiffness=stiffness)
     chain = MaxwellChain.geometric(stiffness=creep, shortest=SHORTEST, longest=LONGEST, elements=ELEMENTS)
@@ -201,15 +204,16 @@ class ResistanceProblem:
         self.used = np.stack([_padded(keep, count) for keep in used]).astype(bool)
         self.basis = None if basis is None else np.stack([_padded(columns, count) for columns in basis])
         self.groups = np.asarray(groups)
-        self.low, self.high = np.log(LOW), np.log(high)
-        self.nuisances = 0 if self.basis is None else int(sum(map(self._rank, np.unique(self.groups))))
-
-    def _rank(self, group: int) -> int:
-        """How many of the columns of a muscle's basis the data tell apart."""
-        assert self.basis is not None
-        own = self.groups == group
-        columns = self.basis[own][self.used[own]]
-        return int(np.linalg.matrix_rank(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), tol=RANK))
+        self.low, self.high = np.log(LOW), high
+        # how many of the columns of each muscle's basis the data tell apart
+        self.nuisances = 0
+        for group in np.unique(self.groups):
+            if self.basis is None:
+                break
+            own = self.groups == group
+            columns = self.basis[own][self.used[own]]
+            columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            self.nuisances += int(np.linalg.matrix_rank(columns, tol=RANK))
 
     def without(self, paths: np.ndarray) -> ResistanceProblem:
         """The problem that does not see some of the paths, bool (paths,); compiled functions are shared."""
@@ -251,8 +255,6 @@ class ResistanceProblem:
             names: of the values that are fitted.
             starts: values to begin at; the best solution counts.
         """
-        from scipy import optimize
-
         free = [NAMES.index(name) for name in names]
         if not free:
             return np.array(LOW)
@@ -262,18 +264,15 @@ class ResistanceProblem:
             logs[free] = x
             return logs
 
-        solutions = [
-            optimize.least_squares(
-                lambda x: self.misfit(whole(x)),
-                np.clip(np.log(start), self.low + 1e-6, self.high - 1e-6)[free],
-                jac=lambda x: self.derivative(whole(x), free),
-                bounds=(self.low[free], self.high[free]),
-                x_scale="jac",
-                max_nfev=EVALUATIONS,
-            )
-            for start in starts
-        ]
-        return np.asarray(np.exp(whole(min(solutions, key=lambda solution: solution.cost).x)))
+        parameters = {n: PARAMETERS[n]._replace(high=self.high[i]) for n, i in zip(names, free, strict=True)}
+        estimation = Estimation(
+            parameters,
+            lambda x: self.misfit(whole(x)),
+            lambda x: self.derivative(whole(x), free),
+            margin=1e-6,
+            options={"max_nfev": EVALUATIONS},
+        )
+        return np.asarray(np.exp(whole(estimation.search(np.log(start)[free] for start in starts).x)))
 
     def errors(self, values: np.ndarray | None) -> list[np.ndarray]:
         """Prediction less measurement at the used samples of each path [N]; by the law alone for None."""
@@ -289,11 +288,12 @@ class ResistanceProblem:
         errors = self.errors(values)
         spread = uncertainty(self.derivative(np.log(values), free), np.concatenate(errors), tuple(names))
         width = spread.quantile * spread.standard_error * widening(errors)
+        estimates = {}
         with np.errstate(over="ignore"):
-            return {
-                name: Estimate(float(values[i]), float(values[i] * np.exp(-w)), float(values[i] * np.exp(w)), UNITS[i])
-                for name, i, w in zip(names, free, width, strict=True)
-            }
+            for name, i, w in zip(names, free, width, strict=True):
+                low, high = values[i] * np.exp(-w), values[i] * np.exp(w)
+                estimates[name] = Estimate(float(values[i]), float(low), float(high), PARAMETERS[name].unit)
+        return estimates
 
 
 def _padded(values: np.ndarray, count: int, *, edge: bool = False) -> np.ndarray:
@@ -649,7 +649,6 @@ class _Motion(NamedTuple):
 
 
 def _muscles(fit: Fit) -> list[float]:
-    """Rest lengths of the muscles of a table; none where it states none."""
     rest = fit.points.rest_length
     return [] if rest is None else [float(r) for r in np.unique(np.round(rest, 9))]
 
@@ -668,12 +667,17 @@ def _motions(fit: Fit, recording: Recording, name: str) -> list[_Motion]:
     _check_lengths(length, np.asarray(fit.points.length)[own], name)
     several = len(muscles) > 1 and "rest_length" in declared(law_type(fit.law))
     law = fit.build(**({"rest_length": rest} if several else {}))
-    length_error = _length_error(fit, length, rest)
+    # at a set length of the table its own error, else the mean of the muscle's
+    known = [e for e in fit.length_errors if not np.isfinite(rest) or abs(e.rest_length - rest) < SAME_LENGTH]
+    at = [e.added for e in known if np.abs(length - e.length).max() < SAME_LENGTH]
+    length_error = at[0] if at else float(np.mean([e.added for e in known])) if known else 0.0
     durations = np.diff(recording.time)
     gaps = np.flatnonzero(durations > max(GAP * float(np.median(durations)), SHORTEST)) + 1
     pieces = []
     for part in np.split(np.arange(len(length)), gaps):
-        part = part[:: _every(length[part])]
+        # so many samples that the muscle hardly moves between them
+        count = max(SAMPLES, min(float(np.abs(np.diff(length[part])).sum()) / STEP, MOST))
+        part = part[:: max(round(len(part) / count), 1)]
         braid = braid_length(law, length[part] + length_error, pressure[part])
         path = braid_path(law, braid, pressure[part], recording.time[part])
         begun = bool(pressure[part][0] > BEGUN * float(np.max(fit.points.pressure)))
@@ -707,14 +711,7 @@ def _used(tension: np.ndarray, path: BraidPath, least: float, *, begun: bool) ->
     return used
 
 
-def _every(length: np.ndarray) -> int:
-    """Every how many samples make the path: so many that the muscle hardly moves between them."""
-    count = max(SAMPLES, min(float(np.abs(np.diff(length)).sum()) / STEP, MOST))
-    return max(round(len(length) / count), 1)
-
-
 def _channel(recording: Recording, quantity: str, unit: str, name: str) -> np.ndarray:
-    """Values of the one channel of a quantity."""
     measured = [n for n, c in recording.channels.items() if c.kind != "command" and not n.startswith("command.")]
     stems = {n: n.rpartition(".")[2] for n in measured}
     kinds = [[n for n in measured if stems[n] == word] for word in (("span", "length") if unit == "m" else (quantity,))]
@@ -733,7 +730,6 @@ def _channel(recording: Recording, quantity: str, unit: str, name: str) -> np.nd
 
 
 def _rest_length(recording: Recording, muscles: Sequence[float], name: str) -> float:
-    """Rest length of the muscle of a recording [m]; NaN where the table knows none."""
     if not muscles:
         return float("nan")
     alike = [n for n in recording.channels if quantity_of(n.rpartition(".")[2]) == "rest_length"]
@@ -755,7 +751,6 @@ def _rest_length(recording: Recording, muscles: Sequence[float], name: str) -> f
 
 
 def _check_lengths(length: np.ndarray, table: np.ndarray, name: str) -> None:
-    """Refuse lengths at which the law was not fitted."""
     margin = BEYOND * float(table.max())
     for at in (float(length.min()), float(length.max())):
         if not table.min() - margin <= at <= table.max() + margin:
@@ -779,10 +774,3 @@ def _check_motion(pieces: Sequence[_Motion], law: str, name: str) -> None:
     held = with_unit(float(length[0]), "m", 4)
     problem = f"is {held} throughout, and the law {law} has no ends that settle, as seated_braid has"
     raise InputError("length", None, f"{problem}: {reason}", where=name)
-
-
-def _length_error(fit: Fit, length: np.ndarray, rest: float) -> float:
-    """What the fit adds to a length [m]: at a set length of the table its error, else the mean of the muscle's."""
-    own = [e for e in fit.length_errors if not np.isfinite(rest) or abs(e.rest_length - rest) < SAME_LENGTH]
-    at = [e.added for e in own if np.abs(length - e.length).max() < SAME_LENGTH]
-    return at[0] if at else float(np.mean([e.added for e in own])) if own else 0.0

@@ -24,9 +24,9 @@ import numpy as np
 from .._jax import Array, Tree, jax, jnp
 from ..answers import brief
 from ..errors import InputError
+from ..estimation import NORMAL_QUANTILE, Estimate, Estimation, Parameter, at_bounds, conclude, descend_linear, widening
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import FrictionLimit, MaxwellSlip
-from .uncertainty import NORMAL_QUANTILE, Estimate, uncertainty, widening
 
 ELEMENTS = 6  # of the friction
 FEWEST = 12
@@ -35,14 +35,13 @@ PER_DECADE = 4  # elements of the relaxation
 HISTORY = 0.1  # standard error of the share of the path before the stretch that reached the muscle
 UNSEEN = 0.1  # standard error of the relaxation, a share: friction holds some of it while the cord shortens
 AT_PRESSURE = 5e5  # at which the travels of the friction are meant [Pa]
-# Start, least and largest value of the friction's parameters: limit [N] and [m^2], travel [m], ratio of the travels [1].
-_BOUNDS = {
-    "constant": (1.0, 5e-3, 1e3, "N"),
-    "per_pressure": (5e-6, 0.0, 1e-3, "m^2"),
-    "shortest": (5e-4, 1e-5, 5e-3, "m"),
-    "spread": (10.0, 1.0, 50.0, "1"),
+# Of the friction: limit without and per pressure, travel, ratio of the travels.
+FRICTION = {
+    "constant": Parameter(1.0, 5e-3, 1e3, "N"),
+    "per_pressure": Parameter(5e-6, 0.0, 1e-3, "m^2"),
+    "shortest": Parameter(5e-4, 1e-5, 5e-3, "m", search="log"),
+    "spread": Parameter(10.0, 1.0, 50.0, "1", search="log"),
 }
-_LOG = ("shortest", "spread")
 
 
 class SpanPath(NamedTuple):
@@ -142,7 +141,10 @@ def fit_relaxation(
     if stretch is not None:
         before = path._replace(span=np.where(np.arange(len(path.span)) < stretch, path.span, path.span[stretch]))
         earlier = np.asarray(_compiled().deflections(chain, *_steps(before)))[still]
-    moved = _smooth(path.time[still], path.pressure[still])
+    # the pressure settles: without its noise it is a constant and decays of many time constants
+    since = path.time[still] - path.time[still][0]
+    decays = np.column_stack([np.ones(len(since)), np.exp(-since[:, None] / np.geomspace(0.1, 30.0, 6))])
+    moved = decays @ np.linalg.lstsq(decays, path.pressure[still], rcond=1e-9)[0]
     changes = np.column_stack([moved - moved[-1], path.span[still] - np.median(path.span[still])])
     slopes, spreads = np.array([pressure_slope or (0.0, 0.0), span_slope or (0.0, 0.0)]).T
     wanted = tension[still] - changes @ slopes
@@ -150,15 +152,6 @@ def fit_relaxation(
     weights = np.exp(-WINDOW[0] / times) - np.exp(-WINDOW[1] / times)
     likelihood = _RelaxationLikelihood(weights, whole, earlier, changes, wanted, spreads, stretch is not None)
     return likelihood.fit(np.asarray(chain.time_constant))
-
-
-def _smooth(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values that settle, without their noise: a constant and decays of many time constants, fitted (n,)."""
-    since = time - time[0]
-    decays = np.exp(-since[:, None] / np.geomspace(0.1, 30.0, 6))
-    matrix = np.column_stack([np.ones(len(since)), decays])
-    smooth: np.ndarray = matrix @ np.linalg.lstsq(matrix, values, rcond=1e-9)[0]
-    return smooth
 
 
 class _RelaxationLikelihood:
@@ -210,8 +203,6 @@ class _RelaxationLikelihood:
 
     def solve(self, share: float, total: float | None) -> tuple[np.ndarray, float]:
         """Best solution with a share of the earlier path and a total, free if None; and its cost, as -2 log likelihood."""
-        from scipy import optimize
-
         matrix, wanted = self._combined(share)
         matrix, wanted = matrix / self.noise, wanted / self.noise
         prior = np.zeros((self.head - 1, matrix.shape[1]))
@@ -224,7 +215,7 @@ class _RelaxationLikelihood:
             rows.append(bound)
             values.append(np.array([weight * total * self.size]))
         low = np.array([-np.inf] * self.head + [0.0] * self.count)
-        solution = optimize.lsq_linear(np.vstack(rows), np.concatenate(values), bounds=(low, np.inf), method="bvls").x
+        solution = descend_linear(np.vstack(rows), np.concatenate(values), low).x
         cost = float(np.sum((matrix @ solution - wanted) ** 2) + np.sum((prior @ solution) ** 2))
         return solution, cost + ((share - 1.0) / HISTORY) ** 2
 
@@ -282,15 +273,11 @@ def fit_branches(
     Raises:
         InputError: there are too few pairs.
     """
-    from scipy import optimize
-
     if len(difference) < FEWEST:
         raise InputError("pairs", len(difference), f"must be {FEWEST} or more, of lengths on both branches")
     steps = _steps(path)
     known = np.zeros(len(path.time)) if relaxation is None else relaxation_force(path, relaxation)
     wanted = difference - (known[rising] - known[falling])
-    names = tuple(_BOUNDS)
-    start, low, high = (np.array([np.log(b[i]) if n in _LOG else b[i] for n, b in _BOUNDS.items()]) for i in range(3))
 
     def misfit(x: np.ndarray) -> np.ndarray:
         force = np.asarray(_compiled().friction(x, *steps))
@@ -302,25 +289,14 @@ def fit_branches(
 
     # half of the friction from its limit without pressure and half from its growth, in the size of the differences
     half = 0.25 * max(float(np.median(wanted)), 0.1)
-    start[0], start[1] = half, half / max(float(path.pressure.max()), 1.0)
-    tried = [start + shift * np.array([0.0, 0.0, 1.0, 0.0]) for shift in (0.0, 1.0, -1.0)]
-    solutions = [
-        optimize.least_squares(
-            misfit, np.clip(x, low + 1e-9, high - 1e-9), jac=slopes, bounds=(low, high), x_scale="jac", max_nfev=60
-        )
-        for x in tried
-    ]
-    best = min(solutions, key=lambda solution: solution.cost)
+    start = np.array([half, half / max(float(path.pressure.max()), 1.0)])
+    start = np.append(start, [FRICTION[n].scaled(FRICTION[n].start) for n in ("shortest", "spread")])
+    estimation = Estimation(FRICTION, misfit, slopes, options={"max_nfev": 60})
+    best = estimation.search(start + shift * np.array([0.0, 0.0, 1.0, 0.0]) for shift in (0.0, 1.0, -1.0))
     error = misfit(best.x)
-    spread = uncertainty(slopes(best.x), error, names)
-    width = spread.quantile * spread.standard_error * widening([error])
-    value, lower, upper = (
-        _plain(x) for x in (best.x, np.maximum(best.x - width, low), np.minimum(best.x + width, high))
-    )
-    parameters = {n: Estimate(value[n], lower[n], upper[n], b[3]) for n, b in _BOUNDS.items()}
-    room = np.minimum(best.x - low, high - best.x) / np.maximum(high - low, 1e-30)
-    bound = [f"{n} lies on its bound" for n, share in zip(names, room, strict=True) if share < 1e-4]
-    return BranchFit(parameters, float(np.sqrt(np.mean(error**2))), (*spread.warnings, *bound))
+    found = conclude(FRICTION, best, slopes(best.x), error, series=[error], within=True)
+    bound = [f"{n} lies on its bound" for n in at_bounds(FRICTION, best.x, share=1e-4)]
+    return BranchFit(found.parameters, float(np.sqrt(np.mean(error**2))), (*found.warnings, *bound))
 
 
 def friction_force(path: SpanPath, friction: MaxwellSlip) -> np.ndarray:
@@ -339,11 +315,6 @@ def _steps(path: SpanPath) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     ends = np.asarray(path.pressure, float)
     begins = np.concatenate([ends[:1], ends[:-1]])
     return np.diff(path.span, prepend=path.span[0]), np.diff(path.time, prepend=path.time[0]), begins, ends
-
-
-def _plain(x: np.ndarray) -> dict[str, float]:
-    """Values of the friction's parameters [SI] from those that are searched."""
-    return {n: float(np.exp(v)) if n in _LOG else float(v) for n, v in zip(_BOUNDS, x, strict=True)}
 
 
 def _friction(p: dict[str, Any]) -> MaxwellSlip:
@@ -366,8 +337,6 @@ def _deflections(chain: MaxwellChain, dx: Array, dt: Array, *_: Array) -> Array:
 
 
 def _force(friction: MaxwellSlip, dx: Array, _: Array, begins: Array, ends: Array) -> Array:
-    """Force of a friction along a path (n,) [N]."""
-
     def step(state: Tree, at: tuple[Array, Array, Array]) -> tuple[Tree, Array]:
         moved = friction.advance(state, at[0], start_pressure=at[1], end_pressure=at[2], duration=0.0)
         force: Array = jnp.asarray(friction.force(moved.state, pressure=at[2]))
@@ -379,12 +348,10 @@ def _force(friction: MaxwellSlip, dx: Array, _: Array, begins: Array, ends: Arra
 
 
 def _force_of(x: Array, *steps: Array) -> Array:
-    return _force(_friction({n: jnp.exp(x[i]) if n in _LOG else x[i] for i, n in enumerate(_BOUNDS)}), *steps)
+    return _force(_friction({n: p.value(x[i], jnp) for i, (n, p) in enumerate(FRICTION.items())}), *steps)
 
 
 class _Functions(NamedTuple):
-    """Compiled functions of a path."""
-
     deflections: Any
     force: Any
     friction: Any

@@ -310,7 +310,6 @@ def trial_from_record(
 def _given(
     plan: CircuitPlan, record: Recording, pressures: Mapping[str, np.ndarray | None], ambient: float, name: str
 ) -> dict[str, np.ndarray]:
-    """Signals that the recording holds, in the unit that each signal has."""
     signals: dict[str, np.ndarray] = {}
     for signal, its in plan.signals.items():
         if signal in record:

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..citations import reference
+from ..estimation import INDIFFERENT
 from ..identification import Fit
 from ..identification.fit import degenerate_words
 from ..identification.ranking import Ranking
-from ..identification.uncertainty import INDIFFERENT
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
 from .blocks import (

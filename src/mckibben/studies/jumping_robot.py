@@ -160,17 +160,18 @@ def robot_folds(
         demand = "must be three or more with different names, to predict each from the others"
         raise InputError("trials", ", ".join(names), demand)
     folds, trials = [], []
+
+    def told(name: str, words: str) -> None:
+        if progress is not None:
+            progress(f"without {name}: {words}")
+
     for left in folders:
-        tell = None if progress is None else functools.partial(_without, progress, Path(left).name)
+        tell = None if progress is None else functools.partial(told, Path(left).name)
         fitted = [folder for folder in folders if folder != left]
         result, all_trials = robot_study(fitted, [left], free=free, evaluations=evaluations, progress=tell)
         folds.append(RobotFold(Path(left).name, result))
         trials.append(all_trials[-1])
     return tuple(folds), trials
-
-
-def _without(tell: Callable[[str], None], name: str, words: str) -> None:
-    tell(f"without {name}: {words}")
 
 
 def merged_folds(folds: Sequence[RobotFold]) -> CircuitFit:

@@ -2,8 +2,6 @@
 
 Creep fitted to part of a hold predicts the rest.
 
-Creep fitted to part of a hold predicts the rest.
-
 They are those of a Festo DMSP-10-250 (tbazina/pam_lqi_pid; no licence stated, not shipped): a folder with
 ``pressure_stroke_loop.csv`` (``branch`` up or down, ``p_sensor_V``, ``stroke_mm``, ``p_bar_gauge``) and
 ``step_response_100hz.csv`` (``segment`` step_up or step_down, ``t_since_segment_start_s``, ``stroke_mm``,
@@ -63,10 +61,7 @@ def read_loop(folder: str | Path) -> PathRecord:
 
 
 def read_steps(folder: str | Path) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Read time since the step [s], stroke [m] and gauge pressure [Pa] of each segment of a folder; raises as `read_loop`.
-
-    Raises as `read_loop`.
-    """
+    """Read time since the step [s], stroke [m] and gauge pressure [Pa] of each segment; raises as `read_loop`."""
     path = _file(folder, STEPS)
     words, numbers = _columns(path, "segment", ("t_since_segment_start_s", "stroke_mm", "p_bar_sensor"))
     _only(words, SEGMENTS, "segment", path)

@@ -104,6 +104,10 @@ def tube_study(
         progress: called with a description of the next stage.
     """
     tell = progress or (lambda _: None)
+
+    def told(thermal: str, words: str) -> None:
+        tell(f"{thermal}: {words}")
+
     chosen, some = _chosen(keys), records(tuple(seeds))
     cases: dict[tuple[str, str], tuple[Case, ...]] = {}
     hottest, results = {}, {}
@@ -111,7 +115,7 @@ def tube_study(
         for accumulator in ACCUMULATORS:
             cases[thermal, accumulator], hottest[thermal, accumulator] = _answers(some, accumulator, thermal, tell)
         both = cases[thermal, LARGE], cases[thermal, SMALL]
-        results[thermal] = tuple(_results(chosen, *both, functools.partial(_tell_at, tell, thermal)))
+        results[thermal] = tuple(_results(chosen, *both, functools.partial(told, thermal)))
     cost = None
     if "lumped" in chosen:
         tell("timing")
@@ -119,10 +123,6 @@ def tube_study(
         known = {k: next(r for r in results[last] if r.model == k) for k in ("inertial", "lumped")}
         cost = measure_cost(cases[last, LARGE][0], known)
     return TubeStudy(tuple(some), cases, results, hottest, cost)
-
-
-def _tell_at(tell: Progress, thermal: str, words: str) -> None:
-    tell(f"{thermal}: {words}")
 
 
 def _chosen(keys: Sequence[str] | None) -> dict[str, TubeModel]:

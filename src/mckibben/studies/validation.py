@@ -332,27 +332,20 @@ def _static(
     one: StaticSet, points: ForceMap, laws: Sequence[str], schemes: Sequence[str], tell: Callable[[str], None]
 ) -> StaticResult:
     fits, skipped = [], {}
+    # of several muscles one is left out at a time, since their lengths differ
+    several = points.rest_length is not None and len(np.unique(points.rest_length)) > 1
+    told = tuple(s for s in schemes if s not in (("length", "block") if several else ("rest_length",)))
     for law in laws:
         tell(f"{one.name}, {law}")
         try:
-            result = fit(law, points, known=one.known, schemes=_told(schemes, points), train_below=TRAINED_BELOW)
+            result = fit(law, points, known=one.known, schemes=told, train_below=TRAINED_BELOW)
         except (InputError, ConvergenceError) as error:
             skipped[law] = str(error)
             continue
         fits.append(result)
     unfitted = [_applied(a, one, points) for a in one.applied if not laws or a.law in laws]
-    return StaticResult(one, points, _by_prediction(fits), unfitted, skipped, branches_apart(points))
-
-
-def _by_prediction(fits: Iterable[Fit]) -> list[Fit]:
-    """Sort fits by the error of points predicted with their pressure left out, best first."""
-    return sorted(fits, key=lambda f: (not f.converged, f.cv_rmse if f.cv_rmse is not None else f.rmse))
-
-
-def _told(schemes: Sequence[str], points: ForceMap) -> tuple[str, ...]:
-    """Schemes of cross-validation; of several muscles one is left out at a time, since their lengths differ."""
-    several = points.rest_length is not None and len(np.unique(points.rest_length)) > 1
-    return tuple(s for s in schemes if s not in (("length", "block") if several else ("rest_length",)))
+    fits.sort(key=lambda f: (not f.converged, f.cv_rmse if f.cv_rmse is not None else f.rmse))
+    return StaticResult(one, points, fits, unfitted, skipped, branches_apart(points))
 
 
 def _applied(applied: Applied, one: StaticSet, points: ForceMap) -> Unfitted:

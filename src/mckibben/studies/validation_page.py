@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from ..identification import Fit
 from ..quantities import from_si
 from .muscle_loops import LoopStudy
-from .validation import LOOP_FOLDER, ROBOT_FOLDER, VARIABLE, StaticResult, Unfitted, Validation, ordered_laws
+from .validation import LOOP_FOLDER, ROBOT_FOLDER, VARIABLE, StaticResult, Validation, ordered_laws
 
 FRONT = "---\nhide:\n  - toc\n---"  # the tables are as wide as the page
 HEAD = "<!-- written by `mckibben study validation`; do not edit -->"
@@ -81,10 +81,11 @@ def page(validation: Validation, *, figure: str = "", version: str = "") -> str:
     return "\n\n".join([*parts, END]) + "\n"
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; all but the first column and one without a head are right-aligned."""
-    rule = "|---|" + "".join("---:|" if c else "---|" for c in columns[1:])
-    return "\n".join([_line(columns), rule, *(_line(row) for row in rows)])
+def table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Sequence[str] | None = None) -> str:
+    """A Markdown table; all but the first column and one without a head are right-aligned, or those that are named."""
+    named = [c in right if right is not None else bool(i and c) for i, c in enumerate(columns)]
+    ends = ("---:" if at_right else "---" for at_right in named)
+    return "\n".join([_line(columns), f"|{'|'.join(ends)}|", *(_line(row) for row in rows)])
 
 
 def share(newton: float | None, largest: float) -> str:
@@ -112,16 +113,12 @@ def _seen(validation: Validation, version: str) -> str:
         source = "public repository borglab/GTDynamics, Georgia Tech Research Corp."
         rows.append(["Jumping robot", f"{len(validation.jumps)} jumps", DASH, source, "BSD-style: read, not copied"])
     heading = f"Computed with version {version} from these data:" if version else "Computed from these data:"
-    lines = [heading, _left(["data", "points", "largest tension", "source", "licence"], rows)]
+    columns = ["data", "points", "largest tension", "source", "licence"]
+    lines = [heading, table(columns, rows, right=("points", "largest tension"))]
     if validation.absent:
         absent = "; ".join(f"{name} (`{file}`)" for name, file in validation.absent.items())
         lines.append(f"**Not at hand when this page was made**, and so not on it: {absent}.")
     return "\n\n".join(lines)
-
-
-def _left(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    rule = "|" + "|".join("---:" if c in ("points", "largest tension") else "---" for c in columns) + "|"
-    return "\n".join([_line(columns), rule, *(_line(row) for row in rows)])
 
 
 def _summary(static: Sequence[StaticResult]) -> str:
@@ -163,7 +160,9 @@ def _described(one: StaticResult) -> str:
 def _table_of(one: StaticResult) -> str:
     largest = one.points.largest
     rows = [[*_fitted(f, largest), "" if f.converged else "did not converge"] for f in one.fits]
-    rows += [[*_as_it_is(u, largest), u.origin] for u in one.unfitted]
+    rows += [
+        [u.title, "0", f"{u.rmse:.2f} N", share(u.max_error, largest), *[DASH] * 6, u.origin] for u in one.unfitted
+    ]
     columns = [*COLUMNS, ABOVE, ""]
     keep = [i for i in range(len(columns)) if i < 4 or any(r[i] not in (DASH, "") for r in rows)]
     return table([columns[i] for i in keep], [[r[i] for i in keep] for r in rows])
@@ -183,10 +182,6 @@ def _fitted(f: Fit, largest: float) -> list[str]:
 
 
 _SCHEMES = ("pressure", "length", "block", "rest_length")
-
-
-def _as_it_is(u: Unfitted, largest: float) -> list[str]:
-    return [u.title, "0", f"{u.rmse:.2f} N", share(u.max_error, largest), *[DASH] * 6]
 
 
 def _notes(one: StaticResult) -> list[str]:

@@ -36,6 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError
+from ...estimation import descend
 from ...recordings.calibration import CorrectionTerm
 
 GRAVITY = 9.80665  # standard [m/s^2]
@@ -346,8 +347,6 @@ def skew(
 def _fitted(
     model: SkewModel, y: np.ndarray, names: list[str], frequency: float, to: float | None
 ) -> dict[str, CorrectionTerm]:
-    from scipy import optimize
-
     rate = 0.0 if to is None else (to - frequency) / model.time[-1]
     start = _start(model, y, frequency, rate)
     # slow and quick parameters of one size
@@ -361,11 +360,10 @@ def _fitted(
         p[free] = start[free] + scale[free] * q
         return p
 
-    solution = optimize.least_squares(
+    solution = descend(
         lambda q: (model.both(put(q))[0] - y).ravel(),
         np.zeros(len(free)),
-        jac=lambda q: (model.both(put(q))[1][:, :, free] * scale[free]).reshape(-1, len(free)),
-        x_scale="jac",
+        jacobian=lambda q: (model.both(put(q))[1][:, :, free] * scale[free]).reshape(-1, len(free)),
     )
     p = put(solution.x)
     modelled, d = model.both(p)

@@ -23,6 +23,7 @@ import numpy as np
 from ...analysis.loops import TensionPath
 from ...answers import brief
 from ...errors import InputError, StageError
+from ...estimation import NORMAL_QUANTILE, Estimate, uncertainty, widening
 from ...identification.fit import Fit, fit_all, fitted_specimen, measured_range
 from ...identification.tension_path_fit import (
     AT_PRESSURE,
@@ -35,7 +36,6 @@ from ...identification.tension_path_fit import (
     friction_force,
     relaxation_force,
 )
-from ...identification.uncertainty import NORMAL_QUANTILE, Estimate, uncertainty, widening
 from ...muscles import Muscle, braid
 from ...muscles.laws import LAWS
 from ...quantities import with_unit
@@ -146,7 +146,10 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         _check_seat(seat_of(record, bounds), bounds)
         return known
     if stage == "leak":
-        leak, fall = leak_of(record), _fall(record)
+        leak, before, shut = leak_of(record), _part(record, "settle", "leak"), _part(record, "shut", "leak")
+        # from before the shut-off to its end, which sees the quickest leak
+        left = float(np.mean(shut.select(start=shut.time[-1] - 0.5)["pressure"]) / np.mean(before["pressure"]))
+        fall = (1.0 - left) / shut.duration
         if leak.low > MOST_DECAY or fall > MOST_DECAY:
             share = f"{100.0 * max(leak.value, fall):.2g} % of its pressure per second"
             raise StageError(
@@ -157,14 +160,21 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         return _ramped(record, bounds, known)
     if stage == "map":
         _check_zeros(record, known)
-        isobars = tuple(_loop_end(record, i, bounds) for i in range(1, ISOBARS + 1))
+        isobars = []  # pressure and shortest taut length of each loop; the rest length where it is slack all along
+        for i in range(1, ISOBARS + 1):
+            shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
+            pressure = float(np.mean(_part(record, f"settle {i}", "map")["pressure"]))
+            isobars.append((pressure, min(shortest, bounds.rest_length)))
         taut = [length for _, length in isobars if length < (1.0 - LEAST_LOOP) * bounds.rest_length]
         if not taut:
             share = f"{100.0 * LEAST_LOOP:g} % of its length"
             raise StageError(
                 stage, f"the muscle pulls along less than {share} at every pressure; check the rest length"
             )
-        return dataclasses.replace(known, isobars=isobars, again=_repeated_loop(record, known))
+        # measured again at the end is the earliest loop that pulls well, long before its repetition
+        pulls = [float(np.max(_part(record, f"lengthen {i}", "map")["tension"])) for i in range(1, ISOBARS + 1)]
+        again = next((i for i, pull in enumerate(pulls, 1) if pull - known.zero >= PULLS * known.largest), ISOBARS)
+        return dataclasses.replace(known, isobars=tuple(isobars), again=again)
     return known
 
 
@@ -193,32 +203,11 @@ def _ramped(record: Recording, bounds: Bounds, known: Progression) -> Progressio
     return dataclasses.replace(known, top=top, largest=largest, slack=max(known.slack, 0.015 * largest))
 
 
-def _loop_end(record: Recording, i: int, bounds: Bounds) -> tuple[float, float]:
-    """Pressure [Pa] and shortest taut length [m] of a loop of the map; the rest length where it is slack all along."""
-    settled = _part(record, f"settle {i}", "map")
-    shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
-    return float(np.mean(settled["pressure"])), min(shortest, bounds.rest_length)
-
-
-def _repeated_loop(record: Recording, known: Progression) -> int:
-    """Number of the loop that is measured again at the end: the earliest that pulls well, long before its repetition."""
-    pulls = [float(np.max(_part(record, f"lengthen {i}", "map")["tension"])) for i in range(1, ISOBARS + 1)]
-    return next((i for i, pull in enumerate(pulls, 1) if pull - known.zero >= PULLS * known.largest), ISOBARS)
-
-
 def _part(record: Recording, label: str, stage: str) -> Recording:
-    """The samples of a step."""
     try:
         return record.segments(label)[0]
     except (InputError, IndexError):
         raise StageError(stage, f"its recording has no samples of the step {label!r}") from None
-
-
-def _fall(record: Recording) -> float:
-    """Mean share of the pressure lost per second from before the shut-off to its end, which sees the quickest leak [1/s]."""
-    before, shut = _part(record, "settle", "leak"), _part(record, "shut", "leak")
-    left = float(np.mean(shut.select(start=shut.time[-1] - 0.5)["pressure"]) / np.mean(before["pressure"]))
-    return (1.0 - left) / shut.duration
 
 
 def seat_of(record: Recording, bounds: Bounds) -> Estimate:
@@ -364,14 +353,12 @@ def _branches(
 
 
 def _read(part: Recording, channel: str, lengths: np.ndarray, rest: float) -> np.ndarray:
-    """A channel of a branch at lengths (k,)."""
     order = np.argsort(part["span"], kind="stable")
     branch = TensionPath(part["span"][order], part[channel][order], WINDOW * rest)
     return np.array([branch.read(float(x))[0] for x in lengths])
 
 
 def _times(part: Recording, lengths: np.ndarray) -> np.ndarray:
-    """Times at which a branch passes lengths (k,) [s]."""
     order = np.argsort(part["span"], kind="stable")
     times: np.ndarray = np.interp(lengths, part["span"][order], part.time[order])
     return times
@@ -568,7 +555,6 @@ def half_width(errors: np.ndarray, gain_error: float = 0.0) -> float:
 
 
 def _beside(path: SpanPath, friction: BranchFit, relaxation: RelaxationFit) -> np.ndarray:
-    """Friction and relaxation along a path (n,) [N]."""
     force = friction_force(path, friction.friction())
     chain = relaxation.chain()
     return force if chain is None else force + relaxation_force(path, chain)

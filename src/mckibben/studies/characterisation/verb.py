@@ -40,7 +40,7 @@ from .stages import ISOBARS, LENGTH_ERROR, STAGES, Bounds, Progression, planned,
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...identification.uncertainty import Estimate
+    from ...estimation import Estimate
 
 SETTINGS = "characterisation.json"  # in the folder: what its recordings were made with
 POINTS = "points.csv"  # in the folder: points of the map, without friction and relaxation
@@ -366,7 +366,8 @@ def characterise(
                 record.save(place)
                 _failed(place.parent, stage).unlink(missing_ok=True)
             records[stage] = record
-            done.append(StageRecord(stage, _seconds(record), resumed))
+            seconds = float(max(step["end"] for step in record.meta["steps"]))
+            done.append(StageRecord(stage, seconds, resumed))
             passed += intended.seconds[stage]
     found = evaluate(
         records, bounds, known, laws=None if laws is None else tuple(laws), gain_error=gain_error, name=name
@@ -456,7 +457,6 @@ def _stand_in(rest_length: float) -> MuscleUnit:
 
 
 def _rest_of(muscle: str | Specimen | Muscle | MuscleUnit | None, unit: MuscleUnit) -> float:
-    """Span at which a simulated muscle is mounted [m]."""
     spec = muscle_specimen(muscle) if isinstance(muscle, str) else muscle
     stated = spec if isinstance(spec, Specimen) else spec.specimen if isinstance(spec, Muscle) else None
     return rest_length_of(stated, unit.law)
@@ -530,7 +530,6 @@ def place_of(folder: Path, stage: str) -> Path:
 
 
 def _failed(folder: Path, stage: str) -> Path:
-    """File of the recording of a stage that failed; it is not continued from."""
     return folder / f"failed-{stage}.nc"
 
 
@@ -586,8 +585,3 @@ def _check(stage: str, record: Recording, rig: Rig, bounds: Bounds) -> None:
         if largest >= top:
             unit = "N" if name == "tension" else "Pa"
             raise StageError(stage, f"the sensor of the {name} saturates at {with_unit(largest, unit, 4)}")
-
-
-def _seconds(record: Recording) -> float:
-    """Machine time of a stage [s]."""
-    return float(max(step["end"] for step in record.meta["steps"]))

@@ -15,6 +15,7 @@ from ...bench.rig_file import rig as rig_of
 from ...components import paths
 from ...documents import JsonValue
 from ...errors import InputError, choice
+from ...estimation import Estimation, Parameter, bounds_of
 from ...experiments.read import with_values
 from ...quantities import with_unit
 from ...recordings import Recording
@@ -90,71 +91,61 @@ class Search:
     """Least-squares search over u = log(1 + p/size)."""
 
     def __init__(
-        self, before: Assisted, goal: Goal, free: dict[str, float], bounds: dict[str, tuple[float, float]]
+        self, before: Assisted, goal: Goal, free: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]
     ) -> None:
-        self.before, self.goal, self.free, self.bounds = before, goal, free, bounds
-        self.sizes = np.array(list(free.values()))
-        self.low, self.high = (np.log1p(np.array([b[i] for b in bounds.values()]) / self.sizes) for i in (0, 1))
-        self.start = np.log1p(np.array([float(paths.get(before, path)) for path in free]) / self.sizes)
-        self._residuals = jax.jit(self._all)
-        self._slopes = jax.jit(jax.jacfwd(self._all))
+        self.before, self.goal = before, goal
+        self.parameters = {
+            path: Parameter(
+                float(paths.get(before, path)), *bounds[path], paths.declaration(before, path).unit, size, "log1p"
+            )
+            for path, size in free.items()
+        }
+        self.low, self.high = bounds_of(self.parameters)
+        self.start = np.array([p.scaled(p.start) for p in self.parameters.values()])
         self._curves = jax.jit(lambda u: curves_of(self.muscle(u), self.goal))
 
     def muscle(self, u: Scalar) -> Assisted:
         """Muscle at a point of the search."""
-        values = jnp.asarray(self.sizes) * jnp.expm1(jnp.asarray(u))
-        changed: Assisted = paths.put(self.before, {path: values[i] for i, path in enumerate(self.free)})
+        sizes = jnp.asarray([p.size for p in self.parameters.values()])
+        values = sizes * jnp.expm1(jnp.asarray(u))
+        changed: Assisted = paths.put(self.before, {path: values[i] for i, path in enumerate(self.parameters)})
         return changed
 
-    def _all(self, u: Scalar) -> Any:
-        curves = curves_of(self.muscle(u), self.goal)
-        parts = [(curves[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
-        return jnp.concatenate(parts)
-
-    def residuals(self, u: Scalar) -> np.ndarray:
-        """Residuals of all curves; a very large value where a point has no solution, so that the search avoids it."""
-        residuals: np.ndarray = np.nan_to_num(np.asarray(self._residuals(u)), nan=10.0, posinf=10.0, neginf=-10.0)
-        return residuals
-
-    def slopes(self, u: Scalar) -> np.ndarray:
-        """Derivatives of the residuals."""
-        slopes: np.ndarray = np.nan_to_num(np.asarray(self._slopes(u)), nan=0.0, posinf=0.0, neginf=0.0)
-        return slopes
-
     def run(self, draws: int, evaluations: int, tell: Callable[[str], None]) -> np.ndarray:
-        """Search from all starts; return the best point."""
-        from scipy.optimize import least_squares
+        """Search from the muscle as built and from points drawn within the usual ranges; return the best point."""
 
-        inside = 1e-6 * (self.high - self.low)
-        best: np.ndarray = self.start
-        cost = float(np.sum(self.residuals(best) ** 2))
-        for number, first in enumerate([self.start, *self._drawn(draws)], 1):
-            tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
-            begin = np.clip(first, self.low + inside, self.high - inside)
-            solution = least_squares(
-                self.residuals,
-                begin,
-                jac=self.slopes,
-                bounds=(self.low, self.high),
-                max_nfev=evaluations,
-                xtol=1e-6,
-                ftol=1e-5,
-                gtol=1e-8,
-            )
-            if 2.0 * solution.cost < cost:
-                best, cost = solution.x, 2.0 * float(solution.cost)
-        return best
+        def off(u: Scalar) -> Any:
+            curves = curves_of(self.muscle(u), self.goal)
+            parts = [(curves[n] - self.goal.curves[n][1]) / np.sqrt(len(self.goal.curves[n][1])) for n in CURVES]
+            return jnp.concatenate(parts)
 
-    def _drawn(self, draws: int) -> list[np.ndarray]:
-        """Draw points within the usual ranges, or near the muscle as built."""
+        compiled, slopes = jax.jit(off), jax.jit(jax.jacfwd(off))
+
+        # a very large value where a point has no solution, so that the search avoids it
+        def residual(u: np.ndarray) -> np.ndarray:
+            return np.asarray(np.nan_to_num(np.asarray(compiled(u)), nan=10.0, posinf=10.0, neginf=-10.0))
+
+        def jacobian(u: np.ndarray) -> np.ndarray:
+            return np.asarray(np.nan_to_num(np.asarray(slopes(u)), nan=0.0, posinf=0.0, neginf=0.0))
+
         chance, low, high = np.random.default_rng(SEED), [], []
-        for i, path in enumerate(self.free):
+        for (path, p), start in zip(self.parameters.items(), self.start, strict=True):
             q = paths.declaration(self.before, path)
-            usual = q.typical != q.bounds
-            ends = np.log1p(np.array(q.typical) / self.sizes[i]) if usual else self.start[i] + np.array([-0.3, 0.3])
+            usual = q.typical != q.bounds  # else points are drawn near the muscle as built
+            ends = np.log1p(np.array(q.typical) / p.size) if usual else start + np.array([-0.3, 0.3])
             low.append(ends[0])
             high.append(ends[1])
-        return [chance.uniform(low, high) for _ in range(draws)]
+        options = {"x_scale": 1.0, "max_nfev": evaluations, "xtol": 1e-6, "ftol": 1e-5, "gtol": 1e-8}
+        margin = 1e-6 * (self.high - self.low)
+        estimation = Estimation(self.parameters, residual, jacobian, margin, options)
+        best: np.ndarray = self.start
+        cost = float(np.sum(residual(best) ** 2))
+        for number, first in enumerate([best, *(chance.uniform(low, high) for _ in range(draws))], 1):
+            tell(f"search {number} of {draws + 1}, rms so far {np.sqrt(cost / len(CURVES)):.3f}")
+            end = estimation.descend(first)
+            if 2.0 * end.cost < cost:
+                best, cost = end.x, 2.0 * end.cost
+        return best
 
     def curves(self, u: Scalar) -> dict[str, Curve]:
         """Curves at the abscissae of the target's."""
@@ -168,14 +159,12 @@ class Search:
 
     def tuned(self, u: np.ndarray) -> tuple[Tuned, ...]:
         """Parameters at a point."""
-        parameters, near = [], HIT * (self.high - self.low)
-        for i, path in enumerate(self.free):
-            low, high = self.bounds[path]
+        tuned, near = [], HIT * (self.high - self.low)
+        for i, (path, p) in enumerate(self.parameters.items()):
             hit = "low" if u[i] - self.low[i] < near[i] else "high" if self.high[i] - u[i] < near[i] else ""
-            first, last = (float(self.sizes[i] * np.expm1(v[i])) for v in (self.start, u))
-            unit = paths.declaration(self.before, path).unit
-            parameters.append(Tuned(path, NAMES[path], unit, first, last, low, high, hit))
-        return tuple(parameters)
+            first, last = (float(p.value(v[i])) for v in (self.start, u))
+            tuned.append(Tuned(path, NAMES[path], p.unit, first, last, p.low, p.high, hit))
+        return tuple(tuned)
 
 
 TWITCH = "isometric-twitch"
@@ -315,7 +304,10 @@ def match(
     goal = goal_of(muscle, target, known[muscle.id], known[target.id])
     unit = with_spring(muscle.unit, rest_length=muscle.rest_length)
     before = Assisted(unit=unit, rest_span=muscle.rest_length)
-    search = Search(before, goal, dict(free), _bounds(muscle, before, free))
+    bounds = {path: paths.declaration(before, path).bounds for path in free}
+    if "rest_span" in bounds:  # within the braid's range, from its free length on
+        bounds["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
+    search = Search(before, goal, free, bounds)
     best = search.run(draws, evaluations, tell)
     after = search.muscle(best)
     result = Match(
@@ -357,14 +349,6 @@ def goal_of(muscle: ComparedMuscle, target: ComparedMuscle, own: Recording, want
     }
     name = "muscle.pressure" if "muscle.pressure" in part else "pressure"
     return Goal(curves, np.asarray(part[name]), part.period, muscle.full)
-
-
-def _bounds(muscle: ComparedMuscle, before: Assisted, free: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Bounds of the parameters, as declared; the span at rest within the braid's range from its free length on."""
-    bounds = {path: paths.declaration(before, path).bounds for path in free}
-    if "rest_span" in bounds:
-        bounds["rest_span"] = 1.02 * float(muscle.law.free_length(muscle.full)), 1.3 * muscle.upper_length
-    return bounds
 
 
 def simulated(match: Match, *, rig: str) -> Match:

@@ -130,7 +130,6 @@ def _cautions(subject: ComparedMuscle, pressure: float, text: str | None) -> tup
 
 
 def _target(name: str, subjects: Sequence[ComparedMuscle]) -> ComparedMuscle:
-    """Load the biological muscle that McKibben muscles are brought close to."""
     target = subject(name)
     if target.fibre is None:
         raise InputError("match", name, "must be a biological muscle; it is a McKibben muscle")

@@ -31,7 +31,7 @@ from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
 from ...documents import JsonValue, path_text
 from ...errors import InputError
-from ...identification.uncertainty import Estimate, akaike, widening
+from ...estimation import NORMAL_QUANTILE, Estimate, akaike, descend_in_lanes, widening
 from ...muscles import Muscle
 from ...pneumatics.valves import PressureRegulator
 from ...quantities import declared, with_unit
@@ -112,7 +112,6 @@ SHOWN = {
 LEAVES, LEAVES_SHARE, MOST_ZERO = 4.0, 0.01, 5e-3
 # Units in which the zero of a sensor is shown, and factors to them.
 ZERO_SHOWN = {"span": ("mm", 1e3), "pressure": ("mbar", 1e-2), "valve_pressure": ("mbar", 1e-2), "tension": ("N", 1.0)}
-NORMAL = 1.96  # standard errors of a 95 % interval
 FEWEST_BLOCKS, SCALINGS = 20, 5
 NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
@@ -405,7 +404,9 @@ def _check_stated(
         missing.append("it does not state its muscle, so name the sound one")
     inputs = [name for name in ("span", "valve.command") if name not in record]
     missing += [f"it has no channel {name}, which drives the sound rig" for name in inputs]
-    changes = _changes_by_hand(record)
+    events = record.meta.get("events")
+    texts = [str(e.get("text")) for e in events if isinstance(e, Mapping)] if isinstance(events, list | tuple) else []
+    changes = [text for text in texts if text.startswith(ASKED)]
     missing += [f"in its run the operator was {ask}, after which it is another rig or muscle" for ask in changes[:1]]
     if not any(name in record for name in CHANNELS):
         missing.append(f"it has none of {', '.join(CHANNELS)}, to compare with the sound rig")
@@ -416,20 +417,11 @@ def _check_stated(
         raise InputError("recording", None, sentence, sentence=sentence, where=where)
 
 
-def _changes_by_hand(record: Recording) -> list[str]:
-    """What the operator was asked to do during a run, as its recording says it."""
-    events = record.meta.get("events")
-    texts = [str(e.get("text")) for e in events if isinstance(e, Mapping)] if isinstance(events, list | tuple) else []
-    return [text for text in texts if text.startswith(ASKED)]
-
-
 def _sound_rig(record: Recording, rig: Rig | str | os.PathLike[str] | None) -> Rig:
-    import dataclasses
-
     if isinstance(rig, Rig):
-        return dataclasses.replace(rig, faults=RigFaults())
+        return replace(rig, faults=RigFaults())
     if rig is not None:
-        return dataclasses.replace(rig_of(rig), faults=RigFaults())
+        return replace(rig_of(rig), faults=RigFaults())
     document = record.meta.get("rig_document")
     if not isinstance(document, Mapping):
         raise InputError("rig", None, "is missing: the recording does not state its rig")
@@ -644,7 +636,9 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
     if max(likelihoods.values()) <= THRESHOLD:
-        intervals = {n: _interval(values[n], spread[n]) for n in names}
+        intervals = {
+            n: (values[n] - NORMAL_QUANTILE * spread[n], values[n] + NORMAL_QUANTILE * spread[n]) for n in names
+        }
         for name in (n for n in names if n in RUNGS and likelihoods[n] > TELLING):
             searched, ends, _ = _search(compare, [name], values, spread, residual, widened, only=name)
             values, intervals = values | searched, intervals | ends
@@ -779,7 +773,7 @@ def _search(
     for n in names:
         vertex, error = _vertex(tried[n], widened, spread[n])
         best[n] = float(np.clip(vertex, *bounds[n]))
-        low, high = _interval(vertex, error)
+        low, high = vertex - NORMAL_QUANTILE * error, vertex + NORMAL_QUANTILE * error
         if n in RUNGS:
             least, largest = _profile_interval(tried[n], widened)
             low, high = min(low, least), max(high, largest)
@@ -824,7 +818,6 @@ def _ladder(name: str, linear: float, bounds: tuple[float, float]) -> np.ndarray
 
 
 def _narrowed(tried: Mapping[float, float], bounds: tuple[float, float]) -> np.ndarray:
-    """Values between the neighbours of the best one so far."""
     values = np.array(sorted(tried))
     at = int(np.argmin([tried[v] for v in values]))
     low, high = values[max(at - 1, 0)], values[min(at + 1, len(values) - 1)]
@@ -853,11 +846,6 @@ def _vertex(tried: Mapping[float, float], widened: float, spread: float) -> tupl
     return float(values[at]) + shift, size * float(np.sqrt(widened / curvature))
 
 
-def _interval(value: float, error: float) -> tuple[float, float]:
-    """95 % interval of a normal distribution."""
-    return value - NORMAL * error, value + NORMAL * error
-
-
 def _profile_interval(tried: Mapping[float, float], widened: float) -> tuple[float, float]:
     """95 % interval by the likelihood itself, as for a fault whose misfit has kinks and several minima.
 
@@ -866,13 +854,13 @@ def _profile_interval(tried: Mapping[float, float], widened: float) -> tuple[flo
     """
     values = np.array(sorted(tried))
     off = np.sqrt(np.maximum(np.array([tried[v] for v in values]) - min(tried.values()), 0.0) / widened)
-    inside = np.flatnonzero(off <= NORMAL)
+    inside = np.flatnonzero(off <= NORMAL_QUANTILE)
     ends = []
     for at, beyond in ((inside[0], inside[0] - 1), (inside[-1], inside[-1] + 1)):
         if not 0 <= beyond < len(values) or not np.isfinite(off[beyond]):
             ends.append(float(values[at]))
         else:
-            share = (NORMAL - off[at]) / (off[beyond] - off[at])
+            share = (NORMAL_QUANTILE - off[at]) / (off[beyond] - off[at])
             ends.append(float(values[at] + share * (values[beyond] - values[at])))
     return ends[0], ends[1]
 
@@ -929,18 +917,14 @@ def _slipped_before(
         for v, (misfit, slip) in zip(starts, _least_over_slips(compare, starts, slack), strict=True):
             tried[v], slips[v] = misfit, slip
         new = np.concatenate([_narrowed(tried, bounds), _around_ends(tried, widened)])
-        starts = {v: (slips[_better_neighbour(tried, v)],) for v in new.tolist() if v not in tried}
+        values_tried, starts = sorted(tried), {}
+        for v in (v for v in new.tolist() if v not in tried):
+            at = int(np.searchsorted(values_tried, v))  # the search begins at the slip of the better neighbour
+            starts[v] = (slips[min(values_tried[max(at - 1, 0) : at + 1], key=tried.__getitem__)],)
     sets = {v: {CLAMP_GRIP: v, START_SLIP: slips[v]} for v in tried}
     interval = _interval_over_motions(compare, sets, tried, widened)
     best = min(tried, key=tried.__getitem__)
     return _SlippedBefore(best, interval, slips[best], (float(residual @ residual) - tried[best]) / widened)
-
-
-def _better_neighbour(tried: Mapping[float, float], value: float) -> float:
-    """Of the values that were tried next to another one, that of less misfit."""
-    values = sorted(tried)
-    at = int(np.searchsorted(values, value))
-    return min(values[max(at - 1, 0) : at + 1], key=tried.__getitem__)
 
 
 def _around_ends(tried: Mapping[float, float], widened: float) -> np.ndarray:
@@ -949,7 +933,7 @@ def _around_ends(tried: Mapping[float, float], widened: float) -> np.ndarray:
     The hollow of a grip may lie between two grips of a plateau, the last one of which stands on its far slope already.
     """
     values = np.array(sorted(tried))
-    inside = np.flatnonzero(np.array([tried[v] for v in values]) - min(tried.values()) <= NORMAL**2 * widened)
+    inside = np.flatnonzero(np.array([tried[v] for v in values]) - min(tried.values()) <= NORMAL_QUANTILE**2 * widened)
     places = np.clip(
         [inside[0] - 1, inside[0], inside[0] + 1, inside[-1] - 1, inside[-1], inside[-1] + 1], 0, len(values) - 1
     )
@@ -969,24 +953,18 @@ def _least_over_slips(
         starts: slips from which the search begins, by what is searched of the grip [m].
         slack: of a slack clamp [m], a third of the largest slip.
     """
-    step = SLIP_STEP * slack
-    grips = np.array([v for v, some in starts.items() for _ in some])
-    slips = np.array([slip for some in starts.values() for slip in some])
-    least, best = np.full(len(grips), np.inf), slips
-    for last in (*[False] * SLIP_ROUNDS, True):
-        more = (0.0,) if last else (0.0, step)
-        sets = [{CLAMP_GRIP: v, START_SLIP: slip + d} for v, slip in zip(grips, slips, strict=True) for d in more]
-        off = compare.scaled(compare.measured - compare.predict(sets)).reshape(len(grips), len(more), -1)
-        misfits = np.nan_to_num((off[:, 0] ** 2).sum(axis=1), nan=np.inf)
-        better = misfits < least
-        least, best = np.where(better, misfits, least), np.where(better, slips, best)
-        if not last:
-            slope = (off[:, 1] - off[:, 0]) / step
-            change = -(off[:, 0] * slope).sum(axis=1) / np.maximum((slope**2).sum(axis=1), LEAST_EFFECT)
-            slips = np.clip(np.nan_to_num(best + np.where(better, change, 0.5 * (slips - best))), 0.0, 3.0 * slack)
+    grips = [v for v, some in starts.items() for _ in some]
+    slips = np.array([[slip] for some in starts.values() for slip in some])
+
+    def off(at: np.ndarray) -> np.ndarray:
+        sets = [{CLAMP_GRIP: v, START_SLIP: slip} for v, row in zip(grips, at[..., 0], strict=True) for slip in row]
+        return compare.scaled(compare.measured - compare.predict(sets)).reshape(*at.shape[:2], -1)
+
+    step, bounds = np.array([SLIP_STEP * slack]), (np.zeros(1), np.array([3.0 * slack]))
+    best, least = descend_in_lanes(off, slips, step=step, bounds=bounds, rounds=SLIP_ROUNDS, least=LEAST_EFFECT)
     ends = np.cumsum([len(some) for some in starts.values()])
     found = [a + int(np.argmin(least[a:b])) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
-    return [(float(least[i]), float(best[i])) for i in found]
+    return [(float(least[i]), float(best[i, 0])) for i in found]
 
 
 def _explains(compare: _Comparison, names: Sequence[str], best: str, value: float, widened: float) -> bool:

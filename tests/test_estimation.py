@@ -1,0 +1,78 @@
+"""One estimation for every fit: what is searched is what was declared, and many starts at once end where single ones do."""
+
+import numpy as np
+import pytest
+
+from mckibben.errors import InputError
+from mckibben.estimation import (
+    Estimation,
+    Parameter,
+    Search,
+    at_bounds,
+    bounds_of,
+    conclude,
+    descend,
+    descend_in_lanes,
+    descend_linear,
+)
+
+TIME = np.linspace(0.0, 3.0, 40)
+TRUE = np.array([2.0, 0.7])  # amplitude and time constant
+DECAY = {"amplitude": Parameter(1.0, 0.0, 10.0, "m"), "time": Parameter(1.0, 1e-2, 1e2, "s", search="log")}
+
+
+def decay(x: np.ndarray) -> np.ndarray:
+    """A decay less the true one, by amplitude and logarithm of the time constant."""
+    return x[..., :1] * np.exp(-TIME / np.exp(x[..., 1:])) - TRUE[0] * np.exp(-TIME / TRUE[1])
+
+
+def slopes(x: np.ndarray) -> np.ndarray:
+    part = np.exp(-TIME / np.exp(x[1]))
+    return np.stack([part, x[0] * part * TIME / np.exp(x[1])], axis=1)
+
+
+@pytest.mark.parametrize("search", ["share", "log", "log1p"])
+def test_a_value_comes_back_from_what_is_searched(search: Search) -> None:
+    p = Parameter(3.0, 0.5, 40.0, "N", size=7.0, search=search)
+    assert p.value(p.scaled(3.0)) == pytest.approx(3.0, rel=1e-15)  # rounding of one logarithm
+    low, high = bounds_of({"force": p})
+    assert low[0] < p.scaled(p.start) < high[0]
+
+
+def test_the_best_of_several_descents_finds_what_made_the_data_and_its_interval_holds_it() -> None:
+    estimation = Estimation(DECAY, decay, slopes)
+    best = estimation.search([np.array([0.5, 2.0]), np.array([5.0, -2.0])])
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))
+    found = conclude(DECAY, best, slopes(best.x), decay(best.x) + noise, subject="a decay")
+    for e, truth in zip(found.parameters.values(), TRUE, strict=True):
+        assert e.value == pytest.approx(truth, rel=1e-6)  # xtol of the solver is 1e-8
+        assert e.low < truth < e.high
+    assert found.parameters["time"].unit == "s"
+
+
+def test_many_starts_at_once_end_where_single_descents_do() -> None:
+    starts = np.array([[1.0, 0.0], [3.0, -1.0], [2.0, 1.0], [np.nan, 0.0]])
+    low, high = bounds_of(DECAY)
+    best, squares = descend_in_lanes(decay, starts, step=np.full(2, 1e-6), bounds=(low, high), rounds=12)
+    alone = descend(decay, starts[0], jacobian=slopes, bounds=(low, high))
+    # Gauss-Newton converges as its square where nothing is left; differences of 1e-6 are off by as much.
+    np.testing.assert_allclose(best[:3], np.tile(alone.x, (3, 1)), atol=1e-6)
+    assert (squares[:3] < 1e-12).all()
+    assert np.isinf(squares[3])  # a lane that cannot be predicted says so
+
+
+def test_an_interval_within_the_bounds_ends_on_the_bound_itself() -> None:
+    parameters = {"share": Parameter(0.5, 0.0, 1.0, "1"), "rest": Parameter(0.0, -np.inf, np.inf, "1")}
+    matrix = np.stack([np.ones(20), np.linspace(-1.0, 1.0, 20)], axis=1)
+    noise = np.random.default_rng(2).standard_normal(20)
+    best = descend_linear(matrix, -1.0 + noise, np.array([0.0, -np.inf]))
+    found = conclude(parameters, best, matrix, best.residual, within=True)
+    assert found.parameters["share"].value == found.parameters["share"].low == 0.0
+    assert at_bounds(parameters, best.x) == ("share",)
+
+
+def test_a_parameter_that_no_sample_shows_is_refused_by_its_name() -> None:
+    best = descend(lambda x: x[:1] - 1.0, np.zeros(2))
+    parameters = {"seen": Parameter(0.0, -5.0, 5.0, "1"), "hidden": Parameter(0.0, -5.0, 5.0, "1")}
+    with pytest.raises(InputError, match="free is 'hidden': the data of a line do not depend on it"):
+        conclude(parameters, best, best.jacobian, best.residual, subject="a line")
