@@ -375,7 +375,8 @@ def in_si(value: Any, si_unit: str, *, field: str) -> Scalar:
         return parse(value, si_unit, field=field)
     if isinstance(value, list | tuple) and any(isinstance(one, str) for one in value):
         return np.array([in_si(one, si_unit, field=field) for one in value])
-    return value if value is None else _numbers(value, si_unit, field)
+    number: Any = value if value is None else _numbers(value, si_unit, field)
+    return number
 
 
 def _numbers(value: Any, si_unit: str, field: str, where: str | None = None) -> Any:
@@ -388,7 +389,7 @@ def _numbers(value: Any, si_unit: str, field: str, where: str | None = None) -> 
             array = np.asarray(value)
             if array.dtype.kind in "fiu" and not any(isinstance(one, bool) for one in value):
                 return array
-    elif isinstance(value, Real) and not isinstance(value, bool):
+    elif isinstance(value, Real) and type(value) is not bool:
         return value
     wanted = "a number" if si_unit == "1" else f"a number in {si_unit}, or words with a unit"
     raise InputError(field, None, f"must be {wanted}, or an array of them, got {value!r}", where=where)

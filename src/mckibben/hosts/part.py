@@ -263,8 +263,8 @@ class Part:
         self._masses_in_state = np.array([int(at) for at in numbered.physics["circuit"]["mass"].values()], int)
         names = _output_names(self.muscles)
         self.outputs = tuple(names)
-        observation: Any = namedtuple("PartObservation", names)  # noqa: PYI024 - its fields are those of the muscles
-        self._Outputs = observation
+        fields: Any = namedtuple  # noqa: PYI024 - the fields are those of the muscles
+        self._Outputs: Any = fields("PartObservation", names)
 
     def __repr__(self) -> str:
         spans = ", ".join(f"{name} {with_unit(span, 'm')}" for name, span in self.span.items())

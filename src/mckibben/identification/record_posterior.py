@@ -225,9 +225,7 @@ def posterior_of_records(
     weights = _weights(evidence, drawn, predicted[:, rows])
     effective = float(1.0 / (weights**2).sum())
     if effective >= LINEAR * len(weights):
-        # as many samples, each as often as its weight says, in their order
-        steps = (np.arange(len(weights)) + np.random.default_rng(seed).uniform()) / len(weights)
-        kept = np.minimum(np.searchsorted(np.cumsum(weights), steps), len(weights) - 1)
+        kept = _resampled(weights, seed)
         drawn = drawn._replace(
             parameters=drawn.parameters[kept],
             noise=drawn.noise[kept],
@@ -304,3 +302,9 @@ def record_places(group: np.ndarray) -> np.ndarray:
 def evenly(count: int, few: int) -> np.ndarray:
     """Places of a few of a count of values, evenly from all (few,)."""
     return np.linspace(0, count - 1, few).round().astype(int)
+
+
+def _resampled(weights: np.ndarray, seed: int) -> np.ndarray:
+    """Places of as many samples, each as often as its weight says, in their order."""
+    steps = (np.arange(len(weights)) + np.random.default_rng(seed).uniform()) / len(weights)
+    return np.minimum(np.searchsorted(np.cumsum(weights), steps), len(weights) - 1)

@@ -384,7 +384,8 @@ class Simulation:
         for name, value in named_values(noise, "noise").items():
             if name not in names:
                 raise InputError("noise", name, known=names)
-            if isinstance(value, bool) or not isinstance(value, Real) or not (np.isfinite(value) and value >= 0.0):
+            size = float(value) if isinstance(value, Real) and type(value) is not bool else math.nan
+            if not (math.isfinite(size) and size >= 0.0):
                 raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
         return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
 

@@ -191,7 +191,7 @@ def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscle
             it = "it" if len(missing) == 1 else "them"
             sentence = f"The law {name} needs {needed_words(missing)}. Give {it} with {words}{others}"
             raise InputError(f"{name}.{missing[0][0]}", "not given", f"give {words}", sentence=sentence)
-        built = built_muscle(name, **stated)
+        built = built_muscle(name, **cast(Any, stated))
         return built, name, tuple(n for n in declared(type(built.law)) if n not in stated)
     spec = name if isinstance(name, Specimen) else muscle_specimen(name)
     if spec.kind == "valve":
@@ -199,7 +199,7 @@ def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscle
     if law is not None and not law.strip():
         raise InputError("law", law, f"{spec.id} states", known=spec.laws)
     chosen = law or spec.law
-    return built_muscle(spec, law=chosen, **changed_parameters(changes, chosen, of=spec)), chosen, ()
+    return built_muscle(spec, law=chosen, **cast(Any, changed_parameters(changes, chosen, of=spec))), chosen, ()
 
 
 def _lengths(length: Any, contraction: Any, muscle: muscles.Muscle) -> list[float]:
