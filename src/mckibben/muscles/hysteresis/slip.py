@@ -46,8 +46,8 @@ LEAST_TRAVEL = 1e-12
 def slip(deflection: Scalar, displacement: Scalar, travel: Scalar) -> Scalar:
     """The stop operator: deflection after a displacement, held within the yield travel of the end (all one unit)."""
     moved = deflection + displacement
-    moved = jnp.where(moved < -travel, -travel, moved)  # choices, which leave what is no number as it is
-    return jnp.where(moved > travel, travel, moved)
+    moved = jnp.where(moved < -travel, -travel, moved)  # a choice is cheaper; a travel that is no number counts below
+    return jnp.minimum(moved, travel)
 
 
 def contact_force(stiffness: Scalar, deflection: Scalar) -> Scalar:
