@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Mapping
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ._jax import Array, Scalar, is_loaded, is_traced, jax, jnp
 from ._lazy import LazyModule
@@ -375,7 +375,7 @@ def in_si(value: Any, si_unit: str, *, field: str) -> Scalar:
         return parse(value, si_unit, field=field)
     if isinstance(value, list | tuple) and any(isinstance(one, str) for one in value):
         return np.array([in_si(one, si_unit, field=field) for one in value])
-    number: Any = value if value is None else _numbers(value, si_unit, field)
+    number: float | np.ndarray = cast(Any, value) if value is None else _numbers(value, si_unit, field)
     return number
 
 
@@ -389,7 +389,7 @@ def _numbers(value: Any, si_unit: str, field: str, where: str | None = None) -> 
             array = np.asarray(value)
             if array.dtype.kind in "fiu" and not any(isinstance(one, bool) for one in value):
                 return array
-    elif isinstance(value, Real) and type(value) is not bool:
+    elif not isinstance(value, bool) and isinstance(value, Real):
         return value
     wanted = "a number" if si_unit == "1" else f"a number in {si_unit}, or words with a unit"
     raise InputError(field, None, f"must be {wanted}, or an array of them, got {value!r}", where=where)

@@ -384,7 +384,7 @@ class Simulation:
         for name, value in named_values(noise, "noise").items():
             if name not in names:
                 raise InputError("noise", name, known=names)
-            size = float(value) if isinstance(value, Real) and type(value) is not bool else math.nan
+            size = float(value) if not isinstance(value, bool) and isinstance(value, Real) else math.nan
             if not (math.isfinite(size) and size >= 0.0):
                 raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
         return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
