@@ -35,11 +35,11 @@ WANTED = {"frames_per_second": (">=", 50.0), "server_share": ("<=", 0.30), "page
 def serve(folder: str) -> None:
     """The server with a machine that makes its samples for nothing; in a process of its own."""
     import numpy as np
-    from mckibben.web.laboratory import Laboratory
 
     from mckibben.web.bench import Bench
     from mckibben.web.server import listen
     from mckibben.web.server import serve as go
+    from mckibben.web.workspace import Workspace
 
     class Synthetic(Bench):
         """Sines at 1 kHz, handed out fifty times a second as a run does."""
@@ -78,7 +78,7 @@ def serve(folder: str) -> None:
             }  # fmt: skip
 
     go(
-        Laboratory(Path(folder), Synthetic),
+        Workspace(Path(folder), Synthetic),
         listen("127.0.0.1", 0),
         "127.0.0.1",
         show=False,
