@@ -334,6 +334,9 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
             if slip.parameter == error.field.replace("_", " ") and "; was " in slip.text:
                 error = error.changed(problem=f"{error.problem}; was {slip.text.partition('; was ')[2]}")
         parts = {part.name: part for one in parameters.values() for part in one.parts}
+        if error.field in parts:  # how a file is read is said by whoever has it read
+            where = "" if error.where is None else f"{error.where}: "
+            error = error.changed(field=f"{where}{shown(error.field)}", where="")
         raise _renamed(error, parts | dict(parameters), shown) from None
     own = [dataclasses.replace(one, text=_called(one.text, parameters, shown)) for one in found.cautions]
     slips = (one for one in _slips(parameters, values) if one.parameter not in {said.parameter for said in own})

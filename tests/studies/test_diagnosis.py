@@ -47,7 +47,7 @@ def record(observer, seed=0, *, before=0, **faults):
 
 
 def found(recording):
-    return diagnose(recording, "modern", muscle="nylon")
+    return diagnose(recording, rig="modern", muscle="nylon")
 
 
 def test_a_sound_rig_has_no_fault(observer):

@@ -297,9 +297,9 @@ _OF_RECORDING = "rig of the recording"
 @verb
 def diagnose(
     recording: RecordingFile,
-    rig: RigName | None = None,
     *,
     muscle: MuscleName | None = None,
+    rig: RigName | None = None,
     plumbing: PlumbingName | None = None,
 ) -> Diagnosis:
     """Find a fault of a rig from a recording of its normal operation.
@@ -311,8 +311,8 @@ def diagnose(
     Args:
         recording: a normal run: a recording or its file, with the channels ``span``, ``valve.command`` and at least one of
             ``pressure``, ``valve_pressure`` and ``tension``.
-        rig: sound rig: paper, modern, or a .toml file; by default as the recording states it, without its faults.
         muscle: sound muscle: id or .toml file; by default as the recording states it.
+        rig: sound rig: paper, modern, or a .toml file; by default as the recording states it, without its faults.
         plumbing: plumbing that joins the rig's pneumatic parts; by default as the recording states it.
 
     Raises:

@@ -278,8 +278,8 @@ def size(
         stroke: distance by which the muscle shortens [m], such as '3 cm'.
         pressure: gauge pressure at which it does so [Pa], such as '5 bar'.
         space: largest length and diameter, such as '20 cm x 3 cm', instead of both.
-        length: largest overall length, fittings included [m].
-        diameter: largest outer diameter, when contracted [m].
+        length: largest overall length, fittings included [m], such as '20 cm'.
+        diameter: largest outer diameter, when contracted [m], such as '3 cm'.
         speed: speed of shortening with that force [m/s], such as '10 cm/s'.
         rate: frequency of working cycles [1/s], such as '1 Hz'.
         working_time: time at work each day [s], such as '8 h', for the energy and air of a day.
