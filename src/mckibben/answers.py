@@ -108,6 +108,9 @@ class Table:
     notes: tuple[str, ...] = ()
     most: int | None = None
 
+    def __repr__(self) -> str:
+        return brief(self)
+
     @property
     def heads(self) -> list[str]:
         """Heads of the columns."""

@@ -5,16 +5,29 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
+    from .description import describe_file as describe_file
+    from .description import describe_recording as describe_recording
     from .energy_accounts import energy_account as energy_account
+    from .frequency import channel_response as channel_response
+    from .lever_answers import contraction as contraction
+    from .lever_answers import work_loops as work_loops
 
 __all__ = [
+    "channel_response",
+    "contraction",
+    "describe_file",
+    "describe_recording",
     "energy_account",
+    "work_loops",
 ]
 
 lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
+        "description": ["describe_file", "describe_recording"],
         "energy_accounts": ["energy_account"],
+        "frequency": ["channel_response"],
+        "lever_answers": ["contraction", "work_loops"],
     },
 )
