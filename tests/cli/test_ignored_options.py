@@ -68,7 +68,7 @@ def test_parameters_of_a_biological_muscle_count_or_are_refused(capsys):
 
 def test_columns_of_a_played_table_that_are_no_command_are_named(tmp_path, capsys):
     table = tmp_path / "played.csv"
-    table.write_text("time,flexor,extensr\ns,1,1\n0,0,0\n0.01,0.2,0.3\n0.02,0.2,0.3\n", encoding="utf-8")
+    table.write_text("time [s],flexor [1],extensr [1]\n0,0,0\n0.01,0.2,0.3\n0.02,0.2,0.3\n", encoding="utf-8")
     with pytest.raises(SystemExit):
         main(["joint", "nylon", "--play", str(table)])
     assert "has columns that are no command, and are not used: extensr" in capsys.readouterr().err

@@ -72,6 +72,13 @@ class Muscle(Module):
     plot: ClassVar[Accessor[MusclePlots]] = Accessor("report.figures.plots:MusclePlots")
     """Plots: ``plot.force_map``, ``plot.free_length``, ``plot.volume`` and ``plot.braid``, see `report.figures.plots`."""
 
+    def __eq__(self, other: object) -> bool:
+        # who stated a number is told with it, and makes no other muscle
+        told = [one.with_fields(stated=()) if isinstance(one, Muscle) else one for one in (self, other)]
+        return Module.__eq__(*told)
+
+    __hash__ = Module.__hash__
+
     # ---- questions
 
     def tension(self, length: Quantity, pressure: Quantity) -> Scalar:
