@@ -52,6 +52,27 @@ def test_a_question_is_changed_refused_and_stands_in_the_link(visit):
     assert page.input_value("#size-stroke") == "2 cm" and page.input_value("#size-battery") == "100 Wh"
 
 
+def test_what_is_wrong_is_said_beside_its_field_in_the_words_of_the_page(visit):
+    page = open_page(visit)
+
+    def wrong(name, words, said):
+        right = page.input_value(f"#size-{name}")
+        page.fill(f"#size-{name}", words)
+        page.press(f"#size-{name}", "Enter")
+        says(page, f"#size-{name}-said", said)
+        assert not page.inner_text(f"#size-{name}-said").endswith("?.")
+        page.fill(f"#size-{name}", right)
+
+    wrong("working_time", "30 h", "working time must be above 0 s")
+    wrong("working_time", "30 h", "was 30 s meant?")
+    wrong("pressure", "", "Sizing needs a pressure, such as '5 bar'.")
+    wrong("tube_length", "", "Sizing needs a tube length, such as '50 cm'.")
+    wrong("load", "5 kg", "must be given without a force")
+    wrong("valve", "Cv=0.3", "an unticked 'Valves and tubes, simulated'")
+    page.get_by_label("Valves and tubes, simulated").check()
+    wrong("valve", "Cv=0.3, switching_time=8", "the unit is missing")
+
+
 def test_the_muscle_goes_to_the_bench_in_one_click(visit):
     page = open_page(visit)
     page.click("text=Take to the bench")

@@ -18,6 +18,12 @@ def test_a_sizing_without_a_force_or_stroke_is_refused():
         mk.size(force="50 N")
 
 
+@pytest.mark.parametrize("name", ["pressure", "tube_length"])
+def test_a_sizing_whose_usual_value_is_taken_away_is_refused(name):
+    with pytest.raises(InputError, match=f"Sizing needs a {name.replace('_', ' ')}, such as"):
+        mk.size(**{"force": "50 N", "stroke": "3 cm", name: None})
+
+
 def test_muscles_are_compared_by_name_and_as_objects():
     named, made = mk.compare("nylon", ["fiberglass"]), mk.compare(mk.muscle("nylon"), "fiberglass", pressure="5 bar")
     assert named == made and repr(named).startswith("MuscleTable(nylon, fiberglass: ")

@@ -205,10 +205,16 @@ def check(words: str, on: bool, change: Callable[[bool], object], more: str = ""
     return one
 
 
+def ended(words: object) -> str:
+    """Words with a full stop, where they do not ask."""
+    said = str(words).rstrip(".")
+    return f"{said}{'' if said.endswith('?') else '.'}"
+
+
 def sentence(words: object) -> str:
     """Words with a capital and a full stop."""
-    said = str(words).rstrip(".")
-    return f"{said[:1].upper()}{said[1:]}{'' if said.endswith('?') else '.'}"
+    said = ended(words)
+    return f"{said[:1].upper()}{said[1:]}"
 
 
 def grouped(value: float | None, places: int = 2) -> str:

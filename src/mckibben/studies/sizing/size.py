@@ -82,7 +82,7 @@ def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tu
 
 Progress = Callable[[str], None]
 
-EXAMPLES = {"force": "50 N", "stroke": "3 cm"}
+EXAMPLES = {"force": "50 N", "stroke": "3 cm", "pressure": "5 bar", "tube_length": "50 cm"}
 GRAVITY = 9.80665  # [m/s^2]
 MOST_TRIED = 3  # muscles whose speed is looked for
 
@@ -325,7 +325,6 @@ def size(
     for name, needing in (("speed", speed), ("valve", valve)):
         if needing is not None and not lines:
             raise InputError(name, None, f"is allowed only without {{lines=False}}: a {name} takes a valve and a tube")
-    said = pressure_caution(float(pressure) if wish is None else wish.pressure, text=typed(pressure))
     if wish is None:
         wish = _requirements(
             {
@@ -344,6 +343,7 @@ def size(
             },
             spaced=space is not None,
         )
+    said = pressure_caution(wish.pressure, text=typed(pressure))
     if law not in BRAID_LAWS:
         raise InputError("law", law, known=BRAID_LAWS)
     _check_muscle(muscle)
@@ -443,10 +443,11 @@ def _check_muscle(name: str | None) -> None:
 
 def _requirements(values: Mapping[str, Any], *, spaced: bool) -> Requirements:
     """The requirements; errors name what was given: the space instead of its length and diameter, rate for frequency."""
-    for name in ("force", "stroke"):
+    for name, example in EXAMPLES.items():
         if values[name] is None:
+            words = name.replace("_", " ")
             raise InputError(
-                name, "missing", f"must be a {name}", sentence=f"Sizing needs a {name}, such as {EXAMPLES[name]!r}"
+                name, "missing", f"must be a {words}", sentence=f"Sizing needs a {words}, such as {example!r}"
             )
     try:
         return Requirements(**values)

@@ -32,6 +32,7 @@ from ..widgets import (
     button,
     check,
     empty,
+    ended,
     link,
     loading,
     page_frame,
@@ -95,6 +96,9 @@ FIELD_OF = {
     "length": "space", "diameter": "space", "frequency": "rate", "working time": "working_time",
     "tube length": "tube_length",
 }  # fmt: skip
+
+
+TICK = "Valves and tubes, simulated"
 
 
 @dataclass(frozen=True)
@@ -264,6 +268,11 @@ LOOKS = 0.25  # time between two words on the progress [s]
 _answers = SharedResults(12)  # for other visitors and for the way back
 
 
+def _called(name: str) -> str:
+    """A parameter of `mckibben.size` as sentences on the page call it."""
+    return f"an unticked '{TICK}'" if name == "lines" else name.replace("_", " ")
+
+
 class SizeAnswer(NamedTuple):
     """A sizing with its charts: force over stroke; time over mass of valves with tubes, None where none was looked for."""
 
@@ -276,7 +285,7 @@ def answer(question: SizeQuestion, progress: Callable[[str], None]) -> SizeAnswe
     """The sizing of a question with its charts; kept, so that a link is answered at once the second time."""
 
     def make() -> SizeAnswer:
-        sizing = ask(size, {**question.arguments(), "progress": progress})
+        sizing = ask(size, {**question.arguments(), "progress": progress}, _called)
         progress("charts")
         return SizeAnswer(sizing, _force_chart(sizing), _lines_chart(sizing) if sizing.lines else None)
 
@@ -328,7 +337,7 @@ class SizePage:
             laws = {name: f"Braids by {name.replace('_', ' ')}" for name in BRAID_LAWS}
             select(laws, question.law, lambda v: self._take("law", v), "Law of the braids")
             simulated = question.lines == "yes"
-            check("Valves and tubes, simulated", simulated, lambda on: self._take("lines", "yes" if on else "no"))
+            check(TICK, simulated, lambda on: self._take("lines", "yes" if on else "no"))
         self.said = box("div", "size-said")
         button("Find", self._find, primary=True)
 
@@ -370,8 +379,9 @@ class SizePage:
         except MckibbenError as error:
             if number == self.number:
                 self.status.clear()
-                field = error.field.partition(".")[0] if isinstance(error, InputError) else ""
-                self._refuse(field, f"{error}.")
+                name = error.field if isinstance(error, InputError) else ""
+                # else a key within it: of "valve switching_time" the valve
+                self._refuse(name if name in self.fields else name.partition(" ")[0], ended(error))
             return
         if number == self.number:
             self.status.clear()
@@ -438,7 +448,7 @@ class SizePage:
         try:
             call_script("goTo", f"/circuit?{urlencode({'c': packed(sizing.to_circuit())})}")
         except InputError as error:
-            tell(f"{error}.")
+            tell(ended(error))
 
 
 def _specimen_data(sizing: Sizing) -> bytes:

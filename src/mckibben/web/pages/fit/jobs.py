@@ -257,7 +257,7 @@ class TableReading(NamedTuple):
     size: int
     points: ForceMap | None  # the table; nothing if it was refused
     wrong: InputError | None  # why it was refused
-    asked: FitRequest  # how it was look_and_read in the end
+    asked: FitRequest  # how it was read in the end
     parts: list[str] = []  # names of its sheets or topics, where it has several
 
 
@@ -297,7 +297,7 @@ def used(points: ForceMap, asked: FitRequest) -> str:
     left = "".join(f" {sentence(remark)}" for remark in points.remarks)
     if not slack:
         return f"{taut} rows used.{left}"
-    noun = "row reads" if slack == 1 else "rows look_and_read"
+    noun = "row reads" if slack == 1 else "rows read"
     use = f"; {informative} of them ask the laws for zero tension" if asked.slack and informative else ""
     return (
         f"{taut} rows used. {slack} {noun} zero tension: the muscle is slack there, so errors do not count them{use}."
