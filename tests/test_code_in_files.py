@@ -37,7 +37,7 @@ class Law(mk.TensionLaw):
         return 0.0 * length
 
     def gas_energy(self, length, pressure):
-        return -pressure * self.gain * length
+        return pressure * self.gain * (2.0 * self.rest_length - length)
 
     def length_range(self):
         return 0.5 * self.rest_length, 1.1 * self.rest_length

@@ -32,8 +32,8 @@ def test_a_wide_tube_that_still_fills_is_read_from_a_longer_run():
     found, whole = short.quick(True).numbers, long.quick(True).numbers
     assert found.settled and found.after == pytest.approx(5e5, abs=5e3)
     assert (found.after, found.transition, found.delay) == pytest.approx((whole.after, whole.transition, whole.delay))
-    assert diagram.ending(short, found) == f"settles at {with_unit(found.after, 'Pa')}"
-    assert diagram.ending(long, whole) == f"ends at {with_unit(whole.after, 'Pa')}"
+    assert diagram._ending(short, found) == f"settles at {with_unit(found.after, 'Pa')}"
+    assert diagram._ending(long, whole) == f"ends at {with_unit(whole.after, 'Pa')}"
 
 
 def test_the_rise_over_the_length_of_a_tube_is_to_the_settled_pressure():
@@ -49,5 +49,5 @@ def test_what_does_not_settle_in_64_times_its_run_says_so_and_has_no_rise():
     narrow = desk_with("0.3 mm")
     found = narrow.quick(True).numbers
     assert not found.settled and found.duration == pytest.approx(64 * 0.3)
-    assert diagram.ending(narrow, found) == "has not settled"
+    assert diagram._ending(narrow, found) == "has not settled"
     assert np.isnan(narrow.sweep().rises[-1])

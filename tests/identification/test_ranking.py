@@ -118,7 +118,7 @@ def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     assert "wall_thickness at its bound" in printed and "is not counted" in printed
     assert [f["at_bound"] for f in study.to_dict()["fits"]] == [[], ["wall_thickness"]]
     assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
-    assert [row["degenerate"] for row in results._rows(study)] == ["", "wall_thickness at its bound"]
+    assert [row[-1] for row in results._rows(study)] == ["", "wall_thickness at its bound"]
 
 
 def test_sizes_that_nobody_stated_are_said_beside_the_result(capsys) -> None:

@@ -20,7 +20,7 @@ def one_gigabyte(monkeypatch):
 def test_the_longest_run_is_the_one_that_takes_half_of_the_free_memory():
     memory.check_memory(62.5, 1e-3, bytes_per_sample=8e3)  # 62,500 samples of 8 kB are 0.5 GB
     with pytest.raises(
-        mk.InputError, match=r"must be at most 62 s at a period of 0.001 s, got 63 s; it would need 0.5 GB"
+        mk.InputError, match=r"must be at most 62 s at a period of 0.001 s, got 63 s; it would need 0.504 GB"
     ):
         memory.check_memory(63.0, 1e-3, bytes_per_sample=8e3)
     with pytest.raises(mk.InputError, match="at most 6.2 s for each of 10 runs"):

@@ -281,6 +281,6 @@ def test_a_fast_step_of_pressure_is_predicted_with_the_swing_of_the_frame():
 def test_a_rig_that_is_not_that_of_the_recording_is_said():
     record, sound = mk.run("work-loop", "modern", muscle="nylon", cycles=2), mk.rig("modern")
     said = _differences(record, mk.rig("paper"), "paper")
-    assert len(said) == 1 and "made on the rig modern" in said[0] and "sensors" in said[0]
+    assert len(said) == 1 and "made on the rig modern" in said[0].text and "sensors" in said[0].text
     assert _differences(record, sound, sound) == () == _differences(record, sound, None)
     assert _differences(record, mk.rig("modern", {"faults.leak": "0.5 l/min/bar"}), sound) == ()

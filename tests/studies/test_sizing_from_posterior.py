@@ -65,5 +65,5 @@ def test_a_pressure_beyond_the_measured_map_is_said():
 
 
 def test_a_posterior_without_its_muscle_is_refused():
-    with pytest.raises(InputError, match="posterior is allowed only with a muscle"):
+    with pytest.raises(InputError, match="posterior is allowed only with muscle"):
         mk.size(force="40 N", stroke="2 cm", posterior=drawn(0.0, 0.0))

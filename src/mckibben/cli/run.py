@@ -21,8 +21,8 @@ from ..batch import run_template
 from ..bench import biological_run, calibrate, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
+from ..bench import rig as rigs
 from ..bench import run as protocol_run
-from ..bench.rig import FAULTS
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..quantities import parse, with_unit
@@ -323,8 +323,8 @@ def _faults(words: list[str] | None, machine: str | None) -> list[str]:
         raise InputError("--fault", None, "is of a simulated rig; a real machine has its own")
     named = pairs(words, "--fault", "leak='0.2 l/min/bar'")
     for name in named:
-        if name not in FAULTS:
-            raise InputError("--fault", name, known=FAULTS)
+        if name not in rigs.FAULTS:
+            raise InputError("--fault", name, known=rigs.FAULTS)
     return [f"rig.faults.{name}={value}" for name, value in named.items()]
 
 

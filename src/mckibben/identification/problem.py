@@ -100,7 +100,7 @@ class Problem:
             parameters["rest_length"] = points.rest_length
         if "upper_length" in fields:
             # Every measured point has to lie in the working range, each muscle in its own.
-            longest: Any = float(points.length.max())
+            longest: Any = float(points.length.max()) if len(points) else 0.0
             if points.rest_length is not None:
                 longest = np.array([points.length[points.rest_length == r].max() for r in points.rest_length])
             parameters["upper_length"] = np.maximum(np.asarray(parameters.get("upper_length", 0.0), float), longest)

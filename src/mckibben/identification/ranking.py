@@ -256,8 +256,9 @@ def load_table(
 def known_in_si(
     known: Mapping[str, JsonValue], laws: str | type[TensionLaw] | Iterable[str | type[TensionLaw]] | None
 ) -> dict[str, JsonValue]:
-    """Parameters that are not to be fitted, in SI; raises `InputError` for one that none of the laws has."""
-    names = [law_key(law) for law in ([laws] if isinstance(laws, str | type) else laws or LAWS)]
+    """Parameters that are not to be fitted, in SI; raises `InputError` for one that no law has."""
+    given = [law_key(law) for law in ([laws] if isinstance(laws, str | type) else laws or ())]
+    names = dict.fromkeys([*LAWS, *given])  # one table of dimensions may serve several laws, also those not fitted here
     fields = {key: q for name in names for key, q in declared(law_type(name)).items()} if known else {}
     values = {}
     for name, value in known.items():
