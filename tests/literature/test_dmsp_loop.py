@@ -18,7 +18,9 @@ from measured_data import FOLDER, needs
 LOOP = "dmsp_10_250_hysteresis/pressure_stroke_loop.csv"
 STEPS = "dmsp_10_250_hysteresis/step_response_100hz.csv"
 pytestmark = needs(LOOP, STEPS)
-LIMITS = ((0.124e-3, 0.310e-3), (0.148e-3, 0.449e-3))  # of each half: rms and largest error [m]
+# Of each half: rms and largest error [m], where knots, scale and bounds come from the shown samples alone. While all samples
+# set them, the second half looked better than it was: 0.148 and 0.449 mm.
+LIMITS = ((0.124e-3, 0.310e-3), (0.157e-3, 0.569e-3))
 BANDS = np.array([1.5, 2.0, 2.5, 2.7, 3.0, 3.5, 4.0, 4.5]) * 1e5
 
 

@@ -22,7 +22,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .._jax import Array, Scalar, custom_jvp, jax, jnp
+from .._jax import Array, Scalar, jax, jnp
 from ..components import Module, derivative
 from ..components.programs import evaluated
 from ..errors import InputError, NoVolumeError, UnreachableError
@@ -154,8 +154,7 @@ class TensionLaw(Module):
     def braid_volume(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Gas volume at a braid length [m^3]; up to a constant where `has_volume` is false."""
         length, pressure = _together(length, pressure)
-        volume: Scalar = _held_volume(self, _within(self, length).length, pressure)
-        return volume
+        return _volume(self, _within(self, length).length, pressure)
 
     @evaluated
     def braid_stiffness(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -329,23 +328,6 @@ def _active(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
 def _volume(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
     """The formula's gas volume [m^3]."""
     return derivative(lambda p: law.gas_energy(length, p), pressure)
-
-
-@custom_jvp
-def _held_volume(law: TensionLaw, length: Scalar, pressure: Scalar) -> Scalar:
-    """The same, for a length that is a function of others."""
-    return _volume(law, length, pressure)
-
-
-def _volume_change(primals: Any, tangents: Any) -> tuple[Scalar, Scalar]:
-    # What the length changes by comes last: the slope by itself has nearly all in common with the tension, and no step of a
-    # run then takes it twice.
-    law, length, pressure = primals
-    value, change = jax.jvp(lambda w, p: _volume(w, length, p), (law, pressure), (tangents[0], tangents[2]))
-    return value, change + derivative(lambda x: _volume(law, x, pressure), length) * tangents[1]
-
-
-_held_volume.defjvp(_volume_change)
 
 
 def _within(law: TensionLaw, length: Scalar) -> threads.HeldLength:
