@@ -74,8 +74,8 @@ class Muscle(Module):
 
     def __eq__(self, other: object) -> bool:
         # who stated a number is told with it, and makes no other muscle
-        told = [one.with_fields(stated=()) if isinstance(one, Muscle) else one for one in (self, other)]
-        return Module.__eq__(*told)
+        theirs = other.with_fields(stated=()) if isinstance(other, Muscle) else other
+        return Module.__eq__(self.with_fields(stated=()), theirs)
 
     __hash__ = Module.__hash__
 

@@ -328,7 +328,7 @@ export function key (name, about, fn) { keys.set(name, { about, fn }) }
 /** Keys of one page that go before those of all: functions that say whether they took an event. */
 export const keysBefore = []
 const inField = e => e.target.closest?.('input:not([type=radio]):not([type=checkbox]):not([type=range]),textarea,select,[contenteditable=true]')
-let after = 0
+let after = -Infinity
 const singles = () => localStorage.getItem('mckibben-keys') !== 'off'
 
 function pressed (e) {
@@ -347,7 +347,7 @@ function pressed (e) {
   if (e.target.closest?.('[data-zooms]') && '+-=0'.includes(e.key) && !e.target.closest('#strips')) return // of a chart, which has the focus
   if (!singles()) return
   const page = performance.now() - after < 1500 && /^[a-z]$/i.test(e.key) && $(`.tabs a[data-key=${e.key.toLowerCase()}]`)
-  if (page) { after = 0; location.href = page.href; return }
+  if (page) { after = -Infinity; location.href = page.href; return }
   if (e.key.toLowerCase() === 'g') { after = performance.now(); return }
   if (e.key === '?') { help(); return }
   const on = e.target.closest?.('button,a,summary,[role=tab],[role=radio],[role=option],input')
