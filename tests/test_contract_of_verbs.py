@@ -1,5 +1,6 @@
 """What every verb keeps, whatever it computes: its faces say the same, and each parameter is declared, told and refused."""
 
+import html
 import json
 import math
 import os
@@ -80,6 +81,11 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkey
         for row in table.cells():  # in one line, in this order
             assert [word for cell in row for word in cell.split()] in lines
     assert all(remark in out for remark in answer.remarks())
+    page = html.unescape(few._repr_html_())
+    assert all(one.text in page for one in answer.cautions) and all(remark in page for remark in answer.remarks())
+    for table in few.tables():
+        assert all(f">{cell}</td>" in page for row in table.cells()[: table.most] for cell in row)
+        assert table.title in page and all(note in page for note in table.notes)
     cautions = [one.text for one in answer.cautions]
     assert [line.partition("caution: ")[2] for line in err.splitlines() if "caution: " in line] == cautions
     file = tmp_path / "rows.json"

@@ -51,6 +51,13 @@ def test_a_slip_is_said_by_the_answer_and_as_a_warning():
     assert answer.to_dict()["warnings"] == [one.text for one in answer.cautions]
 
 
+@pytest.mark.parametrize("lengths", ["12 km", 12e3, [0.12, 12e3], (12e3, "12 cm")])
+def test_a_slip_is_seen_in_words_numbers_and_lists_alike(lengths):
+    kinds = {"length": verbs.described("studies.tension:tension").parameters["length"]}
+    said = [one.text for one in verbs._slips(kinds, {"length": lengths})]
+    assert len(said) == 1 and said[0].startswith("a length of 12") and "can hardly be meant" in said[0]
+
+
 def test_a_number_that_was_typed_keeps_its_text_and_is_a_plain_number_in_arithmetic():
     number = pickle.loads(pickle.dumps(verbs.ParsedNumber(0.12, "12 cm")))
     assert (number, number.text, type(number + 0.0)) == (0.12, "12 cm", float)

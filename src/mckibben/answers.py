@@ -6,15 +6,19 @@ An answer is an immutable value with `cautions`, `balances` and `sources`. Where
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Any, ClassVar
 
 from .documents import JsonValue
-from .errors import PlausibilityWarning
+from .errors import InputError, PlausibilityWarning
 from .quantities import from_si, shown_unit
+
+NOTEBOOK_ROWS = 10  # of rankings
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,16 @@ class Table:
     def __repr__(self) -> str:
         return brief(self)
 
+    def _repr_html_(self) -> str:
+        def line(tag: str, words: Sequence[str]) -> str:
+            aside = (" style='text-align:right'" if i in self.right else "" for i in range(len(words)))
+            return f"<tr>{''.join(f'<{tag}{a}>{escape(w)}</{tag}>' for w, a in zip(words, aside, strict=True))}</tr>"
+
+        lines = [line("td", row) for row in self.cells()[: self.most]]
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
+        heading = f"<p><b>{escape(self.title)}</b></p>" if self.title else ""
+        return f"{heading}<table>{line('th', self.heads)}{''.join(lines)}</table>{notes}"
+
     @property
     def heads(self) -> list[str]:
         """Heads of the columns."""
@@ -166,6 +180,17 @@ class Answer:
     def remarks(self) -> Sequence[str]:
         """Sentences below the tables."""
         return ()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: cautions, tables, sentences, and the picture where there is one."""
+        cautions = (f"<p><b>Caution:</b> {escape(one.text)}</p>" for one in self.cautions)
+        tables = (one._repr_html_() for one in self.first(NOTEBOOK_ROWS).tables())
+        remarks = (f"<p>{escape(one)}</p>" for one in self.remarks())
+        picture, plot = "", getattr(self, "plot", None)
+        with contextlib.suppress(InputError):  # it holds nothing that can be drawn
+            text = "" if plot is None else plot()._repr_svg_()
+            picture = f"<div>{text[text.index('<svg') :]}</div>" if text else ""
+        return "".join([*cautions, *tables, *remarks, picture])
 
     def first(self, count: int) -> Answer:
         """The same with the first rows of its rankings only."""

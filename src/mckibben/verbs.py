@@ -379,10 +379,11 @@ def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> It
         changes = kind.word == "PATH=VALUE" and isinstance(value, Mapping)
         texts: Sequence[tuple[str, Any]] = [*value.items()] if changes else [(name, value)]
         for key, text in texts:
-            if isinstance(text, str | int | float) and (kind.range or changes):
+            if isinstance(text, str | int | float | list | tuple) and (kind.range or changes):
                 from .slips import size_caution
 
-                for one in re.split(" *[,;] *", text) if kind.listed and isinstance(text, str) else [text]:
+                several = re.split(" *[,;] *", text) if kind.listed and isinstance(text, str) else text
+                for one in several if isinstance(several, list | tuple) else [several]:
                     slip = size_caution(one, kind.unit, name=key.replace("_", " "), usual=kind.range)
                     if slip is not None:
                         yield slip

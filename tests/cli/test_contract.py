@@ -88,7 +88,8 @@ def test_a_pressure_that_no_muscle_takes_is_said(run):
         if pressure == "5e5 bar":  # beyond what is computed at all
             assert code == 2
             continue
-        said, *_ = json.loads(out)["warnings"]
+        said, also = json.loads(out)["warnings"]  # nor was anything measured where the muscle would then hang free
+        assert "a free length of" in also and also in err
         assert code == 0 and said in err and "10 bar" in said
         assert ("meant" in said) == (meant is not None) and (meant or "") in said
     _, out, err = run(*words, "5 bar")  # the highest that was measured

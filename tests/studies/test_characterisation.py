@@ -226,7 +226,7 @@ def test_a_zero_that_moves_during_the_map_is_refused_and_what_is_left_of_the_pre
         with pytest.raises(StageError, match="the zero of the load cell has moved"):
             advance("map", _vented(200.0, 0.3 + sign), bounds, known)
         # 0.1 % of the pressure may be left a while after venting; the next thing that is missing is named then.
-        with pytest.raises(StageError, match="no samples of the step"):
+        with pytest.raises(StageError, match="no samples of the step 'settle 1'"):
             advance("map", _vented(200.0 + sign * 500.0), bounds, known)
 
 

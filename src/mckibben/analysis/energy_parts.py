@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..accessors import Accessor, implementation
+from ..accessors import Accessor
 from ..answers import Answer, Caution, Column, Table, brief
 from ..documents import JsonValue
 from ..errors import InputError
@@ -194,9 +194,6 @@ class EnergyAccount(Answer):
         rows = [{**part._asdict(), "meaning": part.meaning} for part in self.parts]
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
         return frame.set_index(["side", "name"])
-
-    def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:energy_html")(self))
 
     def to_dict(self) -> dict[str, JsonValue]:
         """All parts and cycles as plain values, for JSON: works and exergies in [J], air in [kg]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import atexit
 import importlib.util
 import shutil
@@ -65,7 +66,21 @@ def _readings(part: Part, module: ModuleType, stepped: Any) -> PartReadings:
     return PartReadings(tension, pressure, sum(work.values()), part.gas_mass(stepped.following.numpy()[0]))
 
 
-class _WarpMechanism(RebuiltMechanism):
+class _DeviceMechanism(RebuiltMechanism):
+    """A mechanism whose state is in arrays of Warp."""
+
+    @abc.abstractmethod
+    def _arrays(self) -> list[Any]: ...
+
+    def save(self) -> Any:
+        return [one.numpy().copy() for one in self._arrays()]
+
+    def restore(self, saved: Any) -> None:
+        for one, values in zip(self._arrays(), saved, strict=True):
+            one.assign(values)
+
+
+class _WarpMechanism(_DeviceMechanism):
     """A scenario in one world of MuJoCo Warp."""
 
     def build(self) -> None:
@@ -107,13 +122,6 @@ class _WarpMechanism(RebuiltMechanism):
     def _arrays(self) -> list[Any]:
         return [*(getattr(self.data, name) for name in KEPT), *self.muscles.arrays()]
 
-    def save(self) -> Any:
-        return [one.numpy().copy() for one in self._arrays()]
-
-    def restore(self, saved: Any) -> None:
-        for one, values in zip(self._arrays(), saved, strict=True):
-            one.assign(values)
-
     def look(self, moment: HostMoment) -> None:
         self._put(moment)
         self._warp.forward(self.model, self.data)
@@ -146,7 +154,7 @@ def _newton() -> Any:
     return library("newton", "The host newton needs")
 
 
-class _NewtonMechanism(RebuiltMechanism):
+class _NewtonMechanism(_DeviceMechanism):
     """A scenario as a model of Newton with one joint, under the solver of Featherstone's method."""
 
     def build(self) -> None:
@@ -196,13 +204,6 @@ class _NewtonMechanism(RebuiltMechanism):
 
     def _arrays(self) -> list[Any]:
         return [self._state.joint_q, self._state.joint_qd, self._now.drive_state.numbers]
-
-    def save(self) -> Any:
-        return [one.numpy().copy() for one in self._arrays()]
-
-    def restore(self, saved: Any) -> None:
-        for one, values in zip(self._arrays(), saved, strict=True):
-            one.assign(values)
 
     def look(self, moment: HostMoment) -> None:
         self._pull(moment)

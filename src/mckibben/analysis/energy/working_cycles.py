@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ...accessors import Accessor, implementation
+from ...accessors import Accessor
 from ...answers import Answer, Caution, Column, Table, brief, collect
 from ...components import Environment
 from ...documents import JsonValue
@@ -424,9 +424,6 @@ class WorkingCycles(Answer):
     def __repr__(self) -> str:
         shares = ", ".join(f"{name} {self[name].efficiency:.1%}" for name in self.cycles)
         return f"WorkingCycles({self.specimen.id}, {with_unit(self.conditions.pressure, 'Pa')}: {shares})"
-
-    def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:cycles_html")(self))
 
 
 @verb

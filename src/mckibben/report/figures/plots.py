@@ -489,16 +489,6 @@ def recording_html(recording: Recording) -> str:
     return _table(str(recording.meta.get("title", "Recording")), repr(recording), head, rows)
 
 
-def sizing_html(sizing: Sizing) -> str:
-    """A sizing as a table of its muscles and the force over the stroke."""
-    rows = [
-        (one.muscle.id, one.verdict, *(f"{v:.3g}" for v in (one.promised_force, 100.0 * one.stroke)))
-        for one in sizing.muscles
-    ]
-    head = ("muscle", "does it", "promised force, N", "stroke, cm")
-    return _table("Sizing", repr(sizing), head, rows) + _picture(SizingPlots(sizing)())
-
-
 def part_html(part: ListedPart) -> str:
     """A part of the catalogue as a table of its numbers."""
     rows = []
@@ -507,30 +497,6 @@ def part_html(part: ListedPart) -> str:
         span = "" if n.low is None or n.high is None else " to ".join(_value(end, n.unit)[0] for end in (n.low, n.high))
         rows.append((n.name, *value, span, "inferred" if n.inferred else n.source, n.note))
     return _table(part.title, repr(part), ("number", "value", "unit", "range", "source", "note"), rows)
-
-
-def comparison_html(compared: MuscleTable) -> str:
-    """A comparison as a table, one column per muscle."""
-    shown = [(row.property.title, row.property.unit, row.shown()) for row in compared.properties()]
-    rows = [(title, unit, *("" if v is None else f"{v:.4g}" for v in values)) for title, unit, values in shown]
-    return _table("Comparison", repr(compared), ("property", "unit", *(c.name for c in compared.columns)), rows)
-
-
-def cycles_html(cycles: WorkingCycles) -> str:
-    """Working cycles as a table, and their loops."""
-    rows = [
-        (name, volume, f"{one.input:.3g}", f"{one.output:.3g}", f"{one.efficiency:.1%}")
-        for name, by_volume in cycles.cycles.items()
-        for volume, one in by_volume.items()
-    ]
-    heads = ("cycle", "volume", "input, J", "output, J", "efficiency")
-    return _table("Working cycles", repr(cycles), heads, rows) + _picture(CyclePlots(cycles)())
-
-
-def energy_html(account: EnergyAccount) -> str:
-    """An energy account as a table of its parts and its streams."""
-    rows = [(p.side, p.name, f"{p.value:.4g}", p.meaning) for p in account.parts if p.value]
-    return _table("Energy", repr(account), ("side", "part", "J", "meaning"), rows) + _picture(EnergyPlots(account)())
 
 
 def ranking_html(ranking: Ranking) -> str:

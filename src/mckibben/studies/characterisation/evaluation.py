@@ -162,8 +162,8 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         _check_zeros(record, known)
         isobars = []  # pressure and shortest taut length of each loop; the rest length where it is slack all along
         for i in range(1, ISOBARS + 1):
-            shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
             pressure = float(np.mean(_part(record, f"settle {i}", "map")["pressure"]))
+            shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
             isobars.append((pressure, min(shortest, bounds.rest_length)))
         taut = [length for _, length in isobars if length < (1.0 - LEAST_LOOP) * bounds.rest_length]
         if not taut:

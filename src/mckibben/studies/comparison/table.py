@@ -339,9 +339,6 @@ class MuscleTable(Answer):
         ranges = [row.published for row in self.properties() if row.published is not None]
         return tuple(dict.fromkeys(["chou1996", *(key for one in ranges for key in one.sources)]))
 
-    def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:comparison_html")(self))
-
 
 Comparable = str | os.PathLike[str] | Specimen | Muscle | ComparedMuscle
 

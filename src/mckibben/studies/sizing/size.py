@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ...accessors import Accessor, implementation
+from ...accessors import Accessor
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...answers import Answer, Caution, Table, collect
 from ...documents import JsonValue
@@ -220,9 +220,6 @@ class Sizing(Answer):
         verdict = f"best {self.best.muscle.id}: {self.best.verdict}" if self.reached else self.sentence()
         return f"Sizing({len(self.muscles)} muscles, {len(self.lines)} lines, {verdict})"
 
-    def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:sizing_html")(self))
-
     @property
     def reached(self) -> bool:
         """Whether some muscle is sufficient, beyond the error of its law or by its law; with a speed, one that was run."""
@@ -324,7 +321,7 @@ def size(
             raise InputError(name, str(value), "must be left out beside a space, which states both")
     for name, needing in (("speed", speed), ("valve", valve)):
         if needing is not None and not lines:
-            raise InputError(name, None, f"is allowed only without {{lines=False}}: a {name} takes a valve and a tube")
+            raise InputError(name, None, "is allowed only without {lines=False}, which leaves valves and tubes out")
     if wish is None:
         wish = _requirements(
             {
