@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any, ClassVar
 
+from .citations import reference
 from .documents import JsonValue
 from .errors import InputError, PlausibilityWarning
 from .quantities import from_si, shown_unit
@@ -117,7 +118,7 @@ class Table:
 
     def _repr_html_(self) -> str:
         def line(tag: str, words: Sequence[str]) -> str:
-            aside = (" style='text-align:right'" if i in self.right else "" for i in range(len(words)))
+            aside = (f" style='text-align:{'right' if i in self.right else 'left'}'" for i in range(len(words)))
             return f"<tr>{''.join(f'<{tag}{a}>{escape(w)}</{tag}>' for w, a in zip(words, aside, strict=True))}</tr>"
 
         lines = [line("td", row) for row in self.cells()[: self.most]]
@@ -185,7 +186,8 @@ class Answer:
         """What a notebook shows: cautions, tables, sentences, and the picture where there is one."""
         cautions = (f"<p><b>Caution:</b> {escape(one.text)}</p>" for one in self.cautions)
         tables = (one._repr_html_() for one in self.first(NOTEBOOK_ROWS).tables())
-        remarks = (f"<p>{escape(one)}</p>" for one in self.remarks())
+        keys = (f"[{key}] {reference(key)}" for key in self.sources)
+        remarks = (f"<p>{escape(one)}</p>" for one in (*self.remarks(), *keys))
         picture, plot = "", getattr(self, "plot", None)
         with contextlib.suppress(InputError):  # it holds nothing that can be drawn
             text = "" if plot is None else plot()._repr_svg_()

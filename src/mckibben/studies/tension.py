@@ -100,9 +100,12 @@ class Tensions(Answer):
 
     def _several(self, title: str) -> Table:
         drive = Column("pressure", unit="Pa") if "pressure" in self.points[0] else Column("activation", unit="1")
+        tension = Column("tension", unit="N")
         band = [Column("tension_low", f"{self.band}: from", "N"), Column("tension_high", "to", "N")]
-        columns = [Column("length", unit="m"), drive, Column("tension", unit="N")]
-        columns += band if "tension_low" in self.points[0] else []
+        columns = [Column("length", unit="m"), drive, tension]
+        shown = ({tension.text(p.get(key)) for key in ("tension", *BAND)} for p in self.points)
+        # ranges of numbers that matter nowhere here say nothing
+        columns += band if "tension_low" in self.points[0] and any(len(words) > 1 for words in shown) else []
         columns += [Column("volume", unit="m^3"), Column("stiffness", unit="N/m"), Column("state", "")]
         rows = [
             {**point, "state": ", ".join(["slack"] * point["slack"] + ["overstretched"] * point["overstretched"])}
