@@ -193,9 +193,8 @@ def descend_in_lanes(
             known = np.isfinite(normal).all(axis=(1, 2), keepdims=True)
             normal = np.where(known, normal, np.eye(count))
             normal, pull = normal + np.eye(count) * np.maximum(least - normal, 0.0), np.nan_to_num(pull)
-            if (
-                count > 1
-            ):  # parameters that act alike share what they do, where rounding would leave nothing to divide by
+            if count > 1:
+                # parameters that act alike share what they do, where rounding would leave nothing to divide by
                 normal = normal + np.eye(count) * (1e-12 * normal)
             change = np.linalg.solve(normal, pull[..., None])[..., 0]
             at = np.clip(best + np.where(better[:, None], change, 0.5 * (at - best)), *bounds)

@@ -101,7 +101,20 @@ def inertance(*, length: Scalar, area: Scalar) -> Scalar:
     return length / area
 
 
-class InertialTube(TwoPort):
+class FlowState(TwoPort):
+    """A restriction whose gas has inertia: its flow is its state [kg/s]."""
+
+    def initial(self) -> Tree:
+        """State without flow."""
+        return jnp.zeros(())
+
+    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
+        """The state itself [kg/s]."""
+        flow: Scalar = state
+        return flow
+
+
+class InertialTube(FlowState):
     """Resistance and inertance; its state is the mass flow [kg/s] (eqs. 25-31).
 
         P1 - P2 = R1 v + R2 v |v| + (l/A) dw/dt,  v = w/(rho A)                                             (eqs. 25-31)
@@ -118,15 +131,6 @@ class InertialTube(TwoPort):
     length: Scalar = quantity("m", (1e-3, 100.0), "effective length", symbol="l", typical=(0.1, 5.0))
     gas: Gas = AIR
 
-    def initial(self) -> Tree:
-        """State without flow."""
-        return jnp.zeros(())
-
-    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
-        """The state itself [kg/s]."""
-        flow: Scalar = state
-        return flow
-
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """dw/dt [kg/s^2]."""
         speed = state / (mean_density(self.gas, a, b, state >= 0.0) * self.area)
@@ -134,7 +138,7 @@ class InertialTube(TwoPort):
         return (a.pressure_abs - b.pressure_abs - loss) / inertance(length=self.length, area=self.area)
 
 
-class LumpedTube(TwoPort):
+class LumpedTube(FlowState):
     """Inertance, friction by Reynolds number, choking, and the tube's own volume; its state is the mass flow [kg/s].
 
         (l/A) dw/dt = P1 - P2 - loss,   loss = (f l/D + K + 2 ln(P1/P2)) rho v |v| / 2,   v = w/(rho A)
@@ -168,15 +172,6 @@ class LumpedTube(TwoPort):
     def area(self) -> Scalar:
         """Cross section [m^2]."""
         return 0.25 * jnp.pi * self.diameter**2
-
-    def initial(self) -> Tree:
-        """State without flow."""
-        return jnp.zeros(())
-
-    def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
-        """The state itself [kg/s]."""
-        flow: Scalar = state
-        return flow
 
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """dw/dt [kg/s^2]."""

@@ -298,9 +298,8 @@ def _valve(spec: Specimen) -> ListedPart:
     numbers = [*_numbers(spec.valve, units)]
     numbers += _numbers(spec.properties, KNOWN_PROPERTIES)
     if spec.element and not any(n.name == "nominal_flow" for n in numbers):
-        with contextlib.suppress(
-            InputError
-        ):  # of a file that leaves something out, which is said when the valve is used
+        # of a file that leaves something out, which is said when the valve is used
+        with contextlib.suppress(InputError):
             flow = size_as(getattr(valve_from_specimen(spec), passages_of(spec.element)[0]), "nominal_flow")
             note = "computed from the size that the file states, for comparison: from 6 to 5 bar gauge"
             numbers.insert(0, PartNumber("nominal_flow", flow, "m^3/s", inferred=True, note=note))

@@ -104,6 +104,22 @@ class HeldMuscles(Load):
         return self.held
 
 
+class ParallelMuscles(HeldMuscles):
+    """A load whose muscles pull side by side at one place, along one span."""
+
+    def one_of(self, muscle: str, name: str) -> Load:
+        """Return the load with one muscle."""
+        return self.with_fields(held=(name,))
+
+    def collected(self) -> Load:
+        """Return the load with one muscle, which pulls as all of them do."""
+        return self.replace(held=(TOGETHER,))
+
+    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Sum of the tensions [N]."""
+        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
+
+
 class PrescribedMotion(HeldMuscles):
     """A load whose motion is given: it has no state, stores nothing and loses nothing."""
 
@@ -129,7 +145,7 @@ class PrescribedMotion(HeldMuscles):
         return {}
 
 
-class PlateLoad(PrescribedMotion):
+class PlateLoad(ParallelMuscles, PrescribedMotion):
     """Holds each of its muscles at one span, constant or by a signal."""
 
     span: Scalar = quantity("m", (1e-3, 100.0), "span, where no signal gives it", symbol="X", default=0.14)
@@ -139,18 +155,6 @@ class PlateLoad(PrescribedMotion):
     def alone(self, muscle: str, name: str) -> Load:
         """Return the same plate, since its position is prescribed."""
         return self.with_fields(held=(name,))
-
-    def one_of(self, muscle: str, name: str) -> Load:
-        """Return the load with one muscle."""
-        return self.with_fields(held=(name,))
-
-    def collected(self) -> Load:
-        """Return the load with one muscle, which pulls as all of them do."""
-        return self.replace(held=(TOGETHER,))
-
-    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """Sum of the tensions [N]."""
-        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 
     def spans(self, state: Tree, inputs: Mapping[str, Value]) -> dict[str, SpanState]:
         """Equal spans of all muscles."""
@@ -165,7 +169,7 @@ class BodyState(NamedTuple):
     velocity: Scalar
 
 
-class Body(HeldMuscles):
+class Body(ParallelMuscles):
     """A mass with weight, spring and damper; all but the mass are optional.
 
         m dv/dt = W + f - k (X - X0) - c v - sum T,   dX/dt = v
@@ -182,18 +186,6 @@ class Body(HeldMuscles):
     damping: Scalar = quantity("N*s/m", (0.0, 1e6), "damper", symbol="c", default=0.0)
     # Name of the signal of a further force that lengthens [N].
     signal: str | None = field(static=True, kw_only=True, default=None)
-
-    def one_of(self, muscle: str, name: str) -> Load:
-        """Return the load with one muscle."""
-        return self.with_fields(held=(name,))
-
-    def collected(self) -> Load:
-        """Return the load with one muscle, which pulls as all of them do."""
-        return self.replace(held=(TOGETHER,))
-
-    def effort(self, state: Tree, tensions: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """Sum of the tensions [N]."""
-        return {TOGETHER: sum((tensions[n] for n in self.held), start=jnp.zeros(()))}
 
     def initial(self) -> BodyState:
         """State at rest."""

@@ -550,9 +550,8 @@ class SerialHardware(Hardware):
         for message in arrived:
             if isinstance(message, messages.Fault):
                 self._arrivals.put(now, message)
-            elif (
-                isinstance(message, messages.SampleMessage) and message.run == self._run
-            ):  # others are of an earlier one
+            # samples of another number are of an earlier run
+            elif isinstance(message, messages.SampleMessage) and message.run == self._run:
                 if len(message.counts) == channels:
                     self._arrivals.put(now, message)
                 else:
