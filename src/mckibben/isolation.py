@@ -53,6 +53,7 @@ _PIPE = 1 << 20  # what lies ready for this process at most [B]
 _LENGTH = struct.Struct("<Q")
 _WEIGHT, _TEXT_WEIGHT = 32, 12  # [B] that a number, and a letter of a cell, take at most where they are understood
 _KINDS = "biufcmMSU"  # of arrays that travel as bytes
+LAST_WORDS = 1 << 16  # of what a process has complained of, in which the reason of its end is looked for [B]
 _NO_MEMORY = re.compile(r"alloc|out of memory|MemoryError", re.I)  # how libraries say that they got none
 # What may come back beside JSON and arrays: module and fields, in the order of the constructor.
 _TYPES = {
@@ -165,6 +166,7 @@ class _Reader:
         watch.daemon = True
         watch.start()
         name = str(arguments[0])
+        before = self.complaints.seek(0, os.SEEK_END)  # of files that it read earlier
         largest = min(limits.memory, _largest_answer.get())
         request = json.dumps([os.getcwd(), function, arguments, options, *limits, largest]).encode()
         try:
@@ -175,10 +177,10 @@ class _Reader:
         except (OSError, EOFError, ValueError):
             self.process.kill()
             self.process.wait()
-            self.complaints.seek(0)
             if late.is_set():
                 raise limits.no_time(name) from None
-            if _NO_MEMORY.search(self.complaints.read(1 << 16).decode("utf-8", "replace")):
+            self.complaints.seek(max(before, self.complaints.seek(0, os.SEEK_END) - LAST_WORDS))
+            if _NO_MEMORY.search(self.complaints.read().decode("utf-8", "replace")):
                 raise limits.no_memory(name) from None
             raise InputError("file", None, "is damaged: the process that read it crashed", where=name) from None
         finally:

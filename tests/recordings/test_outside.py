@@ -34,6 +34,12 @@ def dies(path):
     os._exit(3)
 
 
+def complains(path, words, count, ends):
+    os.write(2, words.encode() * count)
+    if ends:
+        os._exit(3)
+
+
 @pytest.fixture
 def archive(tmp_path):
     return RECORDING.save(tmp_path / "r.nc")
@@ -112,6 +118,16 @@ def test_a_reader_that_dies_takes_nothing_with_it(archive, fresh):
     with pytest.raises(InputError, match="the process that read it crashed"):
         isolation.call_outside(dies, archive)
     assert read_recording(archive) == RECORDING
+
+
+def test_the_reason_of_an_end_is_what_was_said_last_and_of_this_file(archive, fresh):
+    """A process reads one file after the other: what it said of an earlier one is no reason, nor does it hide one."""
+    isolation.call_outside(complains, archive, "strange byte\n", 10_000, False)  # 130 kB
+    with pytest.raises(InputError, match="takes more than"):
+        isolation.call_outside(complains, archive, "memory allocation of 9 bytes failed\n", 1, True)
+    isolation.call_outside(complains, archive, "memory allocation of 9 bytes failed\n", 1, False)
+    with pytest.raises(InputError, match="the process that read it crashed"):
+        isolation.call_outside(dies, archive)
 
 
 def test_a_file_beside_the_data_is_not_taken_for_a_module(archive, monkeypatch):
