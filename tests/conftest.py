@@ -17,6 +17,7 @@ import pytest
 from hypothesis import settings
 
 from disturbed_linalg import Disturbance
+from mckibben.registry import Registry
 
 # The same examples in every run of the same code; who looks for new ones sets HYPOTHESIS_PROFILE=default.
 settings.register_profile("suite", deadline=None, database=None, derandomize=True)
@@ -91,6 +92,28 @@ def _resident_memory() -> float:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
         return float("inf")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registries_as_they_were() -> Iterator[None]:
+    """Forget the kinds that a file's tests have named, for what a later test lists must not depend on its worker."""
+    before = {id(one): dict(one._known) for one in _registries()}
+    yield
+    for one in _registries():
+        kept = before.get(id(one), {})
+        for name in [name for name, entry in one._known.items() if name not in kept and not _is_shipped(entry)]:
+            del one._known[name]
+
+
+def _registries() -> Iterator[Registry[Any]]:
+    for name, module in list(sys.modules.items()):
+        if name.startswith("mckibben"):
+            yield from (one for one in [*vars(module).values()] if isinstance(one, Registry))
+
+
+def _is_shipped(entry: object) -> bool:
+    """Whether this package has it: an entry of a registry that a test has imported first."""
+    return isinstance(entry, str) or getattr(entry, "__module__", "").startswith("mckibben.")
 
 
 @pytest.fixture(scope="session", autouse=True)
