@@ -8,6 +8,7 @@ BIN    := $(VENV)/Scripts
 endif
 RUN    := $(BIN)/python -m
 WORKERS ?= 2
+PACKAGES := packages/lanewise packages/mckibben-hosts
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
 .PHONY: demo plan wheel test slow validation lint docs firmware bench lock clean help
@@ -41,11 +42,12 @@ plan:
 	  "  3. figure 3a of the paper, recorded on the simulated test machine    20 s" \
 	  "  4. every law, fitted to two force maps and ranked                    60 s"
 
-wheel: $(VENV)/.run ## Build wheels and source archives of both packages; call every command from wheels without extras
+wheel: $(VENV)/.run ## Build wheels and source archives of all packages; call every command from wheels without extras
 	$(BIN)/python tests/wheel/check.py
 
 test: lint ## Run the whole suite
-	$(RUN) pytest -n $(WORKERS) -m "not slow"
+	$(RUN) pytest -n $(WORKERS) -m "not slow" tests packages/lanewise/tests
+	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hosts/tests
 
 slow: $(VENV)/.test ## Run the tests that take minutes
 	$(RUN) pytest -n $(WORKERS) -m slow
@@ -85,10 +87,10 @@ $(VENV)/bin/python $(VENV)/Scripts/python.exe:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mckibben needs Python 3.11 or newer; say which with make PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.run: requirements/run.txt pyproject.toml packages/lanewise/pyproject.toml
+$(VENV)/.run: requirements/run.txt pyproject.toml $(wildcard packages/*/pyproject.toml)
 	@$(MAKE) --no-print-directory $(VENV)/bin/python
 	$(RUN) pip install --quiet --disable-pip-version-check -r requirements/run.txt
-	$(RUN) pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e packages/lanewise -e .
+	$(RUN) pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(PACKAGES:%=-e %) -e .
 	@touch $@
 
 $(VENV)/.test: requirements/test.txt $(VENV)/.run

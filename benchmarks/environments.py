@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from mckibben.hosts.gymnasium import TASKS, MuscleEnv, MuscleVectorEnv
+from mckibben_hosts.gymnasium import TASKS, MuscleEnv, MuscleVectorEnv
 
 LANES, PERIODS, ROUNDS = (64, 1024), 20, 4
 

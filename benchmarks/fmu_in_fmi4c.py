@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from mckibben.errors import ConvergenceError, InputError
-from mckibben.hosts import Part, conform, export
-from mckibben.hosts.adapters import LoopHost, PartInstance, PartReadings
-from mckibben.hosts.fmi_host import MASSES
+from mckibben_hosts import Part, conform, export
+from mckibben_hosts.adapters import LoopHost, PartInstance, PartReadings
+from mckibben_hosts.fmi_host import MASSES
 
 POINTERS = (
     "fmi4c_loadFmu",

@@ -21,7 +21,7 @@ import mujoco.rollout
 import numpy as np
 
 import mckibben as mk
-from mckibben.hosts import Part, export
+from mckibben_hosts import Part, export
 
 STEPS, ENVIRONMENTS, LENGTH = 20_000, 1024, 100
 TARGETS = {"steps from Python [1/s]": 60_000, "steps of 1,024 environments [1/s]": 150_000}

@@ -30,7 +30,6 @@ CONTENTS = {
     "reproduction": "the numbers printed in the papers",
     "studies": "sizing, comparison, design, fits to published data",
     "batch": "sweeps of many variants",
-    "hosts": "muscles in other programs",
     "bench": "rigs, sessions, runs",
     "identification": "fits, intervals, validation",
     "simulation": "stepped systems, batches, rollouts",

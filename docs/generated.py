@@ -528,8 +528,8 @@ def papers(_: Path) -> str:
 
 def conformance(_: Path) -> str:
     """Return the tables of the certificates of hosts."""
-    from mckibben.hosts.conformance import STATE_CHECKS, read_certificate
-    from mckibben.hosts.scenarios import SCENARIOS, STEPS
+    from mckibben_hosts.conformance import STATE_CHECKS, read_certificate
+    from mckibben_hosts.scenarios import SCENARIOS, STEPS
 
     known = {path.stem: read_certificate(path) for path in sorted((DOCS / CERTIFICATES).glob("*.json"))}
     contents = {f"`{host}`": one.content for host, one in known.items()}
@@ -719,7 +719,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
-    "hosts": ("hosts", "Muscles with their air as parts of other programs.", ["hosts.**"]),
+    "hosts": ("hosts", "Muscles with their air as parts of other programs: the distribution `mckibben-hosts`, which `mckibben.hosts` stands for.", ["mckibben_hosts.**"]),
     "recordings": ("recordings", "Recordings and measured tables, and their file formats.", ["recordings.**"]),
     "analysis": ("analysis", "Quantities computed from laws and recordings.", ["analysis.*"]),
     "energy": (
@@ -805,9 +805,10 @@ def _modules(entry: str, left_out: set[str]) -> list[str]:
     if entry == "VERBS":
         return [place for names in mckibben.PUBLIC.values() for place in map(_place, names)]
     path, _, stars = entry.partition(".*")
+    full = path if path.startswith("mckibben_") else f"mckibben.{path}"
     if entry == path:
-        return [f"mckibben.{entry}"]
-    whole, package = stars == "*", importlib.import_module(f"mckibben.{path}")
+        return [full]
+    whole, package = stars == "*", importlib.import_module(full)
     inside = [m for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")]
     found = [f"{package.__name__}.{m.name}" for m in inside if not m.ispkg and m.name not in left_out]
     if whole:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 import mckibben as mk
-from mckibben.hosts import Part, export
+from mckibben_hosts import Part, export
 
 DOCS = Path(__file__).parent
 MODELS = DOCS.parent / "examples" / "mujoco"

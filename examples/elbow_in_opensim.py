@@ -18,8 +18,8 @@ import numpy as np
 import opensim
 
 import mckibben as mk
-from mckibben.hosts import Part
-from mckibben.hosts.opensim import CoSimulation, actuator_tensions
+from mckibben_hosts import Part
+from mckibben_hosts.opensim import CoSimulation, actuator_tensions
 
 PERIOD, COUNT, LIFT = 1e-3, 2500, 1.0  # step [s], steps, and the moment at which the elbow is asked to go up [s]
 LOW, HIGH = np.radians(45.0), np.radians(90.0)

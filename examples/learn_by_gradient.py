@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import mckibben as mk
-from mckibben.hosts.gymnasium import TASKS, Task
+from mckibben_hosts.gymnasium import TASKS, Task
 
 sys.path.insert(0, str(Path(__file__).parent))
 import learn_by_ppo as ppo  # noqa: E402

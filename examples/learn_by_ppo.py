@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import mckibben as mk
-import mckibben.hosts.gymnasium
+import mckibben_hosts.gymnasium
 
 LANES, STEPS = 128, 50  # samples of an iteration: 128 lanes of a quarter of an episode
 QUARTERS = 4  # of an episode
@@ -194,7 +194,7 @@ def main(folder: Path, tasks: Sequence[str] = ("Lift",), iterations: int = 150, 
 
 
 if __name__ == "__main__":
-    known = [name.removeprefix("mckibben/").removesuffix("-v0") for name in mckibben.hosts.gymnasium.TASKS]
+    known = [name.removeprefix("mckibben/").removesuffix("-v0") for name in mckibben_hosts.gymnasium.TASKS]
     parser = argparse.ArgumentParser(description="Train policies by PPO on environments of muscles.")
     parser.add_argument("task", nargs="*", default=["Lift"], choices=known, help="Tasks to train on")
     parser.add_argument("--iterations", type=int, default=150, help="Iterations of 6,400 control steps each")

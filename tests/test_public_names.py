@@ -37,3 +37,12 @@ def test_the_import_loads_no_heavy_library():
     code = f"import mckibben, sys; print(*[name for name in {HEAVY!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_a_package_that_is_installed_by_itself_hangs_on_the_same_name():
+    import mckibben_hosts
+    from mckibben import hosts
+
+    assert (
+        mckibben.hosts is hosts is mckibben_hosts and hosts.Part is importlib.import_module("mckibben_hosts.part").Part
+    )

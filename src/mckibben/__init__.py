@@ -3,7 +3,7 @@
     import mckibben as mk
 
 Everything a user needs hangs on this one name; `PUBLIC` lists it in groups. The import is light: the module behind a name is
-loaded when the name is first used.
+loaded when the name is first used. Packages that are installed by themselves hang on it too, such as ``mckibben.hosts``.
 """
 
 from __future__ import annotations
@@ -134,7 +134,13 @@ __all__ = ["__version__", *_SOURCES]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     """Load the module behind a public name when the name is first used."""
     if name not in _SOURCES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        registry = importlib.import_module(
+            ".registry", __name__
+        )  # after the import of this package, which is to be light
+        if name not in registry.PACKAGES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = package = registry.announced("mckibben.names", name, name, f"{__name__}.{name} needs")
+        return package
     if name in ("read", "read_recording"):
         importlib.import_module(".isolation", __name__).start()
     module, _, attribute = _SOURCES[name].partition(":")

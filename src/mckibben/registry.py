@@ -11,7 +11,8 @@ A name in a file runs nothing by itself. It resolves once a person has named the
 or ``--code``, in Python by `allow_code` or as an argument, or in the environment variable ``MCKIBBEN_CODE``.
 
 The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
-``mckibben.models`` and ``mckibben.formats``.
+``mckibben.models`` and ``mckibben.formats``. Distributions of this repository that are installed by themselves (`PACKAGES`)
+announce commands and names of ``import mckibben`` by ``mckibben.commands`` and ``mckibben.names``.
 """
 
 from __future__ import annotations
@@ -27,9 +28,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from .errors import InputError, not_found, shortened, suggestion
+from .errors import InputError, MissingLibraryError, not_found, shortened, suggestion
 
 T = TypeVar("T")
+# Distributions of this repository that are installed by themselves, by the extra that brings each of them.
+PACKAGES = {"hosts": "mckibben-hosts"}
+# Packages whose sources are watched, so that what is lowered from their functions is kept: see `components.programs`.
+WATCHED = {__name__.partition(".")[0]}
 
 
 @functools.cache
@@ -39,16 +44,39 @@ def plugins(group: str) -> dict[str, Any]:
     Raises:
         InputError: an entry point names what cannot be imported.
     """
-    loaded = {}
+    return {point.name: _loaded(point) for point in _entry_points() if point.group == group}
+
+
+def announced(group: str, name: str, package: str, purpose: str) -> Any:
+    """Load what one of `PACKAGES` announces; nothing else of the group is loaded.
+
+    Args:
+        group: of the entry point, such as ``mckibben.commands``.
+        name: of the entry point.
+        package: that announces it, one of `PACKAGES`.
+        purpose: what needs it, with the verb, such as ``"mckibben export needs"``.
+
+    Raises:
+        MissingLibraryError: the package is not installed.
+        InputError: the entry point names what cannot be imported.
+    """
     for point in _entry_points():
-        if point.group != group:
-            continue
-        try:
-            loaded[point.name] = point.load()
-        except (ImportError, AttributeError) as error:
-            demand = f"the entry point {point.value} of {group} cannot be loaded: {error}"
-            raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
-    return loaded
+        if (point.group, point.name) == (group, name):
+            return _loaded(point)
+    raise MissingLibraryError(purpose, PACKAGES[package], package)
+
+
+def join(package: str) -> None:
+    """Have the sources of an imported package watched, so that kernels of its functions are kept as those of this one."""
+    WATCHED.add(package)
+
+
+def _loaded(point: Any) -> Any:
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        demand = f"the entry point {point.value} of {point.group} cannot be loaded: {error}"
+        raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
 
 
 @functools.cache

@@ -13,10 +13,12 @@ import ast
 import dataclasses
 import functools
 import importlib
+import importlib.util
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast, get_args
 
@@ -109,8 +111,6 @@ VolumeName = Annotated[str, ParameterType("VOLUME")]
 ReadingName = Annotated[str, ParameterType("READING")]
 RigName = Annotated[Any, ParameterType("RIG")]
 PlumbingName = Annotated[str, ParameterType("PLUMBING")]
-HostName = Annotated[Any, ParameterType("HOST")]
-ScenarioName = Annotated[str, ParameterType("SCENARIO")]
 NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
@@ -250,11 +250,19 @@ def described(place: str) -> Description:
     """Read a verb's signature and docstring from its source, which is not imported.
 
     Args:
-        place: module and name within the package, such as ``studies.tension:tension``.
+        place: module and name within the package, such as ``studies.tension:tension``; the module of another package by its
+            whole name. It may declare types of its own, as this module declares `Length`.
     """
     module, _, name = place.partition(":")
-    source = PACKAGE.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8")
-    node = next(n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef) and n.name == name)
+    first, *inside = _module(module).split(".")
+    spec = cast(ModuleSpec, importlib.util.find_spec(first))
+    tree = ast.parse(Path(str(spec.origin)).parent.joinpath(*inside).with_suffix(".py").read_text(encoding="utf-8"))
+    node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == name)
+    known = globals() | {
+        ast.unparse(n.targets[0]): eval(ast.unparse(n.value), globals())
+        for n in tree.body
+        if isinstance(n, ast.Assign) and isinstance(n.value, ast.Subscript) and "ParameterType(" in ast.unparse(n.value)
+    }
     head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
     section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
     words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}[*\w]|\Z)", section, re.M | re.S)}
@@ -265,7 +273,7 @@ def described(place: str) -> Description:
     parameters = {}
     for argument, default in zip(arguments, defaults, strict=True):
         annotation = ast.unparse(cast(ast.expr, argument.annotation))
-        named = [globals()[word] for word in re.findall(r"\w+", annotation) if word in globals()]
+        named = [known[word] for word in re.findall(r"\w+", annotation) if word in known]
         types = [one for alias in named for one in get_args(alias) if isinstance(one, ParameterType)]
         kind = types[0] if types else ParameterType()
         whole, names = kind.parts
@@ -319,7 +327,7 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
         InputError: a value is refused; the sentence calls parameters as `shown` does.
     """
     function = inspect.unwrap(function)
-    place = f"{function.__module__.partition('.')[2]}:{function.__name__}"
+    place = f"{function.__module__.removeprefix(f'{__package__}.')}:{function.__name__}"
     parameters = described(place).parameters
     # A default in words is read as what is typed is.
     words = {name: p.default for name, p in parameters.items() if p.type.unit and isinstance(p.default, str)}
@@ -347,7 +355,13 @@ def answer(function: Callable[..., A], values: Mapping[str, Any], shown: Callabl
 def load(place: str) -> Callable[..., Answer]:
     """Import a verb by its place."""
     module, _, name = place.partition(":")
-    return cast(Callable[..., Answer], getattr(importlib.import_module(f"{__package__}.{module}"), name))
+    return cast(Callable[..., Answer], getattr(importlib.import_module(_module(module)), name))
+
+
+def _module(name: str) -> str:
+    """The whole name of a module: of this package where it has one of that name, else of another."""
+    first = PACKAGE / name.partition(".")[0]
+    return f"{__package__}.{name}" if first.is_dir() or first.with_suffix(".py").is_file() else name
 
 
 def _renamed(error: InputError, parameters: Mapping[str, Parameter], shown: Callable[[str], str]) -> InputError:

@@ -5,7 +5,10 @@ from pathlib import Path
 
 import pytest
 
+import mckibben
+from mckibben import registry
 from mckibben.cli import fit, main, record, run, serve, sweep  # noqa: F401  bound before anything is replaced
+from mckibben.cli.app import COMMANDS
 from mckibben.errors import InputError, MissingLibraryError
 from mckibben.extras import library
 
@@ -41,6 +44,29 @@ def test_a_missing_library_is_said_before_any_work(missing, extra, words, work, 
     assert (stop.value.code, out, err.count("\n")) == (2, "", 1)
     assert f"which is not installed: pip install 'mckibben[{extra}]'" in err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", [name for name, (place, _) in COMMANDS.items() if place in registry.PACKAGES])
+def test_a_command_of_a_package_that_is_not_installed_says_which_and_the_help_lists_it(name, monkeypatch, capsys):
+    monkeypatch.setattr(registry, "_entry_points", lambda: ())
+    with pytest.raises(SystemExit) as stop:
+        main([name, "nylon"])
+    out, err = capsys.readouterr()
+    assert (stop.value.code, out, err.count("\n")) == (2, "", 1)
+    assert f"mckibben {name} needs mckibben-hosts, which is not installed: pip install 'mckibben[hosts]'" in err
+    with pytest.raises(SystemExit) as stop:
+        main(["--help"])
+    assert stop.value.code == 0 and f"\n  {name} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", registry.PACKAGES)
+def test_a_name_of_a_package_that_is_not_installed_says_which(name, monkeypatch):
+    monkeypatch.delitem(vars(mckibben), name, raising=False)
+    monkeypatch.setattr(registry, "_entry_points", lambda: ())
+    says = f"mckibben.{name} needs {registry.PACKAGES[name]}, which is not installed: pip install 'mckibben[{name}]'"
+    with pytest.raises(MissingLibraryError) as error:
+        getattr(mckibben, name)
+    assert str(error.value) == says
 
 
 def test_where_it_was_asked_for_stays_in_front_of_the_sentence(monkeypatch):

@@ -187,6 +187,28 @@ def test_a_changed_source_gives_another_key(tmp_path):
     assert channels != orifice[1]
 
 
+def test_what_a_package_computes_is_kept_once_it_has_joined_and_until_its_source_changes(tmp_path):
+    """Of a package that nobody watches nothing is kept: an old program would go on after its source has changed."""
+    package = tmp_path / "muscle_package"
+    package.mkdir()
+    program = (
+        "import sys, muscle_package as m\nfrom mckibben.components.programs import program_key\n"
+        "from mckibben.registry import join\nbefore = program_key(m.doubled, (1.0,))\njoin(m.__name__)\n"
+        "print(before, program_key(m.doubled, (1.0,)))"
+    )
+
+    def keys(source):
+        (package / "__init__.py").write_text(source, encoding="utf-8")
+        settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path, ROOT, COMPILER)))}
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=settings)
+        return done.stdout.split()
+
+    source = "def doubled(x):\n    return 2.0 * x\n"
+    first, again, other = keys(source), keys(source), keys(source.replace("2.0", "3.0"))
+    assert first[0] == again[0] == other[0] == "None"
+    assert first[1] == again[1] != other[1] and len(other[1]) == 40
+
+
 @pytest.mark.parametrize("kind", ["program", "o"])
 @pytest.mark.parametrize("place", [0, 20, 40, -40])
 def test_a_damaged_file_is_made_anew(folder, kind, place):

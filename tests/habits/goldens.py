@@ -368,9 +368,9 @@ def sources() -> Kept:
     """What is exported for each host that needs no other program: files as text, and the description inside an FMU."""
     import zipfile
 
-    from mckibben.hosts import Part
-    from mckibben.hosts.export import TARGETS, export
     from mckibben.simulation.air import Air
+    from mckibben_hosts import Part
+    from mckibben_hosts.targets import TARGETS, export
 
     parts = {"one": Part({"muscle": "nylon"}, Air(supply="6 bar"), span=0.14)}
     parts["pair"] = Part({"flexor": "nylon", "extensor": "nylon"}, Air(supply="6 bar"), span=0.14)

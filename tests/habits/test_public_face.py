@@ -34,8 +34,6 @@ def test_pages_and_examples_import_nothing_private(path):
 MODULES = {
     "mckibben.assembly.pair_map": "the function has the name of its module",
     "mckibben.components.paths": "paths.put",
-    "mckibben.hosts.drake": "loads pydrake, as `mckibben.hosts` does not",
-    "mckibben.hosts.opensim": "loads opensim, as `mckibben.hosts` does not",
 }
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError
-from mckibben.hosts import Part
+from mckibben_hosts import Part
 
 NAN = float("nan")
 NYLON = mk.muscle("nylon")

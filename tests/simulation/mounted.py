@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 import mckibben as mk
-from mckibben.hosts import Part
 from mckibben.muscles.plausible import highest_pressure
 from mckibben.specimens import specimen, specimen_ids
+from mckibben_hosts import Part
 
 SHARES = (0.8, 0.85, 0.9, 0.95, 1.0)  # of the rest length
 PRESSURES = (0.25, 0.5, 0.75, 1.0)  # of the rated one

@@ -1,7 +1,8 @@
 """What a person gets who installs the wheels and nothing else: `make wheel`.
 
-Wheels and source archives of mckibben and of its compiler are built. The compiler is installed alone into an empty
-environment, where the example of its README runs; then mckibben without extras, and every command is called there.
+Wheels and source archives of mckibben, of its compiler and of the packages above it are built. The compiler is installed
+alone into an empty environment, where the example of its README runs; then mckibben without extras, whose commands that come
+with another package say which; then these packages, each with the example of its README, and every command is called there.
 It works; or it says in one sentence, before it computes anything, which extra or which file it needs, and ends with exit
 code 2. A command that is not in `CALLS` is an error, so that a new one cannot be forgotten.
 
@@ -24,6 +25,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
+HOSTS = ROOT / "packages" / "mckibben-hosts"
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
@@ -121,6 +123,8 @@ class Spring(mk.TensionLaw):
         return 0.5 * self.rest_length, 1.1 * self.rest_length
 """
 MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
+# Commands of packages that are installed by themselves, where they are not: the extra that brings them.
+PACKAGED = {"conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)), "export": needs("hosts", MUSCLE)}
 CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],
     "show": [Call((MUSCLE, "--out", "show.svg"), ["show.svg"])],
@@ -308,12 +312,17 @@ def main() -> int:
         place = Path(name)
         compiler, wrong = built(COMPILER, "lanewise", ("README.md", "LICENSE"), place / "compiler")
         wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
-        wrong += more
+        hosts, others = built(HOSTS, "mckibben_hosts", ("README.md", "LICENSE", "NOTICE"), place / "hosts")
+        wrong += more + others
         python = environment(place / "venv")
         install(python, compiler)
-        wrong += example_runs(python, place)
+        wrong += example_runs(python, COMPILER, place, without="mckibben")
         install(python, compiler, wheel)
-        print(f"Built and installed {compiler.name} and {wheel.name}: {time.monotonic() - began:.0f} s", flush=True)
+        wrong += packaged_commands(python, place)
+        install(python, compiler, wheel, hosts)
+        wrong += example_runs(python, HOSTS, place)
+        names = ", ".join(one.name for one in (compiler, wheel, hosts))
+        print(f"Built and installed {names}: {time.monotonic() - began:.0f} s", flush=True)
         wrong += called(python, place)
     for line in wrong:
         print(f"wrong: {line}")
@@ -374,30 +383,47 @@ def install(python: Path, *wheels: Path) -> None:
     subprocess.run([str(python), *words], check=True)
 
 
-def example_runs(python: Path, place: Path) -> list[str]:
-    """Run the first example of the compiler's README, and see that the compiler came without mckibben."""
+def example_runs(python: Path, package: Path, place: Path, without: str = "") -> list[str]:
+    """Run the first example of a package's README, and see that the package came without another one."""
     example = re.search(
-        r"^```python\n(.*?)^```", (COMPILER / "README.md").read_text(encoding="utf-8"), flags=re.M | re.S
+        r"^```python\n(.*?)^```", (package / "README.md").read_text(encoding="utf-8"), flags=re.M | re.S
     )
     assert example is not None
-    alone = "import importlib.util, lanewise\nassert importlib.util.find_spec('mckibben') is None\n"
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "LANEWISE"))}
+    alone = f"import importlib.util\nassert importlib.util.find_spec('{without}') is None\n" if without else ""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "LANEWISE"))}
     done = subprocess.run(
-        [python, "-P", "-c", alone + example[1]], cwd=place, env=env | {"LANEWISE_CACHE": str(place / "cache")},
+        [python, "-P", "-c", alone + example[1]], cwd=place,
+        env=env | {"LANEWISE_CACHE": str(place / "cache"), "XDG_CACHE_HOME": str(place / "cache")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    return [f"the example of the compiler's README: {done.stderr[-300:]}"] if done.returncode else []
+    return [f"the example of the README of {package.name}: {done.stderr[-300:]}"] if done.returncode else []
 
 
 # ---- what is called
 
 
+def surroundings(place: Path) -> dict[str, str]:
+    """Environment variables of a call."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "JAX"))}
+    return kept | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def packaged_commands(python: Path, place: Path) -> list[str]:
+    """See that the help lists the commands of packages that are not installed, and that these commands name the packages."""
+    env = surroundings(place)
+    help_text = subprocess.run(
+        [python, "-m", "mckibben", "--help"], cwd=place, env=env, check=True, capture_output=True, text=True
+    ).stdout
+    wrong = [f"{name}: the help does not list it" for name in PACKAGED if f"\n  {name} " not in help_text]
+    for name, call in PACKAGED.items():
+        wrong += judged(name, call, python=python, room=place, env=env)
+    return wrong
+
+
 def called(python: Path, place: Path) -> list[str]:
     """Call every command; returns what is wrong."""
-    room = place / "room"
+    room, env = place / "room", surroundings(place)
     furnish(room)
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "JAX"))}
-    env = kept | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     known = json.loads(subprocess.run([python, "-c", LIST], cwd=room, env=env, check=True, capture_output=True).stdout)
     wrong = [f"{name}: no command of that name" for name in CALLS if name not in known]
     wrong += [f"{name}: it is not called here; add it to CALLS" for name in known if name not in CALLS]

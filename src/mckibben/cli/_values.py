@@ -124,6 +124,7 @@ PLAIN = """
     LENGTHxDIAMETER HARDNESS UNCERTAINTY TANK COURSE N NUMBER TEXT ADDRESS CHANNEL CHANNELS SIGNAL SHEET TOPIC
     LABEL DATASET TASK PATH PATH=VALUE NAME=VALUE NAME=COURSE NAME=COLUMN NAME=UNIT CYCLES ROW FIGURE COMMAND
 """
+# Commands of other packages add theirs.
 KINDS: dict[str, ParameterType] = QUANTITIES | {
     **dict.fromkeys(PLAIN.split(), ParameterType()),
     "STYLE": ParameterType(names=words("screen", "print", "gray", "projector")),
@@ -159,10 +160,6 @@ KINDS: dict[str, ParameterType] = QUANTITIES | {
     "RECORD": ParameterType(suffixes=DATA),
     "LOG": ParameterType(suffixes=(".mcap",)),
     "CIRCUIT": ParameterType(suffixes=(".toml",)),
-    "CIRCUIT|SPECIMEN": ParameterType(names=specimens, suffixes=(".toml",)),
-    "TARGET": ParameterType(names=words("c")),
-    "HOST": ParameterType(names=words("python", "c")),
-    "SCENARIO": ParameterType(names=words("isometric", "hang", "slack", "loop", "leak", "joint")),
     "FIT": ParameterType(suffixes=(".json",)),
     "SWEEP": ParameterType(suffixes=(".toml",)),
     "CALIBRATION": ParameterType(suffixes=(".toml",)),

@@ -24,7 +24,7 @@ from lanewise.errors import CacheWarning
 from .. import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
 from ..isolation import start_for
-from ..registry import CODE, FIXED
+from ..registry import CODE, FIXED, PACKAGES, announced
 from ._command import CommandWithHelp, help_width, rows_of_help, with_plain_values
 from ._progress import INTERRUPTED, ended, guarded, sentence
 from ._terminal import begin, program, readable, with_command
@@ -35,7 +35,8 @@ CACHE = ("Error writing persistent compilation cache", "Error reading persistent
 
 
 # Each command by its words: the module and function that run it, and the line of help that lists it. The module is imported
-# when the command is called, for most of them load what computes, which takes a second. A group has no function.
+# when the command is called, for most of them load what computes, which takes a second. A group has no function. A name of
+# `registry.PACKAGES` stands for a package that announces the command: asking it for its lines would make every help slow.
 COMMANDS: dict[str, tuple[str, str]] = {
     "muscles": ("catalogue:list_muscles", "List the muscles that ship, with their sources."),
     "show": ("muscles:show", "Show the parameters of a muscle with their units and sources, and its law."),
@@ -95,11 +96,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "size": ("verb_commands:size", "Find the muscle, valve, tube and gas source for a force and a stroke."),
     "sweep": ("sweep:sweep", "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."),
     "export": (
-        "export:export_part",
+        "hosts",
         "Export a muscle with its air as a part of another program: spans in, tensions out.",
     ),
     "conform": (
-        "verb_commands:conform",
+        "hosts",
         "Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.",
     ),
     "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),
@@ -207,10 +208,13 @@ class CommandTable(Mapping[str, Any]):
                 rich_markup_mode=None,
                 context_settings=NAMES,
             )
-        module, _, function = place.partition(":")
+        if place in PACKAGES:
+            run = announced("mckibben.commands", words, place, f"mckibben {words} needs")
+        else:
+            module, _, function = place.partition(":")
+            run = getattr(importlib.import_module(f".{module}", __package__), function)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         kind = type("CommandWithHelp", (CommandWithHelp,), {"words": words})
-        run = getattr(importlib.import_module(f".{module}", __package__), function)
         run = run.function() if hasattr(run, "function") else run  # of a verb
         single.command(name, cls=kind, context_settings=NAMES)(run)
         return typer.main.get_command(single)

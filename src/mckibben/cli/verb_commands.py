@@ -130,15 +130,6 @@ compare = VerbCommand(
 )
 
 
-conform = VerbCommand(
-    "hosts.conformance:conform",
-    OutputKinds(result=OBJECT),
-    ("conform python --scenario hang --out python.json",),
-    options={"scenarios": "scenario"},
-    doing=("conforming", lambda given: None),
-)
-
-
 # ---- files and recordings
 
 ANSWERED = OutputKinds(table=TABLE, result=OBJECT)

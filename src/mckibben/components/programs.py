@@ -7,7 +7,7 @@ Called with arrays of JAX or inside a function that JAX traces, it is traced as 
 A program is found by its key, a hash of all that tracing a function for examples of its arguments depends on:
 
 * the sources of the compiler and of this package, without those packages above all that the function comes from, which it
-  cannot import; and the versions of Python, JAX and NumPy;
+  cannot import; those of other packages that it comes from; and the versions of Python, JAX and NumPy;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
 * the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
@@ -20,10 +20,11 @@ nothing that nobody watches and its other values are plain or arrays.
 Neither the key nor the program needs JAX, which is loaded where something has to be lowered.
 
 What has no sure name has no key: lambdas and what is defined inside a function, methods of objects that are no trees, and
-all types and functions that are neither this package's nor a library's named above.
+all types and functions that are neither this package's, nor those of one that has joined it (`registry.join`), nor a
+library's named above.
 
 The structure of a program's results is kept with it, as words and lists: tables, tuples and modules by the places where
-their types stand. Only types of this package that are loaded are found again, and they are put together without calling
+their types stand. Only types of these packages that are loaded are found again, and they are put together without calling
 anything that a file names. What cannot be said so, or has no key, is lowered again in every process.
 """
 
@@ -51,7 +52,7 @@ from lanewise import Leaf, LoweringError, Program, UnavailableError, cache
 
 from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax
 from .._lazy import LazyModule
-from ..registry import FILE_MODULE
+from ..registry import FILE_MODULE, WATCHED
 from .module import Module, flatten
 
 OWN = __name__.partition(".")[0]
@@ -64,7 +65,7 @@ UPPER = (
     ("report",),
     ("benchmarking", "reproduction"),
     ("studies",),
-    ("batch", "hosts"),
+    ("batch",),
     ("bench", "identification", "simulation"),
     ("analysis",),
 )
@@ -93,11 +94,12 @@ def program_key(function: Callable[..., Tree], examples: Sequence[Tree]) -> str 
 
 
 @functools.cache
-def source_digest(top: int) -> bytes:
+def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
     """Part of every key that depends on sources and versions only.
 
     Args:
         top: number of layers of `UPPER` that are left out.
+        joined: packages beside this one, which are loaded.
     """
     digest = hashlib.sha256()
     without = {name for layer in UPPER[:top] for name in layer}
@@ -106,7 +108,8 @@ def source_digest(top: int) -> bytes:
     spec = importlib.util.find_spec("jax")  # the file that states its version: JAX itself is not loaded for it
     if spec is not None and spec.submodule_search_locations:
         digest.update(Path(spec.submodule_search_locations[0], "version.py").read_bytes())
-    for folder, left_out in ((str(Path(__file__).parents[1]), without), (str(Path(lanewise.__file__).parent), set())):
+    others = [str(Path(str(sys.modules[name].__file__)).parent) for name in ("lanewise", *joined)]
+    for folder, left_out in ((str(Path(__file__).parents[1]), without), *((folder, set()) for folder in others)):
         for path in sources(folder, left_out):
             with open(path, "rb") as file:
                 data = file.read()
@@ -222,13 +225,13 @@ class _Name:
 
     @staticmethod
     def known(name: str) -> bool:
-        """Whether a module belongs to this package; others are refused, since their sources are not watched."""
+        """Whether the sources of a module are watched; what is neither watched nor a library is refused."""
         root = name.partition(".")[0]
         if root.startswith(FILE_MODULE):
             return True
-        if root != OWN and root not in LIBRARIES and root not in sys.stdlib_module_names:
+        if root not in WATCHED and root not in LIBRARIES and root not in sys.stdlib_module_names:
             raise UnnamedError
-        return root == OWN
+        return root in WATCHED
 
     def file(self, module: types.ModuleType) -> None:
         """A file of the user's own: its name tells its source, so that what else it may depend on is left."""
@@ -253,7 +256,8 @@ class _Name:
         self.known(name)
 
     def constants(self) -> None:
-        self.digest.update(source_digest(_top_layer(self.modules)))
+        joined = {name.partition(".")[0] for name in self.modules} & WATCHED - {OWN}
+        self.digest.update(source_digest(_top_layer(self.modules), tuple(sorted(joined))))
         todo, visited = sorted(self.modules), set(self.modules)
         while todo:
             module = sys.modules[todo.pop()]
@@ -270,7 +274,7 @@ class _Name:
                 if callable(value) and isinstance(home, str) and hasattr(value, "__qualname__"):
                     self.known(home)
                     self.word(name, home, value.__qualname__)  # another function may have been put into its place
-                if not isinstance(home, str) or home in visited or home.partition(".")[0] != OWN:
+                if not isinstance(home, str) or home in visited or home.partition(".")[0] not in WATCHED:
                     continue
                 if isinstance(value, LazyModule):  # it counts, whether it was used already or not
                     importlib.import_module(home)
@@ -280,9 +284,9 @@ class _Name:
 
 
 def _top_layer(modules: Iterable[str]) -> int:
-    packages = {name.split(".")[1] for name in modules if name.startswith(f"{OWN}.")}
-    if any(name.startswith(FILE_MODULE) for name in modules):
+    if any(not name.startswith(f"{OWN}.") for name in modules):  # a file or a package that may import every layer
         return 0
+    packages = {name.split(".")[1] for name in modules}
     return next((k for k, layer in enumerate(UPPER) if not packages.isdisjoint(layer)), len(UPPER))
 
 
@@ -377,14 +381,14 @@ def _built(said: Any) -> Any:
 
 
 def _own_type(place: str, base: type) -> Any:
-    """Find a type of this package by its import path; nothing is imported, and only types are found.
+    """Find a type whose sources are watched by its import path; nothing is imported, and only types are found.
 
     Raises:
         KeyError: there is no such place, or it is of another package.
         TypeError: no type stands there, or none of that kind.
     """
     home, _, name = place.partition(":")
-    if home.partition(".")[0] != OWN:
+    if home.partition(".")[0] not in WATCHED:
         raise KeyError(place)
     member: Any = sys.modules[home]
     for part in name.split("."):
