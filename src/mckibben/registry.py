@@ -48,7 +48,7 @@ def plugins(group: str) -> dict[str, Any]:
 
 
 def announced(group: str, name: str, package: str, purpose: str) -> Any:
-    """Load what one of `PACKAGES` announces; nothing else of the group is loaded.
+    """Load what one of `PACKAGES` announces; no other distribution is searched, and nothing else is loaded.
 
     Args:
         group: of the entry point, such as ``mckibben.commands``.
@@ -58,12 +58,19 @@ def announced(group: str, name: str, package: str, purpose: str) -> Any:
 
     Raises:
         MissingLibraryError: the package is not installed.
-        InputError: the entry point names what cannot be imported.
+        InputError: its version announces nothing of that name, or what cannot be imported.
     """
-    for point in _entry_points():
+    from importlib import metadata
+
+    try:
+        distribution = metadata.distribution(PACKAGES[package])
+    except metadata.PackageNotFoundError:
+        raise MissingLibraryError(purpose, PACKAGES[package], package) from None
+    for point in distribution.entry_points:
         if (point.group, point.name) == (group, name):
             return _loaded(point)
-    raise MissingLibraryError(purpose, PACKAGES[package], package)
+    problem = f"another version of {PACKAGES[package]} than {distribution.version}: pip install 'mckibben[{package}]'"
+    raise InputError(name, None, problem, sentence=f"{purpose} {problem}")
 
 
 def join(package: str) -> None:

@@ -1,6 +1,7 @@
 """A library that comes with an extra is asked for before anything is computed, and one sentence says which extra."""
 
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -46,9 +47,25 @@ def test_a_missing_library_is_said_before_any_work(missing, extra, words, work, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.fixture
+def bare(monkeypatch):
+    """As if no distribution beside mckibben were installed."""
+
+    def distribution(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "distribution", distribution)
+    return monkeypatch
+
+
+@pytest.mark.parametrize("package", registry.PACKAGES)
+def test_a_package_that_announces_less_than_is_asked_for_is_of_another_version(package):
+    with pytest.raises(InputError, match=rf"^this needs another version of {registry.PACKAGES[package]} than \d"):
+        registry.announced("mckibben.commands", "nothing", package, "this needs")
+
+
 @pytest.mark.parametrize("name", [name for name, (place, _) in COMMANDS.items() if place in registry.PACKAGES])
-def test_a_command_of_a_package_that_is_not_installed_says_which_and_the_help_lists_it(name, monkeypatch, capsys):
-    monkeypatch.setattr(registry, "_entry_points", lambda: ())
+def test_a_command_of_a_package_that_is_not_installed_says_which_and_the_help_lists_it(name, bare, capsys):
     with pytest.raises(SystemExit) as stop:
         main([name, "nylon"])
     out, err = capsys.readouterr()
@@ -60,9 +77,8 @@ def test_a_command_of_a_package_that_is_not_installed_says_which_and_the_help_li
 
 
 @pytest.mark.parametrize("name", registry.PACKAGES)
-def test_a_name_of_a_package_that_is_not_installed_says_which(name, monkeypatch):
-    monkeypatch.delitem(vars(mckibben), name, raising=False)
-    monkeypatch.setattr(registry, "_entry_points", lambda: ())
+def test_a_name_of_a_package_that_is_not_installed_says_which(name, bare):
+    bare.delitem(vars(mckibben), name, raising=False)
     says = f"mckibben.{name} needs {registry.PACKAGES[name]}, which is not installed: pip install 'mckibben[{name}]'"
     with pytest.raises(MissingLibraryError) as error:
         getattr(mckibben, name)
