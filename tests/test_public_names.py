@@ -11,7 +11,7 @@ import pytest
 import mckibben
 
 # Libraries that take longer to load than `import mckibben` may: all of them wait until they are used.
-HEAVY = ("jax", "matplotlib", "numpy", "pint", "scipy", "tomlkit", "typer", "xarray")
+HEAVY = ("jax", "matplotlib", "numpy", "pint", "scipy", "tomlkit", "typer", "xarray", "mckibben.registry")
 
 
 @pytest.mark.parametrize("name", [name for names in mckibben.PUBLIC.values() for name in names])

@@ -129,14 +129,14 @@ PUBLIC: dict[str, dict[str, str]] = {
 }
 _SOURCES = {name: source for group in PUBLIC.values() for name, source in group.items()}
 __all__ = ["__version__", *_SOURCES]  # noqa: PLE0604
+lazy_submodules(__name__)  # before `__getattr__`, which it would ask for each of them
 
 
 def __getattr__(name: str) -> Any:
     """Load the module behind a public name when the name is first used."""
     if name not in _SOURCES:
-        registry = importlib.import_module(
-            ".registry", __name__
-        )  # after the import of this package, which is to be light
+        # not with this package, whose import is to be light
+        registry = importlib.import_module(".registry", __name__)
         if name not in registry.PACKAGES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         globals()[name] = package = registry.announced("mckibben.names", name, name, f"{__name__}.{name} needs")
@@ -152,6 +152,3 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """The public names, for completion."""
     return sorted(__all__)
-
-
-lazy_submodules(__name__)
