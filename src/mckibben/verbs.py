@@ -90,6 +90,7 @@ Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
 Mass = Annotated[float | str, QUANTITIES["MASS"]]
 Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
 Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
+SmallLength = Annotated[float | str, QUANTITIES["SIZE"]]
 # What one asks of a muscle is within narrower bounds than what a rig or a recording may have.
 WorkingForce = Annotated[float | str, ParameterType("FORCE", "N", (1e-2, 2e4))]
 Stroke = Annotated[float | str, ParameterType("LENGTH", "m", (1e-4, 2.0))]
@@ -122,6 +123,11 @@ BarePressure = Annotated[float | str, QUANTITIES["PRESSURE"]._replace(bare=True)
 Count = Annotated[int, ParameterType("N")]
 RecordingFile = Annotated[Any, ParameterType("RECORDING")]  # or the recording itself
 RecordingFiles = Annotated[Any, ParameterType("RECORDING", listed=True)]
+RecordFiles = Annotated[Any, ParameterType("RECORD", listed=True)]  # files, folders and patterns of any format
+MeasuredTable = Annotated[Any, ParameterType("TABLE")]  # a file, a specimen that ships with one, or what was read
+LoopFile = Annotated[Any, ParameterType("TABLE")]
+ConstraintsFile = Annotated[Any, ParameterType("TABLE")]
+FrictionModel = Annotated[str, ParameterType("MODEL")]
 DataFile = Annotated[Any, ParameterType("FILE")]  # of any format, or what was read from one
 ChannelName = Annotated[str, ParameterType("CHANNEL")]
 CutPoint = Annotated[str, ParameterType("POINT")]
@@ -142,7 +148,12 @@ READING = (
     "topic",
     "gear_ratio",
 )  # how the file of another program is understood
-Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=("analysis.description:describe_file", READING))]
+FILE = "analysis.description:describe_file"
+Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, READING))]
+PATH_READING = ("columns", "units", "pressure_zero")
+MAP_READING = (*PATH_READING, "branch", "sheet", "topic", "gear_ratio")
+PathReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, PATH_READING))]
+MapReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, MAP_READING))]
 
 
 class ParsedNumber(float):

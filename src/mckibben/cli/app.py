@@ -48,7 +48,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "verb_commands:read",
         "Read a file of another program and show its columns, units, and the rows left out.",
     ),
-    "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
+    "fit": (
+        "verb_commands:fit",
+        "Fit tension laws to a measured table of length, pressure and tension, and rank them.",
+    ),
     "next": (
         "next_experiment:choose_next",
         "Choose the points of length and pressure that teach most next, and write them as a protocol.",

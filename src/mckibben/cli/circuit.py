@@ -21,8 +21,8 @@ from ..quantities import from_si, parse, shown_unit, with_unit
 from ..report.figures import analysis_figures, circuit_diagram, run_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, TABLE, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import progress, told
-from ._samples import checked_draws, show_samples
 from ._terminal import FigureLook, FigureWidth, Json, caution, options_named, pairs, print_json, table
+from ._verb import show_tables
 
 if TYPE_CHECKING:
     from ..assembly.circuit_file import CircuitPlan
@@ -270,7 +270,7 @@ def fit(
     $ mckibben circuit fit bench.toml measured.csv --free elements.valve.conductance --posterior --out fit.json
     """
     if posterior:
-        checked_draws(draws)
+        identification.posterior.check_draws(draws, field="--draws")
     with FIT.files(out) as files:
         result, used, title = _fitted(file, records, free, predict, start, column, unit, change)
         samples = (
@@ -287,7 +287,8 @@ def fit(
         else:
             show_circuit_fit(result, title)
             if samples is not None:
-                show_samples(samples, "the circuit")
+                typer.echo("")
+                show_tables(samples.tables("the circuit"))
             files.say()
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds
-from ._verb import Shorthand, VerbCommand, Written
+from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds
+from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 
 if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
     from ..studies.comparison import MuscleTable
+    from ..studies.fitting import FittedFriction, FittedTables
     from ..studies.sizing import Sizing
+
+ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
+DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
 
 
 tension = VerbCommand(
@@ -139,10 +143,81 @@ conform = VerbCommand(
 )
 
 
+# ---- fits
+
+
+def _draw_fits(answer: FittedTables, path: Path) -> None:
+    from ..report.figures import fit_figures, style
+
+    bands = answer.bands()
+    style.save(fit_figures.overview(answer.rankings) if bands is None else fit_figures.bands(bands), path)
+
+
+def _draw_loop(answer: FittedFriction, path: Path) -> None:
+    from ..report.figures import fit_figures, style
+
+    style.save(fit_figures.loop_bands(answer.fit, answer.samples), path)
+
+
+def _check_fits(given: Mapping[str, Any], files: OutputFiles) -> None:
+    if files["specimen"] and len(given["tables"]) > 1 and not given["runs"]:
+        raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
+
+
+def _fit_stages(given: Mapping[str, Any]) -> int:
+    from ..identification import SCHEMES
+    from ..identification.shared_hysteresis import FRICTIONS
+    from ..muscles.laws import LAWS
+
+    laws = given.get("law") or ["all"]
+    count = sum(name != "all" for name in laws) + (len(LAWS) if "all" in laws else 0)
+    tables: int = 1 if given.get("runs") else len(given["tables"])
+    return tables * (count * (1 + len(SCHEMES)) + (2 * len(FRICTIONS) if given.get("hysteresis") else 0))
+
+
+fit_tables = VerbCommand(
+    "studies.fitting:fit_tables",
+    OutputKinds(report=REPORT, figure=FIGURE, specimen=SPECIMEN, table=TABLE, result=OBJECT),
+    (
+        "fit measured.csv --rest-length '300 mm' --out report.html --out my-muscle.toml",
+        "fit measured.csv --rest-length '300 mm' --law linear_threshold --posterior --out fit.json",
+        "fit loop.csv --friction bouc_wen --posterior --out loop.svg",
+        "fit loop.csv --friction all --creep",
+        "fit three.csv --law seated_braid --hysteresis 'runs/*.csv' --out muscles.toml",
+    ),
+    options={"known": "set"},
+    required=("tables",),
+    draw=_draw_fits,
+    writes={
+        "report": lambda answer, path: answer.report(path),
+        "specimen": lambda answer, path: answer.rankings[0].save(path),
+    },
+    doing=("fitting", _fit_stages),
+    check=_check_fits,
+)
+fit_friction = VerbCommand(
+    "studies.fitting:fit_friction",
+    DRAWN,
+    ("fit loop.csv --friction dahl",),
+    options={"model": "friction", "known": "set"},
+    draw=_draw_loop,
+)
+fit_printed = VerbCommand("identification.constraints:fit_printed", ANSWERED, ("fit printed.toml",))
+fit = VerbsCommand(
+    fit_tables,
+    (
+        Alternative(fit_friction, "--friction", lambda given: given["model"] is not None),
+        Alternative(
+            fit_printed,
+            "a .toml file of constraints",
+            lambda given: any(str(one).endswith(".toml") for one in given["tables"]),
+        ),
+    ),
+)
+
+
 # ---- files and recordings
 
-ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
-DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
 TIMES = {"start": "from", "end": "to"}
 
 
