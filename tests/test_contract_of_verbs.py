@@ -41,6 +41,10 @@ ASKED = {
     "record frequency": "pull.csv --unit force=N --unit length=mm --input length --output force",
     # refused in one sentence; other tests have their answers
     **dict.fromkeys(("diagnose", "record energy", "record contraction", "record work-loops"), "no.nc"),
+    "next": "--from no.json",
+    **dict.fromkeys(("study robot", "study loops"), "nowhere"),
+    "study tube": "--quick --out tube.gif",
+    "study validation": "--only nothing",
     "record repeatability": "no.nc",
 }
 OTHERS = {"fit --friction": verb_commands.fit_tables, "fit printed.toml": verb_commands.fit_tables}

@@ -152,8 +152,9 @@ class VerbCommand:
             answer = self._answer(verb, values)
             expect_cautions(())  # the answer has those about typed values
             writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
+            more: list[str] = []  # files that go with those that were named
             for kind, write in writes.items():
-                files.write(kind, functools.partial(write, answer))
+                files.write(kind, functools.partial(_written, write, answer, more))
             for name, path in beside.items():
                 if path is not None:
                     self.written[name].write(answer, path)
@@ -161,6 +162,8 @@ class VerbCommand:
             answer = answer if top is None else answer.first(top)
             content = answer.to_dict()
             content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
+            if more:
+                content["files"] = more
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
             files.write_result(content)
@@ -169,7 +172,8 @@ class VerbCommand:
             else:
                 show(answer, self._called)
                 files.say()
-                for path in filter(None, beside.values()):
+                named_paths = [str(path) for path in files.named()]
+                for path in (*filter(None, beside.values()), *(one for one in more if one not in named_paths)):
                     typer.echo(f"Written: {path}")
         if failure:
             typer.echo(f"{program(31)}: {failure}", err=True)
@@ -184,7 +188,7 @@ class VerbCommand:
                         self.option(one.parameter), None, f"is allowed only without --{name.replace('_', '-')}"
                     )
                 values[one.parameter] = one.value
-        given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] is not None}
+        given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] not in (None, (), [])}
         for p in verb.parameters.values():
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
@@ -294,6 +298,12 @@ def _options(command: VerbCommand) -> dict[str, inspect.Parameter]:
     """Options of a verb's command by their parameters, without its arguments and those of all commands."""
     parameters = inspect.signature(command.function()).parameters.values()
     return {p.name: p for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in ("out", "as_json")}
+
+
+def _written(write: Callable[[Any, Path], object], answer: Answer, more: list[str], path: Path) -> None:
+    """Write a file; `more` gets the names of all where there are several."""
+    several = write(answer, path)
+    more += [str(one) for one in several] if isinstance(several, list) else []
 
 
 def _optional(p: inspect.Parameter) -> inspect.Parameter:

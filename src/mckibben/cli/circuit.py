@@ -277,7 +277,7 @@ def fit(
             result.posterior(used[: len(records)], step=planned(file, change).step, draws=draws) if posterior else None
         )
         files.write("figure", lambda path: style.save(run_figures.overview(result, used, title=title), path))
-        content = circuit_fit_json(result)
+        content = result.to_dict()
         if samples is not None:
             content["posterior"] = samples.to_dict()
         files.write_rows([{"parameter": name} | e._asdict() for name, e in result.parameters.items()])
@@ -285,7 +285,7 @@ def fit(
         if as_json:
             print_json(content)
         else:
-            show_circuit_fit(result, title)
+            show_tables(result.tables(title))
             if samples is not None:
                 typer.echo("")
                 show_tables(samples.tables("the circuit"))
@@ -374,39 +374,6 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
         )
         starts[name] = parse(str(words), unit, field=f"start of {name}", bare=True)
     return starts
-
-
-def circuit_fit_json(fit: CircuitFit) -> dict[str, JsonValue]:
-    """Convert a fit to JSON, in SI units."""
-    return {
-        "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
-        "errors": [e._asdict() for e in fit.errors],
-        "rms": {"fitted": fit.rms(), "predicted": fit.rms(fitted=False)},
-        "converged": fit.converged,
-        "message": fit.message,
-        "evaluations": fit.evaluations,
-        "warnings": list(fit.warnings),
-    }
-
-
-def show_circuit_fit(fit: CircuitFit, title: str) -> None:
-    """Print parameters, the errors of every record, and cautions."""
-    rows = [
-        [name, with_unit(e.value, e.unit), f"{with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"]
-        for name, e in fit.parameters.items()
-    ]
-    table(title, ["parameter", "value", "95 %"], rows, right=[1, 2])
-    rows = []
-    for e in fit.errors:
-        lead = "-" if e.lead is None else f"{round(1e3 * e.lead, 1) + 0.0:+.1f} ms"
-        used = "fitted" if e.fitted else "predicted"
-        channel = e.channel.removesuffix(".pressure_abs")
-        rows.append([Path(e.trial).name, channel, used, with_unit(e.rms, "Pa"), with_unit(e.largest, "Pa"), lead])
-    table("", ["record", "pressure of", "", "rms", "largest", "model leads"], rows, right=[3, 4, 5])
-    if not fit.converged:
-        typer.echo(f"The search did not converge: {fit.message}.")
-    for warning in fit.warnings:
-        typer.echo(f"note: {warning}")
 
 
 FREQUENCIES = 200  # at which a response is drawn and given as JSON
