@@ -176,8 +176,9 @@ def _fit_stages(given: Mapping[str, Any]) -> int:
 
     laws = given.get("law") or ["all"]
     count = sum(name != "all" for name in laws) + (len(LAWS) if "all" in laws else 0)
-    tables: int = 1 if given.get("runs") else len(given["tables"])
-    return tables * (count * (1 + len(SCHEMES)) + (2 * len(FRICTIONS) if given.get("hysteresis") else 0))
+    forms = 2 * len(tuple(FRICTIONS)) if given.get("hysteresis") else 0
+    tables = 1 if given.get("runs") else len(given["tables"])
+    return int(tables * (count * (1 + len(SCHEMES)) + forms))
 
 
 fit_tables = VerbCommand(
