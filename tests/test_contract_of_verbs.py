@@ -15,10 +15,17 @@ from mckibben.cli.app import COMMANDS as EVERY
 from mckibben.errors import InputError
 from mckibben.registry import PACKAGES, plugins
 
-COMMANDS = {
+DECLARED = {
     words: getattr(verb_commands, place.partition(":")[2])
     for words, (place, _) in EVERY.items()
     if place.startswith("verb_commands:")
+}
+# By the words that ask a verb; a command of several verbs asks each by other words.
+COMMANDS = {words: one for words, one in DECLARED.items() if isinstance(one, VerbCommand)}
+COMMANDS |= {
+    "fit": verb_commands.fit_tables,
+    "fit --friction": verb_commands.fit_friction,
+    "fit printed.toml": verb_commands.fit_printed,
 }
 COMMANDS |= {name: one for name, one in plugins("mckibben.commands").items() if isinstance(one, VerbCommand)}
 # A question for each verb, by the words of its command; with cautions where there are any to be had.
@@ -28,13 +35,30 @@ ASKED = {
     "size": "--force 35N --stroke 2.8cm --pressure 5bar --no-lines --cycles 1Hz --working-time 8h",
     "compare": "nylon fast-fibre --pressure 12bar",
     "conform": "python --scenario hang --no-states",
+    "fit": "twice.csv --law gas_spring --train-below 4bar",
+    "fit --friction": "dahl loop.csv --set per_pressure=0",
+    "fit printed.toml": "",
     "read": "pull.csv --as recording --unit force=N --unit length=mm",
     "record show": "pull.csv --unit force=N --unit length=mm",
     "record frequency": "pull.csv --unit force=N --unit length=mm --input length --output force",
     # refused in one sentence; other tests have their answers
     **dict.fromkeys(("diagnose", "record energy", "record contraction", "record work-loops"), "no.nc"),
+    "next": "--from no.json",
+    **dict.fromkeys(("study robot", "study loops"), "nowhere"),
+    "study tube": "--quick --out tube.gif",
+    "study validation": "--only nothing",
     "record repeatability": "no.nc",
 }
+OTHERS = {"fit --friction": verb_commands.fit_tables, "fit printed.toml": verb_commands.fit_tables}
+PRINTED = """law = "linear_threshold"
+[known]
+rest_length = "14.7 cm"
+upper_length = "15 cm"
+[[constraint]]
+what = "free_length"
+value = "11.466 cm"
+pressure = "5 bar"
+"""
 QUANTITIES = [
     (name, p)
     for name, command in COMMANDS.items()
@@ -72,6 +96,12 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkey
     times = [0.01 * i for i in range(600)]
     lines = [f"{t},{100.0 + math.sin(t * t)},{30.0 + 5.0 * math.sin(t * t - 0.1)}" for t in times]
     (tmp_path / "pull.csv").write_text("\n".join(["time [s],length,force", *lines]), encoding="utf-8")
+    rows = [f"{length},{bar},{0.4 * bar * (length - 110)}" for length in range(120, 140, 5) for bar in range(1, 7)]
+    (tmp_path / "twice.csv").write_text("\n".join(["length [mm],pressure [bar],force [N]", *rows, *rows[:3]]))
+    strokes = [(4 - abs(4 - 0.3 * i), (i > 13) * 3 * math.sin(0.12 * i)) for i in range(27)]
+    lines = [f"{bar},{10 * bar + more}" for bar, more in strokes]
+    (tmp_path / "loop.csv").write_text("\n".join(["pressure [bar],stroke [mm]", *lines]))
+    (tmp_path / "printed.toml").write_text(PRINTED)
     code, out, err, answer = ask(name, *ASKED[name].split())
     if answer is None:
         assert code == 2 and out == "" and err.count("\n") == 1
@@ -100,7 +130,8 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkey
 @pytest.mark.parametrize(("name", "p"), QUANTITIES, ids=lambda one: getattr(one, "name", one))
 def test_each_quantity_refuses_another_dimension_by_the_name_that_its_user_gave(name, p):
     command = COMMANDS[name]
-    given = {q.name: "nylon" for q in verbs.described(command.place).parameters.values() if q.required}
+    required = [q for q in verbs.described(command.place).parameters.values() if q.required]
+    given = {q.name: ["nylon"] if q.several else "nylon" for q in required}
     with pytest.raises(InputError) as python:
         verbs.answer(verbs.load(command.place), given | {p.name: "3 kelvin"})
     with pytest.raises(InputError) as typed:
@@ -114,9 +145,13 @@ def test_each_quantity_refuses_another_dimension_by_the_name_that_its_user_gave(
 def test_each_parameter_is_told_in_the_help_with_its_kind(name, capsys, monkeypatch):
     monkeypatch.setitem(os.environ, "COLUMNS", "100")
     with pytest.raises(SystemExit):
-        main([*name.split(), "--help"])
+        main([*(word for word in name.split() if "." not in word and word[0] != "-"), "--help"])
     told = " ".join(capsys.readouterr().out.split())
+    # of a command of several verbs the first tells the arguments, and what others take as well
+    shared = verbs.described(OTHERS[name].place).parameters if name in OTHERS else {}
     for one in verbs.described(COMMANDS[name].place).parameters.values():
+        if shared and (one.name in shared or one.required and not one.keyword):
+            continue
         for p in one.parts or (one,):
             if not p.flag and not p.type.word:
                 continue  # only Python gives it

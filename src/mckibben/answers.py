@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any, ClassVar
@@ -17,7 +18,7 @@ from typing import Any, ClassVar
 from .citations import reference
 from .documents import JsonValue
 from .errors import InputError, PlausibilityWarning
-from .quantities import from_si, shown_unit
+from .quantities import from_si, shown_unit, with_unit
 
 NOTEBOOK_ROWS = 10  # of rankings
 
@@ -55,6 +56,10 @@ class Column:
         right: whether words stand at the right, as numbers do.
         ends: keys of the ends of a range that is shown in brackets where it is one, or instead of a value.
         missing: stands for what there is not.
+        own: key of the SI unit that each row has of its own, as parameters have.
+        beside: whether the unit stands beside each number, not at the head.
+        most: a larger number is shown as above this one.
+        failed: stands for a number that is infinite.
     """
 
     key: str
@@ -65,16 +70,23 @@ class Column:
     right: bool = False
     ends: tuple[str, str] | None = None
     missing: str = ""
+    own: str = ""
+    beside: bool = False
+    most: float | None = None
+    failed: str = ""
 
     @property
     def head(self) -> str:
         """Title with the unit."""
         title = self.key.replace("_", " ") if self.title is None else self.title
         unit = self.shown or shown_unit(self.unit)
-        return title if unit in ("", "1") or not title else f"{title}, {unit}"
+        return title if unit in ("", "1") or not title or self.beside else f"{title}, {unit}"
 
     def cell(self, row: Mapping[str, Any]) -> str:
         """The value of a row as a person reads it, with its range in brackets."""
+        if own := row.get(self.own):
+            value = row.get(self.key)
+            return self.missing if value is None or value != value else with_unit(value, own)
         words = self.text(row.get(self.key))
         if self.ends is None or row.get(self.ends[0]) is None:
             return words
@@ -90,9 +102,14 @@ class Column:
         if not self.unit:
             return str(value)
         unit = self.shown or shown_unit(self.unit)
+        if self.failed and abs(value) == float("inf"):
+            return self.failed
+        if self.most is not None and value > self.most:
+            return f"> {dataclasses.replace(self, most=None, places='.4g').text(self.most)}"
         number = 100.0 * value if unit == "%" else value if unit == self.unit else from_si(value, self.unit, unit)
         text = f"{number:{self.places or ('.0f' if abs(number) >= 100.0 else '.3g')}}"
-        return text if text.strip("-0.%") else text.lstrip("-")  # what is rounded to zero has no sign
+        text = text if text.strip("-0.%") else text.lstrip("-")  # what is rounded to zero has no sign
+        return f"{text} {unit}" if self.beside and unit not in ("", "1") else text
 
 
 @dataclass(frozen=True)
@@ -122,7 +139,7 @@ class Table:
             return f"<tr>{''.join(f'<{tag}{a}>{escape(w)}</{tag}>' for w, a in zip(words, aside, strict=True))}</tr>"
 
         lines = [line("td", row) for row in self.cells()[: self.most]]
-        notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
+        notes = "".join(f"<p>{escape(named(note))}</p>" for note in self.notes)
         heading = f"<p><b>{escape(self.title)}</b></p>" if self.title else ""
         return f"{heading}<table>{line('th', self.heads)}{''.join(lines)}</table>{notes}"
 
@@ -134,11 +151,35 @@ class Table:
     @property
     def right(self) -> list[int]:
         """Columns that stand at the right."""
-        return [i for i, column in enumerate(self.columns) if column.unit or column.right]
+        return [i for i, column in enumerate(self.columns) if column.unit or column.own or column.right]
 
     def cells(self) -> list[list[str]]:
         """All values as a person reads them."""
         return [[column.cell(row) for column in self.columns] for row in self.rows]
+
+
+def estimates(
+    title: str, values: Mapping[str, Any], notes: Sequence[str] = (), *, more: Mapping[str, str] | None = None
+) -> Table:
+    """Table of parameters with their 95 % intervals.
+
+    Args:
+        title: above it.
+        values: an estimate by the name of each parameter: ``value``, ``low``, ``high`` and ``unit`` [SI].
+        notes: sentences below it.
+        more: what is to be said of a parameter, instead of its interval.
+    """
+    said = more or {}
+    rows: list[dict[str, Any]] = [
+        {"name": name, "value": e.value, "unit": e.unit, "said": said.get(name, "")}
+        | ({} if name in said else {"low": e.low, "high": e.high})
+        for name, e in values.items()
+    ]
+    columns = [Column("name", "parameter"), Column("value", own="unit")]
+    if len(said) < len(rows):
+        columns += [Column("low", "95 %: from", own="unit"), Column("high", "to", own="unit")]
+    columns += [Column("said", "")] if said else []
+    return Table(title, tuple(columns), rows, tuple(notes))
 
 
 class Answer:
@@ -187,7 +228,7 @@ class Answer:
         cautions = (f"<p><b>Caution:</b> {escape(one.text)}</p>" for one in self.cautions)
         tables = (one._repr_html_() for one in self.first(NOTEBOOK_ROWS).tables())
         keys = (f"[{key}] {reference(key)}" for key in self.sources)
-        remarks = (f"<p>{escape(one)}</p>" for one in (*self.remarks(), *keys))
+        remarks = (f"<p>{escape(named(one))}</p>" for one in (*self.remarks(), *keys))
         picture, plot = "", getattr(self, "plot", None)
         with contextlib.suppress(InputError):  # it holds nothing that can be drawn
             text = "" if plot is None else plot()._repr_svg_()
@@ -201,6 +242,11 @@ class Answer:
     def failure(self) -> str | None:
         """Why what was asked for was not reached, empty where the tables say it; None if it was."""
         return None
+
+
+def named(sentence: str, shown: Callable[[str], str] = str) -> str:
+    """A sentence whose parameters in braces are called as somebody calls them."""
+    return re.sub(r"\{(\w+)\}", lambda found: shown(found[1]), sentence)
 
 
 def collect(*cautions: Caution | None) -> tuple[Caution, ...]:

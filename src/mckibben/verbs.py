@@ -92,6 +92,7 @@ Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
 Mass = Annotated[float | str, QUANTITIES["MASS"]]
 Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
 Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
+SmallLength = Annotated[float | str, QUANTITIES["SIZE"]]
 # What one asks of a muscle is within narrower bounds than what a rig or a recording may have.
 WorkingForce = Annotated[float | str, ParameterType("FORCE", "N", (1e-2, 2e4))]
 Stroke = Annotated[float | str, ParameterType("LENGTH", "m", (1e-4, 2.0))]
@@ -103,6 +104,7 @@ TimePerDay = Annotated[float | str, ParameterType("TIME", "s", (1.0, 1e5))]
 MuscleName = Annotated[Any, ParameterType("SPECIMEN")]
 MuscleOrLaw = Annotated[Any, ParameterType("SPECIMEN|LAW")]
 LawName = Annotated[str, ParameterType("LAW")]
+LawPair = Annotated[Sequence[str] | str, ParameterType("LAWS")]  # in one text with a comma between
 CycleName = Annotated[str, ParameterType("CYCLE")]
 SpaceText = Annotated[str, ParameterType("LENGTHxDIAMETER")]
 TankText = Annotated[str, ParameterType("TANK")]
@@ -115,6 +117,7 @@ NamedValues = Annotated[Mapping[str, str], ParameterType("NAME=VALUE")]
 PosteriorFile = Annotated[Any, ParameterType("FIT")]
 Changes = Annotated[Mapping[str, float | str], ParameterType("PATH=VALUE")]
 Time = Annotated[float | str, QUANTITIES["TIME"]._replace(bare=True)]
+Duration = Annotated[float | str, QUANTITIES["TIME"]]
 Frequency = Annotated[float | str, QUANTITIES["FREQUENCY"]]
 Frequencies = Annotated[Sequence[float | str] | str, QUANTITIES["FREQUENCIES"]]
 Shares = Annotated[Sequence[float | str] | str, QUANTITIES["SHARES"]._replace(none=True)]
@@ -122,6 +125,16 @@ BarePressure = Annotated[float | str, QUANTITIES["PRESSURE"]._replace(bare=True)
 Count = Annotated[int, ParameterType("N")]
 RecordingFile = Annotated[Any, ParameterType("RECORDING")]  # or the recording itself
 RecordingFiles = Annotated[Any, ParameterType("RECORDING", listed=True)]
+RecordFiles = Annotated[Any, ParameterType("RECORD", listed=True)]  # files, folders and patterns of any format
+MeasuredTable = Annotated[Any, ParameterType("TABLE")]  # a file, a specimen that ships with one, or what was read
+LoopFile = Annotated[Any, ParameterType("TABLE")]
+ConstraintsFile = Annotated[Any, ParameterType("TABLE")]
+LoopFriction = Annotated[str, ParameterType("FRICTION")]
+DataFolder = Annotated[Any, ParameterType("FOLDER")]
+DataFolders = Annotated[Any, ParameterType("FOLDER", listed=True)]
+DataSet = Annotated[str, ParameterType("DATASET")]
+ParameterPath = Annotated[str, ParameterType("PATH")]
+FrictionModel = Annotated[str, ParameterType("MODEL")]
 DataFile = Annotated[Any, ParameterType("FILE")]  # of any format, or what was read from one
 ChannelName = Annotated[str, ParameterType("CHANNEL")]
 CutPoint = Annotated[str, ParameterType("POINT")]
@@ -142,7 +155,12 @@ READING = (
     "topic",
     "gear_ratio",
 )  # how the file of another program is understood
-Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=("analysis.description:describe_file", READING))]
+FILE = "analysis.description:describe_file"
+Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, READING))]
+PATH_READING = ("columns", "units", "pressure_zero")
+MAP_READING = (*PATH_READING, "branch", "sheet", "topic", "gear_ratio")
+PathReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, PATH_READING))]
+MapReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, MAP_READING))]
 
 
 class ParsedNumber(float):

@@ -8,7 +8,7 @@ import pytest
 
 import mckibben
 from mckibben import registry
-from mckibben.cli import fit, main, record, run, serve, sweep  # noqa: F401  bound before anything is replaced
+from mckibben.cli import main, record, run, serve, sweep  # noqa: F401  bound before anything is replaced
 from mckibben.cli.app import COMMANDS
 from mckibben.errors import InputError, MissingLibraryError
 from mckibben.extras import library
@@ -27,7 +27,7 @@ def too_early(*args, **options):
         ("serial", "serial", (*BENCH, "serial:/dev/ttyACM0"), "mckibben.cli.run.prepared"),
         ("nidaqmx", "daq", (*BENCH, "daq"), "mckibben.cli.run.prepared"),
         ("typst", "report", ("compare", "nylon", "--out", "a.pdf"), "mckibben.studies.comparison.side_by_side.subject"),
-        ("typst", "report", ("fit", "DMSP-20-300", "--out", "a.pdf"), "mckibben.identification.fit"),
+        ("typst", "report", ("fit", "DMSP-20-300", "--out", "a.pdf"), "mckibben.studies.fitting.fit_laws"),
         # a.nc is not there, which is what reading it would say first
         ("polars", "formats", ("record", "convert", "a.nc", "a.parquet"), "mckibben.recordings.read_recording"),
         ("zarr", "sweep", ("sweep", SWEEP, "--out", "a", "--scheduler", "serial"), "mckibben.batch.sweep.Sweep.check"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mckibben.cli import _values, main
-from mckibben.cli._fit_hysteresis import show_hysteresis
+from mckibben.cli._verb import show_tables
 from mckibben.estimation import Estimate
 from mckibben.identification.hysteresis_fit import MODELS
 from mckibben.identification.shared_hysteresis import NOTHING, HysteresisModel, SharedHysteresis
@@ -49,6 +49,14 @@ def test_a_loop_is_fitted_printed_and_drawn(run, tmp_path):
         (("loop.csv", "--friction", "dahl", "--set", "mass=1"), "--set mass"),
         (("loop.csv", "loop.csv", "--friction", "dahl"), "must be one loop, alone"),
         (("loop.csv", "--friction", "dahl", "--out", "fit.html"), "--out is allowed only without --friction"),
+        # what a fit to a loop does not take is refused, not ignored
+        (
+            ("loop.csv", "--friction", "dahl", "--train-below", "3 bar"),
+            "--train-below is allowed only without --friction",
+        ),
+        (("loop.csv", "--friction", "dahl", "--no-slack"), "--no-slack is allowed only without --friction"),
+        (("some.toml", "--law", "ideal"), "--law is allowed only without a .toml file of constraints"),
+        (("some.toml", "map.csv"), "must be one file, alone"),
         (("map.csv", "--friction", "dahl"), "has no turning point"),
         (("loop.csv", "--creep"), "--creep is allowed only with --friction"),
         (("none.csv", "--friction", "dahl"), "File not found: none.csv"),
@@ -76,10 +84,11 @@ def test_what_recordings_tell_is_printed_with_what_they_leave_out(capsys):
         muscles=(0.083, 0.182), recordings=("a.csv", "b.csv"), samples=800, independent=200, rmse=0.5, law_rmse=1.0,
         uncorrected_rmse=1.5, held_back=(0.6, 1.0), warnings=("b.csv is short",),
     )  # fmt: skip
-    show_hysteresis(found)
+    show_tables(found.tables())
     said = capsys.readouterr().out
     assert "from 2 recordings of 2 muscles: 800 samples, 200 of them independent" in said
-    assert "friction without pressure (constant) = 3 N  (95 %: 2.5 N to 3.6 N)" in said
+    rows = [" ".join(line.split()) for line in said.splitlines()]
+    assert "friction without pressure (constant) 3 N 2.5 N 3.6 N" in rows
     assert "stiffness of the contact (stiffness)" in said and "its size is not in the data" in said
     assert "no creep: with it AICc is 2.5 higher" in said and "no friction" not in said
     assert "Recordings held back in turn: 0.6 N rms, 1 N by the law alone." in said and "note: b.csv is short" in said

@@ -8,9 +8,9 @@ import pytest
 from test_broken_input import POSTERIOR
 
 import mckibben as mk
-from mckibben.cli import fit as fit_command
 from mckibben.cli import main
 from mckibben.identification.next_points import LawTest
+from mckibben.studies import fitting
 
 # the spring's own numbers, with a threshold of which the spring has none, at the same points
 OTHER = POSTERIOR | {
@@ -113,8 +113,8 @@ def test_each_of_several_named_laws_has_samples_of_its_own():
     fits = (fitted("b"), fitted("a"), fitted("c", converged=False))
     points = SimpleNamespace(informative_slack=[], select=lambda _: [])
     ranking = SimpleNamespace(best=fits[0], fits=fits, points=points)
-    assert fit_command._posteriors(ranking, None, 100, every=False) == {"b": "b"}
-    assert fit_command._posteriors(ranking, None, 100, every=True) == {"b": "b", "a": "a"}
+    assert fitting._posteriors(ranking, None, 100, every=False) == {"b": "b"}
+    assert fitting._posteriors(ranking, None, 100, every=True) == {"b": "b", "a": "a"}
 
 
 @pytest.mark.parametrize(("stiffness", "said"), [("4.9 mm", True), (None, False)])

@@ -7,17 +7,22 @@ import numpy as np
 import pytest
 
 import mckibben as mk
-from mckibben.cli.fit import show_ranking
+from mckibben.cli import verb_commands
+from mckibben.cli._verb import show
 from mckibben.errors import InputError
 from mckibben.estimation import INDIFFERENT, akaike, widening
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import bound_of, degenerate_words
-from mckibben.identification.ranking import Ranking
+from mckibben.identification.ranking import Ranking, cautions_of
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
-from mckibben.report.fit_report import cautions_of
 from mckibben.specimens import specimen
-from mckibben.web.pages.fit import results
+
+
+def show_fit(ranking: Ranking) -> None:
+    """Print a ranking as the command does."""
+    show(ranking, verb_commands.fit_tables.option)
+
 
 # Noise for which the thick wall of no thickness once came first: rounding made it the better predictor by 5e-11 N.
 SEED, NOISE = 5, 0.5
@@ -113,12 +118,12 @@ def test_command_report_and_page_name_what_is_not_counted(fits, capsys) -> None:
     study = Ranking(
         title="ideal braid", specimen=None, points=order[0].points, fits=order, published=[], skipped={},
     )  # fmt: skip
-    show_ranking(study)
+    show_fit(study)
     printed = capsys.readouterr().out
     assert "wall_thickness at its bound" in printed and "is not counted" in printed
     assert [f["at_bound"] for f in study.to_dict()["fits"]] == [[], ["wall_thickness"]]
     assert any("counts 2 of 3 parameters" in s for s in cautions_of(order[1], 100.0))
-    assert [row[-1] for row in results._rows(study)] == ["", "wall_thickness at its bound"]
+    assert [row["verdict"] for row in study.ranked()] == ["", "wall_thickness at its bound"]
 
 
 def test_sizes_that_nobody_stated_are_said_beside_the_result(capsys) -> None:
@@ -129,7 +134,7 @@ def test_sizes_that_nobody_stated_are_said_beside_the_result(capsys) -> None:
     assert stated.assumed == {} and stated.to_dict()["assumed"] == {}
     assert silent.assumed == silent.to_dict()["assumed"] == {"wall_thickness": 1.8e-3}
     for one, count in ((stated, 0), (silent, 1)):
-        show_ranking(Ranking("t", None, points, [one]))
+        show_fit(Ranking("t", None, points, [one]))
         printed = capsys.readouterr().out
         assert printed.count("assumed, as not stated: wall_thickness = 0.18 cm; state it by --set") == count
         assert sum("wall_thickness" in s for s in cautions_of(one, points.largest)) == count
@@ -139,7 +144,7 @@ def test_a_depth_of_the_threads_in_place_of_which_the_diameter_is_fitted_is_assu
     points = specimen("DMSP-20-300").force_map().with_rest_length(0.3)
     found = fit("hyperelastic_braid", points, known={"wall_thickness": 2e-3}, schemes=())
     assert "rest_diameter" in found.parameters and found.assumed == {"thread_depth": 0.5}
-    show_ranking(Ranking("t", None, points, [found]))
+    show_fit(Ranking("t", None, points, [found]))
     assert "thread_depth='0.5', or fit it by --set rest_diameter=.." in capsys.readouterr().out
 
 

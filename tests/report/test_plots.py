@@ -75,7 +75,7 @@ def test_a_range_of_pressures_has_a_line_each(muscle):
 
 
 def test_tables_for_notebooks_are_well_formed(muscle, recording, ranking):
-    for shown, words in ((muscle, "length at rest"), (recording, "tension"), (ranking, "best ideal")):
+    for shown, words in ((muscle, "length at rest"), (recording, "tension"), (ranking, "ideal")):
         text = shown._repr_html_()
         assert words in text
         ElementTree.fromstring(f"<div>{text}</div>")

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from mckibben.cli import main
-from mckibben.cli.study import limits
 from mckibben.errors import InputError, MissingDataError
 from mckibben.identification.hysteresis_fit import AREA
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
@@ -181,8 +180,8 @@ def test_fits_to_one_branch_are_judged_by_the_same_widths(study: LoopStudy) -> N
     for half, error in zip(study.halves, found.branch_errors().values(), strict=True):
         predicted = half.width([w.pressure for w in middle])[0]
         assert error == max(abs(p / w.measured - 1.0) for p, w in zip(predicted, middle, strict=True))
-    assert any("One branch" in line for line in limits(found))
-    assert not any("One branch" in line for line in limits(study))
+    assert any("One branch" in line for line in found.limits())
+    assert not any("One branch" in line for line in study.limits())
 
 
 def test_progress_is_told_at_every_stage(study: LoopStudy, told: list[str]) -> None:
@@ -200,7 +199,7 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str
 @pytest.fixture
 def known(study: LoopStudy, monkeypatch: pytest.MonkeyPatch) -> LoopStudy:
     """The command with the study of this module, which takes seconds once."""
-    monkeypatch.setattr("mckibben.studies.muscle_loops.loop_study", lambda *_, **__: study)
+    monkeypatch.setattr("mckibben.verbs.answer", lambda *_, **__: study)
     return study
 
 
@@ -228,7 +227,7 @@ def test_json_holds_every_width_and_the_exit_code_follows_the_verdict(
     swapped = (known.widths[0]._replace(predicted=-1e-6), *known.widths[1:])
     for widths, field in ((wide, "width_holds"), (swapped, "order_holds")):
         wrong = dataclasses.replace(known, widths=widths)
-        monkeypatch.setattr("mckibben.studies.muscle_loops.loop_study", lambda *_, wrong=wrong, **__: wrong)
+        monkeypatch.setattr("mckibben.verbs.answer", lambda *_, wrong=wrong, **__: wrong)
         code, out, _ = _run(capsys, str(folder), "--json")
         assert (code, json.loads(out)[field]) == (1, False)
         code, out, _ = _run(capsys, str(folder))
@@ -246,7 +245,7 @@ def test_a_folder_without_the_files_gives_one_line(tmp_path: Path, capsys) -> No
 def test_an_unknown_friction_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match="must be maxwell_slip, dahl or bouc_wen"):
         loop_study(folder, frictions=("coulomb",))
-    with pytest.raises(InputError, match="friction must be"):
+    with pytest.raises(InputError, match="frictions must be"):
         loop_study(folder, frictions=())
 
 

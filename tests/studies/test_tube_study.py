@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from mckibben.cli import main
-from mckibben.cli import study as command_line
 from mckibben.studies import tube_models
 from mckibben.studies import tube_study as tube_study_module
 from mckibben.studies.tube_models import (
@@ -130,7 +129,7 @@ def test_the_improved_model_keeps_its_promises(study):
 @pytest.mark.slow  # all fits of the study
 def test_every_number_of_a_claim_is_printed_in_words(study):
     names = {name for c in claims(study) for numbers in c.numbers.values() for name in numbers}
-    labels = {command_line._label(name) for name in names}
+    labels = {tube_study_module._label(name) for name in names}
     assert len(labels) == len(names) and not any("_" in label or "in3" in label for label in labels)
 
 

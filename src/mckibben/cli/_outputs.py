@@ -105,13 +105,13 @@ class OutputKinds:
                 elif folder and not path.suffix:
                     files["folder"].append(path)
                     continue
-                kind, path = self._placed(path, field)
+                kind, path = self.placed(path, field)
                 files[kind].append(path)
             yield OutputFiles(files, streamed)
             if streamed is not None:
                 _print(streamed)
 
-    def _placed(self, given: Path, field: str) -> tuple[str, Path]:
+    def placed(self, given: Path, field: str = "--out") -> tuple[str, Path]:
         """What is written to a path, and the path itself; ``figure:a.pdf`` names the kind where a suffix has two."""
         head, _, rest = str(given).partition(":")
         kinds = {head: self.kinds[head]} if rest and head in self.kinds else self.kinds

@@ -23,8 +23,6 @@ Period = Annotated[str | None, _option("period")]
 Sheet = Annotated[str | None, _option("sheet")]
 Topic = Annotated[str | None, _option("topic")]
 GearRatio = Annotated[str | None, _option("gear_ratio")]
-Branch = Annotated[str | None, _option("branch")]
-PressureZero = Annotated[str | None, _option("pressure_zero")]
 
 
 def format_options(sheet: str | None, topic: str | None, gear_ratio: str | None) -> dict[str, JsonValue]:

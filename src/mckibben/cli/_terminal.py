@@ -57,7 +57,6 @@ Plumbing = Annotated[
 NoiseSeed = Annotated[
     int, typer.Option(metavar="N", min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
 ]
-RestLength = Annotated[str | None, typer.Option(metavar="LENGTH", help="Rest length of the muscle, such as '300 mm'.")]
 Contraction = Annotated[
     str | None,
     typer.Option(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -12,11 +12,11 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from .. import verbs
-from ..answers import Answer
+from ..answers import Answer, Table, named
 from ..citations import reference
 from ..errors import InputError
 from . import _progress
-from ._outputs import OutputKinds, Paths
+from ._outputs import OutputFiles, OutputKinds, Paths
 from ._terminal import (
     FigureLook,
     FigureWidth,
@@ -71,6 +71,7 @@ class VerbCommand:
         doing: word for what takes long, and the number of its stages by what was given.
         pair: example of a value that is NAME=VALUE.
         failed: exit code where what was asked for was not reached.
+        check: refuses files that what was typed cannot have, before anything is computed.
     """
 
     place: str
@@ -86,6 +87,7 @@ class VerbCommand:
     doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
     pair: str = ""
     failed: int = 1
+    check: Callable[[Mapping[str, Any], OutputFiles], None] | None = None
 
     def option(self, parameter: str) -> str:
         """The option of a parameter; a flag that is set by default has one that takes it away."""
@@ -112,7 +114,7 @@ class VerbCommand:
         parameters += [_keyword("out", Annotated[Paths, self.outputs.option()], None), _keyword("as_json", Json, False)]
 
         def run(**values: Any) -> None:
-            self._run(verb, values)
+            self.run(values)
 
         run.__name__ = verb.name
         run.__doc__ = "\n\n".join([*verb.paragraphs, "\n".join(f"$ mckibben {one}" for one in self.examples)])
@@ -124,9 +126,10 @@ class VerbCommand:
         word = p.type.word
         taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
         if p.required and not p.keyword:
-            taken = taken | None if p.several else taken
+            optional = p.several and p.name not in self.required
+            taken = taken | None if optional else taken
             kind = Annotated[taken, typer.Argument(metavar=word, help=p.about)]
-            default = None if p.several else inspect.Parameter.empty
+            default = None if optional else inspect.Parameter.empty
             return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         if p.flag:
             about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
@@ -136,17 +139,22 @@ class VerbCommand:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
 
-    def _run(self, verb: verbs.Description, values: dict[str, Any]) -> None:
+    def run(self, values: dict[str, Any]) -> None:
+        """Ask the verb, write and print its answer; `values` are those of the parser, by parameter."""
+        verb = verbs.described(self.place)
         paths, as_json, top = values.pop("out"), values.pop("as_json"), values.pop("top", None)
         beside = {name: values.pop(name) for name in self.written}
         for name, path in beside.items():
             writable(f"--{name}", path, self.written[name].suffix)
         with self.outputs.files(paths) as files:
+            if self.check is not None:
+                self.check(values, files)
             answer = self._answer(verb, values)
             expect_cautions(())  # the answer has those about typed values
             writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
+            more: list[str] = []  # files that go with those that were named
             for kind, write in writes.items():
-                files.write(kind, functools.partial(write, answer))
+                files.write(kind, functools.partial(_written, write, answer, more))
             for name, path in beside.items():
                 if path is not None:
                     self.written[name].write(answer, path)
@@ -154,15 +162,18 @@ class VerbCommand:
             answer = answer if top is None else answer.first(top)
             content = answer.to_dict()
             content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
+            if more:
+                content["files"] = more
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
             files.write_result(content)
             if as_json:
                 print_json(content)
             else:
-                show(answer)
+                show(answer, self._called)
                 files.say()
-                for path in filter(None, beside.values()):
+                named_paths = [str(path) for path in files.named()]
+                for path in (*filter(None, beside.values()), *(one for one in more if one not in named_paths)):
                     typer.echo(f"Written: {path}")
         if failure:
             typer.echo(f"{program(31)}: {failure}", err=True)
@@ -177,7 +188,7 @@ class VerbCommand:
                         self.option(one.parameter), None, f"is allowed only without --{name.replace('_', '-')}"
                     )
                 values[one.parameter] = one.value
-        given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] is not None}
+        given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] not in (None, (), [])}
         for p in verb.parameters.values():
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
@@ -205,6 +216,111 @@ class VerbCommand:
         return {name: int(one) if word == "NAME=COLUMN" and one.isdecimal() else one for name, one in named.items()}
 
 
+class Alternative(NamedTuple):
+    """A verb that answers in the place of a command's first one.
+
+    Attributes:
+        command: of the verb.
+        typed: what is typed for it, such as ``--friction``.
+        asked: whether that was typed, by the values of all options.
+    """
+
+    command: VerbCommand
+    typed: str
+    asked: Callable[[Mapping[str, Any]], bool]
+
+
+@dataclass(frozen=True)
+class VerbsCommand:
+    """One command of several verbs: it has the options of all, and one of them answers.
+
+    Attributes:
+        first: answers where no other is asked; its words are the help.
+        others: answer where what is theirs was typed. The arguments of the first are theirs, one by one.
+    """
+
+    first: VerbCommand
+    others: tuple[Alternative, ...]
+
+    def function(self) -> Callable[..., None]:
+        """The function of which typer makes the parser."""
+        run = self.first.function()
+        own = inspect.signature(run).parameters
+        options = {a.typed: _options(a.command) for a in self.others}
+        added = {name: _optional(p) for of in options.values() for name, p in of.items() if name not in own}
+        end = next(i for i, name in enumerate(own) if name in ("width", "out"))
+        parameters = [*own.values()]
+        parameters[end:end] = added.values()
+
+        def choose(**values: Any) -> None:
+            typed = [name for name, value in values.items() if value and value != signature[name].default]
+            chosen = next((a for a in self.others if a.asked(values)), None)
+            for other in self.others:
+                for name in typed:
+                    if chosen is None and name in options[other.typed] and name not in own:
+                        raise InputError(_spelled(signature[name]), None, f"is allowed only with {other.typed}")
+            if chosen is None:
+                return run(**{name: values[name] for name in own})
+            for name in typed:
+                if name in own and name not in ("out", "as_json", *arguments, *options[chosen.typed]):
+                    raise InputError(_spelled(signature[name]), None, f"is allowed only without {chosen.typed}")
+            return chosen.command.run(self._values(chosen, values, arguments))
+
+        signature = {p.name: p for p in parameters}
+        arguments = [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
+        choose.__name__, choose.__doc__ = run.__name__, run.__doc__
+        choose.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        choose.__annotations__ = {p.name: p.annotation for p in parameters} | {"return": None}
+        return choose
+
+    def _values(self, chosen: Alternative, values: Mapping[str, Any], arguments: Sequence[str]) -> dict[str, Any]:
+        """Values of the chosen verb: arguments and options of which it takes one are no lists."""
+        known = verbs.described(chosen.command.place).parameters
+        for path in values["out"] or ():
+            kind = "" if str(path) == "-" else self.first.outputs.placed(path)[0]
+            if kind and kind not in chosen.command.outputs.kinds:
+                raise InputError("--out", None, f"is allowed only without {chosen.typed} for the {kind} {path}")
+        given = [one for name in arguments for one in values[name]]
+        takes = next(name for name, p in known.items() if p.required and not p.keyword)
+        if len(given) > 1:
+            raise InputError("file", ", ".join(given), f"must be one {takes}, alone")
+        found = {name: values[name] for name in (*_options(chosen.command), "out", "as_json") if name in values}
+        for name, p in known.items():
+            if isinstance(found.get(name), list) and not p.many and "=" not in p.type.word:
+                if len(found[name]) > 1:
+                    problem = f"must be one {name} beside {chosen.typed}"
+                    raise InputError(chosen.command.option(name), ", ".join(found[name]), problem)
+                found[name] = found[name][0]
+        return found | {takes: given[0]}
+
+
+def _options(command: VerbCommand) -> dict[str, inspect.Parameter]:
+    """Options of a verb's command by their parameters, without its arguments and those of all commands."""
+    parameters = inspect.signature(command.function()).parameters.values()
+    return {p.name: p for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in ("out", "as_json")}
+
+
+def _written(write: Callable[[Any, Path], object], answer: Answer, more: list[str], path: Path) -> None:
+    """Write a file; `more` gets the names of all where there are several."""
+    several = write(answer, path)
+    more += [str(one) for one in several] if isinstance(several, list) else []
+
+
+def _optional(p: inspect.Parameter) -> inspect.Parameter:
+    """An option that may be left out, where its own verb needs it."""
+    if p.default is not p.empty:
+        return p
+    taken, option = p.annotation.__origin__, p.annotation.__metadata__[0]
+    return p.replace(annotation=Annotated[taken | None, option], default=None)
+
+
+def _spelled(p: inspect.Parameter) -> str:
+    """An option as it is typed."""
+    option = p.annotation.__metadata__[0]
+    names = [str(name) for name in (option.default, *(option.param_decls or ()))]
+    return next((name for name in names if name.startswith("--")), f"--{p.name.replace('_', '-')}")
+
+
 def _typed(verb: verbs.Description) -> Iterator[verbs.Parameter]:
     """What a person types of a verb; what has no kind of value is for Python alone."""
     for one in verb.parameters.values():
@@ -222,9 +338,21 @@ def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
-def show(answer: Answer) -> None:
-    """Print an answer for people: tables, and sentences below them."""
+def show(answer: Answer, called: Callable[[str], str] = str) -> None:
+    """Print an answer for people: tables, and sentences below them, which call parameters as `called` does."""
     tables = answer.tables()
+    show_tables(tables, called)
+    remarks = answer.remarks()
+    typer.echo("\n" if len(tables) > 1 and remarks else "", nl=False)
+    for remark in remarks:
+        typer.echo(named(remark, called))
+    typer.echo("\n" if answer.sources else "", nl=False)
+    for key in answer.sources:
+        typer.echo(f"[{key}] {reference(key)}")
+
+
+def show_tables(tables: Sequence[Table], called: Callable[[str], str] = str) -> None:
+    """Print tables for people, each with its sentences below."""
     for i, one in enumerate(tables):
         typer.echo("\n" if i else "", nl=False)
         cells = [[_plain(cell) for cell in row] for row in one.cells()]
@@ -232,14 +360,7 @@ def show(answer: Answer) -> None:
         if len(cells) > len(cells[: one.most]):
             typer.echo(f"... and {len(cells) - len(cells[: one.most])} more; --json lists all.")
         for note in one.notes:
-            typer.echo(note)
-    remarks = answer.remarks()
-    typer.echo("\n" if len(tables) > 1 and remarks else "", nl=False)
-    for remark in remarks:
-        typer.echo(remark)
-    typer.echo("\n" if answer.sources else "", nl=False)
-    for key in answer.sources:
-        typer.echo(f"[{key}] {reference(key)}")
+            typer.echo(named(note, called))
 
 
 def _plain(text: str) -> str:

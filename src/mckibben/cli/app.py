@@ -49,9 +49,12 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "verb_commands:read",
         "Read a file of another program and show its columns, units, and the rows left out.",
     ),
-    "fit": ("fit:fit", "Fit tension laws to a measured table of length, pressure and tension, and rank them."),
+    "fit": (
+        "verb_commands:fit",
+        "Fit tension laws to a measured table of length, pressure and tension, and rank them.",
+    ),
     "next": (
-        "next_experiment:choose_next",
+        "verb_commands:next_measurement",
         "Choose the points of length and pressure that teach most next, and write them as a protocol.",
     ),
     "check": (
@@ -166,13 +169,19 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "calibrate show": ("calibration:show", "Show a calibration: values, 95 % intervals, origin and age."),
     "calibrate apply": ("calibration:apply", "Apply a calibration to a recording in place of the one it carries."),
     "study": ("", "Run the studies of tubes, a robot, loops and all laws."),
-    "study tube": ("study:study_tube", "Compare lumped models of a tube with the distributed one, claim by claim."),
+    "study tube": (
+        "verb_commands:study_tube",
+        "Compare lumped models of a tube with the distributed one, claim by claim.",
+    ),
     "study robot": (
-        "study:study_robot",
+        "verb_commands:study_robot",
         "Fit the air of a jumping robot to some of its jumps, and predict the others.",
     ),
-    "study loops": ("study:study_loops", "Predict half of a muscle's loop and creep from the other half."),
-    "study validation": ("study:study_validation", "Fit every tension law to every data set, and cross-validate it."),
+    "study loops": ("verb_commands:study_loops", "Predict half of a muscle's loop and creep from the other half."),
+    "study validation": (
+        "verb_commands:study_validation",
+        "Fit every tension law to every data set, and cross-validate it.",
+    ),
     "completion": (
         "completion:completion",
         "Print the script with which a shell completes commands, options and values.",

@@ -21,8 +21,8 @@ from ..quantities import from_si, parse, shown_unit, with_unit
 from ..report.figures import analysis_figures, circuit_diagram, run_figures, style
 from ._outputs import FIGURE, OBJECT, RECORDING, TABLE, OutputFiles, OutputKinds, Paths, write_recording
 from ._progress import progress, told
-from ._samples import checked_draws, show_samples
 from ._terminal import FigureLook, FigureWidth, Json, caution, options_named, pairs, print_json, table
+from ._verb import show_tables
 
 if TYPE_CHECKING:
     from ..assembly.circuit_file import CircuitPlan
@@ -270,14 +270,14 @@ def fit(
     $ mckibben circuit fit bench.toml measured.csv --free elements.valve.conductance --posterior --out fit.json
     """
     if posterior:
-        checked_draws(draws)
+        identification.posterior.check_draws(draws, field="--draws")
     with FIT.files(out) as files:
         result, used, title = _fitted(file, records, free, predict, start, column, unit, change)
         samples = (
             result.posterior(used[: len(records)], step=planned(file, change).step, draws=draws) if posterior else None
         )
         files.write("figure", lambda path: style.save(run_figures.overview(result, used, title=title), path))
-        content = circuit_fit_json(result)
+        content = result.to_dict()
         if samples is not None:
             content["posterior"] = samples.to_dict()
         files.write_rows([{"parameter": name} | e._asdict() for name, e in result.parameters.items()])
@@ -285,9 +285,10 @@ def fit(
         if as_json:
             print_json(content)
         else:
-            show_circuit_fit(result, title)
+            show_tables(result.tables(title))
             if samples is not None:
-                show_samples(samples, "the circuit")
+                typer.echo("")
+                show_tables(samples.tables("the circuit"))
             files.say()
 
 
@@ -373,39 +374,6 @@ def _starts(plan: CircuitPlan, wanted: list[str], start: list[str] | None) -> di
         )
         starts[name] = parse(str(words), unit, field=f"start of {name}", bare=True)
     return starts
-
-
-def circuit_fit_json(fit: CircuitFit) -> dict[str, JsonValue]:
-    """Convert a fit to JSON, in SI units."""
-    return {
-        "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
-        "errors": [e._asdict() for e in fit.errors],
-        "rms": {"fitted": fit.rms(), "predicted": fit.rms(fitted=False)},
-        "converged": fit.converged,
-        "message": fit.message,
-        "evaluations": fit.evaluations,
-        "warnings": list(fit.warnings),
-    }
-
-
-def show_circuit_fit(fit: CircuitFit, title: str) -> None:
-    """Print parameters, the errors of every record, and cautions."""
-    rows = [
-        [name, with_unit(e.value, e.unit), f"{with_unit(e.low, e.unit)} to {with_unit(e.high, e.unit)}"]
-        for name, e in fit.parameters.items()
-    ]
-    table(title, ["parameter", "value", "95 %"], rows, right=[1, 2])
-    rows = []
-    for e in fit.errors:
-        lead = "-" if e.lead is None else f"{round(1e3 * e.lead, 1) + 0.0:+.1f} ms"
-        used = "fitted" if e.fitted else "predicted"
-        channel = e.channel.removesuffix(".pressure_abs")
-        rows.append([Path(e.trial).name, channel, used, with_unit(e.rms, "Pa"), with_unit(e.largest, "Pa"), lead])
-    table("", ["record", "pressure of", "", "rms", "largest", "model leads"], rows, right=[3, 4, 5])
-    if not fit.converged:
-        typer.echo(f"The search did not converge: {fit.message}.")
-    for warning in fit.warnings:
-        typer.echo(f"note: {warning}")
 
 
 FREQUENCIES = 200  # at which a response is drawn and given as JSON

@@ -1,9 +1,9 @@
-"""``show`` and ``tension``: properties of a muscle, and its tension."""
+"""``show``: properties of a muscle."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -26,18 +26,7 @@ from ._terminal import (
     table,
 )
 
-if TYPE_CHECKING:
-    pass
-
-Name = Annotated[
-    str,
-    typer.Argument(metavar="SPECIMEN|LAW", help="Id of a specimen, the .toml file of one, or the name of a law."),
-]
 SHOWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN)
-POINTS = OutputKinds(table=TABLE, result=OBJECT)
-BAND = {"tension_low": "N", "tension_high": "N"}
-# Units of a law's state at a point, in the order in which they are shown.
-UNITS = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
 
 
 def show(

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputKinds
-from ._verb import Shorthand, VerbCommand, Written
+from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds
+from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 
 if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
@@ -16,7 +16,16 @@ if TYPE_CHECKING:
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
     from ..studies.comparison import MuscleTable
+    from ..studies.fitting import FittedFriction, FittedTables
+    from ..studies.jumping_robot import RobotFit
+    from ..studies.muscle_loops import LoopStudy
+    from ..studies.next_measurement import NextMeasurement
     from ..studies.sizing import Sizing
+    from ..studies.tube_study import TubeStudy
+    from ..studies.validation import Validation
+
+ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
+DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
 
 
 tension = VerbCommand(
@@ -130,10 +139,100 @@ compare = VerbCommand(
 )
 
 
+# ---- fits
+
+
+def _draw_fits(answer: FittedTables, path: Path) -> None:
+    from ..report.figures import fit_figures, style
+
+    bands = answer.bands()
+    style.save(fit_figures.overview(answer.rankings) if bands is None else fit_figures.bands(bands), path)
+
+
+def _draw_loop(answer: FittedFriction, path: Path) -> None:
+    from ..report.figures import fit_figures, style
+
+    style.save(fit_figures.loop_bands(answer.fit, answer.samples), path)
+
+
+def _check_fits(given: Mapping[str, Any], files: OutputFiles) -> None:
+    if files["specimen"] and len(given["tables"]) > 1 and not given["runs"]:
+        raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
+
+
+def _fit_stages(given: Mapping[str, Any]) -> int:
+    from ..identification import SCHEMES
+    from ..identification.shared_hysteresis import FRICTIONS
+    from ..muscles.laws import LAWS
+
+    laws = given.get("law") or ["all"]
+    count = sum(name != "all" for name in laws) + (len(LAWS) if "all" in laws else 0)
+    forms = 2 * len(tuple(FRICTIONS)) if given.get("hysteresis") else 0
+    tables = 1 if given.get("runs") else len(given["tables"])
+    return int(tables * (count * (1 + len(SCHEMES)) + forms))
+
+
+fit_tables = VerbCommand(
+    "studies.fitting:fit_tables",
+    OutputKinds(report=REPORT, figure=FIGURE, specimen=SPECIMEN, table=TABLE, result=OBJECT),
+    (
+        "fit measured.csv --rest-length '300 mm' --out report.html --out my-muscle.toml",
+        "fit measured.csv --rest-length '300 mm' --law linear_threshold --posterior --out fit.json",
+        "fit loop.csv --friction bouc_wen --posterior --out loop.svg",
+        "fit loop.csv --friction all --creep",
+        "fit three.csv --law seated_braid --hysteresis 'runs/*.csv' --out muscles.toml",
+    ),
+    options={"known": "set"},
+    required=("tables",),
+    draw=_draw_fits,
+    writes={
+        "report": lambda answer, path: answer.report(path),
+        "specimen": lambda answer, path: answer.rankings[0].save(path),
+    },
+    doing=("fitting", _fit_stages),
+    check=_check_fits,
+)
+fit_friction = VerbCommand(
+    "studies.fitting:fit_friction",
+    DRAWN,
+    ("fit loop.csv --friction dahl",),
+    options={"model": "friction", "known": "set"},
+    draw=_draw_loop,
+)
+fit_printed = VerbCommand("identification.constraints:fit_printed", ANSWERED, ("fit printed.toml",))
+fit = VerbsCommand(
+    fit_tables,
+    (
+        Alternative(fit_friction, "--friction", lambda given: given["model"] is not None),
+        Alternative(
+            fit_printed,
+            "a .toml file of constraints",
+            lambda given: any(str(one).endswith(".toml") for one in given["tables"]),
+        ),
+    ),
+)
+
+
+def _write_protocol(answer: NextMeasurement, path: Path) -> None:
+    from ..documents import write_text
+
+    write_text(path, answer.chosen.protocol())
+
+
+next_measurement = VerbCommand(
+    "studies.next_measurement:next_measurement",
+    OutputKinds(protocol=(".toml",), table=TABLE, result=OBJECT),
+    (
+        "next --from fit.json --rig modern --budget '5 min' --out next.toml",
+        "next --from fit.json --laws gas_spring,linear_threshold --out next.toml",
+    ),
+    options={"fit": "from"},
+    writes={"protocol": _write_protocol},
+)
+
+
 # ---- files and recordings
 
-ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
-DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
 TIMES = {"start": "from", "end": "to"}
 
 
@@ -201,4 +300,91 @@ record_repeatability = VerbCommand(
     ("record repeatability loop.nc --skip 1 --out cycles.svg",),
     options=TIMES,
     draw=_draw_courses,
+)
+
+
+# ---- studies
+
+STUDY = OutputKinds(figure=FIGURE, result=OBJECT)
+
+
+def _draw_tube(answer: TubeStudy, path: Path) -> None:
+    from ..report.figures import study_figures, style
+
+    style.save(study_figures.tube_figure(answer), path)
+
+
+def _draw_robot(answer: RobotFit, path: Path) -> None:
+    from ..report.figures import run_figures, style
+
+    style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path)
+
+
+def _draw_loops(answer: LoopStudy, path: Path) -> None:
+    from ..report.figures import study_figures, style
+
+    style.save(study_figures.loop_study_figure(answer), path)
+
+
+def _write_page(answer: Validation, path: Path) -> list[Path]:
+    from .. import __version__
+    from ..documents import write_text
+    from ..report.figures import ranking_figures, style
+    from ..studies import validation_page
+
+    figure = path.with_name(f"{path.stem}-errors.svg")
+    if answer.static:
+        style.save(ranking_figures.errors_figure(answer), figure)
+    write_text(path, validation_page.page(answer, figure=figure.name if answer.static else "", version=__version__))
+    return [path, figure] if answer.static else [path]
+
+
+def _tube_stages(given: Mapping[str, Any]) -> int:
+    from ..studies.tube_study import QUICK_SEEDS, QUICK_THERMALS, stages
+
+    return stages(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS) if given["quick"] else stages()
+
+
+def _loop_stages(given: Mapping[str, Any]) -> int:
+    from ..studies.muscle_loops import STAGES
+
+    return STAGES
+
+
+def _validation_stages(given: Mapping[str, Any]) -> int:
+    from ..studies.validation import stages
+
+    return stages(given.get("only", ()), given.get("laws", ()))
+
+
+study_tube = VerbCommand(
+    "studies.tube_study:tube_study",
+    STUDY,
+    ("study tube --quick --out tube.svg",),
+    draw=_draw_tube,
+    doing=("tube study", _tube_stages),
+)
+study_robot = VerbCommand(
+    "studies.jumping_robot:robot_fit",
+    STUDY,
+    ("study robot 0p02_knee_80psi 0p06_65psi --predict 0p09_65psi --out robot.svg",),
+    required=("trials",),
+    draw=_draw_robot,
+    doing=("fitting", lambda given: None if given["each"] else int(given["evaluations"])),
+)
+study_loops = VerbCommand(
+    "studies.muscle_loops:loop_study",
+    STUDY,
+    ("study loops dmsp_10_250_hysteresis --out loops.svg",),
+    options={"frictions": "friction"},
+    draw=_draw_loops,
+    doing=("loops", _loop_stages),
+)
+study_validation = VerbCommand(
+    "studies.validation:validation",
+    OutputKinds(page=(".md",), result=OBJECT),
+    ("study validation --only DMSP-10-250 --law ideal --out validation.md",),
+    options={"folder": "data", "laws": "law"},
+    writes={"page": _write_page},
+    doing=("validation", _validation_stages),
 )

@@ -5,12 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..analysis.frequency import time_lead
+from ..answers import Column, Table, estimates
 from ..components import paths
+from ..documents import JsonValue
 from ..engine import STEP, Run
 from ..engine.rates import RK4_LIMIT
 from ..errors import ConvergenceError, InputError
@@ -163,6 +166,38 @@ class CircuitFit:
     message: str
     evaluations: int
     warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Parameters with their intervals, and errors of every record, as plain values [SI]."""
+        return {
+            "parameters": {name: e._asdict() for name, e in self.parameters.items()},
+            "errors": [e._asdict() for e in self.errors],
+            "rms": {"fitted": self.rms(), "predicted": self.rms(fitted=False)},
+            "converged": self.converged,
+            "message": self.message,
+            "evaluations": self.evaluations,
+            "warnings": list(self.warnings),
+        }
+
+    def tables(self, title: str) -> list[Table]:
+        """Parameters with their intervals, and the errors of every record, with cautions below."""
+        rows = [
+            {
+                "record": Path(e.trial).name,
+                "channel": e.channel.removesuffix(".pressure_abs"),
+                "used": "fitted" if e.fitted else "predicted",
+                "rms": e.rms,
+                "largest": e.largest,
+                "lead": e.lead,
+            }
+            for e in self.errors
+        ]
+        errors = (Column(key, unit="Pa", beside=True) for key in ("rms", "largest"))
+        lead = Column("lead", "model leads", "s", shown="ms", places="+.1f", missing="-", beside=True)
+        columns = (Column("record"), Column("channel", "pressure of"), Column("used", ""), *errors, lead)
+        said = [] if self.converged else [f"The search did not converge: {self.message}."]
+        said += [f"note: {warning}" for warning in self.warnings]
+        return [estimates(title, self.parameters), Table("", columns, rows, tuple(said))]
 
     @property
     def changes(self) -> dict[str, float]:

@@ -6,18 +6,23 @@ solution then follows from the starting values, which is a choice and no finding
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._jax import Scalar, jax, jnp
+from ..answers import Answer, Caution, Table, estimates
+from ..documents import JsonValue, read_toml
 from ..errors import ConvergenceError, InputError
 from ..estimation import Estimate, Estimation, Parameter, determined, open_groups
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..quantities import declared
+from ..quantities import declared, parse
+from ..verbs import ConstraintsFile, verb
 
 KINDS = {"tension": "N", "stiffness": "N/m", "free_length": "m", "volume": "m^3"}
 
@@ -48,13 +53,43 @@ class Constraint(NamedTuple):
         return formula(self.length, self.pressure)
 
 
-class ConstrainedFit(NamedTuple):
-    """Parameters that meet the constraints; an interval is infinite where the constraints leave the parameter open."""
+@dataclass(frozen=True)
+class ConstrainedFit(Answer):
+    """Parameters that meet the constraints; an interval is infinite where the constraints leave the parameter open.
+
+    Attributes:
+        law: name of the law.
+        parameters: that were solved for [SI].
+        known: that were taken as given [SI].
+        count: of the constraints.
+        cautions: what the constraints leave open.
+    """
 
     law: str
     parameters: dict[str, Estimate]
     known: dict[str, float]
-    warnings: tuple[str, ...]
+    count: int
+    cautions: tuple[Caution, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the constraints leave open, as text."""
+        return tuple(one.text for one in self.cautions)
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Law and parameters as one entry of ``fits``, as a fit to a table has them."""
+        parameters = {name: e._asdict() for name, e in self.parameters.items()}
+        entry = {"law": self.law, "parameters": parameters, "known": self.known, "n": self.count}
+        return {"fits": [entry | {"warnings": list(self.warnings)}]}
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per parameter."""
+        return [{"parameter": name} | e._asdict() for name, e in self.parameters.items()]
+
+    def tables(self) -> list[Table]:
+        """The parameters; those that the constraints leave open say so."""
+        open_ = {name: "not determined" for name, e in self.parameters.items() if e.low != e.high}
+        return [estimates(f"{self.law}, from {self.count} printed constraints", self.parameters, more=open_)]
 
     def build(self) -> TensionLaw:
         """The law."""
@@ -116,17 +151,68 @@ def fit_constraints(
         )
     directions = determined(np.asarray(slopes(at)))[2]
     open_ = sorted({free[i] for group in open_groups(directions) for i in group})
-    estimates = {}
+    solved = {}
     for (name, p), x in zip(parameters.items(), at, strict=True):
         meets = float(p.value(x))
         ends = (-np.inf, np.inf) if name in open_ else (meets, meets)
-        estimates[name] = Estimate(meets, *ends, p.unit)
+        solved[name] = Estimate(meets, *ends, p.unit)
     warnings = (
         f"{len(directions)} independent constraints of {len(constraints)} leave {len(free) - len(directions)} of "
         f"{len(free)} parameters open: they cannot tell {', '.join(open_)} apart",
         "the values given follow from the starting values; they are a choice and no finding",
     )
-    return ConstrainedFit(law, estimates, dict(known), warnings if open_ else ())
+    cautions = tuple(Caution(one) for one in warnings if open_)
+    return ConstrainedFit(law, solved, dict(known), len(constraints), cautions)
+
+
+@verb
+def fit_printed(file: ConstraintsFile) -> ConstrainedFit:
+    """Solve a file of printed numbers for the parameters of a law.
+
+    Args:
+        file: path of a .toml file with the name of a ``law``, a table ``[known]`` of its given parameters, and one table
+            ``[[constraint]]`` for each number: ``what`` it is, ``value``, ``pressure`` and, where it needs one, ``length``.
+
+    Raises:
+        InputError: names file, table and value.
+        ConvergenceError: the numbers contradict each other or the law.
+    """
+    where = str(file)
+
+    def word(entry: Mapping[str, Any], key: str, place: str = "") -> str:
+        if not isinstance(entry.get(key), str):
+            raise InputError(f"{place}{key}", entry.get(key), "must be a name", where=where)
+        return str(entry[key])
+
+    def only(entry: Mapping[str, Any], allowed: Iterable[str], place: str) -> None:
+        for key in entry:
+            if key not in allowed:
+                raise InputError(f"{place}.{key}", None, known=sorted(allowed), where=where)
+
+    def value(text: Any, place: str, unit: str) -> float:
+        return parse(str(text), unit, field=place, where=where)
+
+    data = read_toml(Path(file))
+    only(data, {"law", "known", "constraint"}, "file")
+    if not data.get("constraint"):
+        raise InputError("constraint", None, "is missing: the file needs one [[constraint]] or more", where=where)
+    law = word(data, "law")
+    fields, known, constraints = declared(law_type(law)), {}, []
+    for name, text in data.get("known", {}).items():
+        if name not in fields:
+            raise InputError(f"known.{name}", None, known=fields, where=where)
+        known[name] = value(text, f"known.{name}", fields[name].unit)
+    for i, entry in enumerate(data["constraint"], 1):
+        place = f"constraint {i}"
+        only(entry, {"what", "value", "pressure", "length"}, place)
+        quantity = word(entry, "what", f"{place}.")
+        if quantity not in KINDS:
+            raise InputError(f"{place}.what", quantity, known=KINDS, where=where)
+        number = value(entry.get("value", ""), f"{place}.value", KINDS[quantity])
+        pressure = value(entry.get("pressure", ""), f"{place}.pressure", "Pa")
+        length = None if entry.get("length") is None else value(entry["length"], f"{place}.length", "m")
+        constraints.append(Constraint(quantity, number, pressure, length))
+    return fit_constraints(law, constraints, known=known)
 
 
 def _check(law: str, constraints: Sequence[Constraint], free: tuple[str, ...], known: Mapping[str, float]) -> None:

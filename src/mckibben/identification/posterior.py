@@ -22,9 +22,11 @@ import numpy as np
 
 from .._jax import jax
 from ..accessors import Accessor
+from ..answers import Column, Table
 from ..documents import JsonValue, parse_json, read_text
 from ..errors import ConvergenceError, InputError
 from ..estimation import Estimate
+from ..extras import library
 from ..muscles.build import build_law, cut_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
@@ -177,6 +179,20 @@ class ParameterSamples(abc.ABC):
         rank = np.argsort(np.argsort(values, axis=1), axis=1) / max(values.shape[1] - 1, 1)
         return self._ends(float(np.quantile(np.minimum(rank, 1.0 - rank).min(axis=0), 1.0 - confidence)))
 
+    def table(self, title: str, *sentences: str) -> Table:
+        """Median and intervals of each parameter, with sentences and what speaks against the samples below.
+
+        Args:
+            title: of what the samples are.
+            *sentences: above the warnings.
+        """
+        names = Column("name", "parameter"), Column("value", "median", own="unit")
+        each = Column("low", "95 %: from", own="unit"), Column("high", "to", own="unit")
+        joint = Column("joint_low", "95 % of all at once: from", own="unit"), Column("joint_high", "to", own="unit")
+        rows = [{"name": name} | ends for name, ends in self._plain_intervals().items()]
+        notes = (*sentences, *(f"note: {one}" for one in self.warnings))
+        return Table(f"{title}, {len(self)} samples", (*names, *each, *joint), rows, notes)
+
     def _ends(self, tail: float) -> dict[str, Estimate]:
         quantiles = {name: np.quantile(column, (0.5, tail, 1.0 - tail)) for name, column in self.samples.items()}
         return {
@@ -184,7 +200,7 @@ class ParameterSamples(abc.ABC):
             for name, ends in quantiles.items()
         }
 
-    def _plain_intervals(self) -> dict[str, JsonValue]:
+    def _plain_intervals(self) -> dict[str, dict[str, JsonValue]]:
         joint = self.joint_intervals()
         return {
             n: e._asdict() | {"joint_low": joint[n].low, "joint_high": joint[n].high}
@@ -241,6 +257,18 @@ class Posterior(ParameterSamples):
             f"Posterior({self.law!r}, {len(self)} samples of {len(self.samples)} parameters, "
             f"discrepancy {np.median(self.amplitude):.3g} N)"
         )
+
+    def tables(self) -> list[Table]:
+        """The parameters, with the size of what the law has no parameter for, and of the noise, below."""
+        size, noise = float(np.median(self.amplitude)), float(np.median(self.noise * self.sensor_noise))
+        said = [
+            f"What the law has no parameter for: {size:.3g} N ({100.0 * size / self.points.largest:.2g} % of the largest "
+            f"tension); noise of the tension: {noise:.3g} N."
+        ]
+        if self.run is not None and self.points.run is not None:
+            count = len(np.unique(self.points.run))
+            said.append(f"Error that the points of one run share, from {count} runs: {self.run_error:.3g} N.")
+        return [self.table(f"posterior of {self.law}", *said)]
 
     @property
     def sensor_noise(self) -> float:
@@ -688,6 +716,16 @@ def run_columns(labels: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(0, str), np.zeros((0, 0))
     known = np.unique(labels)
     return known, (np.asarray(labels)[:, None] == known).astype(float)
+
+
+FEWEST_DRAWS, MOST_DRAWS = 100, 100_000
+
+
+def check_draws(draws: int, *, field: str = "draws") -> None:
+    """Refuse a count of samples that is out of range, and ask for the library that draws them, before anything else."""
+    if not FEWEST_DRAWS <= draws <= MOST_DRAWS:
+        raise InputError(field, draws, f"must be between {FEWEST_DRAWS} and {MOST_DRAWS}")
+    library("numpyro", "Samples of a posterior need")
 
 
 def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> Posterior:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -10,22 +11,24 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 
 from ..accessors import Accessor, implementation
+from ..answers import Answer, Caution, Column, Table, estimates
+from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 from ..muscles.build import law_from_specimen
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
-from ..quantities import declared, in_si, named_values
+from ..quantities import declared, in_si, named_values, with_unit
 from ..recordings import ForceMap, read_force_map
 from ..registry import is_reference, named_by_person
 from ..specimens import Specimen, map_file, muscle_specimen, save_specimen, specimen_ids
-from .fit import Fit, evaluate, fit_all, fitted_specimen
+from .fit import Fit, bound_of, degenerate_words, evaluate, fit_all, fitted_specimen
 from .fit import fit as fit_law
 
 if TYPE_CHECKING:
@@ -35,11 +38,43 @@ if TYPE_CHECKING:
     from ..report.figures.plots import RankingPlots
     from .shared_hysteresis import Source
 
-Table = ForceMap | str | os.PathLike[str]
+MeasuredTable = ForceMap | str | os.PathLike[str]
+
+# Open-access tables that ship with the package, by the key of their paper.
+ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
+SCHEMES = {"pressure": "pressure", "length": "length", "block": "block", "rest_length": "muscle"}
+ERRS = 0.2  # of the largest tension: a prediction that errs by more does not extrapolate
+
+
+def _error(key: str, title: str) -> Column:
+    """Column of an error [N]."""
+    return Column(key, title, "N", places=".2f", missing="-", failed="fails", beside=True)
+
+
+def _share(key: str, title: str) -> Column:
+    """Column of an error as a share of the largest tension."""
+    return Column(key, title, "1", shown="%", places=".2f", missing="-", failed="fails", most=1.0, beside=True)
+
+
+# Columns of a ranking by the keys of `Ranking.ranked`: how each of its numbers is read wherever it is shown.
+COLUMNS = {
+    one.key: one
+    for one in (
+        Column("law"), Column("title", "law"), Column("place", "", right=True), Column("free", right=True),
+        _error("rmse", "rmse"), _error("max_error", "largest"), _share("share", "largest"),
+        *(_error(f"{key}_rmse", f"{word} out, rms") for key, word in SCHEMES.items()),
+        *(_share(f"{key}_share", f"{word} out") for key, word in SCHEMES.items()),
+        _error("above_rmse", "above, rms"), _share("above_share", "above"),
+        Column("aicc", "AICc", "1", places=".1f", missing="-"),
+        Column("distance", "\u0394AICc", "1", places=".1f", missing="-", failed="-"), Column("verdict", ""),
+    )
+}  # fmt: skip
+SHOWN = ("law", "free", "rmse", "share", *(f"{key}_share" for key in SCHEMES), "above_share", "aicc", "verdict")
+FIRST = SHOWN[:5]  # columns that a table has whatever was asked for
 
 
 @dataclass(frozen=True, repr=False)
-class Ranking:
+class Ranking(Answer):
     """One table of length, pressure and tension, and every law that was fitted to it, best first.
 
     Attributes:
@@ -49,6 +84,7 @@ class Ranking:
         fits: one per law, ranked by Akaike's criterion.
         published: laws with printed coefficients: title, and error at the taut points [N].
         skipped: why a law could not be fitted, by its name.
+        cautions: about the table: unusual pressures, and rows that were left out.
 
     Examples:
         >>> import mckibben as mk
@@ -65,7 +101,9 @@ class Ranking:
     fits: list[Fit]
     published: list[tuple[str, np.ndarray]] = field(default_factory=list)
     skipped: dict[str, str] = field(default_factory=dict)
+    cautions: tuple[Caution, ...] = ()
 
+    units: ClassVar[Mapping[str, str]] = {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"}
     plot: ClassVar[Accessor[RankingPlots]] = Accessor("report.figures.plots:RankingPlots")
 
     @property
@@ -103,6 +141,97 @@ class Ranking:
             "skipped": self.skipped,
             "largest_tension": self.points.largest,
         }
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per fitted law: errors [N], criterion, and its parameters in words."""
+        return [
+            {
+                "table": self.title,
+                **{name: getattr(f, name) for name in ("law", *self.units, "aicc", "converged")},
+                "parameters": [f"{name} = {with_unit(e.value, e.unit)}" for name, e in f.parameters.items()],
+            }
+            for f in self.fits
+        ]
+
+    def ranked(self) -> list[dict[str, Any]]:
+        """One row per law, best first, and published ones below, by the keys of `COLUMNS`: what every face shows.
+
+        Errors in N, shares of the largest tension; infinite where a prediction failed, missing where none was asked for.
+        """
+        largest, fitted = self.points.largest, [f.aicc for f in self.fits if f.converged]
+        rows: list[dict[str, Any]] = []
+        for place, f in enumerate(self.fits, 1):
+            row: dict[str, Any] = {"law": f.law, "title": law_title(f), "place": place if f.converged else "-"}
+            row |= {"free": len(f.parameters), "aicc": f.aicc, "verdict": "; ".join(verdict(f, largest)), "fit": f}
+            row |= {"distance": f.aicc - min(fitted, default=math.nan)}
+            predicted = {**f.cross} | ({} if f.holdout is None else {"above": f.holdout})
+            for key, of in predicted.items():
+                errors = (of.rmse, of.max_error / largest)
+                row |= zip((f"{key}_rmse", f"{key}_share"), (e if e == e else math.inf for e in errors), strict=True)
+            rows.append(row | {"rmse": f.rmse, "max_error": f.max_error, "share": f.max_error / largest})
+        for title, error in self.published:
+            rms, most = float((error**2).mean() ** 0.5), float(abs(error).max())
+            row = {"law": title, "title": title, "free": 0, "rmse": rms, "max_error": most, "share": most / largest}
+            rows.append(row | {"verdict": "not fitted here"})
+        return rows
+
+    def tables(self) -> list[Table]:
+        """The ranking, the parameters of the best law, errors of set lengths, and what recordings tell of hysteresis."""
+        best, ranked, n = self.best, self.ranked(), int(self.points.taut.sum())
+        heading = f"{self.title}: {n} points with tension, largest {self.points.largest:.1f} N"
+        columns = [
+            COLUMNS[key]
+            for key in SHOWN
+            if key in FIRST or any(row.get(key) not in (None, "", "not fitted here") for row in ranked)
+        ]
+        counted = "ranked by AICc; a parameter at its bound, or not in the data, is not counted"
+        at_bound = {n: best.parameters[n]._replace(value=bound_of(best, n)) for n in best.at_bound}
+        bounds = dict.fromkeys(at_bound, "at its bound")
+        # what was assumed stands in the remarks, for all laws, with how to state it
+        said = [one for one in cautions_of(best, self.points.largest) if not one.startswith("Assumed")]
+        notes = [f"note: {best.law}: {one}" for one in said]
+        notes += [f"note: {f.law}: {one}" for f in self.fits[1:] for one in f.warnings]
+        if best.effective is not None:
+            notes.insert(0, f"{best.effective:.1f} of these are determined by the data rather than their priors")
+        found = [
+            Table(
+                f"{heading}; errors are the largest, of that",
+                tuple(columns),
+                ranked,
+                (counted,) if len(self.fits) > 1 else (),
+            ),
+            estimates(best.law, best.parameters | at_bound, () if best.length_errors else notes, more=bounds),
+        ]
+        if best.length_errors:
+            ends = (Column(key, title, "m", "mm", "+.2f") for key, title in
+                    (("added", "added"), ("low", "95 %: from"), ("high", "to")))  # fmt: skip
+            lengths = (
+                Column("rest_length", unit="m", shown="mm", places=".6g"),
+                Column("length", "set to", "m", "mm", ".6g"),
+            )
+            rows = [error._asdict() for error in best.length_errors]
+            found.append(Table("Errors of the set lengths", (*lengths, *ends), rows, tuple(notes)))
+        return found + ([] if best.hysteresis is None else best.hysteresis.tables())
+
+    def remarks(self) -> list[str]:
+        """Sizes that laws took from their defaults, laws that were left out, and where the data are from."""
+        said = _assumptions(self.fits)
+        short = [name for name, why in self.skipped.items() if f"law {name} needs the rest length" in why]
+        said += [f"left out without {{rest_length}}, or a column rest_length: {', '.join(short)}"] if short else []
+        said += [f"left out: {name}: {why}" for name, why in self.skipped.items() if name not in short]
+        sources = [ATTRIBUTIONS[key] for key in getattr(self.specimen, "sources", ()) if key in ATTRIBUTIONS]
+        return said + ([f"data: {'; '.join(sources)}"] if sources else [])
+
+    def data_source(self) -> str:
+        """Who measured the table, and its licence; empty where no specimen ships with it."""
+        keys = getattr(self.specimen, "sources", ())
+        noted = [ATTRIBUTIONS[key] for key in keys if key in ATTRIBUTIONS]
+        return "" if self.specimen is None else "; ".join(noted or [reference(self.specimen.source())])
+
+    def papers(self) -> list[str]:
+        """Keys of the papers that the table and its laws rest on."""
+        of_laws = (key for f in self.fits for key in law_type(f.law).cites)
+        return [*dict.fromkeys((*getattr(self.specimen, "sources", ()), *of_laws))]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per law, best first: number of parameters, errors [N] and criterion.
@@ -142,18 +271,15 @@ class Ranking:
         """The fitted laws as a specimen; raises `ConvergenceError` if no fit converged."""
         return fitted_specimen(self.fits, self.specimen, name=name)
 
-    def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:ranking_html")(self))
-
 
 @overload
-def fit(table: Table, law: str | type[TensionLaw], **options: JsonValue) -> Fit: ...
+def fit(table: MeasuredTable, law: str | type[TensionLaw], **options: JsonValue) -> Fit: ...
 @overload
-def fit(table: Table, law: Iterable[str | type[TensionLaw]] | None = None, **options: JsonValue) -> Ranking: ...
+def fit(table: MeasuredTable, law: Iterable[str | type[TensionLaw]] | None = None, **options: JsonValue) -> Ranking: ...
 @overload
 def fit(table: str, law: ForceMap, **options: JsonValue) -> Fit: ...
 def fit(
-    table: Table,
+    table: MeasuredTable,
     law: str | type[TensionLaw] | Iterable[str | type[TensionLaw]] | ForceMap | None = None,
     *,
     known: Mapping[str, JsonValue] | None = None,
@@ -221,7 +347,11 @@ def fit(
 
 
 def load_table(
-    table: Table, *, like: Specimen | str | None = None, rest_length: float | str | None = None, **reading: JsonValue
+    table: MeasuredTable,
+    *,
+    like: Specimen | str | None = None,
+    rest_length: float | str | None = None,
+    **reading: JsonValue,
 ) -> tuple[ForceMap, Specimen | None]:
     """A table to fit to, and the specimen whose dimensions are known for it.
 
@@ -288,6 +418,101 @@ def published_of(spec: Specimen | None, points: ForceMap) -> list[tuple[str, np.
             built = law_from_specimen(spec, name)
             values.append((f"{built.title}, as published", evaluate(built, points)))
     return values
+
+
+# ---- what is said of a fit
+
+
+def law_title(f: Fit) -> str:
+    """Title of a law, or its name in code where it is one's own."""
+    return str(law_type(f.law).title)
+
+
+def verdict(f: Fit, largest: float) -> list[str]:
+    """What a ranking says against a law, in a few words each; empty if nothing is to be said.
+
+    Args:
+        f: its fit.
+        largest: tension of the table, to which shares refer [N].
+    """
+    if not f.converged:
+        return ["did not converge"]
+    words = ["parameters hard to tell apart"] if any("apart" in warning for warning in f.warnings) else []
+    words += degenerate_words(f)
+    if f.holdout is not None and not f.holdout.max_error < ERRS * largest:
+        words.append("does not extrapolate in pressure")
+    return words + (["some points could not be predicted"] if any(c.failed for c in f.cross.values()) else [])
+
+
+def cautions_of(f: Fit, largest: float) -> list[str]:
+    """Cautions about a fit, in sentences.
+
+    Args:
+        f: the fit.
+        largest: tension of the table, to which shares refer [N].
+    """
+    warnings = [warning for warning in f.warnings if not warning.startswith("did not converge")]
+    said = [_sentence(warning) for warning in warnings]
+    if not f.converged:
+        said.insert(
+            0, f"The fit did not converge ({f.message}). Its numbers are not to be used, and it is ranked last."
+        )
+    if f.degenerate:
+        rest, verb = len(f.parameters) - len(f.degenerate), "describes" if len(f.degenerate) == 1 else "describe"
+        said.append(
+            f"{_listed(f.degenerate)} {verb} nothing here, so the criterion counts {rest} of {len(f.parameters)} "
+            "parameters. A simpler law may say the same."
+        )
+    if any("apart" in warning for warning in warnings):
+        said.append(
+            "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
+        )
+    for scheme, cross in f.cross.items():
+        if cross.failed:
+            said.append(
+                f"With one {SCHEMES.get(scheme, scheme)} left out, {cross.failed} of {cross.groups} fits had too few points "
+                "or did not converge; no error is stated for that column."
+            )
+    if f.holdout and not f.holdout.max_error < ERRS * largest:
+        share = COLUMNS["above_share"].text(f.holdout.max_error / largest)
+        how = "without bound" if share == "fails" else f"by {share.replace('> ', 'more than ')}"
+        above = _sentence(f.holdout.what)[:-1]
+        said.append(f"{above}, it misses what lies above {how}. Do not use it beyond the pressures measured.")
+    across = [n for n, e in f.parameters.items() if math.isfinite(e.high - e.low) and e.low < 0.0 < e.high]
+    said += [f"The interval of {_listed(across)} includes zero."] if across else []
+    if f.assumed:
+        fields = declared(law_type(f.law))
+        sizes = "; ".join(f"{fields[n].doc} {with_unit(v, fields[n].unit)} ({n})" for n, v in f.assumed.items())
+        said.append(
+            f"Assumed, as not stated: {sizes}. Other values change the fitted parameters, in ways that their "
+            "intervals do not include."
+        )
+    return said
+
+
+def _assumptions(fits: list[Fit]) -> list[str]:
+    """Sizes that laws took from their defaults, one line each, with how one states them or lets them be fitted."""
+    laws: dict[tuple[str, str, str], list[str]] = {}
+    for f in fits:
+        kind = law_type(f.law)
+        for name, value in f.assumed.items():
+            beside = [size for size, of in kind.fitted_if_unknown.items() if name in of and size in f.parameters]
+            fitted = "".join(f", or fit it by {{known}} {size}=.." for size in beside)
+            laws.setdefault((name, with_unit(value, declared(kind)[name].unit), fitted), []).append(f.law)
+    of = {key: "" if len(fits) == 1 else f" ({', '.join(names)})" for key, names in laws.items()}
+    return [
+        f"assumed, as not stated: {name} = {shown}{of[name, shown, fitted]}; state it by {{known}} {name}='{shown}'{fitted}"
+        for name, shown, fitted in laws
+    ]
+
+
+def _sentence(text: str) -> str:
+    return (text if "_" in text.split(" ", 1)[0] else text[:1].upper() + text[1:]).rstrip(".") + "."
+
+
+def _listed(words: Iterable[str]) -> str:
+    *before, last = words
+    return f"{', '.join(before)} and {last}" if before else last
 
 
 def _law_key_beside(path: Path, law: str) -> str:

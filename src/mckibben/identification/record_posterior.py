@@ -20,9 +20,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .._jax import Array
+from ..answers import Table
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
 from ..estimation import Parameters, bounds_of
+from ..quantities import with_unit
 from . import sampler
 from .posterior import Band, ParameterSamples
 
@@ -101,6 +103,16 @@ class RecordPosterior(ParameterSamples):
     def __repr__(self) -> str:
         size = f"{self.discrepancy_size:.3g} {self.unit}"
         return f"RecordPosterior({len(self)} samples of {len(self.samples)} parameters, discrepancy {size})"
+
+    def tables(self, subject: str) -> list[Table]:
+        """The parameters, with the size of the discrepancy and of the noise below.
+
+        Args:
+            subject: what has no parameter for the discrepancy, such as "the circuit".
+        """
+        size, noise = (with_unit(value, self.unit, 3) for value in (self.discrepancy_size, self.noise_size))
+        said = f"What {subject} has no parameter for: {size}; noise of a reading: {noise}."
+        return [self.table("posterior", said)]
 
     @property
     def discrepancy_size(self) -> float:

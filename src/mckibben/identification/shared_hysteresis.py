@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .._jax import Array, Scalar, jax, jnp
-from ..answers import brief
+from ..answers import Column, Table, brief, estimates
 from ..documents import JsonValue
 from ..errors import InputError
 from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
@@ -402,6 +402,41 @@ class SharedHysteresis:
             "held_back": None if self.held_back is None else list(self.held_back),
             "warnings": list(self.warnings),
         }
+
+    def tables(self) -> list[Table]:
+        """The forms that were fitted, and the parameters of the chosen one with what they predict below."""
+        muscles, least = len(self.muscles), self.models[0].aicc
+        title = (
+            f"friction and creep, from {len(self.recordings)} recording{'s' * (len(self.recordings) > 1)} of "
+            f"{muscles} muscle{'s' * (muscles > 1)}: {self.samples} samples, {self.independent} of them independent"
+        )
+        forms = [
+            {"title": m.title, "free": len(m.free), "rmse": m.rmse, "aicc": m.aicc, "above": m.aicc - least}
+            for m in self.models
+        ]
+        numbers = (Column("rmse", unit="N", places=".3g", beside=True), Column("aicc", "AICc", "1", places=".1f"))
+        above = Column("above", "above the least", "1", places="+.1f")
+        said = []
+        for part in ("friction", "creep"):
+            if not self.has(part):
+                more = -self.difference(part)
+                how = f"{more:.1f} higher" if more > 0.0 else f"only {-more:.1f} lower"
+                said.append(f"no {part}: with it AICc is {how}, so that these data do not tell of it")
+        said.append(
+            f"Error along the recordings: {self.uncorrected_rmse:.3g} N rms by the law; {self.law_rmse:.3g} N with errors "
+            f"of the law, which only length and pressure tell; {self.rmse:.3g} N with this."
+        )
+        if self.held_back is not None and self.parameters:
+            by, alone = self.held_back
+            said.append(f"Recordings held back in turn: {by:.3g} N rms, {alone:.3g} N by the law alone.")
+        said += [f"note: {warning}" for warning in self.warnings]
+        named = {f"{MEANINGS[name]} ({name})": e for name, e in self.parameters.items()}
+        unknown = {f"{MEANINGS[name]} ({name})": "its size is not in the data" for name in self.parameters
+                   if self.is_open(name)}  # fmt: skip
+        return [
+            Table(title, (Column("title", "form"), Column("free", right=True), *numbers, above), forms),
+            estimates(self.title, named, said, more=unknown),
+        ]
 
     def numbers(self) -> tuple[dict[str, dict[str, SpecimenNumber]], dict[str, SpecimenNumber]]:
         """Groups of friction and properties of creep, as a specimen states them."""

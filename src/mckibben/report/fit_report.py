@@ -7,17 +7,16 @@ and the papers. The same studies give the same file: it carries no date.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..citations import reference
 from ..estimation import INDIFFERENT
 from ..identification import Fit
-from ..identification.fit import degenerate_words
-from ..identification.ranking import Ranking
+from ..identification.ranking import COLUMNS, SCHEMES, Ranking, cautions_of
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
 from .blocks import (
@@ -40,7 +39,6 @@ from .blocks import (
     TableRow,
     Text,
     headed,
-    listed,
     numeric,
     power_text,
     unit_text,
@@ -54,10 +52,8 @@ from .figures.style import number, symbol_text
 
 __all__ = ["fit_document", "fit_report", "versions", "write_fit_report"]
 
-# Open-access tables that ship with the package, by the key of their paper.
-ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
-SCHEMES = {"pressure": "pressure", "length": "length", "block": "block", "rest_length": "rest length"}
 DIVERGES = 10.0  # a prediction that errs by more than this many times the largest tension says nothing
+FAILED = "a fit without the points left out did not converge, or had too few points"
 READING = (
     (
         "Fitted",
@@ -118,11 +114,7 @@ def fit_document(studies: Iterable[Ranking]) -> Document:
     these = "this muscle" if len(shown) == 1 else "these muscles"
     lead = f"Which law describes {these}, how well it predicts what it was not shown, and what its parameters are."
     versions_said = f"{versions_text()}. Fits are deterministic: the same table and versions give this file again."
-    keys: dict[str, None] = {}
-    for study in shown:
-        keys |= dict.fromkeys(study.specimen.sources if study.specimen else ())
-        for fit in study.fits:
-            keys |= dict.fromkeys(law_type(fit.law).cites)
+    keys = dict.fromkeys(key for study in shown for key in study.papers())
     sections = (
         *(Section(study.title, tuple(_study(study, f"s{i}")), f"s{i}") for i, study in enumerate(shown, 1)),
         Section("How to read this", (KeyValues(READING),), "reading"),
@@ -138,8 +130,8 @@ def fit_document(studies: Iterable[Ranking]) -> Document:
 def _study(study: Ranking, mark: str) -> list[Block]:
     best = study.fits[0]
     facts: list[tuple[str, Text]] = [*_facts(study)]
-    sources = _sources(study)
-    facts += [("Source", f"Data: {'; '.join(sources)}")] if sources else []
+    source = study.data_source()
+    facts += [("Source", f"Data: {source}")] if source else []
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     blocks: list[Block] = [
         Paragraph(_summary(study), "lead"),
@@ -207,13 +199,6 @@ def _facts(study: Ranking) -> list[tuple[str, str]]:
     return rows
 
 
-def _sources(study: Ranking) -> list[str]:
-    if study.specimen is None:
-        return []
-    notes = [ATTRIBUTIONS[key] for key in study.specimen.sources if key in ATTRIBUTIONS]
-    return notes or [reference(study.specimen.source())]
-
-
 def _range(values: np.ndarray, unit: str) -> str:
     low, high = (_readable(with_unit(float(v), unit)) for v in (values.min(), values.max()))
     return f"{low} to {high}, {len(np.unique(np.round(values, 9)))} values"
@@ -223,20 +208,18 @@ def _range(values: np.ndarray, unit: str) -> str:
 
 
 def _table(study: Ranking, mark: str) -> list[Block]:
-    schemes = [s for s in SCHEMES if any(s in f.cross for f in study.fits)]
+    ranked = study.ranked()
+    groups = {key: f"each {SCHEMES[key]} left out" for key in SCHEMES if any(f"{key}_rmse" in row for row in ranked)}
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
-    groups = [f"each {SCHEMES[s]} left out" for s in schemes] + ([held_out] if held_out else [])
-    columns = [
-        TableColumn("", number=True),
-        TableColumn("Law"),
-        TableColumn("Par.", number=True),
-        TableColumn("rms", "N", True, group="fitted"),
-        TableColumn("largest", "N", True, group="fitted"),
-        TableColumn("largest", "%", True, group="fitted"),
-    ]
-    for group in groups:
-        columns += [TableColumn("rms", "N", True, group=group), TableColumn("largest", "%", True, group=group)]
-    columns += [TableColumn("ΔAICc", number=True), TableColumn("Verdict", wide=True)]
+    groups |= {"above": held_out} if held_out else {}
+    # place and law, then what of the answer stands in which group
+    keys = {"rmse": "fitted", "max_error": "fitted", "share": "fitted"}
+    keys |= {f"{key}_{of}": words for key, words in groups.items() for of in ("rmse", "share")}
+    columns = [TableColumn("", number=True), TableColumn("Law"), TableColumn("Par.", number=True)]
+    for key, words in keys.items():
+        unit = "%" if key.endswith("share") else "N"
+        columns.append(TableColumn("rms" if key.endswith("rmse") else "largest", unit, True, group=words))
+    columns += [TableColumn("\u0394AICc", number=True), TableColumn("Verdict", wide=True)]
     largest = number(study.points.largest, 1)
     note = (
         "Ranked by AICc, Akaike's criterion for small samples. A parameter that ended at a bound, or that the data do not "
@@ -244,80 +227,38 @@ def _table(study: Ranking, mark: str) -> list[Block]:
         f"{INDIFFERENT:g}. Errors in N, the largest also in % of the largest tension, {largest} N; the best of each column "
         "is bold."
     )
-    rows = tuple(_ranking_rows(study, mark, schemes, bool(held_out)))
-    blocks: list[Block] = [Paragraph(note, "quiet"), ReportTable(tuple(columns), rows, head=1)]
+    usable = [row for row in ranked if "fit" in row and row["fit"].converged]
+    best = {key: min((row.get(key, math.inf) for row in usable), default=math.nan) for key in (*keys, "distance")}
+    rows = []
+    for row in ranked:
+        cells = [_cell(row, key, best[key]) for key in (*keys, "distance")]
+        if "fit" not in row:
+            rows.append(TableRow(("", row["title"], "–", *cells, row["verdict"]), look="quiet"))
+            continue
+        look: Any = "" if not row["verdict"] else "caution" if row["fit"].converged else "stop"
+        state = TableCell(row["verdict"] or "converged", look)
+        link, place = Hyperlink(row["title"], f"{mark}-{row['law']}"), str(row["place"]).replace("-", "–")
+        first: Any = "first" if place == "1" else ""
+        rows.append(TableRow((place, link, str(row["free"]), *cells, state), look=first))
+    blocks: list[Block] = [Paragraph(note, "quiet"), ReportTable(tuple(columns), tuple(rows), head=1)]
     if study.skipped:
         reasons = "; ".join(f"{str(law_type(name).title)} ({reason})" for name, reason in study.skipped.items())
         blocks.append(Paragraph(f"Passed over: {reasons}.", "quiet"))
     return blocks
 
 
-def _ranking_rows(study: Ranking, mark: str, schemes: list[str], held_out: bool) -> list[TableRow]:
-    size = study.points.largest
-    numbers = [_numbers(fit, schemes, held_out, size) for fit in study.fits]
-    usable = [n for n, f in zip(numbers, study.fits, strict=True) if f.converged]
-    best = [_lowest(column) for column in zip(*usable, strict=True)] if usable else [math.nan] * len(numbers[0])
-    lowest = min((f.aicc for f in study.fits if f.converged), default=math.nan)
-    rows = []
-    for i, (fit, values) in enumerate(zip(study.fits, numbers, strict=True), 1):
-        cells = [_cell(v, b, j, size, fit.converged) for j, (v, b) in enumerate(zip(values, best, strict=True))]
-        distance = fit.aicc - lowest
-        if math.isfinite(distance):
-            look: Any = "best" if distance == 0.0 else ""
-            cells.append(TableCell(number(distance, 1 if distance < 100.0 else 0), look))
-        else:
-            cells.append(TableCell("–", hint="too few points for this criterion"))
-        place, name = str(i) if fit.converged else "–", Hyperlink(law_title(fit), f"{mark}-{fit.law}")
-        first: Any = "first" if place == "1" else ""
-        rows.append(TableRow((place, name, str(len(fit.parameters)), *cells, _state(fit, size)), look=first))
-    for title, error in study.published:
-        rms, most = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-        cells = [_cell(v, math.nan, j, size, True) for j, v in enumerate((rms, most, most / size))]
-        none = TableCell("–", hint="nothing was fitted, so nothing was left out")
-        cells += [none] * (2 * (len(schemes) + held_out) + 1)
-        rows.append(TableRow(("", title, "–", *cells, "not fitted here"), look="quiet"))
-    return rows
-
-
-def _lowest(column: Iterable[float | None]) -> float:
-    return min((v for v in column if v is not None and math.isfinite(v)), default=math.nan)
-
-
-def _numbers(fit: Fit, schemes: list[str], held_out: bool, size: float) -> list[float | None]:
-    """Fitted rms [N], largest [N] and its share; then rms [N] and largest share for each scheme and the hold-out."""
-    values: list[float | None] = [fit.rmse, fit.max_error, fit.max_error / size]
-    for scheme in schemes:
-        cross = fit.cross.get(scheme)
-        values += [cross.rmse, cross.max_error / size] if cross else [None, None]
-    if held_out:
-        values += [fit.holdout.rmse, fit.holdout.max_error / size] if fit.holdout else [None, None]
-    return values
-
-
-def _cell(value: float | None, best: float, column: int, size: float, converged: bool) -> TableCell:
-    share = column == 2 or (column > 2 and column % 2 == 0)
+def _cell(row: Mapping[str, Any], key: str, best: float) -> TableCell:
+    """A number of the ranking as its column says it, or a dash with its reason."""
+    value, fitted = row.get(key), "fit" in row
     if value is None:
-        return TableCell("–", hint="not asked for, or the table has one group only")
+        why = "not asked for, or the table has one group only"
+        return TableCell("–", hint=why if fitted else "nothing was fitted, so nothing was left out")
+    words = replace(COLUMNS[key], beside=False).text(value)
     if not math.isfinite(value):
-        return TableCell("–", hint="a fit without the points left out did not converge, or had too few points")
-    if value > (DIVERGES if share else DIVERGES * size):
-        return TableCell("diverges", hint="more than ten times the largest tension")
-    digits = (2 if value < 0.1 else 1) if share else (2 if value < 10.0 else 1)
-    return TableCell(number(100.0 * value if share else value, digits), "best" if converged and value == best else "")
-
-
-def _state(fit: Fit, size: float) -> TableCell:
-    if not fit.converged:
-        return TableCell("did not converge", "stop")
-    words = []
-    if any("apart" in w for w in fit.warnings):
-        words.append("parameters hard to tell apart")
-    words += [f"{word}, not counted" for word in degenerate_words(fit)]
-    if fit.holdout and not fit.holdout.max_error < 0.2 * size:
-        words.append("does not extrapolate in pressure")
-    if any(c.failed for c in fit.cross.values()):
-        words.append("some points could not be predicted")
-    return TableCell("; ".join(words), "caution") if words else TableCell("converged")
+        few = "too few points for this criterion"
+        return TableCell("–", hint=few) if key == "distance" else TableCell(words, hint=FAILED)
+    look: Any = "best" if value == best and fitted and row["fit"].converged else ""
+    return TableCell(words.replace("-", "\N{MINUS SIGN}"), look)
 
 
 # ---- one law
@@ -424,51 +365,6 @@ def _held(fit: Fit) -> str:
     return "; ".join(parts)
 
 
-def cautions_of(fit: Fit, size: float) -> list[str]:
-    """Cautions about a fit, in sentences; `size` is the largest tension [N], to which shares refer."""
-    sentences = []
-    if not fit.converged:
-        sentences.append(
-            f"The fit did not converge ({fit.message}). Its numbers are not to be used, and it is ranked last."
-        )
-    warnings = [w for w in fit.warnings if not w.startswith("did not converge")]
-    sentences += [_sentence(w) for w in warnings]
-    if fit.degenerate:
-        rest, verb = len(fit.parameters) - len(fit.degenerate), "describes" if len(fit.degenerate) == 1 else "describe"
-        sentences.append(
-            f"{listed(fit.degenerate)} {verb} nothing here, so the criterion counts {rest} of {len(fit.parameters)} "
-            "parameters. A simpler law may say the same."
-        )
-    if any("apart" in w for w in warnings):
-        sentences.append(
-            "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
-        )
-    for scheme, cross in fit.cross.items():
-        if cross.failed:
-            sentences.append(
-                f"With one {SCHEMES.get(scheme, scheme)} left out, {cross.failed} of {cross.groups} fits had too few points "
-                "or did not converge; no error is stated for that column."
-            )
-    if fit.holdout and not fit.holdout.max_error < 0.2 * size:
-        bounded = fit.holdout.max_error < DIVERGES * size
-        how = f"by up to {_percent(fit.holdout.max_error, size)}" if bounded else "without bound"
-        description = _sentence(fit.holdout.what)[:-1]
-        sentences.append(
-            f"{description}, it misses what lies above {how}. Do not use it beyond the pressures measured."
-        )
-    across = [n for n, e in fit.parameters.items() if math.isfinite(e.high - e.low) and e.low < 0.0 < e.high]
-    if across:
-        sentences.append(f"The interval of {listed(across)} includes zero.")
-    if fit.assumed:
-        fields = declared(law_type(fit.law))
-        sizes = [f"{fields[n].doc} {_readable(with_unit(v, fields[n].unit))} ({n})" for n, v in fit.assumed.items()]
-        sentences.append(
-            f"Assumed, as not stated: {'; '.join(sizes)}. Other values change the fitted parameters, in ways that their "
-            "intervals do not include."
-        )
-    return sentences
-
-
 # ---- words
 
 
@@ -496,8 +392,3 @@ def _symbol(symbol: str, name: str) -> Text:
         head = symbol[0]
     low = symbol[len(head) :].lstrip("_")
     return (Span(symbol_text(head), "symbol"), *((Span(low, "sub"),) if low else ()))
-
-
-def _sentence(text: str) -> str:
-    first = text.split(" ", 1)[0]
-    return (text if "_" in first else text[:1].upper() + text[1:]).rstrip(".") + "."

@@ -28,7 +28,7 @@ from ..pneumatics import AIR
 from ..pneumatics.tubes import inertance
 from ..specimens import specimen
 from ..studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, TubeModelResult, capacity
-from ..studies.tube_study import PAPERS, QUICK_SEEDS, QUICK_THERMALS, TubeStudy, tube_study
+from ..studies.tube_study import PAPERS, QUICK_THERMALS, TubeStudy, tube_study
 from .rows import reproduces
 
 PRESSURE = 5e5  # the paper's characteristic gauge pressure [Pa]
@@ -169,7 +169,7 @@ def tube_inertance() -> float:
 @functools.cache
 def tube_fits() -> TubeStudy:
     """Fit the paper's three models to synthetic records, since its pressures are not published."""
-    return tube_study(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS, keys=PAPERS)
+    return tube_study(quick=True, keys=PAPERS)
 
 
 def _fit(model: str, accumulator: str = LARGE, *, refitted: bool = False) -> TubeModelResult:

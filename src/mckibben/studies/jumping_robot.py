@@ -14,15 +14,18 @@ import functools
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Caution, Column, Table
 from ..assembly.circuit_file import CircuitPlan, read_circuit
+from ..documents import JsonValue
 from ..errors import InputError, MissingDataError
 from ..identification import CircuitFit, Trial, fit_circuit
 from ..identification.trial import trial_from_record
 from ..recordings import Channel, Recording, read_record
+from ..verbs import Count, DataFolders, ParameterPath, verb
 
 MUSCLES = ("knee_right", "hip_right", "hip_left", "knee_left")  # in the order of the files
 PRESSURES, VALVES, ANGLES, FRAMES = "pres_filt.txt", "t_valve.txt", "angle_pre.txt", "vid_time.txt"
@@ -182,6 +185,91 @@ def merged_folds(folds: Sequence[RobotFold]) -> CircuitFit:
         errors=tuple(e for fold in folds for e in fold.fit.errors if not e.fitted),
         predicted={fold.trial: fold.fit.predicted[fold.trial] for fold in folds},
     )
+
+
+@dataclasses.dataclass(frozen=True)
+class RobotFit(Answer):
+    """The air of a jumping robot, fitted to some of its jumps: what `robot_fit` computes.
+
+    Attributes:
+        title: of the circuit.
+        fit: the parameters and all errors; of jumps that were each predicted from the others, those of the predictions.
+        trials: the jumps, fitted ones first.
+        folds: a fit without each jump; empty where one fit predicts.
+        cautions: none; what is said against a fit is among its warnings.
+    """
+
+    title: str
+    fit: CircuitFit
+    trials: tuple[Trial, ...]
+    folds: tuple[RobotFold, ...] = ()
+    cautions: tuple[Caution, ...] = ()
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The fit, or the errors and the fit of each fold, as plain values [SI]."""
+        if not self.folds:
+            return self.fit.to_dict()
+        return {
+            "rms": {fold.trial: fold.rms for fold in self.folds},
+            "trials": {fold.trial: fold.fit.to_dict() for fold in self.folds},
+        }
+
+    def tables(self) -> list[Table]:
+        """Parameters and errors of the fit, or the errors of each jump that was predicted from the others."""
+        if not self.folds:
+            return self.fit.tables(self.title)
+        rows = []
+        for fold in self.folds:
+            errors = [e.rms for e in fold.fit.errors if not e.fitted]
+            names = (*self.trials[0].channels, "all", "fitted")
+            row: dict[str, Any] = dict(zip(names, (*errors, fold.rms, fold.fit.rms()), strict=True))
+            rows.append(row | {"trial": fold.trial})
+        heads = {c: c.split(".")[0].replace("_", " ") for c in self.trials[0].channels}
+        heads |= {"all": "all", "fitted": "fit to the others"}
+        numbers = (Column(key, title, "Pa", shown="mbar", places=".0f") for key, title in heads.items())
+        lost = [
+            f"The search without {fold.trial} did not converge: {fold.fit.message}."
+            for fold in self.folds
+            if not fold.fit.converged
+        ]
+        columns = (Column("trial", "predicted from the others"), *numbers)
+        return [Table(f"{self.title}: rms errors", columns, rows, tuple(lost))]
+
+
+@verb
+def robot_fit(
+    *trials: DataFolders,
+    predict: DataFolders | None = None,
+    each: bool = False,
+    free: Sequence[ParameterPath] | None = None,
+    evaluations: Count = 40,
+    progress: Callable[[str], None] | None = None,
+) -> RobotFit:
+    """Fit the air of a jumping robot to some of its jumps, and predict the others.
+
+    Args:
+        trials: folders of the trials to fit, one each.
+        predict: trial to predict with the fitted parameters.
+        each: predict each trial by a fit to all the others.
+        free: parameter to fit instead of all 21.
+        evaluations: largest number of evaluations of the circuit.
+        progress: called with a sentence after every evaluation.
+
+    Raises:
+        InputError: a folder or a file in it is missing, or what is predicted is not allowed together.
+        ConvergenceError: the fit ended where it began.
+    """
+    if evaluations < 1:
+        raise InputError("evaluations", evaluations, "must be 1 or more")
+    if each and predict:
+        raise InputError("predict", str(predict[0]), "is allowed only without {each=True}, which predicts every trial")
+    options: dict[str, Any] = {"free": free or (), "evaluations": evaluations, "progress": progress}
+    title = robot_plan().title
+    if each:
+        folds, every = robot_folds(trials, **options)
+        return RobotFit(title, merged_folds(folds), tuple(every), folds)
+    fit, every = robot_study(trials, predict or (), **options)
+    return RobotFit(title, fit, tuple(every))
 
 
 def _numbers(path: Path, shape: tuple[int | None, int]) -> np.ndarray:

@@ -10,19 +10,23 @@ They are those of a Festo DMSP-10-250 (tbazina/pam_lqi_pid; no licence stated, n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..answers import Answer, Column, Table
+from ..documents import JsonValue
 from ..errors import InputError, MissingDataError, choice
 from ..identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
-from ..identification.hysteresis_fit import MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
+from ..identification.hysteresis_fit import AREA, MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
 from ..identification.path_record import PathRecord
 from ..quantities import from_si, to_si
 from ..recordings.text import check_width, read_rows, to_numbers
+from ..verbs import DataFolder, LoopFriction, verb
 
 LOOP, STEPS = "pressure_stroke_loop.csv", "step_response_100hz.csv"
 SEGMENTS = ("step_up", "step_down")
@@ -117,6 +121,7 @@ SPACING = 0.25  # of the pressures at which widths are compared [bar]
 MIDDLE = 0.5  # of the largest width: where the loop is wider, the pressure is mid-range
 TARGET = 0.10  # error of the width there [share]
 DRAWS, SEED = 200, 1
+HALVES = ("first", "second")
 STAGES = 4 + len(HELD_FROM)  # how often `loop_study` reports progress
 
 
@@ -132,6 +137,10 @@ class Width(NamedTuple):
     def error(self) -> float:
         """Relative error of the prediction."""
         return self.predicted / self.measured - 1.0 if self.measured else float("nan")
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """All of it with the error."""
+        return {**self._asdict(), "error": self.error}
 
 
 class Late(NamedTuple):
@@ -165,9 +174,30 @@ class StepCreep:
         low, high = (np.interp(time, self.at, x) for x in (self.low, self.high))
         return int(((stroke >= low) & (stroke <= high)).sum()), len(stroke)
 
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The fitted creep, its errors [m], courses and band as plain values [SI]."""
+        inside, count = self.inside
+        return {
+            "segment": self.segment,
+            "start": self.start,
+            "law": self.fit.law,
+            "time_constants": self.fit.time_constants,
+            "amplitudes": [a._asdict() for a in self.fit.amplitudes],
+            **_errors(self.fit),
+            "inside_band": inside,
+            "unseen": count,
+            "time": self.fit.time,
+            "stroke": self.fit.stroke,
+            "predicted": self.fit.predicted,
+            "fitted": self.fit.train,
+            "band": {"time": self.at, "low": self.low, "high": self.high},
+            "end_of_hold": self.late._asdict() if self.late else None,
+            "warnings": list(self.fit.warnings),
+        }
+
 
 @dataclass(frozen=True)
-class LoopStudy:
+class LoopStudy(Answer):
     """Result of the study: loops at two pressures with the best friction of each; the predicted loop; widths; creep.
 
     `branches` are fits to the rising branch alone and to the falling branch alone.
@@ -202,21 +232,209 @@ class LoopStudy:
         """Widths where the falling branch does not lie above the rising one, measured or predicted."""
         return tuple(w for w in self.widths if not (w.measured > 0.0 and w.predicted > 0.0))
 
+    def failure(self) -> str | None:
+        """Empty where the width or the order of the branches is missed, which the remarks say."""
+        return "" if self.swapped or not self.width_holds else None
 
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Both halves, widths, loop and steps as plain values [SI]."""
+        halves = [
+            {
+                "fitted": which,
+                "friction": half.model,
+                "parameters": {name: e._asdict() for name, e in half.parameters.items()},
+                "curve": half.curve,
+                **_errors(half),
+                "samples": int(half.train.sum()),
+                "converged": half.converged,
+                "warnings": list(half.warnings),
+            }
+            for which, half in zip(HALVES, self.halves, strict=True)
+        ]
+        return {
+            "width_holds": self.width_holds,
+            "order_holds": not self.swapped,
+            "worst": self.worst.to_dict(),
+            "widths": [w.to_dict() for w in self.widths],
+            "halves": halves,
+            "branch_errors": self.branch_errors(),
+            "loop": {
+                "pressure": self.record.pressure,
+                "stroke": self.record.stroke,
+                "predicted": self.unseen.stroke,
+            },
+            "steps": [one.to_dict() for one in self.steps],
+            "cannot": self.limits(),
+        }
+
+    def tables(self) -> list[Table]:
+        """Errors of both halves and their parameters, the widths, and the creep of each step."""
+        halves = list(zip(HALVES, self.halves, strict=True))
+        which = Column("which", "fitted half")
+        errors = [_millimetres(key, title, ".3f") for key, title in
+                  (("rms_seen", "seen"), ("rms_unseen", "unseen"), ("largest_unseen", "largest unseen"))]  # fmt: skip
+        fits = [{"which": name, "friction": half.model, **_errors(half)} for name, half in halves]
+        parameters = [
+            {"which": name, "parameter": key, "unit": e.unit, **e._asdict(), "band": f"{e.low:.3g} to {e.high:.3g}"}
+            for name, half in halves
+            for key, e in half.parameters.items()
+        ]
+        value = Column("said", "value", right=True)
+        parameters = [row | {"said": _shown(row["value"], str(row["unit"]))} for row in parameters]
+        widths = [w.to_dict() | {"where": "mid-range" if w.middle else ""} for w in self.widths]
+        measured = (_millimetres("measured", "measured", ".2f"), _millimetres("predicted", "model", ".2f"))
+        share = Column("error", "error", "1", shown="%", places="+.1f")
+        steps = []
+        for one in self.steps:
+            last = int(abs(one.at - one.fit.time[-1]).argmin())  # of the band, at the end of the record
+            steps.append(
+                {
+                    "step": one.segment.replace("_", " "),
+                    "held": f"{one.start:g} to {one.start + one.fit.time[-1]:.2f}",
+                    "until": one.start + one.fit.time[one.fit.train][-1],
+                    "law": one.fit.law,
+                    **_errors(one.fit),
+                    "crept": abs(one.fit.stroke[-1] - one.fit.stroke[0]),
+                    "inside": "{} of {}".format(*one.inside),
+                    "width": one.high[last] - one.low[last],
+                }
+            )
+        held = (
+            Column("step"),
+            Column("held", "held, s"),
+            Column("until", "fitted to", "s", places=".2f"),
+            Column("law"),
+        )
+        band = (Column("inside", "in the 95 % band", right=True), _millimetres("width", "its width at the end", ".2f"))
+        return [
+            Table(
+                "Each half of the loop from the other, rms errors of the stroke",
+                (which, Column("friction"), *errors),
+                fits,
+            ),
+            Table("", (which, Column("parameter"), value, Column("band", "95 %", right=True)), parameters),
+            Table(
+                "Width of the loop, each sample by the half that did not see it",
+                (Column("pressure", unit="Pa", places=".2f"), *measured, share, Column("where", "")),
+                widths,
+            ),
+            Table(
+                "Creep after a step, its second half from its first",
+                (*held, *errors, _millimetres("crept", "crept", ".2f"), *band),
+                steps,
+            ),
+        ]
+
+    def remarks(self) -> list[str]:
+        """What was held and missed, and what these records cannot tell."""
+        middle = [w.pressure for w in self.widths if w.middle]
+        held, worst = "HELD" if self.width_holds else "MISSED", self.worst
+        lines = [
+            f"{held}: the width is right to {100.0 * TARGET:g} % where the loop is at least {MIDDLE:g} times as wide as "
+            f"at its widest ({_bar(min(middle)):g} to {_bar(max(middle)):g} bar); worst {100.0 * worst.error:+.1f} % at "
+            f"{_bar(worst.pressure):g} bar"
+        ]
+        wrong = ", ".join(f"{_bar(w.pressure):g}" for w in self.swapped)
+        ends = f"{_bar(self.widths[0].pressure):g} to {_bar(self.widths[-1].pressure):g} bar"
+        order = "the falling branch lies above the rising one, measured and predicted"
+        held = f"HELD: {order}, at all of {len(self.widths)} pressures, {ends}"
+        lines.append(f"MISSED: {order}; not so at {wrong} bar" if wrong else held)
+        for which, half in zip(HALVES, self.halves, strict=True):
+            lines += [f"note: {which} half: {one}" for one in half.warnings]
+        for step in self.steps:
+            lines += [f"note: {step.segment.replace('_', ' ')}: {one}" for one in step.fit.warnings]
+        return [*lines, "", "What these records cannot tell:", *(f"  {line}" for line in self.limits())]
+
+    def limits(self) -> list[str]:
+        """Limits of what these records can predict, a sentence each."""
+        said = []
+        outside = [w for w in self.widths if not w.middle]
+        if outside:
+            worst = max(outside, key=lambda w: abs(w.error) if math.isfinite(w.error) else math.inf)
+            said.append(
+                f"The ends of the loop: where it is narrow the width is missed by up to {100.0 * abs(worst.error):.0f} %, "
+                f"at {_bar(worst.pressure):.2f} bar ({_mm(worst.predicted)} mm predicted, {_mm(worst.measured)} mm "
+                "measured)."
+            )
+        if alone := self.branch_errors():
+            said.append(
+                f"One branch from the other: from the rising branch alone mid-range widths are missed by up to "
+                f"{100.0 * alone['up']:.0f} %, from the falling one alone by up to {100.0 * alone['down']:.0f} %. The "
+                "halves above are runs of ten samples in turns, on both branches."
+            )
+        turns = len(self.record.turning_points)
+        if turns == 1:
+            said.append("Loops within the loop: the record turns once, so that no smaller loop is compared.")
+        said.append(
+            "The friction as a force: no load was measured. Forces and stiffnesses are stated for a nominal area of "
+            f"{from_si(AREA, 'm^2', 'cm^2'):g} cm2, which the stroke does not depend on; only their ratio to it is "
+            "from the data."
+        )
+        for which, h in zip(HALVES, self.halves, strict=True):
+            loose = [n for n, e in h.parameters.items() if not (e.low > 0.0 and e.high < 3.0 * e.low)]
+            if loose:
+                values = {n: h.parameters[n] for n in loose}
+                names = ", ".join(
+                    f"{n} {_shown(e.value, e.unit)} ({e.low:.3g} to {e.high:.3g})" for n, e in values.items()
+                )
+                said.append(f"Parameters of {h.model} from the {which} half that the loop hardly fixes: {names}.")
+        for s in self.steps:
+            if s.late is None:
+                continue
+            end, late = s.start + s.late.time, s.late
+            text = (
+                f"The end of the hold: {_mm(late.predicted)} mm predicted at {end:g} s, {_mm(late.measured)} mm measured, "
+                f"from {s.fit.time[s.fit.train][-1]:.2f} s of creep; with elements slower than those, {_mm(late.low)} to "
+                f"{_mm(late.high)} mm would fit as well."
+            )
+            if math.isfinite(late.drift) and late.drift:
+                text += f" The pressure drifts meanwhile, which the loop's slope makes {_mm(late.drift)} mm of it."
+            said.append(text)
+        return said
+
+
+def _errors(fit: Any) -> dict[str, float]:
+    return {
+        "rms_seen": fit.rmse(seen=True),
+        "rms_unseen": fit.rmse(seen=False),
+        "largest_unseen": fit.max_error(seen=False),
+    }
+
+
+def _millimetres(key: str, title: str, places: str) -> Column:
+    return Column(key, title, "m", shown="mm", places=places)
+
+
+def _mm(length: float) -> str:
+    return f"{from_si(float(length), 'm', 'mm'):.2f}"
+
+
+def _bar(pressure: float) -> float:
+    return from_si(pressure, "Pa", "bar")
+
+
+def _shown(value: float, unit: str) -> str:
+    return f"{value:.3g}{'' if unit == '1' else f' {unit}'}"
+
+
+@verb
 def loop_study(
-    folder: str | Path,
+    folder: DataFolder,
     *,
-    frictions: Iterable[str] = SMOOTH,
-    knots: int = KNOTS,
-    alone: bool = True,
-    draws: int = DRAWS,
+    frictions: Sequence[LoopFriction] | None = None,
+    knots: int | None = None,
+    alone: bool | None = True,
+    draws: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> LoopStudy:
-    """Fit each half of the loop and predict the other; fit the first half of each hold and predict the second.
+    """Predict half of a muscle's loop and creep from the other half.
+
+    The first half of each hold predicts its second. The exit code is 1 when the width or the order of the branches is
+    missed.
 
     Args:
-        folder: with both files.
-        frictions: which are tried on each half; the half alone chooses between them.
+        folder: folder with the loop and the steps of a DMSP-10-250.
+        frictions: friction model to try on each half: maxwell_slip, dahl or bouc_wen; by default the last two.
         knots: knots of the curve without friction.
         alone: fit each branch alone as well.
         draws: for the bands of the creep.
@@ -226,7 +444,8 @@ def loop_study(
         MissingDataError: if a file is not there.
         InputError: names the file and what is wrong with it.
     """
-    tell, frictions = progress or (lambda _: None), tuple(frictions)
+    tell, frictions = progress or (lambda _: None), tuple(SMOOTH if frictions is None else frictions)
+    knots, draws = KNOTS if knots is None else knots, DRAWS if draws is None else draws
     for name in frictions or ("none",):
         if name not in MODELS:
             raise InputError("friction", name, f"must be {choice(MODELS)}")

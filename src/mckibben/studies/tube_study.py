@@ -9,6 +9,7 @@ Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 from __future__ import annotations
 
 import functools
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,8 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Tree, jax
+from ..answers import Answer, Column, Table
+from ..documents import JsonValue
 from ..engine import STEP, march
 from ..pneumatics.volume import HeatModel, Isothermal, WallHeat
+from ..quantities import from_si
+from ..verbs import verb
 from .tube_models import (
     ACCUMULATORS,
     CHANNEL,
@@ -49,7 +54,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class TubeStudy:
+class TubeStudy(Answer):
     """All results, by thermal reference; `hottest` is the highest gas temperature in the vessels [K]."""
 
     records: tuple[Record, ...]
@@ -74,6 +79,71 @@ class TubeStudy:
                 return r
         raise KeyError(f"{model}, {accumulator}, {thermal}")
 
+    def failure(self) -> str | None:
+        """Empty where a target is missed, which the claims say."""
+        return "" if any(c.source == "target" and c.verdict in (NOT, PARTLY) for c in claims(self)) else None
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Claims, a row per model, accumulator and reference, costs and waveforms as plain values [SI]."""
+        rows = [
+            {
+                "thermal": thermal,
+                "model": r.model,
+                "accumulator": r.accumulator,
+                "volume": self.cases[thermal, r.accumulator][0].volume,
+                "rms": r.rms,
+                "lead": r.lead,
+                "fitted": r.fitted,
+                "vessel": r.vessel,
+                "parameters": {name: e._asdict() for name, e in r.parameters.items()},
+                "records": [{"record": c.record, "rms": c.rms, "lead": c.lead} for c in r.comparisons],
+                "warnings": list(r.warnings),
+            }
+            for thermal, results in self.results.items()
+            for r in results
+        ]
+        return {
+            "claims": [c._asdict() for c in claims(self)],
+            "table": rows,
+            "cost": self.cost._asdict() if self.cost else {},
+            "waveforms": [{"name": r.name, "seed": r.seed, "sentence": r.sentence()} for r in self.records],
+            "hottest": {f"{thermal}, {a}": value for (thermal, a), value in self.hottest.items()},
+        }
+
+    def tables(self) -> list[Table]:
+        """The records, the models against each reference, and the numbers of each claim below its verdict."""
+        waves = [{"record": r.name, "what": r.sentence()} for r in self.records]
+        title = f"Gauge pressure in front of the tube, {1.0 / PERIOD:g} samples per second"
+        found = [Table(title, (Column("record"), Column("what")), waves)]
+        numbers = (
+            Column("rms", unit="Pa", shown="bar", places=".3f"),
+            Column("lead", unit="s", shown="ms", places="+.1f"),
+        )
+        heads = (Column("title", "model"), Column("accumulator"), Column("how", ""), *numbers)
+        for thermal, results in self.results.items():
+            rows = [
+                {
+                    "title": models()[r.model].title,
+                    "accumulator": _accumulator(r.accumulator),
+                    "how": "fitted" if r.fitted else "transferred" if r.parameters else "as it is",
+                    "rms": r.rms,
+                    "lead": r.lead,
+                    "parameters": ", ".join(_parameter(n, e) for n, e in r.parameters.items()) if r.fitted else "",
+                }
+                for r in results
+            ]
+            columns = (*heads, Column("parameters", "parameters with 95 % intervals"))
+            found.append(Table(f"Against the distributed tube, {thermal.replace('_', ' ')}", columns, rows))
+        for c in claims(self):
+            names = dict.fromkeys(name for of in c.numbers.values() for name in of)
+            claimed = f"{c.verdict.upper()}: {c.claim}" + ("" if c.source == "paper" else f" ({c.source})")
+            references = [Column(r, r.replace("_", " "), right=True) for r in c.numbers]
+            lines = [
+                {"what": f"  {_label(n)}"} | {r: _number(n, c.numbers[r].get(n)) for r in c.numbers} for n in names
+            ]
+            found.append(Table(claimed, (Column("what", ""), *references), lines))
+        return found
+
     def has(self, model: str) -> bool:
         """Whether the study includes a model."""
         return all(any(r.model == model for r in many) for many in self.results.values())
@@ -88,22 +158,29 @@ def stages(
     return len(thermals) * per_thermal + ("lumped" in chosen)
 
 
+@verb
 def tube_study(
     *,
-    seeds: Sequence[int] = SEEDS,
-    thermals: Sequence[str] = THERMALS,
+    quick: bool = False,
+    seeds: Sequence[int] | None = None,
+    thermals: Sequence[str] | None = None,
     keys: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> TubeStudy:
-    """Run the study.
+    """Compare lumped models of a tube with the distributed one, claim by claim.
+
+    The exit code is 1 when a target is missed.
 
     Args:
+        quick: use one seed, and the reference with wall heat only.
         seeds: one noise and one steps record each.
         thermals: which references.
         keys: which models, as `tube_models.models` names them; all by default.
         progress: called with a description of the next stage.
     """
     tell = progress or (lambda _: None)
+    seeds = seeds or (QUICK_SEEDS if quick else SEEDS)
+    thermals = thermals or (QUICK_THERMALS if quick else THERMALS)
 
     def told(thermal: str, words: str) -> None:
         tell(f"{thermal}: {words}")
@@ -430,3 +507,67 @@ def _improved(study: TubeStudy, thermal: str) -> tuple[str, Numbers]:
         if study.has(other):
             numbers[f"rms_{other}"] = study.result(thermal, other, SMALL).rms
     return (HELD if inertial / lumped >= LIMITS["transfer"] else NOT), numbers
+
+
+# ---- the numbers of a claim for people
+
+
+def _parameter(name: str, e: Any) -> str:
+    unit = "" if e.unit == "1" else f" {e.unit}"
+    return f"{name} {e.value:.3g} ({e.low:.3g} to {e.high:.3g}){unit}"
+
+
+_LABELS = {
+    "verdict": "verdict",
+    "cutoff": "cut-off frequency, π rad/s",
+    "speed_low": "rate of rise over the reference's, below a third of the pressure",
+    "speed_high": "rate of rise over the reference's, above two thirds",
+    "lead_low": "lead below a third of the pressure, ms",
+    "lead_high": "lead above two thirds, ms",
+    "costs": "rms with parameters kept over rms refitted",
+    "rms_kept": "rms on 3 in³, parameters kept, bar",
+    "rms_refitted": "rms on 3 in³, refitted, bar",
+    "rms_quadratic_kept": "rms on 3 in³, quadratic, parameters kept, bar",
+    "rms_quadratic_refitted": "rms on 3 in³, quadratic, refitted, bar",
+    "operations_ratio": "ratio of operations",
+    "ratio": "ratio of the measured times",
+    "ratio_with_vessel_heat": "ratio with heat transfer in the vessel",
+    "R1_quadratic": "R1, quadratic, with 95 % interval, Pa s/m",
+    "R1_inertial": "R1, inertial, with 95 % interval, Pa s/m",
+}
+
+
+def _label(name: str) -> str:
+    """What a number of a claim is, with its unit; the beginning of its name states the quantity."""
+    if known := _LABELS.get(name):
+        return known
+    kind, _, rest = name.partition("_")
+    model, _, last = rest.rpartition("_")
+    where = ""
+    if last in ACCUMULATORS or rest in ACCUMULATORS:
+        rest, where = ("lumped" if rest in ACCUMULATORS else model), f", {_accumulator(last or rest)}"
+    if kind == "moved":
+        return f"{rest} when refitted on 3 in³, %"
+    what = models()[rest].title + where
+    return {"rms": f"rms, {what}, bar", "lead": f"lead, {what}, ms"}[kind]
+
+
+def _number(name: str, value: Any) -> str:
+    if value is None or isinstance(value, str):
+        return value or ""
+    if isinstance(value, dict):
+        return f"{value['value']:.3g} ({value['low']:.2g} to {value['high']:.2g})"
+    if not math.isfinite(value):
+        return "from zero"
+    kind = name.partition("_")[0]
+    if kind == "rms":
+        return f"{from_si(value, 'Pa', 'bar'):.3f}"
+    if kind == "lead":
+        return f"{1e3 * value:+.1f}"
+    if kind == "moved":
+        return f"{100.0 * value:+.0f}"
+    return f"{value / math.pi if kind == 'cutoff' else value:.2f}"
+
+
+def _accumulator(name: str) -> str:
+    return name.replace("in3", " in³")

@@ -499,13 +499,6 @@ def part_html(part: ListedPart) -> str:
     return _table(part.title, repr(part), ("number", "value", "unit", "range", "source", "note"), rows)
 
 
-def ranking_html(ranking: Ranking) -> str:
-    """A ranking as its figure, with the laws that were left out."""
-    left_out = [(law, why) for law, why in ranking.skipped.items()]
-    below = _table("", "", ("left out", "reason"), left_out) if left_out else ""
-    return _table(ranking.title, repr(ranking), (), ()) + _picture(RankingPlots(ranking)()) + below
-
-
 def _picture(ax: Axes) -> str:
     assert isinstance(ax, ShownAxes)
     text = ax._repr_svg_()

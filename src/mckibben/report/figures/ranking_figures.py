@@ -6,11 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from ...errors import InputError
-from ...identification import Fit
-from ...identification.ranking import Ranking
+from ...identification.ranking import COLUMNS, Ranking
+from ...identification.ranking import law_title as law_title
 from ...muscles.laws import law_type
 from ...studies.validation import StaticResult, Validation, ordered_laws
 from . import formats, style
@@ -22,11 +20,6 @@ if TYPE_CHECKING:
 
 
 NARROW_TABLE, WIDE_TABLE = 5.5, 9.0  # widths of a figure, below which the ranking has fewer columns [inch]
-
-
-def law_title(fit: Fit) -> str:
-    """Title of a fit's law."""
-    return str(law_type(fit.law).title)
 
 
 class _Row(NamedTuple):
@@ -53,25 +46,18 @@ def ranking(study: Ranking) -> Figure:
 
 
 def _rows(study: Ranking) -> list[_Row]:
-    rows = []
-    for fit in study.fits:
-        size = fit.points.largest
-        cross = fit.cross.get("pressure")
-        rows.append(
-            _Row(
-                name=law_title(fit),
-                remark=f"{len(fit.parameters)}" if fit.converged else "not converged",
-                converged=fit.converged,
-                predicted=(cross.rmse / size, cross.max_error / size) if cross else None,
-                beyond=(fit.holdout.rmse / size, fit.holdout.max_error / size) if fit.holdout else None,
-                fitted=(fit.rmse / size, fit.max_error / size),
-            )
+    rows, size = [], study.points.largest
+    for row in study.ranked():
+        fitted, title = "fit" in row, row["title"]
+        converged = not fitted or row["fit"].converged
+        if not fitted and len(title) > 24:
+            title = title.split(",")[0]  # what follows the comma has no room beside the bars
+        predicted, beyond = (
+            (row[f"{key}_rmse"] / size, row[f"{key}_share"]) if f"{key}_rmse" in row else None
+            for key in ("pressure", "above")
         )
-    size = study.points.largest
-    for title, error in study.published:
-        both = (float(np.sqrt(np.mean(error**2))) / size, float(np.abs(error).max()) / size)
-        name = title.split(",")[0] if len(title) > 24 else title  # what follows the comma has no room beside the bars
-        rows.append(_Row(name=name, remark="published", converged=True, predicted=None, beyond=None, fitted=both))
+        remark = "published" if not fitted else str(row["free"]) if converged else "not converged"
+        rows.append(_Row(title, remark, converged, predicted, beyond, (row["rmse"] / size, row["share"])))
     return rows
 
 
@@ -215,11 +201,9 @@ def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool, *, below: fl
 
 
 def _percent(share: float) -> str:
+    if not share <= 1.0:
+        return COLUMNS["share"].text(share if share == share else math.inf)
     value = 100.0 * share
-    if not math.isfinite(value):
-        return "no fit"
-    if value > 999.0:
-        return "diverges"
     return number(value, 2 if value < 9.995 else 1) + "\N{NO-BREAK SPACE}%"
 
 

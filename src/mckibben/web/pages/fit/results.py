@@ -6,22 +6,21 @@ import html
 import inspect
 import json
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from ....documents import JsonValue
 from ....identification import Fit
-from ....identification.fit import degenerate_words
-from ....identification.ranking import Ranking
+from ....identification.ranking import COLUMNS, Ranking, cautions_of
 from ....muscles.laws import law_type
 from ....quantities import declared, from_si, shown_unit
 from ....recordings import ForceMap
 from ....report.blocks import unit_text
-from ....report.figures.fit_figures import law_title, levels_of, pulling, tension_grid
+from ....report.figures.fit_figures import levels_of, pulling, tension_grid
 from ....report.figures.style import symbol_text
-from ....report.fit_report import ATTRIBUTIONS, cautions_of, value_and_half
+from ....report.fit_report import value_and_half
 from ...charts import plain_numbers
 from ...widgets import THIN, box, grouped, note, raw, table, text
 
@@ -30,8 +29,8 @@ HALF = 0.5  # of the value, that the scale of the intervals shows to either side
 
 def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
     """Build the table of laws, best first, and published ones below; a click or Enter picks a row."""
-    rows = _rows(study)
-    widest = max((r.rmse for r in rows if math.isfinite(r.rmse)), default=1.0)
+    rows = study.ranked()
+    widest = max((row["rmse"] for row in rows if math.isfinite(row["rmse"])), default=1.0)
     held = next((f.holdout.what for f in study.fits if f.holdout), "")
     columns = [
         "",
@@ -49,63 +48,37 @@ def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
                 text("th", column, "num" if i not in (1, 3) else "").set(scope="col")
         with box("tbody"):
             for row in rows:
-                _row(row, study.points.largest, widest, bool(held), chosen, pick)
+                _row(row, widest, bool(held), chosen, pick)
 
 
-class _Row(NamedTuple):
-    """A law in the ranking, or a published one, which has no name."""
+def _row(row: Mapping[str, Any], widest: float, held: bool, chosen: str, pick: Callable[[str], object]) -> None:
+    law = row["law"] if "fit" in row else ""  # a published one has no row to pick
+    picked = bool(law) and law == chosen
 
-    law: str
-    title: str
-    place: str
-    free: str
-    rmse: float
-    most: float
-    left: float | None = None
-    held: float | None = None
-    aicc: float | None = None
-    beyond: float | None = None
-    remark: str = ""
+    def number(key: str) -> str:
+        words = COLUMNS[key].text(row.get(key)).removesuffix(" N").replace(" %", f"{THIN}%")
+        return "\u2013" if words == "-" else words.replace("-", "\u2212")
 
-
-def _rows(study: Ranking) -> list[_Row]:
-    lowest = min((f.aicc for f in study.fits if f.converged), default=math.nan)
-    rows = []
-    for place, f in enumerate(study.fits, 1):
-        shown, remark = (str(place), "; ".join(degenerate_words(f))) if f.converged else ("\u2013", "did not converge")
-        numbers = f.rmse, f.max_error, f.cv_rmse, f.holdout.max_error if f.holdout else None, f.aicc, f.aicc - lowest
-        rows.append(_Row(f.law, law_title(f), shown, str(len(f.parameters)), *numbers, remark))
-    for title, error in study.published:
-        rows.append(_Row("", title, "", "published", float((error**2).mean() ** 0.5), float(abs(error).max())))
-    return rows
-
-
-def _row(row: _Row, largest: float, widest: float, held: bool, chosen: str, pick: Callable[[str], object]) -> None:
-    picked = bool(row.law) and row.law == chosen
     with box("tr", "sel" if picked else "") as line:
-        line.set(data_law=row.law, data_rmse=repr(row.rmse), data_most=repr(row.most))
-        line.set(data_left=repr(row.left), data_aicc=repr(row.aicc))
-        if row.law:
+        line.set(data_law=law, data_rmse=repr(row["rmse"]), data_most=repr(row["max_error"]))
+        line.set(data_left=repr(row.get("pressure_rmse")), data_aicc=repr(row.get("aicc")))
+        if law:
             line.classed("pick").set(tabindex="0", aria_current="true" if picked else "false")
-            line.on("click", lambda: pick(row.law)).on("enter", lambda: pick(row.law))
-        text("td", row.place)
-        title = html.escape(row.title)
-        why = f' <span class="faint">{html.escape(row.remark)}</span>' if row.remark else ""
+            line.on("click", lambda: pick(law)).on("enter", lambda: pick(law))
+        text("td", str(row.get("place", "")).replace("-", "\u2013"))
+        title = html.escape(row["title"])
+        why = f' <span class="faint">{html.escape(row["verdict"])}</span>' if law and row["verdict"] else ""
         raw((f"<b>{title}</b>" if picked else title) + why, "td", "law-name")
-        text("td", row.free, "num" if row.law else "num faint")
-        share = min(1.0, row.rmse / widest) if math.isfinite(row.rmse) else 1.0
+        text("td", str(row["free"]) if law else "published", "num" if law else "num faint")
+        share = min(1.0, row["rmse"] / widest) if math.isfinite(row["rmse"]) else 1.0
         bar = f'<span class="track"><i style="width:{100.0 * share:.1f}%"></i></span>'
-        raw(f'<div>{bar}<span class="num">{grouped(row.rmse)}</span></div>', "td", "bar")
-        raw(
-            f'{grouped(row.most, 1)} <span class="faint">{grouped(100.0 * row.most / largest, 1)}{THIN}%</span>',
-            "td",
-            "num",
-        )
-        text("td", grouped(row.left) if row.left is None or math.isfinite(row.left) else "fails", "num")
+        raw(f'<div>{bar}<span class="num">{number("rmse")}</span></div>', "td", "bar")
+        raw(f'{number("max_error")} <span class="faint">{number("share")}</span>', "td", "num")
+        text("td", number("pressure_rmse"), "num")
         if held:
-            text("td", grouped(row.held, 1), "num")
-        beyond = row.beyond
-        text("td", "0" if beyond == 0.0 else "\u2013" if beyond is None else f"+{grouped(beyond, 1)}", "num")
+            text("td", number("above_share"), "num")
+        beyond = number("distance")
+        text("td", "0" if row.get("distance") == 0.0 else beyond if beyond == "\u2013" else f"+{beyond}", "num")
 
 
 def parameters(fit: Fit) -> None:
@@ -197,7 +170,6 @@ def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
         end = int(np.flatnonzero(force > 0.0)[-1]) + 1 if (force > 0.0).any() else 0
         pulls.append(pulling(lengths[:end], force[:end]))
     surface = np.linspace(low, reach, GRID[1]), np.linspace(0.0, float(some.pressure.max()), GRID[0])
-    sources = study.specimen.sources if study.specimen else ()
     heights = np.maximum(tension_grid(law, surface[0], surface[1]), 0.0)
     return {
         "points": _points(fit, taut, cm, bar),
@@ -213,7 +185,7 @@ def drawn(fit: Fit, study: Ranking, rest: float | None) -> dict[str, JsonValue]:
         "rest": None if own is None else _short(own * cm),
         "percent": 0.01 * points.largest,
         "left": _left(fit, taut, cm, bar),
-        "source": "; ".join(f"Data: {ATTRIBUTIONS[k]}" for k in sources if k in ATTRIBUTIONS),
+        "source": f"Data: {study.data_source()}" if study.data_source() else "",
         "surface": {
             "lengths": plain_numbers(surface[0] * cm),
             "pressures": plain_numbers(surface[1] * bar),
