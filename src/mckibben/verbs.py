@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast, get_args
 
+from .accessors import PLACES
 from .answers import Answer, Caution, collect, warn
 from .errors import InputError
 from .quantities import in_si, parse, values_in_si
@@ -134,15 +135,9 @@ Label = Annotated[str, ParameterType("LABEL")]
 Sheet = Annotated[str | int, ParameterType("SHEET")]
 Topic = Annotated[str, ParameterType("TOPIC")]
 PlainNumber = Annotated[float | str, ParameterType("NUMBER")]
-READING = (
-    "columns",
-    "units",
-    "period",
-    "sheet",
-    "topic",
-    "gear_ratio",
-)  # how the file of another program is understood
-Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=("analysis.description:describe_file", READING))]
+# How the file of another program is understood.
+READING = ("columns", "units", "period", "sheet", "topic", "gear_ratio")
+Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(PLACES["describe_file"], READING))]
 
 
 class ParsedNumber(float):

@@ -21,7 +21,7 @@ import typer.main
 from lanewise.cache import is_private, make_private_folder
 from lanewise.errors import CacheWarning
 
-from .. import __version__
+from .._version import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
 from ..isolation import start_for
 from ..registry import CODE, FIXED

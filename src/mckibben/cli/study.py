@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import __version__, identification
+from .. import identification
+from .._version import __version__
 from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..quantities import from_si

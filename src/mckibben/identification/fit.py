@@ -40,8 +40,8 @@ from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import SAME_LENGTH, CrossValidation, Problem, Solution, cross_validate, solve
 
 if TYPE_CHECKING:
+    from ..accessors import FitPlots
     from ..recordings import Recording
-    from ..report.figures.plots import FitPlots
     from .shared_hysteresis import SharedHysteresis, Source
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
@@ -141,7 +141,7 @@ class Fit(ErrorMeasures):
     length_reach: tuple[float, float] = (0.0, 0.0)
     hysteresis: SharedHysteresis | None = None
 
-    plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
+    plot: ClassVar[Accessor[FitPlots]] = Accessor("FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
 
     @property

@@ -34,7 +34,7 @@ from . import sampler
 from .problem import Problem, tension_at
 
 if TYPE_CHECKING:
-    from ..report.figures.plots import PosteriorPlots
+    from ..accessors import PosteriorPlots
     from .fit import Fit
 
 # Scale of the prior of the discrepancy's amplitude, as a share of the largest tension.
@@ -233,7 +233,7 @@ class Posterior(ParameterSamples):
     worst: str = ""
     run: np.ndarray | None = None
 
-    plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("report.figures.plots:PosteriorPlots")
+    plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("PosteriorPlots")
     """Plots: called, the tension with its bands; ``plot.parameters`` the parameters by pairs."""
 
     def __repr__(self) -> str:

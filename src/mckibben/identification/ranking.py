@@ -31,8 +31,8 @@ from .fit import fit as fit_law
 if TYPE_CHECKING:
     import pandas
 
+    from ..accessors import RankingPlots
     from ..recordings import Recording
-    from ..report.figures.plots import RankingPlots
     from .shared_hysteresis import Source
 
 Table = ForceMap | str | os.PathLike[str]
@@ -66,7 +66,7 @@ class Ranking:
     published: list[tuple[str, np.ndarray]] = field(default_factory=list)
     skipped: dict[str, str] = field(default_factory=dict)
 
-    plot: ClassVar[Accessor[RankingPlots]] = Accessor("report.figures.plots:RankingPlots")
+    plot: ClassVar[Accessor[RankingPlots]] = Accessor("RankingPlots")
 
     @property
     def best(self) -> Fit:
@@ -118,7 +118,7 @@ class Ranking:
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.fit_report:write_fit_report")([self], Path(path)))
+        return Path(implementation("write_fit_report")([self], Path(path)))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fitted laws as a specimen, a ``.toml`` file that every command takes; returns its path.
@@ -143,7 +143,7 @@ class Ranking:
         return fitted_specimen(self.fits, self.specimen, name=name)
 
     def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:ranking_html")(self))
+        return str(implementation("ranking_html")(self))
 
 
 @overload

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import datetime
 import platform
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from typing import Any
 
+from .._version import __version__
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
@@ -16,9 +16,7 @@ from ..quantities import with_unit
 
 def versions() -> dict[str, str]:
     """Return the versions of this package, of JAX and of Python."""
-    # The package's root gathers the verbs of all rooms, so a room cannot import it.
-    root = sys.modules[__name__.partition(".")[0]]
-    return {"mckibben": root.__version__, "jax": metadata.version("jax"), "python": platform.python_version()}
+    return {"mckibben": __version__, "jax": metadata.version("jax"), "python": platform.python_version()}
 
 
 def created() -> str:

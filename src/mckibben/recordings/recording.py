@@ -31,10 +31,15 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from ..analysis.energy_parts import EnergyAccount
-    from ..analysis.lever import ContractionTiming, LeverLoop, StimulatedContraction, StimulatedLoop
-    from ..analysis.loops import TensionLoop
-    from ..report.figures.plots import RecordingPlots
+    from ..accessors import (
+        ContractionTiming,
+        EnergyAccount,
+        LeverLoop,
+        RecordingPlots,
+        StimulatedContraction,
+        StimulatedLoop,
+        TensionLoop,
+    )
     from .force_map import ForceMap
 
 
@@ -148,7 +153,7 @@ class Recording:
     channels: Mapping[str, Channel]
     meta: Mapping[str, Any] = field(default_factory=dict)
 
-    plot: ClassVar[Accessor[RecordingPlots]] = Accessor("report.figures.plots:RecordingPlots")
+    plot: ClassVar[Accessor[RecordingPlots]] = Accessor("RecordingPlots")
 
     def __post_init__(self) -> None:
         time = _column(self.time, "time")
@@ -353,7 +358,7 @@ class Recording:
         Raises:
             InputError: the recording has no steps, or none that match; names those that it has.
         """
-        parts: list[Recording] = implementation("analysis.segments:segments")(self, label, **case)
+        parts: list[Recording] = implementation("segments")(self, label, **case)
         return parts
 
     def loops(
@@ -369,9 +374,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or there is no full cycle.
         """
-        each: tuple[TensionLoop, ...] = implementation("analysis.loops:loops")(
-            self, length=length, tension=tension, skip=skip
-        )
+        each: tuple[TensionLoop, ...] = implementation("loops")(self, length=length, tension=tension, skip=skip)
         return each
 
     def contraction_timing(
@@ -387,7 +390,7 @@ class Recording:
         Raises:
             InputError: a channel is missing, there is no stimulus, or the force does not rise after it.
         """
-        timing: ContractionTiming = implementation("analysis.lever:contraction_timing")(
+        timing: ContractionTiming = implementation("contraction_timing")(
             self, rising=rising, relaxing=relaxing, above=above
         )
         return timing
@@ -405,9 +408,7 @@ class Recording:
         Raises:
             InputError: a channel is missing, no frequency is stated, or there is no whole cycle.
         """
-        each: tuple[LeverLoop, ...] = implementation("analysis.lever:lever_loops")(
-            self, cut=cut, keep=keep, frequency=frequency
-        )
+        each: tuple[LeverLoop, ...] = implementation("lever_loops")(self, cut=cut, keep=keep, frequency=frequency)
         return each
 
     def stimulated_contractions(self) -> tuple[StimulatedContraction, ...]:
@@ -416,7 +417,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or nothing was stimulated at constant length.
         """
-        each: tuple[StimulatedContraction, ...] = implementation("analysis.lever:stimulated_contractions")(self)
+        each: tuple[StimulatedContraction, ...] = implementation("stimulated_contractions")(self)
         return each
 
     def stimulated_loops(self) -> tuple[StimulatedLoop, ...]:
@@ -425,7 +426,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or no step has full cycles.
         """
-        each: tuple[StimulatedLoop, ...] = implementation("analysis.lever:stimulated_loops")(self)
+        each: tuple[StimulatedLoop, ...] = implementation("stimulated_loops")(self)
         return each
 
     def force_map(
@@ -451,7 +452,7 @@ class Recording:
         Raises:
             InputError: a channel or step is missing, there is no full cycle, or a length is not reached on both branches.
         """
-        points: ForceMap = implementation("analysis.loops:force_map")(
+        points: ForceMap = implementation("force_map")(
             self, [*lengths], of=of, length=length, tension=tension, pressure=pressure, skip=skip
         )
         return points
@@ -465,11 +466,11 @@ class Recording:
         Raises:
             InputError: names the channel or the parameter that the balance needs and the recording lacks.
         """
-        account: EnergyAccount = implementation("analysis.energy_accounts:energy_account")(self, **options)
+        account: EnergyAccount = implementation("energy_account")(self, **options)
         return account
 
     def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:recording_html")(self))
+        return str(implementation("recording_html")(self))
 
     def save(self, path: str | Path) -> Path:
         """Write to a ``.nc`` (netCDF) or ``.csv`` file, atomically.

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Union
 
-from .. import __version__
+from .._version import __version__
 from ..documents import JsonValue
 from ..quantities import from_si, shown_unit
 from .figures.colours import LIGHT

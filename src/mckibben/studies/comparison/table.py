@@ -41,7 +41,7 @@ from ...specimens.published import PublishedRange
 if TYPE_CHECKING:
     import pandas
 
-    from ...report.figures.plots import ComparisonPlots
+    from ...accessors import ComparisonPlots
     from .match import Match
     from .protocols import Trials
 
@@ -262,7 +262,7 @@ class MuscleTable(Answer):
     matches: tuple[Match, ...] = field(default=(), compare=False)  # with elements, where these were searched
     cautions: tuple[Caution, ...] = field(default=(), compare=False)
 
-    plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("report.figures.plots:ComparisonPlots")
+    plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("ComparisonPlots")
     """The muscles' static curves side by side, see `report.figures.plots`."""
 
     def properties(self) -> tuple[PropertyRow, ...]:
@@ -285,7 +285,7 @@ class MuscleTable(Answer):
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with table and figure to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.study_reports:muscle_comparison")(self).write(Path(path)))
+        return Path(implementation("muscle_comparison")(self).write(Path(path)))
 
     def __repr__(self) -> str:
         return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.properties())} properties)"

@@ -54,7 +54,7 @@ from .spread import InferredRanges, spread_of
 if TYPE_CHECKING:
     import pandas
 
-    from ...report.figures.plots import SizingPlots
+    from ...accessors import SizingPlots
 
 
 def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
@@ -127,7 +127,7 @@ class Sizing(Answer):
     cautions: tuple[Caution, ...] = ()
     shown: int | None = None
 
-    plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
+    plot: ClassVar[Accessor[SizingPlots]] = Accessor("SizingPlots")
 
     @property
     def line(self) -> LineResult | None:
