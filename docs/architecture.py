@@ -41,7 +41,8 @@ CONTENTS = {
     "muscles": "laws, friction, elements",
     "pneumatics": "gas, valves, tubes",
     "experiments": "waveforms, protocols",
-    "recordings": "channels, file formats",
+    "recordings": "recordings, force maps",
+    "formats": "files as tables of channels",
     "components": "interfaces of components",
     "specimens": "data of muscles and valves",
     "schema": "tables of TOML files",
@@ -198,7 +199,7 @@ RUN: dict[str, tuple[str, str, float, int, float]] = {
     "recordings.recording": ("recordings.recording", "Recording: channels, metadata", 2, 5, 1),
     "bench.hardware.simulated": ("bench.hardware.simulated", "assembly, engine, lanewise", 0, 6, 1),
     "bench.hardware.serial_line": ("bench.hardware.serial_line, .daq", "and other backends by entry point", 1, 6, 1),
-    "recordings.files": ("recordings.files", ".nc, .csv, .mcap, .mat, ..", 2, 6, 1),
+    "recordings.files": ("recordings.files", "formats: .nc, .csv, .mcap, ..", 2, 6, 1),
 }
 RUN_ARROWS = (
     ("experiments.read", "bench.prepare"),

@@ -135,7 +135,7 @@ def __getattr__(name: str) -> Any:
     if name not in _SOURCES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in ("read", "read_recording"):
-        importlib.import_module(".isolation", __name__).start()
+        importlib.import_module(".isolation", __name__).start("mckibben.formats.registry")
     module, _, attribute = _SOURCES[name].partition(":")
     value = getattr(importlib.import_module(f".{module}", __name__), attribute or name)
     globals()[name] = value

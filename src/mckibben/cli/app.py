@@ -337,7 +337,8 @@ def _safe_children() -> Iterator[None]:
 def _execute(arguments: list[str] | None) -> Any:
     """Run a command and return its exit code."""
     words = sys.argv[1:] if arguments is None else arguments
-    start_for(word for before, word in itertools.pairwise(("", *words)) if before != "--out")
+    files = (word for before, word in itertools.pairwise(("", *words)) if before != "--out")
+    start_for(files, "mckibben.formats.registry")
     _keep_compilations()
     begin()
     try:

@@ -31,11 +31,10 @@ from ..muscles.laws import law_type
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from . import sampler
-from .problem import Problem, tension_at
+from .problem import FittedLaw, Problem, tension_at
 
 if TYPE_CHECKING:
     from ..accessors import PosteriorPlots
-    from .fit import Fit
 
 # Scale of the prior of the discrepancy's amplitude, as a share of the largest tension.
 DISCREPANCY = 0.02
@@ -578,7 +577,7 @@ class Posterior(ParameterSamples):
 
 
 def posterior_of_fit(
-    fit: Fit,
+    fit: FittedLaw,
     *,
     sensors: MapSensors | None = None,
     slack: ForceMap | None = None,

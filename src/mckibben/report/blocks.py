@@ -322,6 +322,19 @@ class Section:
     anchor: str = ""
 
 
+class DocumentContent:
+    """What a document holds, as its writers take it; see `Document`."""
+
+    title: str
+    sections: tuple[Section, ...]
+    lead: Text
+    references: tuple[str, ...]
+
+    def anchors(self) -> list[str]:
+        """Anchors of the sections, in order."""
+        return [s.anchor or f"section{i}" for i, s in enumerate(self.sections, 1)]
+
+
 def pieces(text: Text) -> Iterator[str | Span | Cite | Hyperlink]:
     """Pieces of a text in their order."""
     if isinstance(text, tuple):

@@ -17,7 +17,8 @@ import numpy as np
 
 from ..errors import ConvergenceError, InputError, MissingDataError, not_found
 from ..identification import Fit, fit
-from ..identification.fit import SCHEMES, ErrorMeasures, evaluate
+from ..identification.fit import SCHEMES, evaluate
+from ..identification.problem import ErrorMeasures
 from ..muscles import law_from_specimen
 from ..muscles.laws import LAWS, law_type
 from ..quantities import to_si
