@@ -2,6 +2,7 @@
 
 import ast
 import builtins
+import contextlib
 import functools
 import importlib
 import importlib.util
@@ -246,6 +247,19 @@ def test_what_the_table_names_is_there() -> None:
     for place in accessors.PLACES.values():
         module, _, name = place.partition(":")
         assert name in {getattr(node, "name", "") for node in house.trees[f"mckibben.{module}"].body}, place
+
+
+def test_no_file_leads_back_to_itself_but_through_the_dimensions_of_a_braid() -> None:
+    """A law's range follows from the braid's dimensions, and these laws are built as any other: four files, to be cut."""
+    circles = counters.House.read("mckibben", PACKAGE).circles()
+    assert [circle for circle in circles if "mckibben.muscles.sleeve" not in circle.split()] == []
+
+
+def test_every_name_that_a_room_lists_is_there() -> None:
+    for name in modules():
+        with contextlib.suppress(MissingLibraryError):
+            room = importlib.import_module(name)
+            assert [one for one in getattr(room, "__all__", ()) if not hasattr(room, one)] == [], name
 
 
 def test_importing_the_package_is_light() -> None:
